@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""Demos, each a script, and the studies: programs that measure."""
+"""Demos, one script each, and studies: programs for measurements."""

@@ -4,18 +4,18 @@
 #
 # ## Problem
 # A ball of radius R = 8 mm is pressed on a flat of the same linear elastic material, without
-# friction. By Hertz's theory a force P makes
+# friction. Hertz's theory gives radius and pressure of the contact under a force P:
 #
 # a^3 = 3 P R / (4 E*),   p = p0 sqrt(1 - (r/a)^2),   p0 = 3/2 P / (pi a^2),
 #
 # where E* = E / (2 (1 - nu^2)): the peak p0 is 3/2 of the mean pressure. P is the computed contact
-# force. The computed radius is that of the second moment of nodal forces, sum f r^2 = 2/5 a^2 P;
-# the peak that of a fit, p^2 being linear in r^2.
+# force. The computed radius follows from the second moment of the nodal forces,
+# sum f r^2 = 2/5 a^2 P, the computed peak from a linear fit of p^2 over r^2.
 #
-# The pressure ends like a square root, which the last facet, of length h, does not resolve: an
-# error in p of order sqrt(h) over this length. So its root mean square should fall like h. Radius
-# and peak depend less on the end. Errors vary with the place of the end in its facet: they are
-# averaged over nine loads.
+# At the edge of the contact the pressure goes to zero like a square root, which the last facet, of
+# length h, does not resolve: the error of p is of order sqrt(h) over this length, and its root mean
+# square should fall like h. Radius and peak depend less on the edge. Errors vary with the position
+# of the edge in its facet, so they are averaged over nine loads.
 #
 # ## Implementation
 
@@ -39,9 +39,10 @@ from meshes.mapped_grids import Grid, build, mapped
 comm, R, E, nu, size, meshes = MPI.COMM_WORLD, 8.0, 200e3, 0.3, 4.0, np.array([16, 32, 64, 128])
 # -
 
-# The axis is x = 0. There are n x n cells, whose lengths grow like a power from the origin on; of
-# the ball there is only the part below y = 4 mm. Hertz's theory neglects that points of the surface
-# move sideways. So does `sliding="small"`; then all loads share one factorization.
+# The axis is x = 0. Each mesh has n x n cells in the ball, whose lengths grow exponentially away
+# from the origin; only the part of the ball below y = 4 mm is meshed. Hertz's theory
+# neglects tangential displacements of the surface, and so does `sliding="small"`, with which all
+# loads share one factorization.
 
 
 # +
@@ -99,10 +100,10 @@ if comm.rank == 0:
     left, right = (figure := Figure((9, 3.4), layout="constrained")).subplots(1, 2)
     left.set(xlabel="r [mm]", ylabel="contact pressure [MPa]", xlim=(0, 0.1))
     left.plot(r[0], p[0], "s", r[1], p[1], "^", r[3], p[3], "o", r[3], hertz[3], "k", ms=4)
-    left.legend([*(f"{n} x {n} cells" for n in meshes[[0, 1, 3]]), "Hertz"])
-    right.set(xlabel="n", ylabel="relative error", xlim=(10, 200))
-    right.legend(right.loglog(meshes, errors, "o-"), ["pressure", "radius", "peak"])
-    right.loglog(meshes, 2 / meshes, "k--", meshes, 8 / meshes**2, "k:")
+    left.legend([*(f"{n} x {n} cells" for n in meshes[[0, 1, 3]]), "Hertz"], frameon=False)
+    right.set(xlabel="n, for n x n cells", ylabel="relative error", xlim=(10, 200))
+    right.loglog(meshes, errors, "o-", meshes, 2 / meshes, "k--", meshes, 8 / meshes**2, "k:")
+    right.legend(["pressure", "radius", "peak", "order 1", "order 2"], frameon=False)
     figure.savefig("results/ball.png", dpi=150)
 # -
 

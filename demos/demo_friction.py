@@ -1,16 +1,17 @@
 # # Friction: a cylinder pressed on a block and then sheared
 #
-# This demo compares shear and sticking zone with the theory of Cattaneo and Mindlin.
+# This demo compares shear and stick zone with the theory of Cattaneo and Mindlin.
 #
 # ## Problem
 # The half cylinder of the Hertz demo is pressed on the block, with Coulomb's friction, mu = 0.2,
-# and then drawn sideways by a force Q < mu P. The rim |x| > c slides, the middle sticks:
+# and then sheared by a force Q < mu P. The edges, |x| > c, slide; the middle sticks:
 #
 # c = a sqrt(1 - Q / (mu P)),   q = mu p(x) - mu p0 c / a sqrt(1 - (x/c)^2) within c, else mu p(x),
 #
-# with the half-width a and the peak p0 of Hertz. P and Q are the computed forces. In the theory the
-# pressing is without friction and the bodies are half planes. Few facets are in contact, and the
-# shear has kinks: it is right to 7 %, by `accuracy/cattaneo.py` to 1 % on graded meshes.
+# with the half-width a and the peak p0 of Hertz. P and Q are the computed forces. The theory is for
+# half planes that are pressed together without friction. Few facets are in contact and the exact
+# shear has kinks, so the error is several per cent here; on the graded meshes of
+# `studies/accuracy/cattaneo.py` it is about 1 %.
 #
 # ## Implementation
 
@@ -45,7 +46,7 @@ if comm.rank == 0:
     )
 data = fm.read_gmsh(model, comm)
 
-# The law is an option of the pair. Slip counts from the last solve: each is a step of the loading.
+# The law is an option of the pair. Slip counts from the last solve: each solve is a load step.
 
 # +
 V = fm.vector_space(data.mesh, 1)
@@ -74,7 +75,7 @@ P, Q = pair.total_force[1], -pair.total_force[0]
 a = np.sqrt(8 * P * R * (1 - nu**2) / (np.pi * E))
 c = a * np.sqrt(1 - Q / (friction * P))
 x, weights = pair.operators.x[:, 0], pair.operators.weight
-x = x - (weights * node.z_n) @ x / (weights @ node.z_n)  # the place of contact has moved
+x = x - (weights * node.z_n) @ x / (weights @ node.z_n)  # the contact has moved
 p, stuck = (2 * P / (np.pi * a**2) * np.sqrt(np.maximum(r**2 - x**2, 0)) for r in (a, c))
 exact = friction * (p - stuck)
 error = np.sqrt(weights @ (np.abs(node.z_tau) - exact) ** 2 / (weights @ exact**2))

@@ -1,16 +1,16 @@
 # # Identify friction and stiffness from a force-displacement curve
 #
-# This demo computes the gradient of a misfit through a path of sliding contact.
+# This demo computes the gradient of a misfit through a load path with sliding contact.
 #
 # ## Problem
-# A block is pressed on another one and drawn sideways: first it sticks and some of its nodes slide,
-# then all do. The forces P and Q on it are known in all steps. Young's modulus E of both blocks and
-# the coefficient of friction mu are unknown: they minimize the misfit
+# A block is pressed on another one and sheared: at first most of its nodes stick, in the end all
+# slide. The normal force P and the shear force Q on it are known in all steps. Young's modulus E of
+# both blocks and the coefficient of friction mu are unknown: they minimize the misfit
 #
 # J = 1/2 sum_k (P_k - P_k measured)^2 + (Q_k - Q_k measured)^2.
 #
 # The "measured" forces are those of E = 210 and mu = 0.35 here, without noise. L-BFGS-B of scipy
-# needs J and its gradient, which is that of the adjoint method: one transposed solve per step.
+# needs J and its gradient, computed by the adjoint method: one transposed solve per step.
 #
 # ## Implementation
 

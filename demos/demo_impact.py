@@ -6,10 +6,10 @@
 # - read energies, momentum and the work of friction from the record.
 #
 # ## Problem
-# A soft block falls on a wider one that stands on the ground, and bounces several times under
-# gravity. Both are neo-Hookean, plane strain, with friction. Time steps of the trapezoidal rule
-# would gain energy in each impact; here nodes of the contact surface have no mass, and what the
-# steps take is returned.
+# A soft block falls on a wider one that stands on the ground, and bounces several times under a
+# weak gravity of 2 m/s^2. Both are neo-Hookean gels in plane strain, with friction. Units are m, s,
+# kPa and t/m^3. The trapezoidal rule would gain energy in each impact; the default scheme gives the
+# nodes of the contact surface no mass, and returns the energy that contact takes in a step.
 #
 # ## Implementation
 
@@ -32,7 +32,7 @@ from meshes.mapped_grids import Grid, block, build
 comm, gap, fall = MPI.COMM_WORLD, 0.1, 1.0
 # -
 
-# Two blocks of 1 x 1 and 2 x 1; the upper one is a gap above the lower one.
+# Blocks of 1 m x 1 m and 2 m x 1 m, the upper one 0.1 m above the lower one.
 
 # +
 model = None
@@ -81,7 +81,8 @@ def note(time: float, _report: object) -> None:
 
 impact = motion.run(0.3, steps, on_step=note)
 P = mu * (F - ufl.inv(F).T) + lmbda * ufl.ln(J) * ufl.inv(F).T
-fm.plot(problem, "results/impact.png", stress=-P[1, 1], label="compression")
+shown = {"label": "compression [kPa]", "units": ("m", "kPa")}
+fm.plot(problem, "results/impact.png", stress=-P[1, 1], **shown)
 record = motion.run(1.5, steps, on_step=note)
 time, force = np.array(forces).T
 if comm.rank == 0:
@@ -89,7 +90,7 @@ if comm.rank == 0:
 # -
 
 # ## Check
-# The block rebounded; nothing but friction took energy.
+# The block rebounded, and only friction dissipated energy.
 
 assert np.count_nonzero(np.diff(force != 0.0)) >= 2
 assert 0.0 < impact.friction_work < 0.1 * impact.start.total

@@ -1,16 +1,16 @@
 # # Interference of a press fit for a wanted pressure
 #
-# This demo computes by how much a shaft has to be thicker, at each place, for a given pressure.
+# This demo computes the interference at each node of a press fit that gives a wanted pressure.
 #
 # ## Problem
 # A hub of steel, outer radius c = 20 mm and 40 mm long, sits on a solid shaft of radius b = 10 mm.
-# If the shaft is too thick by the same length everywhere, the hub presses most at its ends, where
-# fits wear by fretting. Wanted is p0 = 100 MPa in the middle that falls to p0 / 5 at the ends,
+# With a uniform interference the pressure is largest at the ends of the hub, where fits wear by
+# fretting. Wanted is p0 = 100 MPa in the middle, falling to p0 / 5 at the ends,
 #
 # p = p0 (1 - 0.8 (2 z / 40 mm)^4).
 #
-# Unknown is the interference D(z) at each node of the hub: it minimizes the mean square of the
-# difference to that pressure. In a long hub it is that of Lame for the local pressure,
+# The unknown is the interference D(z) at each node of the hub. It minimizes the mean square of the
+# difference from that pressure. In a long hub Lame's formula relates both at each place,
 #
 # D = p b / E ((c^2 + b^2) / (c^2 - b^2) + 1).
 #
@@ -62,7 +62,7 @@ options = {"geometry": "axisymmetric", "petsc_options_prefix": "interference_"}
 problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, **options)
 # -
 
-# The offset of a node is the interference there. L-BFGS-B takes it in units of Lame's for p0.
+# The offset of a node is the interference there. L-BFGS-B sees it in units of Lame's for p0.
 
 # +
 contact, offset = problem.contacts[0], fm.sensitivity.Offset(0)
@@ -73,7 +73,7 @@ objective = fm.sensitivity.PressureFunctional(
 )
 
 
-def misfit(interference):  # and its derivatives
+def misfit(interference):  # the misfit and its derivatives
     contact.offset = lame * p0 * interference
     problem.solve()
     pressures.append(contact.pressure)
@@ -90,7 +90,8 @@ result = minimize(misfit, np.ones(z.size), jac=True, method="L-BFGS-B", options=
 found, error = 1e3 * lame * p0 * result.x, np.abs(pressures[-1] / wanted - 1).max()
 middle = np.abs(found / (1e3 * lame * wanted) - 1)[np.abs(z) < length / 8].max()
 if problem.comm.rank == 0:
-    print(f"{len(pressures)} solves: pressure within {error:.1e}, middle {middle:.1e}")
+    print(f"{len(pressures)} solves: largest relative error of the pressure {error:.1e}")
+    print(f"in the middle {found[z.size // 2]:.2f} um, by Lame {1e3 * lame * p0:.2f} um")
     Path("results").mkdir(exist_ok=True)
     left, right = (figure := Figure((9, 3.4), layout="constrained")).subplots(1, 2)
     left.set(xlabel="z [mm]", ylabel="contact pressure [MPa]", ylim=(0, 250))

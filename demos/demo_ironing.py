@@ -3,12 +3,12 @@
 # This demo shows finite strain and large sliding with Coulomb's friction, against published forces.
 #
 # ## Problem
-# Shallow ironing (geometry after Yastrebov 2011): an indenter with a round bottom of the radius
-# 0.75 mm goes down by 1 mm, 0.8 mm of it into a block of 12 x 4 mm, ten times softer, and is drawn
-# by 10 mm along it. Both are compressible neo-Hookean, nu = 0.32, and mu = 0.3.
+# Shallow ironing (geometry after Yastrebov 2011): an indenter with a round bottom of radius 0.75 mm
+# goes down by 1 mm, 0.8 mm of it into a block of 12 x 4 mm that is ten times softer, and slides
+# 10 mm along it. Both are compressible neo-Hookean, nu = 0.32, and mu = 0.3.
 #
 #     python3 demos/demo_ironing.py          steps of 1/8 mm, 40 facets on the block
-#     python3 demos/demo_ironing.py 0.02 60  steps as published; draws earlier runs, too
+#     python3 demos/demo_ironing.py 0.02 60  steps as published; the picture shows earlier runs too
 #
 # ## Implementation
 
@@ -58,7 +58,7 @@ problem = fm.ContactProblem(residual, u, [contact], bcs=bcs, petsc_options_prefi
 # -
 
 # ## Load steps
-# The path is the way of the tool, down and along [mm].
+# The path parameter is the distance that the indenter travels, down and then along [mm].
 
 
 # +
@@ -79,8 +79,8 @@ way, H, V, iterations = np.abs(rows).T
 # -
 
 # ## Comparison
-# There are six published pairs of V and H when the tool is down, and 5 mm further [N/mm]. They are
-# far apart: how far meshes and steps change one's own says more.
+# Six pairs of V and H are published, with the indenter down and 5 mm further [N/mm]. They scatter
+# widely; the change with meshes and steps of this computation is much smaller.
 
 # +
 places = (1.0, 1.0, 6.0, 6.0)

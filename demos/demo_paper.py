@@ -6,10 +6,10 @@
 # not linearized.
 #
 # ## Problem
-# The paper says: 10 x 10 elements in the slave body, 20 x 10 in the master body, displacements
-# prescribed on the upper halves of the slave's sides and on the master's bottom, accuracy 1e-9. It
-# gives neither dimensions nor material nor load; those below are ours, so the numbers can be
-# compared in kind, not digit by digit. Our norms are relative to the contact force.
+# The paper specifies 10 x 10 elements in the slave body, 20 x 10 in the master body, displacements
+# prescribed on the upper halves of the slave's sides and on the master's bottom, and a tolerance
+# of 1e-9. It gives neither dimensions nor material nor load; those below are ours, so only the
+# decay of the residuals can be compared. Our norms are relative to the contact force.
 #
 # ## Implementation
 
@@ -47,7 +47,7 @@ if comm.rank == 0:
     gmsh.finalize()
 
 
-# The upper halves of the slave's sides go down by 0.05 of its width; the law is compressible
+# The upper halves of the slave's sides go down by 0.05 of its width; the bodies are compressible
 # neo-Hookean in plane strain with the Lame parameters of E = 1000, nu = 0.3.
 
 
@@ -91,7 +91,8 @@ if comm.rank == 0:
     axes.figure.savefig("results/paper.png", dpi=150)
 
 # ## Check
-# Both algorithms have the same iterates, Newton is quadratic, the fixed point is linear.
+# Both algorithms have the same iterates; Newton's method converges quadratically, the fixed-point
+# iteration linearly.
 
 (u1, full), (u2, condensed), (_, fixed) = OURS.values()
 assert np.allclose(u1, u2, rtol=0, atol=1e-12) and np.allclose(full[:-1], condensed[:-1], rtol=1e-6)

@@ -1,18 +1,18 @@
 # # Press fit: a hub on a shaft, and the force that pulls it off
 #
-# Bodies of revolution need the mesh of their meridian half plane only, and one word:
+# Bodies of revolution need only a mesh of their meridian half plane and the option
 # `geometry="axisymmetric"`.
 #
 # ## Problem
 # A hub of steel, outer radius c = 20 mm and 40 mm long, sits on a solid shaft of radius b = 10 mm
 # that is 10 um too thick. Then the shaft is pulled, with Coulomb friction, until the hub slips. In
-# a long hub the pressure is that of Lame, of the interference D on the radius (plane stress),
+# a long hub an interference D on the radius gives Lame's pressure (plane stress),
 #
 # p = D E / (b ((c^2 + b^2) / (c^2 - b^2) + 1)).
 #
-# The shaft beyond the hub adds to the pressure at its ends, and gets thinner where it is pulled.
-# Once all of it slips, the axial force is that of friction, mu times the integral of the pressure,
-# 2 pi b int p dz.
+# The shaft beyond the hub raises the pressure at the ends of the hub, and contracts where it is
+# pulled. Once the whole hub slips, the axial force is the friction limit, mu times the integral of
+# the pressure, 2 pi b int p dz.
 #
 # ## Implementation
 
@@ -50,7 +50,7 @@ if comm.rank == 0:
 data = fm.read_gmsh(model, comm)
 # -
 
-# The residual is integrated over the whole bodies, 2 pi r dx, and has a third strain, u_r / r.
+# The residual is integrated over the whole bodies, 2 pi r dx, and includes the hoop strain u_r / r.
 
 # +
 V = fm.vector_space(data.mesh, 1)
@@ -64,11 +64,10 @@ work = ufl.inner(stress, ufl.grad(v)) + hoop_stress * v[0] / r
 residual = 2 * np.pi * r * work * ufl.dx(metadata={"quadrature_degree": 3})
 # -
 
-# On the axis the radius does not change. The hub leans on a ring at its upper end, where the shaft
-# is pulled. The hub is put on warm: it slides freely until it has shrunk.
+# The radial displacement is zero on the axis. The hub rests against a ring at its upper end, where
+# the shaft is pulled. The hub is shrunk on: it slides freely until it has cooled.
 #
-# The mesh is without interference, which is a negative initial gap: in the picture both bodies are
-# that much apart, 200 times.
+# The mesh has no overlap; the interference is a negative initial gap.
 
 # +
 pull, law = fem.Constant(data.mesh, 0.0), fm.Coulomb(0.0)
@@ -92,7 +91,7 @@ for step in range(1, 9):
 # ## Comparison
 
 # +
-slides = contact.sliding  # all but the node on the ring: prescribed nodes are without friction
+slides = contact.sliding  # not the node on the ring: prescribed nodes have no friction
 limit = friction * contact.operators.weight[slides] @ contact.pressure[slides]
 lame = interference * E / (b * ((c**2 + b**2) / (c**2 - b**2) + 1))
 middle = fitted[np.abs(z) < length / 4].mean()
@@ -100,13 +99,13 @@ if comm.rank == 0:
     print(f"pressure in the middle {middle:.2f} MPa, by Lame {lame:.2f} MPa")
     print(f"force {force[-1] / 1e3:.2f} kN, limit of friction {limit / 1e3:.2f} kN")
     figure = Figure((6, 3.2), layout="constrained")
-    axes = figure.add_subplot(xlabel="z [mm]", ylabel="contact pressure [MPa]", ylim=(0, 170))
+    axes = figure.add_subplot(xlabel="z [mm]", ylabel="contact pressure [MPa]", ylim=(0, None))
     axes.plot(z, fitted, "o-", z, contact.pressure, "s-", [-20, 20], [lame, lame], "k-", ms=3)
     axes.legend(["fitted", "slipping", "Lame"], frameon=False)
     figure.savefig("results/press_fit_pressure.png", dpi=150)
 # -
 
 # ## Check
-# The pressure has an axial part where the shaft is indented.
+# The pressure has an axial component where the shaft is indented.
 
 assert slides.sum() == len(z) - 1 and abs(force[-1] / limit - 1) < 0.01 > abs(middle / lame - 1)

@@ -1,21 +1,21 @@
-# # The profile of a roller that presses alike everywhere
+# # The profile of a roller with a uniform contact pressure
 #
-# This demo finds the shape of a rigid body by the gradient of the pressure under it.
+# This demo optimizes the shape of a rigid body, with the gradient of the pressure under it.
 #
 # ## Problem
-# A rigid roller is pressed on an elastic block, in plane strain and without friction. With a flat
-# profile the pressure would be infinite at its ends, with a circular one it is that of Hertz. Which
-# profile presses with p0 at |x| < a and not at all beyond? On a half plane, where such a pressure
-# makes the dent of that profile, with s = x / a and E* = E / (1 - nu^2),
+# A rigid roller is pressed on an elastic block, in plane strain and without friction. Under a flat
+# profile the pressure would be infinite at the ends, under a circular one it is that of Hertz.
+# Which profile gives the pressure p0 at |x| < a and zero beyond? On a half plane it is the
+# deflection of the surface by this pressure, with s = x / a and E* = E / (1 - nu^2),
 #
 # z = 2 p0 a / (pi E*) ((1 + s) ln(1 + s) + (1 - s) ln(1 - s)).
 #
-# Its slope goes to infinity like a logarithm. This is the plane counterpart of the logarithmic
-# profile that Lundberg (1939) derived for the long and narrow contact of a bearing's roller,
-# z ~ ln 1 / (1 - s^2), which is steeper.
+# Its slope has a logarithmic singularity at the ends. It is the plane counterpart of the
+# logarithmic profile that Lundberg (1939) derived for the long and narrow contact of a bearing's
+# roller, z ~ ln 1 / (1 - s^2), which is steeper.
 #
-# Unknown are the heights of the points of a spline; L-BFGS-B of scipy minimizes the mean square of
-# (p - p_wanted) / p0. It starts from the circle that Hertz's theory has the same half-width a for.
+# The unknowns are the heights of the points of a spline. L-BFGS-B of scipy minimizes the mean
+# square of (p - p_wanted) / p0, starting from the circle whose Hertzian half-width is a.
 #
 # ## Implementation
 
@@ -38,7 +38,7 @@ E, nu, a, p0 = 210e3, 0.3, 1.0, 1000.0  # MPa, mm
 unit = 2 * p0 * a / (np.pi * E / (1 - nu**2))  # of the profile [mm]
 # -
 
-# Half of the block, about 30 a wide and high; the end of the roller is in the middle of a facet.
+# The mesh is half of the block, about 30 a wide and high; x = a is in the middle of a facet.
 
 # +
 x = a / 40.5 * np.append(np.arange(50), 49 + 1166 * np.linspace(0, 1, 17)[1:] ** 3)
@@ -51,9 +51,9 @@ residual = E / (1 + nu) * ufl.inner(stress, ufl.grad(v)) * ufl.dx(metadata={"qua
 bcs = [fm.dirichlet(V, data, "block/left", 0.0, 0), fm.dirichlet(V, data, "block/bottom", (0, 0))]
 # -
 
-# The roller is driven by its load, half of which acts on this half of the block. The pressure
-# depends on the slopes between the points, from which the heights follow. Each slope is taken times
-# the root of its interval: so L-BFGS-B has unknowns of about equal effect.
+# The load drives the roller; half of it acts on this half of the block. The pressure depends on the
+# slopes between the points, and the heights follow from these. The unknowns are the slopes times
+# the square roots of their intervals, so that all have about the same effect on the pressure.
 
 # +
 at = 1.05 * a * np.sin(np.linspace(0, 1, 13) * np.pi / 2)
@@ -77,7 +77,7 @@ objective = fm.sensitivity.PressureFunctional(
 )
 
 
-def misfit(slopes):  # and its derivatives by the slopes
+def misfit(slopes):  # the misfit and its derivatives
     shape.set(problem, points(slopes))
     problem.solve()
     pressures.append(contact.pressure / p0)

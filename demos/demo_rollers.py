@@ -1,11 +1,11 @@
-# # Three-point bending between rigid rollers, by force and beyond the largest force
+# # Three-point bending between rigid rollers, beyond the largest force
 #
 # A beam lies on two rollers and is bent by a third one. Rigid bodies need no mesh.
 #
 # ## Problem
-# A beam of height 1 mm, large deflections, neo-Hookean, plane strain, no friction. By symmetry one
-# half is computed. The force that bends it rises to a largest value; then the beam slips through
-# between the rollers. So the punch is driven by a force first, and by displacement beyond.
+# A beam of height 1 mm undergoes large deflections (neo-Hookean, plane strain, no friction). By
+# symmetry one half is computed. The bending force rises to a maximum; then the beam slips through
+# between the rollers. So the punch is driven by a force first, and by a displacement beyond.
 #
 # ## Implementation
 
@@ -28,7 +28,7 @@ comm = MPI.COMM_WORLD
 length, span, radius = 10.0, 7.0, 1.0  # of half the beam, of half the supports
 # -
 
-# A mesh of dolfinx, with names for the tags of its surfaces.
+# The mesh is made by dolfinx; a dictionary gives names to the tags of its surfaces.
 
 # +
 corners = [(0.0, 0.0), (length, 1.0)]
@@ -56,7 +56,7 @@ P = ufl.diff(psi, F)
 residual = ufl.inner(P, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 4})
 # -
 
-# The rollers, and what each of them touches.
+# Each roller is an obstacle, paired with the surface that it touches.
 
 support = fm.Circle((span, -radius), radius, name="support")
 punch = fm.Circle((0.0, 1.0 + radius), radius, name="punch")
@@ -65,8 +65,8 @@ bcs = [fm.dirichlet(V, data, "middle", 0.0, component=0)]
 problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="rollers_")
 
 # ## By force, then by displacement
-# What `move` prescribes and `push` drives may change: first the place of the punch follows from
-# the force, later the force from its place.
+# `push` prescribes a force and makes the position of the punch an unknown; `move` prescribes the
+# position, and the force is a result. A path may change from one to the other.
 
 # +
 rows = []
@@ -88,7 +88,7 @@ follow(lambda time: punch.move(y=start - 4.0 * time))
 # -
 
 # ## Comparison
-# Small deflections are those of a beam: deflection = force span^3 / (3 EI) for the half.
+# Small deflections are those of a beam: deflection = force span^3 / (3 EI) of one half.
 
 # +
 depth, force = np.array(rows).T

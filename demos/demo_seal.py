@@ -3,13 +3,13 @@
 # This demo shows how to
 # - bring a whole outline into contact with several rigid obstacles,
 # - use Taylor-Hood elements for an incompressible body,
-# - let a load follow contact: the fluid wets what no contact shuts off.
+# - let a load depend on contact: the fluid acts where no contact seals the surface from it.
 #
 # ## Problem
 # A cord of rubber (neo-Hookean, incompressible, plane strain, friction 0.1) of radius 1 mm lies in
-# a groove. Its lid comes down by 0.4 mm; then a fluid presses on the cord from the left, up to
-# three times its shear modulus; then the lid lifts. Such seals help themselves: the pressure of
-# contact grows with that of the fluid.
+# a groove. Its lid comes down by 0.4 mm; then a fluid presses on the cord from the left, with up to
+# three times its shear modulus; then the lid lifts. Such seals are self-energizing: the contact
+# pressure grows with that of the fluid.
 #
 # ## Implementation
 
@@ -41,8 +41,8 @@ if comm.rank == 0:
 data = fm.read_gmsh(gmsh.model, comm)
 # -
 
-# The fluid acts on the deformed surface. On the upper half of the cord it reaches to the place
-# `above`, on the lower half to `below`, reference positions x [mm].
+# The fluid acts on the deformed surface. It wets the upper half of the cord up to `above` and the
+# lower half up to `below`, reference positions x [mm].
 
 # +
 W = fm.mixed_space(data.mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
@@ -58,8 +58,8 @@ residual = (ufl.inner(P, ufl.grad(v)) + q * (J - 1)) * ufl.dx(degree=4)
 residual += wet * J * ufl.inner(ufl.dot(inverse, N), v) * ufl.ds(degree=20)
 # -
 
-# Only contact supports the cord, which touches the wall of the groove. Of the nodes along its
-# outline every other one is the end of a facet.
+# Only contact supports the cord, which touches the wall of the groove. Every other node along its
+# outline is the end of a facet.
 
 # +
 places = {"lid": ((0, 1), (0, -1)), "floor": ((0, -1), (0, 1)), "wall": ((1, 0), (-1, 0))}
@@ -74,8 +74,8 @@ for y in (-0.1, -0.2, -0.3):
 # -
 
 # ## Fluid
-# Contact shuts off the fluid at places that depend on the solution: solve until they stay. At the
-# full pressure of the fluid the lid lifts again.
+# The ends of the wetted part depend on the solution: solve until they no longer change. At the full
+# pressure of the fluid the lid lifts again.
 
 # +
 path = [(0.5 * k, -0.4) for k in range(7)] + [(3.0, 0.1 * k) for k in (-3, -2, -1, 0)]
@@ -98,7 +98,7 @@ fm.plot(problem, "results/seal.png", stress=-p, label="pressure [MPa]", units=("
 # -
 
 # ## Check
-# The resultant of the fluid depends only on the ends of the wetted part: pressure times chord. The
-# forces of contact balance it. The cord is tight: contact presses more than the fluid.
+# The resultant of the fluid is its pressure times the chord of the wetted part, and the contact
+# forces balance it. The seal is tight: the contact pressure exceeds that of the fluid.
 
 assert max(errors) < 1e-8 and min(excess) > 0.0

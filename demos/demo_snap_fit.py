@@ -1,12 +1,12 @@
 # # Snap fit: a hook is pushed over a ridge, and pulled out again
 #
-# This demo shows large sliding with friction, there and back, the balance of work, and how little
-# it matters which side is the slave.
+# This demo shows large sliding with friction in both directions, the balance of work, and how
+# little the result depends on which side is the slave.
 #
 # ## Problem
 # An elastic arm with a hook is pushed over a ridge of the same plastic, snaps in, and is pulled out
-# (plane strain, neo-Hookean, mu = 0.2). In the end both are as they were, so that all the work of
-# the hand that moves the arm is that of friction.
+# (plane strain, neo-Hookean, mu = 0.2). In the end both are undeformed again, so friction has
+# dissipated all the work that was done at the end of the arm.
 #
 # ## Implementation
 
@@ -31,8 +31,9 @@ comm, E, nu, travel = MPI.COMM_WORLD, 2000.0, 0.35, 6.0
 mu, lmbda = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
 # -
 
-# Hook and ridge are 1 mm high, gently inclined where they meet first, steeper behind, and overlap
-# by 0.7 mm. Quadratic cells follow the curves; three quarters of them are at hook and ridge.
+# Hook and ridge are 1 mm high and overlap by 0.7 mm; their leading sides are gently inclined,
+# their back sides steeper. Quadratic cells follow the curves; three quarters of them are at hook
+# and ridge.
 
 
 # +
@@ -59,7 +60,7 @@ V = fm.vector_space(data.mesh, 2)
 # -
 
 # ## Path
-# The hand holds the left end of the arm. `sign` is that of its force over the force on the slave.
+# The left end of the arm is moved. The force there is `sign` times the contact force on the slave.
 
 
 # +
@@ -92,8 +93,8 @@ hook, ridge = run("arm/bottom", "base/top", -1.0), run("base/top", "arm/bottom",
 
 # +
 if comm.rank == 0:
-    axes = Figure((6, 3.2), layout="constrained").add_subplot(xlabel="way [mm]")
-    axes.set_ylabel("force of the hand [N/mm]")
+    axes = Figure((6, 3.2), layout="constrained").add_subplot(ylabel="force on the arm [N/mm]")
+    axes.set_xlabel("displacement of the arm [mm] (upper curves: in, lower curves: out)")
     for (way, force, work, loss), style, name in ((hook, "-", "hook"), (ridge, "--", "ridge")):
         print(f"slave {name}: push {force.max():.3f}, pull {-force.min():.3f} N/mm", end="; ")
         print(f"work {work:.4f} N, of friction {loss:.4f} N")
@@ -103,7 +104,7 @@ if comm.rank == 0:
 # -
 
 # ## Check
-# All work is that of friction. The peaks, which feel the facets most, differ by some per cent.
+# Friction accounts for all work. The peak forces depend on the facets and differ by some per cent.
 
 assert max(abs(work / loss - 1) for _, _, work, loss in (hook, ridge)) < 0.01
 assert abs(hook[2] / ridge[2] - 1) < 0.01 and abs(hook[1].min() / ridge[1].min() - 1) < 0.04

@@ -1,13 +1,13 @@
 # # A bolt in a nut: the first thread carries most
 #
-# This demo shows one pair of surfaces that touch in many places; bulk is linear, sliding small:
-# one factorization for all loads.
+# This demo shows a pair of surfaces that touch in many places. With linear bulk and small sliding
+# all loads share one factorization.
 #
 # ## Problem
 # A bolt of steel, about M10, with a round thread of 1.5 mm is pulled out of its nut, which rests on
-# its lower face. Both are of revolution, the threads are rings, without friction. The bolt gets
-# longer and the nut shorter, so that the pitches fit worse from thread to thread, and the first one
-# carries most: about a third of the load in handbooks, more without friction.
+# its lower face. Both are bodies of revolution, with rings as threads and without friction. The
+# bolt stretches and the nut shortens, so the pitches differ, and the first thread carries most:
+# about a third of the load in handbooks, more without friction.
 #
 # ## Implementation
 

@@ -1,12 +1,12 @@
 # # Tied meshes: a finely meshed inclusion in a coarse plate under tension
 #
-# Where two bodies are joined their meshes need not match: `TiedPair` stands beside `ContactPair` in
-# the list of pairs.
+# `TiedPair` joins two bodies whose meshes do not match. It stands beside `ContactPair` in the list
+# of pairs.
 #
 # ## Problem
-# A round inclusion of radius 1 mm, ten times as stiff as the plate around it, plane strain, linear
-# elastic. The plate is pulled by T = 1 MPa in x; by symmetry one quarter is computed. In a large
-# plate the stress inside the inclusion is uniform (Goodier 1933), with kappa = 3 - 4 nu
+# A round inclusion of radius 1 mm is ten times as stiff as the plate around it (plane strain,
+# linear elastic). The plate is pulled by T = 1 MPa in x; by symmetry one quarter is computed. In a
+# large plate the stress inside the inclusion is uniform (Goodier 1933), with kappa = 3 - 4 nu
 #
 # (sxx + syy) / T = G' (kappa + 1) / (2 G' + G (kappa - 1)),    G' of the inclusion, G of the plate,
 #
@@ -56,8 +56,8 @@ for name, shear_modulus in G.items():
     residual += shear_modulus * ufl.inner(stress, ufl.grad(v)) * dx(data.body_tag(name))
 # -
 
-# The inclusion is fixed by symmetry and by the tie. Its ends lie on planes of symmetry, where nodes
-# are prescribed: there the neighbours take over the multipliers.
+# The inclusion is supported by symmetry and by the tie. The end nodes of the tie are prescribed by
+# symmetry; their neighbours take over their multipliers.
 
 # +
 bcs = [fm.dirichlet(V, data, [f"{body}/left" for body in G], 0.0, component=0)]
@@ -65,7 +65,8 @@ bcs += [fm.dirichlet(V, data, [f"{body}/bottom" for body in G], 0.0, component=1
 tie = fm.TiedPair(data, slave="inclusion/arc", master="plate/arc")
 problem = fm.ContactProblem(residual, u, [tie], bcs=bcs, petsc_options_prefix="tied_")
 problem.solve()
-fm.plot(problem, "results/tied.png", stress=strain[0, 0], label="strain in x", scale=50.0)
+shown = {"label": "strain in x", "scale": 50.0, "units": ("mm", "MPa")}
+fm.plot(problem, "results/tied.png", stress=strain[0, 0], **shown)
 # -
 
 # ## Comparison
@@ -83,7 +84,7 @@ if comm.rank == 0:
 # -
 
 # ## Check
-# A plate of finite width is off by about its squared ratio to the inclusion, here (1 / 8)^2.
+# The finite width of the plate causes a relative error of about (radius / width)^2 = (1 / 8)^2.
 
 assert np.abs(arc.total_force - exact).max() < 0.03
 assert problem.certificate().violations() == []

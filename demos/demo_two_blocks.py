@@ -3,7 +3,7 @@
 # This demo shows how to
 # - name bodies and contact surfaces in gmsh and read them under `mpirun`,
 # - write any bulk energy in UFL,
-# - say with one line that two surfaces are in contact,
+# - put two surfaces in contact with one line,
 # - solve load steps by the semismooth Newton method, and look at the results.
 #
 # ## Problem
@@ -90,7 +90,7 @@ if comm.rank == 0:
     print(f"\n{table}")
 
 # ## Check
-# Newton ends quadratically, and the two blocks push each other with forces that cancel.
+# Newton's method converges quadratically, and the contact forces on the two blocks cancel.
 
 on_slave, on_master = problem.equations.contacts[0].operators.force(problem.equations.contacts[0].z)
 assert report.num_iterations <= 8

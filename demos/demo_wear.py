@@ -1,20 +1,20 @@
 # # A clutch wears: from uniform pressure to uniform wear
 #
-# This demo shows how a surface changes its shape from step to step: `contact.offset`.
+# This demo changes the shape of a surface from step to step, by `contact.offset`.
 #
 # ## Problem
 # A ring with a soft lining, a = 60 mm < r < b = 110 mm, is pressed on a turning disk by a force P.
-# By Archard's law it loses the depth k p s, where s = 2 pi r is the way of a turn. Handbooks have
-# two formulas for the torque of a clutch, that of a new one, with uniform pressure,
+# By Archard's law it wears by the depth k p s, where s = 2 pi r is the sliding distance of a turn.
+# Handbooks have two formulas for the torque of a clutch. For a new one, with uniform pressure,
 #
 # T = 2/3 mu P (b^3 - a^3) / (b^2 - a^2),
 #
-# and that of one that wears uniformly, because p = P / (2 pi (b - a) r),
+# and for one that wears uniformly, because p = P / (2 pi (b - a) r),
 #
 # T = mu P (a + b) / 2.
 #
-# The computed torque goes from one to the other. The shear of friction turns bodies out of their
-# meridian plane, which does not change the pressure.
+# The computed torque goes from one to the other. Friction acts out of the meridian plane and does
+# not change the pressure, so the computation leaves it out.
 #
 # ## Implementation
 
@@ -70,8 +70,8 @@ problem = fm.ContactProblem(residual, u, [pair], **options)
 # -
 
 # ## Wear
-# After each 100 turns the surface goes back by the depth that it has lost. Many more at a time, and
-# the pressure would swing between too worn and too little worn places.
+# After each 100 turns the worn depth is taken from the surface. With many more turns at a time the
+# pressure would oscillate between places that are worn too much and too little.
 
 # +
 contact, pressures, torques = problem.contacts[0], [], []
@@ -91,7 +91,8 @@ P = load * np.pi * (b**2 - a**2)
 new, worn = 2 / 3 * P * (b**3 - a**3) / (b**2 - a**2), P * (a + b) / 2
 theory = P / (2 * np.pi * (b - a) * radius)
 if comm.rank == 0:
-    print(f"T / mu [Nmm]: new {torques[0]:.0f} ({new:.0f}), worn {torques[-1]:.0f} ({worn:.0f})")
+    print(f"T / mu [Nm]: {torques[0] / 1e3:.1f} to {torques[-1] / 1e3:.1f}", end=", ")
+    print(f"by the handbook {new / 1e3:.1f} to {worn / 1e3:.1f}")
     Path("results").mkdir(exist_ok=True)
     left, right = (figure := Figure((9, 3.4), layout="constrained")).subplots(1, 2)
     left.set(xlabel="r [mm]", ylabel="pressure [MPa]", ylim=(0.6, 1.5))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Contact laws with memory, rate or a layer, each as a user would write it.
+"""Contact laws with memory, rate or a layer, written as user code.
 
-Copy what you need; ``demos/guide/laws.md`` explains the parts of a law. Derivatives are by complex
-step (``row_of``), so that a law is one formula.
+Copy the laws that you need; ``demos/guide/laws.md`` explains the parts of a law. Derivatives are
+computed by complex step (``row_of``), so that a law is a single formula.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Worn(fm.Coulomb):
         self.wear = wear
 
     def depth(self, node: Nodal) -> Any:
-        """Depth at the end of the step, with the pressure there [length]."""
+        """Depth at the end of the step, with the pressure at this time [length]."""
         pressure = np.where(np.real(node.z_n) > 0.0, node.z_n, 0.0)
         return node.memory["depth"] + self.wear * pressure * magnitude(node.slip)
 
@@ -59,7 +59,7 @@ class NormalCompliance(fm.Coulomb):
         self.k, self.m = k, m
 
     def closing_gap(self, node: Nodal) -> Row:
-        """What the pressure exceeds that of the overlap, as a length; z_n = 0 where open."""
+        """Excess of the pressure over that of the overlap, as a length; z_n = 0 at open nodes."""
 
         def gap(at: Nodal) -> Any:
             overlap = np.where(np.real(at.gap) < 0.0, -at.gap, 0.0)
@@ -72,12 +72,12 @@ class NormalCompliance(fm.Coulomb):
 class Cohesive(fm.Frictionless):
     """Cohesive zone with linear softening; it unloads to the origin, and damage is irreversible.
 
-    Where it unloads from an opening that is small, the line to the origin is steep, and Newton's
-    method may alternate between both lines: take steps that open it well.
+    After unloading from a small opening the line to the origin is steep, and Newton's method may
+    alternate between both lines: take steps with larger openings.
 
     Args:
         strength: Largest adhesion [stress].
-        reach: Gap at which nothing is left [length]; the energy is strength * reach / 2.
+        reach: Gap at which the adhesion vanishes [length]; the energy is strength * reach / 2.
     """
 
     memory = ("opening",)  # largest gap so far
@@ -99,13 +99,13 @@ class Cohesive(fm.Frictionless):
         return row_of(pull, node)
 
     def remember(self, node: Nodal, branch: Branches) -> Mapping[str, Array]:
-        """The largest gap; rounding of closed gaps, a billionth of the reach, is none."""
+        """The largest gap; values below a billionth of the reach are rounding and ignored."""
         gap = np.where(node.gap > 1e-9 * self.reach, node.gap, 0.0)
         return {"opening": np.maximum(node.memory["opening"], gap)}
 
 
 class MixedCohesive(fm.Law):
-    """Cohesive zone whose opening and slip damage one and the same bond; friction is left out.
+    """Cohesive zone in which opening and slip damage the same bond; without friction.
 
     The traction is k(m) (gap, slip), with the secant stiffness of a bilinear law at the largest
     jump m = max |(gap, slip)| so far: k up to strength / k, then softening to zero at ``reach``.
@@ -114,7 +114,7 @@ class MixedCohesive(fm.Law):
     Args:
         stiffness: Stiffness k of the undamaged bond [stress / length].
         strength: Largest traction [stress].
-        reach: Jump at which nothing is left, more than strength / stiffness [length].
+        reach: Jump at which the traction vanishes, above strength / stiffness [length].
     """
 
     memory = ("jump", "slid")  # largest jump, slip so far
@@ -157,7 +157,7 @@ class MixedCohesive(fm.Law):
         return np.ones_like(before)
 
     def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """The shear, of open nodes too, less that of the bond."""
+        """The shear, also of open nodes, minus that of the bond."""
         return row_of(lambda at: at.z_tau - self.shear(at), node)
 
     def friction_limit_at(self, node: Nodal) -> Array:
@@ -171,13 +171,13 @@ class MixedCohesive(fm.Law):
 
 
 class Stribeck(Friction):
-    """Stick, and slip with a coefficient that falls with the rate v = |u| / step.
+    """Stick, and slip with a coefficient that decreases with the rate v = |u| / step.
 
     mu(v) = kinetic + (static - kinetic) exp(-v / rate) + viscous v
 
     Args:
         static, kinetic: Coefficients of friction at rest and at large rates [1].
-        rate: Rate at which the difference has fallen to 1 / e [length / time].
+        rate: Rate at which the difference has decreased to 1 / e [length / time].
         viscous: Increase of the coefficient with the rate [time / length].
     """
 
@@ -212,8 +212,8 @@ class RateAndState(fm.Law):
     with the rate v = u / step, constant in a step, and theta at its end (Dieterich 1979; Ruina
     1983; arsinh: Rice & Ben-Zion 1996). Steady: |z_tau| = (mu + (a - b) ln(|v| / v_0)) z_n.
 
-    The equation is solved for the shear where it slides, and for the slip where it creeps below the
-    friction at v_0: Newton's method would not find the way between the two flat ends of arsinh.
+    The equation is solved for the shear if the node slides, and for the slip if it creeps below the
+    friction at v_0: Newton's method would not converge between the two flat ends of arsinh.
 
     Args:
         mu: Steady coefficient of friction at ``v_0`` [1].
@@ -260,7 +260,7 @@ class RateAndState(fm.Law):
         return np.where(node.z_n > 0.0, np.where(creeps, 0, slides), 1).astype(np.int64)
 
     def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """Shear less friction; where it creeps the slip less that of the shear."""
+        """Shear minus friction; for creep the slip minus that of the shear."""
         largest = self.friction(node, self.v_0 * node.step)
         creeps = (branch == 0) & (np.abs(node.z_tau) <= 2.0 * largest) & (node.z_n > 0.0)
 

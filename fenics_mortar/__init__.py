@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Mortar contact of deformable bodies at finite deformation for FEniCSx, in 2D.
 
-Beside the public names, ``laws`` has the base classes and helpers of contact laws, ``sensitivity``
-the controls and quantities of derivatives.
+Apart from the public names, ``laws`` has base classes and helpers of contact laws, and
+``sensitivity`` has the controls and quantities of derivatives.
 """
 
 if __name__ != "fenics_mortar":
@@ -49,7 +49,7 @@ from fenics_mortar.verify.estimate import ErrorEstimate
 from fenics_mortar.verify.pair_certificate import PairCertificate
 from fenics_mortar.verify.tangent import TangentCheck
 
-__version__ = "0.1.0"  # the only place: pyproject.toml reads it here
+__version__ = "0.1.0"  # single source: read by pyproject.toml
 
 __all__ = [
     "AdequacyCheck",

@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""The contact problem that a user sets up: UFL residual, Dirichlet conditions, contact pairs.
+"""The contact problem: UFL residual, Dirichlet conditions, contact pairs.
 
-More than 350 lines by its documentation, and a class of more than 20 methods: everything that users
-do with a problem, one method each, and nothing else.
+The class has more than 20 methods: one for each operation of users on a problem.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from copy import copy
 from functools import partial
 from typing import Any
 
@@ -17,20 +15,19 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar.bulk.checks import refuse_inertia
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.view import PairView
+from fenics_mortar.equations import setup
 from fenics_mortar.equations.continuation import Continuation
 from fenics_mortar.equations.inputs import Inputs
-from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
-from fenics_mortar.equations.setup import check_given, equations_of
-from fenics_mortar.equations.solver import Solver
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.equations.present import PresentState
 from fenics_mortar.equations.state import State
-from fenics_mortar.equations.undo import undone_if_interrupted
+from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.la import options as solvers
-from fenics_mortar.la.choice import Algorithm, system_of
+from fenics_mortar.la.choice import Algorithm
 from fenics_mortar.mesh.thickness import Geometry
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport
@@ -38,9 +35,9 @@ from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.verify.certificate import Certificate
-from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
+from fenics_mortar.verify.estimate import ErrorEstimate
 from fenics_mortar.verify.matrices import OperatorMatrices
-from fenics_mortar.verify.tangent import TangentCheck, check_tangent
+from fenics_mortar.verify.tangent import TangentCheck
 
 
 class ContactProblem:
@@ -52,32 +49,31 @@ class ContactProblem:
         u: Displacement, or a mixed function with the displacement and further unknowns, such as a
             pressure. Its present value is the initial guess of the next solve.
         pairs: Contact and tied pairs.
-        bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
+        bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; their values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
         petsc_options: Options of the linear solver, in addition to those of ``solver``. With a
-            ``pc_type`` other than "lu" and "cholesky" PETSc's own defaults hold, as GMRES.
+            ``pc_type`` other than "lu" and "cholesky" PETSc's own defaults apply (GMRES).
         algorithm: "condensed" (Foltyn & Vlach 2016, Alg. 2; dual multipliers only) or "saddle"
             (Alg. 1). Default: condensed if D can be inverted node by node.
         solver: "direct" (MUMPS), "iterative" (GMRES with multigrid, see ``multigrid``) or "auto".
-            "auto" selects the iterative solver from 100,000 unknowns (``la.options.MANY``) for
-            nonlinear bulk without PETSc options, else the direct one. If an iterative solve fails,
-            the direct solver is used and the report has a note.
+            "auto" is iterative from 100,000 unknowns (``la.costs``) for nonlinear bulk without
+            PETSc options. The direct solver is used, with a note, if an iterative solve fails.
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: Tolerances and limits of Newton's method.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
         displacement: Index of the displacement's sub-space if ``u`` is a mixed function.
-        linear_bulk: Whether the bulk tangent is constant and may be factored once; see ``reduced``.
-            Default: detected from ``residual`` and used where it pays, but never with
-            solver="iterative".
+        linear_bulk: Whether the bulk tangent is constant and may be factorized once; see
+            ``reduced``. Default: detected from ``residual`` and used if it saves time, but never
+            with solver="iterative".
         geometry: "plane", or "axisymmetric": the mesh is the meridian half plane x >= 0 of bodies
             of revolution about x = 0. Interface integrals are then weighted by 2 pi r: pressures
-            are stresses, and forces are those of the whole bodies; ``residual`` has to have
-            2 pi X[0] in its measures and the hoop strain. Radial components on the axis have to be
-            prescribed as 0. Obstacles are bodies of revolution, e.g. a ``Circle`` about a point of
-            the axis is a sphere. See ``mesh.thickness``.
+            are stresses, and forces act on the whole bodies; ``residual`` must contain 2 pi X[0] in
+            its measures and the hoop strain. Radial components on the axis must be prescribed as 0.
+            Obstacles are bodies of revolution, e.g. a ``Circle`` about a point of the axis is a
+            sphere. See ``mesh.thickness``.
         thickness: Out-of-plane thickness of plane bodies, by which interface integrals are
-            weighted as the measures of ``residual`` have to be: a positive length, or a function of
-            reference positions (n, 2); ``None`` is one, without a unit.
+            weighted; the measures of ``residual`` must contain it, too. A positive length, or a
+            function of reference positions (n, 2); ``None`` means one, without a unit.
         adequacy: An ``AdequacyCheck`` that estimates the model error after each solve
             (``report.adequacy``) and may start each solve on a cheaper model.
 
@@ -125,32 +121,25 @@ class ContactProblem:
         thickness: float | Callable[[Array], Any] | None = None,
         adequacy: Any | None = None,
     ) -> None:
-        given = {
+        self._given = {
             "residual": residual, "u": u, "bcs": bcs, "jacobian": jacobian,
             "petsc_options_prefix": petsc_options_prefix, "petsc_options": petsc_options,
             "algorithm": algorithm, "solver": solver, "linearization": linearization,
             "newton": newton, "displacement": displacement, "linear_bulk": linear_bulk,
             "geometry": geometry, "thickness": thickness,
         }  # fmt: skip
-        check_given(given, pairs, adequacy)
-        self._given = given
-        self.equations = equations_of(
+        setup.check_given(self._given, pairs, adequacy)
+        self.equations = setup.equations_of(
             residual, u, pairs, bcs, jacobian, solver=solver, linearization=linearization,
             newton=newton or NewtonOptions(), displacement=displacement, geometry=geometry,
             thickness=thickness,
         )  # fmt: skip
-        bulk, contacts = self.equations.bulk, self.equations.contacts
-        if solver == "iterative" and linear_bulk is None:
-            linear_bulk = False  # the factors may exceed the memory
-        system = system_of(
-            bulk, contacts, petsc_options_prefix, petsc_options, algorithm, solver, linear_bulk
-        )
-        self._solver = Solver(
-            self.equations, system, linear_bulk=linear_bulk, prefix=petsc_options_prefix
+        self._solver = setup.solver_of(
+            self.equations, petsc_options_prefix, petsc_options, algorithm, solver, linear_bulk
         )
         self._continuation = Continuation(self.equations)
-        self._estimator: Estimator | None = None
-        self._inputs = Inputs(bulk, contacts, self.obstacles)
+        self._present = PresentState(self.equations, self._solver, adequacy)
+        self._inputs = Inputs(self.equations.bulk, self.equations.contacts, self.obstacles)
         self._adequacy = adequacy
         if adequacy is not None:
             adequacy.prepare(self)
@@ -172,9 +161,9 @@ class ContactProblem:
 
     @property
     def time(self) -> float:
-        """Time of the loads [time], for laws with a memory or a rate; set it before ``solve``.
+        """Time of the loads [time], for laws with memory or rates; set it before ``solve``.
 
-        A step of the law is as long as the time since the last accepted state. ``follow_path`` and
+        The step of a law is the time since the last accepted state. ``follow_path`` and
         ``Dynamics`` set it.
         """
         return max((c.state.load_time for c in self.equations.contacts), default=0.0)
@@ -194,13 +183,6 @@ class ContactProblem:
     def newton(self, options: NewtonOptions) -> None:
         self.equations.newton = options
 
-    def _renew_if_interrupted(self) -> None:
-        """Rebuild the solver after an interruption (collective)."""
-        if self.comm.allreduce(self.equations.interrupted, MPI.LOR):
-            self._solver.renew()
-            self._estimator = None
-            self.equations.interrupted = False
-
     # Solving
 
     def solve(self, *, accept_violations: bool = False, predict: bool = True) -> NewtonReport:
@@ -209,10 +191,10 @@ class ContactProblem:
         Collective.
 
         Args:
-            predict: Extrapolate the initial guess from the last two solves where the loads continue
-                in their direction, see ``continuation``; the last state is the guess otherwise.
-            accept_violations: Return a state that violates its certificate instead of raising; see
-                ``report.certificate``.
+            predict: Whether to extrapolate the initial guess from the last two solves if the loads
+                continue in their direction, see ``continuation``; it is the last state otherwise.
+            accept_violations: Whether to return a state that violates its certificate instead of
+                raising an error; see ``report.certificate``.
 
         Returns:
             The record of the Newton iterations.
@@ -220,7 +202,7 @@ class ContactProblem:
         Raises:
             NotConvergedError: On all ranks, with the record, if Newton's method does not converge
                 or converges to a state that violates its certificate. ``u`` and the multipliers
-                keep the values of the last iterate; slip still counts from the last accepted
+                keep the values of the last iterate; slip is still counted from the last accepted
                 state. Before the next solve reset ``u``, or ``restore`` a value of ``state``.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite,
                 if input differs between ranks, if the mesh was moved after set-up, or if bodies
@@ -228,28 +210,23 @@ class ContactProblem:
             BaseException: Any other exception, such as KeyboardInterrupt or an error of a user's
                 law; displacement and multipliers are then restored to their values before the call.
         """
-        self._renew_if_interrupted()
+        self._present.renew_if_interrupted()
         self.equations.bulk.input_data.check()
         remarks = self._inputs.check(
             self.newton, accept_violations=accept_violations, predict=predict
         )
-        with undone_if_interrupted(self.equations, self._adequacy):
+        with restored_if_interrupted(self.equations, self._adequacy):
             report = None if self._adequacy is None else self._adequacy.solve_cheaper()
             if report is None:
                 solve = partial(self._solver.solve, remarks, accept_violations=accept_violations)
-                starts_elsewhere = self._adequacy is not None or self.newton.tentative
-                in_motion = self.equations.bulk.inertia is not None  # loads that are not seen
-                if predict and not starts_elsewhere and not in_motion:
-                    report = self._continuation.solve(solve)
-                else:
-                    self._continuation.forget()
-                    report = solve()
+                predict &= self._adequacy is None and not self.newton.tentative
+                report = self._continuation.solve(solve, guess=predict)
             if self._adequacy is not None:
                 report.adequacy = self._adequacy.assess(self)
         return report
 
     def accept(self) -> None:
-        """Take the last evaluated state as the accepted one: slip counts from it (collective)."""
+        """Accept the last evaluated state: slip is counted from it (collective)."""
         self._solver.accept()
 
     def state(self) -> State:
@@ -272,8 +249,7 @@ class ContactProblem:
             [stress length]; their sum at prescribed dofs is the support reaction. Third, forces and
             moments that keep the obstacles in place, shape (obstacles, 3), equal on all ranks.
         """
-        self.equations.evaluate_operators()
-        return self.equations.residual.forces()
+        return self._present.forces()
 
     # Other models
 
@@ -291,26 +267,14 @@ class ContactProblem:
             ValueError: If a contact pair has no such attribute.
             MortarError: If bodies have inertia.
         """
-        refuse_inertia(self.equations.bulk, "variant()")
-        pairs = [
-            p.with_options(**pair_options) if isinstance(p, ContactPair) else copy(p)
-            for p in (contact.pair for contact in self.equations.contacts)
-        ]
-        given = {**self._given, "pairs": pairs}
-        if residual is not None:
-            given.update(residual=residual, jacobian=None)
-        u = self.equations.bulk.u.x.array
-        kept = u.copy()
-        try:
-            u[:] = 0.0
-            return ContactProblem(**given)
-        finally:
-            u[:] = kept
+        with setup.undeformed(self.equations, "variant()"):
+            pairs = setup.pairs_with(pair_options, self.equations.contacts)
+            form = {} if residual is None else {"residual": residual, "jacobian": None}
+            return ContactProblem(**{**self._given, "pairs": pairs, **form})
 
     def adopt(self, other: ContactProblem) -> None:
-        """Take over the present state of ``other``, a variant of this problem (collective)."""
-        pairs = zip(self.equations.contacts, other.equations.contacts, strict=True)
-        for contact, theirs in pairs:
+        """Adopt the present state of ``other``, a variant of this problem (collective)."""
+        for contact, theirs in zip(self.equations.contacts, other.equations.contacts, strict=True):
             if isinstance(contact, Contact) and isinstance(theirs, Contact):
                 contact.adopt(theirs)
         self.restore(other.state())
@@ -337,41 +301,27 @@ class ContactProblem:
             MortarError: On all ranks, if the residual has integrals that are not supported, or
                 bodies have inertia.
         """
-        refuse_inertia(self.equations.bulk, "estimate()")
-        self._renew_if_interrupted()
-        if self._estimator is None:
-            self._estimator = Estimator(self.equations.bulk)
-        self.equations.evaluate_operators()
-        self.equations.bulk.free_garbage()
-        return self._estimator.evaluate(self.equations.contacts)
+        return self._present.estimate()
 
     # For research
 
     @property
     def matrices(self) -> OperatorMatrices:
         """D, M, gap, normals and derivatives at the present state, as PETSc objects; collective."""
-        self.equations.evaluate_operators()
-        return OperatorMatrices(self.equations.bulk, self.equations.contacts)
+        return self._present.matrices()
 
     @property
     def tangent(self) -> PETSc.Mat:
         """Matrix of the linear system at the present state (collective)."""
-        self._renew_if_interrupted()
-        equations = self.equations
-        equations.bulk.free_garbage()
-        equations.evaluate_operators()
-        equations.bulk.assemble_tangent()
-        equations.bulk.assemble_residual()
-        equations.system.assemble()
-        return equations.system.matrix
+        return self._present.tangent()
 
     def linear_solve(self, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:
         """Solve with the tangent at the present state, or with its transpose (collective).
 
         For sensitivities. Unknowns, rows and units are those of ``equations.linearized``; active
         sets, branches and multipliers are those of the present state, which is not changed. The
-        relative residual is that of rounding with a direct solver, ``ksp_rtol`` (1e-8 by default)
-        with an iterative one.
+        relative residual is of the order of rounding with a direct solver, and at most ``ksp_rtol``
+        (1e-8 by default) with an iterative one.
 
         Args:
             rhs: Right-hand side.
@@ -385,13 +335,7 @@ class ContactProblem:
             MortarError: On all ranks, if the tangent is singular, for instance because contact
                 leaves a body free, or if z or q differ between ranks.
         """
-        self._renew_if_interrupted()
-        with undone_if_interrupted(self.equations, self._adequacy):
-            e = self.equations
-            e.evaluate_operators()
-            e.bulk.free_garbage()
-            linearized = LinearizedEquations(e.bulk, e.contacts, e.motions, e.system)
-            return linearized.solve(rhs, transpose=transpose)
+        return self._present.linear_solve(rhs, transpose=transpose)
 
     def check_tangent(self, **options: Any) -> TangentCheck:
         """Taylor slopes of all derivatives at the present state, 2 if exact (collective).
@@ -403,6 +347,4 @@ class ContactProblem:
         Returns:
             Remainders and slopes of each block: bulk, n, g, D, M and the whole system.
         """
-        self._renew_if_interrupted()
-        with undone_if_interrupted(self.equations, self._adequacy):
-            return check_tangent(self.equations, **options)
+        return self._present.check_tangent(**options)

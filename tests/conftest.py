@@ -22,9 +22,12 @@ from mpi4py import MPI  # noqa: E402
 import pytest  # noqa: E402
 
 # Without JIT a kernel takes a hundred times as long: of tests with many cases one of so many runs.
-ONE_OF = 12
-# Cases of a test function in the short run; 0, as in a plain pytest: all, and long tests, too.
+ONE_OF = 20
+# Cases of a test function in the short run; 0, as in a plain pytest: all, and long tests, too. With
+# one case, and on several ranks, the short run has no test marked once.
 CASES = int(os.environ.get("FENICS_MORTAR_CASES", "0"))
+# Whether long tests are in the short run, too, in serial.
+LONG = os.environ.get("FENICS_MORTAR_LONG", "0") == "1"
 # Tests run on several ranks because bodies are cut there: of many cases the first and the last do.
 CASES_ON_RANKS = 2
 # One half of all kernels each: two processes compile them, others load them from the cache.
@@ -45,7 +48,11 @@ def pytest_collection_modifyitems(items):
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         items[:] = [item for cases in by_function(items) for item in cases[::ONE_OF]]
     alone = MPI.COMM_WORLD.size == 1
-    without = {"ranks" if alone else "serial", *(["long"] if CASES else [])}
+    without = {"ranks" if alone else "serial"}
+    if CASES and not (alone and LONG):
+        without.add("long")
+    if CASES == 1 or (CASES and not alone):
+        without.add("once")
     items[:] = [item for item in items if without.isdisjoint(item.keywords)]
     functions = enumerate(by_function(items))
     items[:] = [item for number, cases in functions for item in some(cases, number)]
@@ -81,20 +88,21 @@ def count_of(cases):
         return 0
     each = "each" in first.keywords
     if MPI.COMM_WORLD.size == 1:
-        return 0 if each else CASES
+        return 0 if each else min(CASES, 1) if "once" in first.keywords else CASES
     return 1 if CASES and not each else CASES_ON_RANKS
 
 
 def some(cases, number):
     """Cases from the first to the last: in those all that is varied differs.
 
-    Where one is to run it is the first or the last of the functions in turn.
+    Where one is to run it is the first or the last of the functions in turn, and the last of what
+    is marked once.
     """
     last, count = len(cases) - 1, count_of(cases)
     if not 0 < count <= last:
         return cases
     if count == 1:
-        return [cases[last * (number % 2)]]
+        return [cases[last if "once" in cases[0].keywords else last * (number % 2)]]
     return [cases[round(i * last / (count - 1))] for i in range(count)]
 
 

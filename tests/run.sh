@@ -8,6 +8,7 @@
 #
 # FENICS_MORTAR_CASES     how many cases of each test function run in serial (2); 0 for all, and
 #                         tests marked long, which see on long paths or fine meshes what others see
+# FENICS_MORTAR_LONG      1: those marked long in serial, whatever the number of cases
 # FENICS_MORTAR_RUNS      which of these runs, "serial 2 3 kernels" if not set
 # FENICS_MORTAR_TIMEOUT   seconds after which one of these runs counts as hanging (1200)
 

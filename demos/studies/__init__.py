@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""Programs that measure, run as modules from the root of the clone."""
+"""Measuring programs, run as modules from the root of the clone."""

@@ -34,7 +34,7 @@ def neo_hookean(u: Any, mu: Any, lmbda: Any) -> Any:
 
 
 def read_mesh(build: Callable[[], Any], comm: MPI.Comm = MPI.COMM_WORLD) -> fm.MeshData:
-    """Mesh of the gmsh model that ``build`` makes on rank 0. Collective."""
+    """Mesh of the gmsh model created by ``build`` on rank 0 (collective)."""
     model = None
     if comm.rank == 0:
         gmsh.initialize()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Checks of a meridian half plane: nodes and conditions on the axis, the radius in the residual."""
+"""Checks of a meridian half plane: nodes and conditions on the axis, radius in the residual."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from fenics_mortar.utils.rounding import ROUNDING
 
 
 def check_axis(space: DisplacementSpace, prescribed: Flags) -> None:
-    """Refuse nodes with x < 0, and free radial components on the axis (collective).
+    """Reject nodes with x < 0, and free radial components on the axis (collective).
 
-    A displacement away from the axis would tear the body: its hoop strain is unbounded.
+    A displacement away from the axis has an unbounded hoop strain.
 
     Args:
         space: The displacement's space; without effect unless it is axisymmetric.
@@ -53,7 +53,7 @@ def check_axis(space: DisplacementSpace, prescribed: Flags) -> None:
 
 
 def check_radius(residual: Any, u: Any, space: DisplacementSpace) -> None:
-    """Refuse a residual of plane bodies with axisymmetry (local, equal on all ranks).
+    """Reject a residual of plane bodies with axisymmetry (local, equal on all ranks).
 
     Args:
         residual: UFL form.
@@ -73,7 +73,7 @@ def check_radius(residual: Any, u: Any, space: DisplacementSpace) -> None:
 
 
 def remark_on_radius(residual: Any, u: Any, space: DisplacementSpace) -> str:
-    """Remark on boundary integrals without the radius, "" if there are none (local).
+    """Remark on boundary integrals without the radius; "" if there are none (local).
 
     Arguments as for ``check_radius``.
     """
@@ -85,7 +85,7 @@ def remark_on_radius(residual: Any, u: Any, space: DisplacementSpace) -> str:
     )
 
 
-class HeldAxis:
+class AxisConditions:
     """Check of the values prescribed on the axis; the constructor is collective.
 
     Args:
@@ -99,7 +99,7 @@ class HeldAxis:
         self._dofs = radial_dofs_on_axis(space)
 
     def check(self) -> None:
-        """Refuse radial motions of the axis (collective).
+        """Reject radial motions of the axis (collective).
 
         Raises:
             MortarError: On all ranks, if a radial component on the axis is prescribed otherwise
@@ -141,7 +141,7 @@ def radial_dofs_on_axis(space: DisplacementSpace) -> Indices:
 
 
 def _nodes(space: DisplacementSpace) -> tuple[Array, float]:
-    """Positions (n, 2) of the owned nodes, and what is rounding of these [length] (collective)."""
+    """Positions (n, 2) of the owned nodes, and the rounding of positions [length] (collective)."""
     X = space.V.tabulate_dof_coordinates()[: space.num_nodes, :2]
     sizes = space.V.mesh.comm.allgather(float(np.abs(X).max(initial=0.0)))
     return X, ROUNDING * max(sizes)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The separate bodies of a mesh, and their rigid motions without resistance of the bulk."""
+"""Separate bodies of a mesh, and their rigid motions without resistance of the bulk."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class FloatingBody:
     num_nodes: int
 
     def displacement(self, X: Array) -> Array:
-        """Free motions at the points ``X`` (n, 2), shape (motions, n, 2) (local)."""
+        """Free motions at the points ``X`` (n, 2) [length], shape (motions, n, 2) [1] (local)."""
         return np.einsum("fm,mnc->fnc", self.motions, _rigid_motions(X, self.centre, self.size))
 
     def describe(self, motion: Array, *, directed: bool = False) -> str:
@@ -142,7 +142,7 @@ def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[F
 
 
 def resistance(answers: Array, comm: MPI.Comm) -> tuple[Array, Array]:
-    """Resistance to motions, from all forces that they cause (collective).
+    """Resistance to motions, as norms of the forces that they cause (collective).
 
     Args:
         answers: Local forces due to each of m motions, shape (m, n).

@@ -65,25 +65,25 @@ class Cells:
         return now / before - 1.0
 
     def inverted(self, x: Array) -> tuple[int, str]:
-        """Number of inverted cells at positions ``x`` (n, 2), and a place (collective).
+        """Number of inverted cells at positions ``x`` (n, 2), and the position of one (collective).
 
-        The place is one of the reference state.
+        The position is that of the reference state, as text.
         """
         inverted = np.unique(np.nonzero(self.area_ratios(x) <= 0.0)[0])
         return count_places(self._comm, self.X[self._nodes[inverted]].mean(axis=1))
 
     def flat(self) -> tuple[int, str]:
-        """Number of cells without area in the reference state, and a place (collective)."""
+        """Number of undeformed cells without area, and the position of one (collective)."""
         flat = np.isnan(self._undeformed_areas).all(axis=1)
         return count_places(self._comm, self.X[self._nodes[flat]].mean(axis=1))
 
     def deformation_gradients(self, x: Array) -> Array:
-        """F at positions ``x`` (n, 2), means over the nodes, shape (cells, 2, 2) (local)."""
+        """F at positions ``x`` (n, 2), averaged over the nodes, shape (cells, 2, 2) [1] (local)."""
         return np.einsum("eka,ekb->eab", x[self._nodes], self._shape_gradients)
 
     @cached_property
     def _shape_gradients(self) -> Array:
-        """Derivatives of shape functions by X, means over a cell's nodes, (cells, nodes, 2)."""
+        """d(shape functions)/dX, averaged over a cell's nodes, (cells, nodes, 2) [1 / length]."""
         jacobian = np.einsum("eka,nkb->enab", self.X[self._nodes], self._gradients)
         gradients = np.einsum("nkb,enba->ekna", self._gradients, np.linalg.inv(jacobian))
         return np.asarray(gradients.mean(axis=2))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Checks when a problem is set up: space, mesh, residual and pairs."""
+"""Checks at the set-up of a problem: space, mesh, residual and pairs."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MeshError, MortarError, SurfaceError, place
 
-# Integrals of UFL in words.
+# Names of UFL's integral types in messages.
 _DOMAINS = {"cell": "cells", "exterior_facet": "the boundary", "interior_facet": "inner facets"}
 
 
 def check_space(V: Any, pairs: Sequence[ContactPair | TiedPair]) -> None:
-    """Refuse unsupported spaces and meshes (collective).
+    """Reject unsupported spaces and meshes (collective).
 
     Raises:
         MortarError: On all ranks.
@@ -41,7 +41,7 @@ def check_space(V: Any, pairs: Sequence[ContactPair | TiedPair]) -> None:
         )
     check_plane(mesh)
     _check_coordinates(mesh)
-    corners = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(mesh)]
+    corners = compat.num_corners(mesh)
     nodes = {1: corners, 2: {3: 6, 4: 9}[corners]}
     layout = V.dofmap.dof_layout
     degrees = [degree for degree, count in nodes.items() if layout.num_dofs == count]
@@ -64,7 +64,7 @@ def check_space(V: Any, pairs: Sequence[ContactPair | TiedPair]) -> None:
 
 
 def _check_coordinates(mesh: Any) -> None:
-    """Refuse coordinates that are nan or inf; names a node by its input number (collective)."""
+    """Reject coordinates that are nan or inf, with a node's input number (collective)."""
     bad = ~np.isfinite(mesh.geometry.x).all(axis=1)
     numbers = np.unique(
         np.concatenate(mesh.comm.allgather(np.asarray(mesh.geometry.input_global_indices)[bad]))
@@ -77,7 +77,7 @@ def _check_coordinates(mesh: Any) -> None:
 
 
 def check_slave_nodes(contacts: Sequence[Interface]) -> None:
-    """Refuse nodes that are slaves of the same master or obstacle in two pairs (local).
+    """Reject nodes that are slaves of the same master or obstacle in two pairs (local).
 
     Raises:
         SurfaceError: On all ranks.
@@ -90,16 +90,16 @@ def check_slave_nodes(contacts: Sequence[Interface]) -> None:
                 where = one.slave.X[np.flatnonzero(one.slave.nodes == both[0])[0]]
                 raise SurfaceError(
                     f"{both.size} nodes are slaves of '{one.master.name}' in two pairs, with "
-                    f"'{one.slave.name}' and '{other.slave.name}', one at {place(where)}; give "
-                    "both sides one name, or make one of the two a master there"
+                    f"'{one.slave.name}' and '{other.slave.name}', one at {place(where)}; pass "
+                    f"both sides in one list, or make one of the two a master there"
                 )
 
 
 def _have_common_master(one: Interface, other: Interface) -> bool:
     """Whether two pairs have a common obstacle or a common part of the master (local).
 
-    Masters that meet at a corner, as two sides of a block, have none: a slave node in the corner
-    has one multiplier for each.
+    Masters that meet at a corner, such as two sides of a block, have no common part: a slave node
+    in the corner has one multiplier for each.
     """
     if one.obstacle is not None and one.obstacle is other.obstacle:
         return True
@@ -133,7 +133,7 @@ def _edges(surface: Surface) -> Array:
 
 
 def check_residual(name: str, residual: Any, u: Any) -> None:
-    """Refuse forms that are not residuals in the space of ``u`` (local).
+    """Reject forms that are not residuals in the space of ``u`` (local).
 
     Raises:
         ValueError: If the form has not exactly one test function, one of another space, or does
@@ -149,7 +149,7 @@ def check_residual(name: str, residual: Any, u: Any) -> None:
 
 
 def check_jacobian(jacobian: Any, u: Any) -> None:
-    """Refuse forms that are not tangents in the space of ``u`` (local).
+    """Reject forms that are not tangents in the space of ``u`` (local).
 
     Raises:
         ValueError: If the form does not have two arguments of this space.
@@ -159,7 +159,7 @@ def check_jacobian(jacobian: Any, u: Any) -> None:
 
 
 def _check_numbers(name: str, form: Any) -> None:
-    """Refuse forms that contain the number nan or infinity, which no compiler of forms takes."""
+    """Reject forms that contain the number nan or infinity, which form compilers do not accept."""
     for integral in form.integrals():
         for part in unique_pre_traversal(integral.integrand()):
             if isinstance(part, ScalarValue) and not np.isfinite(part.value()):
@@ -171,11 +171,11 @@ def _check_numbers(name: str, form: Any) -> None:
 
 
 def _check_form(name: str, form: Any, count: int, u: Any, expected: str) -> None:
-    """Refuse forms without exactly ``count`` arguments of the space of ``u`` (local)."""
+    """Reject forms without exactly ``count`` arguments of the space of ``u`` (local)."""
     check_kind(name, form, ufl.Form, "a UFL form")
     try:
         arguments = form.arguments()
-    except Exception as error:  # of UFL, whose name differs between releases
+    except Exception as error:  # UFL's error, whose type differs between releases
         raise ValueError(f"the {name} has test functions of several spaces: {error}") from error
     if len(arguments) != count:
         raise ValueError(expected)
@@ -194,10 +194,10 @@ def _check_form(name: str, form: Any, count: int, u: Any, expected: str) -> None
 
 
 def check_cells(bulk: Bulk) -> None:
-    """Refuse cells without area (collective).
+    """Reject cells without area (collective).
 
     Raises:
-        MeshError: On all ranks; gives a position.
+        MeshError: On all ranks; the message has a position.
     """
     count, where = bulk.cells.flat()
     if count:
@@ -205,14 +205,14 @@ def check_cells(bulk: Bulk) -> None:
 
 
 def refuse_inertia(bulk: Bulk, what: str) -> None:
-    """Refuse bodies with inertia (local, equal on all ranks).
+    """Reject bodies with inertia (local, equal on all ranks).
 
     Args:
         bulk: The bodies.
-        what: What does not support them.
+        what: Name of the feature that does not support inertia, for the message.
 
     Raises:
-        MortarError: If they have.
+        MortarError: If the bodies have inertia.
     """
     if bulk.inertia is not None:
         raise MortarError(f"{what} does not support inertia: expected a static problem")

@@ -2,11 +2,11 @@
 """Stress, loads and moduli extracted from the UFL residual of a user, for any material.
 
 A residual of first order is linear in v and grad v: P : grad v - f . v in a cell, -t . v on the
-boundary. Evaluating its integrand I(v, grad v) for single entries gives
+boundary. Evaluation of its integrand I(v, grad v) for unit entries yields
 
     f_i = -I(e_i, 0),    P_iJ = I(0, e_i x e_J),    t_i = -I(e_i, 0) on the boundary,
 
-and its derivative gives the moduli dP_iJ / dF_kL. With the test function q = 1 of another unknown,
+and its derivative yields the moduli dP_iJ / dF_kL. With the test function q = 1 of another unknown,
 e.g. a pressure, it is a constraint on the displacement, zero at all points.
 """
 
@@ -72,10 +72,10 @@ class Fluxes:
         self._mesh = mesh = space.V.mesh
         self.cell = ReferenceCell(compat.cell_name(mesh))
         self._num_cells = mesh.topology.index_map(2).size_local
-        # Distance from the axis of revolution below which it is rounding, -1 without one
+        # Distance from the axis of revolution below which it is rounding; -1 without an axis
         self._axis = ROUNDING * _extent(mesh) if space.is_axisymmetric else -1.0
-        # The form's own test function: with dolfinx 0.5 a new one may hash differently, since the
-        # first compilation changes the mesh's element.
+        # Test function of the form itself: with dolfinx 0.5 a new one may hash differently, since
+        # the first compilation changes the mesh's element.
         (test,), trial = residual.arguments(), ufl.TrialFunction(space.whole)
         displacement = u if not space.is_mixed else ufl.split(u)[space.part]
         size, first = _unknowns(space)
@@ -141,11 +141,11 @@ class Fluxes:
         if largest[0] > ROUNDING * largest[1]:
             raise MortarError(
                 "no error can be estimated with the gradient of another test function than that of "
-                "the displacement; expected constraints without it, as (div(u) - p / kappa) * q"
+                "the displacement; expected constraints without it, e.g. (div(u) - p / kappa) * q"
             )
 
     def moduli(self) -> tuple[Array, Array]:
-        """Derivatives by F at the midpoints of the owned cells (local).
+        """Derivatives with respect to F at the midpoints of the owned cells (local).
 
         Returns:
             dP_iJ / dF_kL, shape (cells, 2, 2, 2, 2) [stress], and derivatives of the constraints,
@@ -274,7 +274,7 @@ class _Entries:
 
 
 class _Given(MultiFunction):
-    """Replaces an argument and its gradient by given values."""
+    """Replacement of an argument and its gradient by given values."""
 
     expr = MultiFunction.reuse_if_untouched
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Inertia of the bodies: mass matrix, velocity and accelerations, and its forces in a time step.
+"""Inertia of the bodies: mass matrix, velocity, accelerations, and forces in a time step.
 
-In a step the acceleration at its end is linear in the displacement there, w = c (u - o). The bulk
-adds M w to its residual and c M to its tangent; ``scheme`` says what c and o are.
+The acceleration at the end of a time step is linear in the displacement at this time, w = c
+(u - o). M w is added to the residual of the bulk and c M to its tangent; c and o are those of the
+time scheme.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class Rates(Value):
         average: Auxiliary acceleration of the scheme, an average over a step [length / time^2].
         time: Time.
         begun: Whether the accelerations are known.
-        owed: Energy that contact pressures have taken, by errors of the steps, and that is not
+        owed: Energy extracted by contact pressures through errors of the time steps and not
             returned yet [stress length^2].
     """
 
@@ -62,7 +63,7 @@ class Inertia:
         velocity: Velocity, a function of the whole space; may be set.
         factor: c [1 / time^2].
         origin: o, array of all local dofs [length].
-        moving: Whether a time step is being solved; c and o belong to no step otherwise.
+        moving: Whether a time step is being solved; otherwise c and o are not those of a step.
 
     Raises:
         MortarError: On all ranks, if a mass is not positive, or the body is too thin.
@@ -115,15 +116,15 @@ class Inertia:
         self._rates = rates
         self.velocity.x.array[:] = rates.velocity
 
-    def take(self, rates: Rates, u: Array) -> None:
-        """Set rates, and c and o so that w at ``u`` is their acceleration (local)."""
+    def set_rates(self, rates: Rates, u: Array) -> None:
+        """Set the rates, and c and o such that w at ``u`` is their acceleration (local)."""
         self.rates = rates
         self.factor, self.origin = 1.0, u - rates.acceleration
 
     # Checkpoints
 
-    def kept(self) -> dict[str, Any]:
-        """All rates by the nodes of the mesh input, equal on all ranks."""
+    def saved_data(self) -> dict[str, Any]:
+        """All rates at the nodes of the mesh input, equal on all ranks."""
         rates, data = self.rates, dict[str, Any]()
         for part in fields(rates):
             value = getattr(rates, part.name)
@@ -132,8 +133,8 @@ class Inertia:
             data[part.name] = np.asarray(value)
         return data
 
-    def take_kept(self, data: Mapping[str, Any], u: Array) -> None:
-        """Go to the rates of ``kept`` with its ``nodes``, and the displacement ``u``."""
+    def restore_data(self, data: Mapping[str, Any], u: Array) -> None:
+        """Restore the rates of ``saved_data`` at its ``nodes``, for the displacement ``u``."""
         given = dict[str, Any]()
         for part in fields(Rates):
             value = data[part.name]
@@ -143,7 +144,7 @@ class Inertia:
                 given[part.name] = function.x.array.copy()
             else:
                 given[part.name] = value[()]
-        self.take(Rates(**given), u)
+        self.set_rates(Rates(**given), u)
 
     def _function(self, values: Array) -> fem.Function:
         """A function of the whole space."""
@@ -151,7 +152,7 @@ class Inertia:
         function.x.array[:] = values
         return function
 
-    # What the bulk adds
+    # Contributions to the equations
 
     def add_to_residual(self, r: PETSc.Vec, u: Array) -> None:
         """Add the inertia forces at the displacement ``u``, an array of all local dofs."""
@@ -177,7 +178,7 @@ class Inertia:
     # Products
 
     def times_mass(self, values: Array) -> Array:
-        """M times an array of all local dofs, at the owned dofs."""
+        """M times an array of all local dofs, shape (owned dofs,)."""
         self._input.array[:] = values[: self._space.num_owned]
         self.M.mult(self._input, self._output)
         return self._output.array_r.copy()
@@ -200,16 +201,16 @@ class Inertia:
         return self._space.V.mesh.comm.allreduce(np.array([*p.sum(axis=0), turn]))
 
     def acceleration_of(self, force: Array, prescribed: Flags) -> Array:
-        """Acceleration by forces that act on the bodies, zero at prescribed dofs.
+        """Acceleration due to forces on the bodies, zero at prescribed dofs.
 
-        Forces on nodes without mass act on the nodes that carry it.
+        Forces on nodes without mass are transferred to the nodes that carry their mass.
 
         Args:
-            force: Forces at the owned dofs, shape (num_owned,).
+            force: Forces at the owned dofs, shape (num_owned,) [stress length].
             prescribed: Marks of the local dofs with prescribed values.
 
         Returns:
-            The acceleration, an array of all local dofs.
+            The acceleration, an array of all local dofs [length / time^2].
         """
         if self._solver is None:
             self._solver = self._create_solver(prescribed)
@@ -230,9 +231,10 @@ class Inertia:
         return prescribed[: self._space.num_owned] | self._no_mass
 
     def _create_solver(self, prescribed: Flags) -> PETSc.KSP:
-        """Solver for accelerations that are zero where ``_fixed``, as the forces are.
+        """Solver for accelerations; accelerations and forces are zero where ``_fixed``.
 
-        Rows and columns are zero there: conjugate gradients do not leave the other dofs.
+        Rows and columns of these dofs are zero: conjugate gradients stay in the space of the other
+        dofs.
         """
         M, moves = self.M.copy(), self.M.createVecLeft()
         moves.array[:] = ~self._fixed(prescribed)

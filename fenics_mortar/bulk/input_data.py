@@ -39,10 +39,10 @@ class InputData:
         self._X = space.V.tabulate_dof_coordinates()[:, :2].copy()
 
     def check(self) -> None:
-        """Refuse values that are not finite or differ between ranks, and moved meshes (collective).
+        """Reject values that are not finite or differ between ranks, and moved meshes (collective).
 
         Raises:
-            MortarError: On all ranks; names the value and its position.
+            MortarError: On all ranks; the message has the value and its position.
         """
         self._check_mesh()
         values = self._u.x.array.copy()
@@ -86,9 +86,9 @@ class InputData:
         return found + [f.x.array.copy() for f in functions]
 
     def _check_mesh(self) -> None:
-        """Refuse a moved mesh: surfaces and tangent belong to the mesh at set-up (collective).
+        """Reject a moved mesh: surfaces and tangent belong to the mesh at set-up (collective).
 
-        A tied pair of a second problem on the mesh moves nodes by rounding, which is accepted.
+        Motions by rounding, as by a tied pair of a second problem on the mesh, are accepted.
         """
         far = self._comm.allreduce(float(np.abs(self._nodes).max(initial=0.0)), MPI.MAX)
         same = np.abs(self._mesh.geometry.x - self._nodes) <= ROUNDING * far
@@ -101,9 +101,9 @@ class InputData:
             )
 
     def count_nodes(self, dofs: Flags) -> tuple[int, str]:
-        """Number of nodes with any of the marked local dofs, and a place (collective).
+        """Number of nodes with any of the marked local dofs, and the position of one (collective).
 
-        Unknowns other than the displacement count as nodes in the middle of a cell.
+        Unknowns other than the displacement are counted as nodes at the midpoint of a cell.
 
         Args:
             dofs: Marks of all local dofs, ghosts included, shape (local dofs,), bool.

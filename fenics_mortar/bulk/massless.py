@@ -1,21 +1,23 @@
 # SPDX-License-Identifier: MIT
-"""A mass matrix that gives no mass to some nodes, without a change of the rigid body's inertia.
+"""A mass matrix without mass at some nodes, and with unchanged rigid-body inertia.
 
 The kinetic energy of the nodes S is taken from the velocity of their nearest neighbours inside the
 body: v_S = W v_I with weights W of sum one. With P = (I, W) the matrix P^T M P has zero rows and
-columns at S and keeps the total mass; masses move by a cell. A quadratic polynomial s of the
-position, one for each body, restores centre of mass and moments of inertia:
+columns at S and the same total mass; masses are shifted by about a cell. A quadratic polynomial s
+of the position, one for each body, restores centre of mass and moments of inertia:
 
     M_r = S P^T M P S,    S = diag(s(X_i)),    s = 1 + O(h^2).
 
 (Khenous, Laborde & Renard 2008 obtain such a matrix by optimization.) If a body has so few cells
-across that s is not positive, W are the smallest weights that extrapolate affine fields. They keep
-all moments without S, but the pressure behind a wave rings with the frequency of a cell.
+across that s is not positive, W are the smallest weights that extrapolate affine fields. They
+preserve all moments without s, but the pressure behind a wave then oscillates with the frequency of
+a cell.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import combinations_with_replacement
 from typing import Any
 
 from mpi4py import MPI
@@ -31,8 +33,8 @@ from fenics_mortar.utils.errors import MortarError, place
 from fenics_mortar.utils.rounding import EPSILON, MAX_STEPS, ROUNDING, SAME_PLACE
 
 # Pairs of the fields 1, x and y whose products are the moments of a body.
-MOMENTS = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
-# Weights of points at offsets; None if there are too few points.
+MOMENTS = list(combinations_with_replacement(range(3), 2))
+# Function from offsets of points to their weights; None if there are too few points.
 Weigh = Callable[[Array], Array | None]
 
 
@@ -60,7 +62,7 @@ def redistributed(space: DisplacementSpace, M: PETSc.Mat, nodes: Indices) -> tup
 
 
 def _scales(space: DisplacementSpace, M: PETSc.Mat, moved: PETSc.Mat) -> Array | None:
-    """Factors of the owned dofs that give moved masses the moments of M; ``None`` if none do."""
+    """Factors of owned dofs that restore the moments of M; ``None`` if there are none."""
     comm, dofs = space.V.mesh.comm, space.owned_dofs
     labels, count = label_bodies(space.V)
     labels, X = labels[: len(dofs)], space.V.tabulate_dof_coordinates()[: len(dofs), :2]
@@ -155,7 +157,7 @@ def _stencils(V: Any, nodes: Indices, weigh: Weigh) -> dict[int, tuple[Indices, 
         if weights is None:
             raise MortarError(
                 f"the body at {place(where[node])} has fewer than two layers of nodes behind the "
-                "slave surface, which cannot take over its mass: refine the body, take the other "
+                "slave surface, which could carry its mass: refine the body, take the other "
                 "side as the slave, or use scheme='generalized_alpha'"
             )
         found[node] = numbers, weights
@@ -163,7 +165,7 @@ def _stencils(V: Any, nodes: Indices, weigh: Weigh) -> dict[int, tuple[Indices, 
 
 
 def _nearest(offsets: Array) -> Array | None:
-    """Weights of points at ``offsets`` (n, 2) for a value at the origin: the nearest one counts."""
+    """Weights of points at ``offsets`` (n, 2) for a value at the origin: 1 for the nearest one."""
     square = (offsets**2).sum(axis=1)
     weights = (square.min(initial=np.inf) / square) ** 2
     return weights / weights.sum() if weights.size else None
@@ -172,7 +174,7 @@ def _nearest(offsets: Array) -> Array | None:
 def _extrapolating(offsets: Array) -> Array | None:
     """Smallest weights of points at ``offsets`` (n, 2) that extrapolate affine fields to zero.
 
-    A point at distance r counts with r^2: near ones have the larger weights.
+    Squared weights are multiplied by r^2 in the norm, so that near points have larger weights.
     """
     square = (offsets**2).sum(axis=1)
     size = np.sqrt(square.max(initial=0.0)) or 1.0
@@ -184,7 +186,7 @@ def _extrapolating(offsets: Array) -> Array | None:
 
 
 def _cells_at(V: Any, nodes: Indices) -> tuple[Indices, Array]:
-    """Nodes (n, k) of all cells that have one of ``nodes``, and their places (n, k, 2)."""
+    """Nodes (n, k) of all cells at ``nodes``, and their positions (n, k, 2) [length]."""
     comm, mesh = V.mesh.comm, V.mesh
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
     local = compat.dofmap(V)[:owned]
@@ -198,7 +200,7 @@ def _cells_at(V: Any, nodes: Indices) -> tuple[Indices, Array]:
 
 
 def _neighbours(cells: Indices) -> dict[int, set[int]]:
-    """Nodes that share one of the cells with a node, itself included."""
+    """Nodes that share a cell with each node, the node itself included."""
     ring: dict[int, set[int]] = {}
     for cell in cells.tolist():
         for node in cell:

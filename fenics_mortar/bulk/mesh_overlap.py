@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: MIT
-"""Refuse meshes that cover a place twice, when a problem is set up.
+"""Check at the set-up of a problem that the mesh covers no point of the plane twice.
 
-A mesh of straight cells covers each place once if
+A mesh of straight cells covers each point at most once if
 
 - the two cells of each inner facet lie on opposite sides of it, and no cell is twisted: otherwise
-  the mesh is folded there;
-- the outline of a body does not cross itself: otherwise the body overlaps itself without a fold, as
-  a strip wound by more than one turn;
-- no two facets of the outlines coincide with their bodies on the same side, and no body lies
-  completely inside another one: otherwise two bodies fill the same place, as an inclusion without
-  a hole cut for it.
+the mesh is folded at the facet; - the outline of a body does not cross itself: otherwise the body
+overlaps itself without a fold, for example a strip wound by more than one turn; - no two facets of
+the outlines coincide with their bodies on the same side, and no body lies
+  completely inside another one: otherwise two bodies occupy the same area, for example an inclusion
+  and a matrix without a hole.
 
-Bodies that overlap partly are accepted as interference, and so are surfaces of one body that are
-paired with each other.
+Partly overlapping bodies are accepted as interference, and so are paired surfaces of one body.
 """
 
 from __future__ import annotations
@@ -50,18 +48,18 @@ class _Outline(NamedTuple):
 
 
 def check_mesh_overlap(V: Any, contacts: Sequence[Interface]) -> None:
-    """Refuse a mesh that covers a place twice (collective; facets are compared to 1e-6).
+    """Reject a mesh that covers a point twice (collective; facets are compared to 1e-6).
 
     Args:
         V: Space of the displacement.
         contacts: The pairs, whose surfaces may overlap.
 
     Raises:
-        MeshError: On all ranks; gives a position.
+        MeshError: On all ranks; the message has a position.
     """
     mesh = V.mesh
     mesh.topology.create_connectivity(1, 2)
-    count = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(mesh)]
+    count = compat.num_corners(mesh)
     cells = compat.geometry_dofmap(mesh)[:, :count].astype(np.int64)
     x = mesh.geometry.x[:, :2]
     sides = _sides(mesh, x, cells, mesh.topology.index_map(2).size_local)
@@ -81,7 +79,7 @@ def _refuse(mesh: Any, what: str, places: Array) -> None:
 
 
 def _twisted(x: Array, cells: Indices) -> Array:
-    """Midpoints of the cells whose corners do not all turn the same way, (n, 2) (local)."""
+    """Midpoints of the cells whose corners turn in different directions, (n, 2) (local)."""
     corners = x[cells[:, OUTLINE[cells.shape[1]]]]
     after = np.roll(corners, -1, axis=1) - corners
     before = np.roll(after, 1, axis=1)
@@ -107,7 +105,7 @@ class _Sides(NamedTuple):
 
 
 def _sides(mesh: Any, x: Array, cells: Indices, owned: int) -> _Sides:
-    """Find the side of each facet on which its cell lies, of the first ``owned`` cells (local)."""
+    """Side of each facet on which its cell lies, for the first ``owned`` cells (local)."""
     tdim = mesh.topology.dim
     mesh.topology.create_connectivity(tdim, tdim - 1)
     table = mesh.topology.connectivity(tdim, tdim - 1)
@@ -128,7 +126,7 @@ def _sides(mesh: Any, x: Array, cells: Indices, owned: int) -> _Sides:
 def _folded(mesh: Any, sides: _Sides) -> Array:
     """Midpoints of the owned facets whose two cells lie on the same side, (n, 2) (collective).
 
-    Without ghost cells, a rank has one cell only of a facet between two ranks; such facets are
+    Without ghost cells, a rank has only one cell of a facet between two ranks; such facets are
     gathered.
     """
     index_map = mesh.topology.index_map(1)
@@ -168,7 +166,7 @@ def _outline(V: Any, x: Array, cells: Indices, sides: _Sides) -> _Outline:
 
 
 def _check_outline(outline: _Outline, contacts: Sequence[Interface]) -> None:
-    """Refuse outlines that cross themselves, coincide or enclose each other (local)."""
+    """Reject outlines that cross themselves, coincide or enclose each other (local)."""
     start, end, _, body = outline
     pairs = near_pairs(start, end)
     middles, along = 0.5 * (start + end), end - start
@@ -179,7 +177,7 @@ def _check_outline(outline: _Outline, contacts: Sequence[Interface]) -> None:
     if (near & same).any():
         where = middles[i[np.argmax(near & same)]]
         raise MeshError(
-            f"the mesh fills a place twice: two facets of outlines coincide at "
+            f"the mesh covers an area twice: two facets of outlines coincide at "
             f"{place(where)}, with their bodies on the same side; remove the copy"
         )
     paired = _on_surfaces(outline, contacts)
@@ -200,7 +198,7 @@ def _check_outline(outline: _Outline, contacts: Sequence[Interface]) -> None:
 
 
 def _following(outline: _Outline) -> Indices:
-    """The facet of the same body that follows each facet, else the facet itself, (n,) (local)."""
+    """Next facet of the same body along the outline, or the facet itself, (n,) (local)."""
     keys = [
         [(*x, body) for x, body in zip(ends.tolist(), outline.body.tolist(), strict=True)]
         for ends in (outline.start, outline.end)
@@ -212,8 +210,8 @@ def _following(outline: _Outline) -> Indices:
 def _cross_at_nodes(outline: _Outline, after: Indices, pairs: Indices) -> npt.NDArray[np.bool_]:
     """Whether the outline crosses itself at a node of one of two touching facets, (k,) (local).
 
-    If so, the line through the facet and the previous or the next one crosses the other facet, or
-    the line through that one and its neighbour.
+    In this case the line through the facet and the previous or next one crosses the other facet, or
+    the line through the other facet and its neighbour.
     """
     start, end = outline.start, outline.end
     before = np.arange(len(after))
@@ -246,7 +244,7 @@ def _on_surfaces(outline: _Outline, contacts: Sequence[Interface]) -> npt.NDArra
 
 
 def _check_nested(outline: _Outline) -> None:
-    """Refuse a body inside another one that has no hole for it (local)."""
+    """Reject a body inside another one that has no hole for it (local)."""
     start, end, inside, body = outline
     bodies = np.unique(body)
     boxes = {b: (start[body == b].min(axis=0), start[body == b].max(axis=0)) for b in bodies}

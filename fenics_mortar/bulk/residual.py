@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The bodies without contact: residual and tangent from UFL, and prescribed displacements."""
+"""Bodies without contact: residual and tangent from UFL, and prescribed displacements."""
 
 from __future__ import annotations
 
@@ -26,12 +26,13 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
 
-# Fraction of its present area that a Newton step leaves each cell at each node. It keeps iterates
-# away from inverted cells and does not affect converging iterations.
+# Smallest ratio of the area of each cell at each node after a Newton step to that before it [1].
+# The limit prevents inverted cells and does not affect converging iterations.
 MIN_AREA_RATIO = 0.2
-# Fraction of a step below which it is not halved any more: ten halvings.
+# Fraction of a step below which it is not halved further [1]: ten halvings.
 MIN_FRACTION = 1e-3
-# Extensions of the pattern of K before it is created anew: sliding contact leaves explicit zeros.
+# Extensions of the pattern of K before it is created again: sliding contact leaves explicit zeros
+# in it.
 MAX_GROWTHS = 4
 
 
@@ -50,11 +51,12 @@ class Bulk:
         residual: The form.
         data: Constants and functions of residual and tangent without the displacement.
         cells: The cells of this rank.
-        units: Amount of each unknown owned here that counts like a displacement of one, shape
+        units: Amount of each owned unknown that is equivalent to a displacement of one, shape
             (num_owned,); see ``units``.
         to_force: Factor that turns the residual of each equation into a force, shape (num_owned,).
         stiffness: Force of a displacement of one, once ``set_units`` has been called [stress].
-        input_data: What the user changes between solves: prescribed values, constants, functions.
+        input_data: Values that the user may change between solves: prescribed values, constants,
+            functions.
         K: Tangent without boundary conditions, shape (N, N) [stress].
         r: Residual without contact forces and boundary conditions, shape (N,) [stress length].
         num_patterns: Number of matrices created for ``K`` so far.
@@ -88,9 +90,9 @@ class Bulk:
         self.data = [value for value in dict.fromkeys(data) if value is not u]
         self.input_data = InputData(u, self.bcs, (residual, jacobian), space)
         self._data: list[Array] = []
-        self._K_is_whole = False  # neither outdated nor with anything else in it
+        self._K_is_whole = False  # true if K is up to date and without added terms
         self.inertia: Any = None  # an Inertia
-        self._K_has_room = False  # for the mass matrix
+        self._K_has_room = False  # true if the pattern includes that of the mass matrix
         self.K: PETSc.Mat = compat.create_matrix(self._tangent)
         self.num_patterns, self._num_growths = 1, 0
         self.r: PETSc.Vec = compat.create_vector(space.whole)
@@ -105,7 +107,7 @@ class Bulk:
         return np.flatnonzero(self.prescribed[: self.num_owned]).astype(np.int32)
 
     def tangent_data(self) -> list[Array]:
-        """Copies of all that the tangent depends on, except ``u`` (local).
+        """Copies of all values on which the tangent depends, except ``u`` (local).
 
         Each has the shape of the constant, or (local dofs,) of the function; last, the inertia's.
         """
@@ -142,7 +144,7 @@ class Bulk:
         """Create ``K`` anew with the pattern of the form, not assembled (collective)."""
         self._K_is_whole = False
         self.free_garbage()
-        old, self.K = self.K, compat.create_matrix(self._tangent)  # never without a matrix
+        old, self.K = self.K, compat.create_matrix(self._tangent)  # the old one until then
         old.destroy()
         self.num_patterns, self._num_growths = self.num_patterns + 1, 0
         self._K_has_room = False
@@ -158,12 +160,12 @@ class Bulk:
     def grow_tangent(self, room: PETSc.Mat) -> None:
         """Extend the pattern of ``K`` by that of a matrix of zeros (collective).
 
-        The pattern is kept for ``MAX_GROWTHS`` extensions.
+        After ``MAX_GROWTHS`` extensions a new pattern is created.
         """
         self._num_growths += 1
         self.K.axpy(1.0, room, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
 
-    def take_tangent(self) -> PETSc.Mat:
+    def tangent_to_change(self) -> PETSc.Mat:
         """Return ``K`` for additions in place; it is assembled anew before the next use (local)."""
         self._K_is_whole = False
         return self.K
@@ -183,15 +185,15 @@ class Bulk:
         return values[self.prescribed_dofs] - u[self.prescribed_dofs]
 
     def move(self, step: Array, fraction: float = 1.0) -> float:
-        """Add as large a fraction of a displacement increment as the cells allow (collective).
+        """Add the largest fraction of a displacement increment that no cell limits (collective).
 
         Args:
             step: The increment, shape (num_owned,) [length].
             fraction: Largest fraction to add [1].
 
         Returns:
-            The fraction that was added [1]: the largest of ``fraction``, ``fraction`` / 2, ... that
-            leaves every cell at every node ``MIN_AREA_RATIO`` of its present area.
+            The added fraction [1]: the largest of ``fraction``, ``fraction`` / 2, ... for which
+            every cell keeps at least ``MIN_AREA_RATIO`` of its present area at every node.
         """
         u = self.u.x.array
         start, smallest = u.copy(), MIN_FRACTION * fraction
@@ -234,23 +236,23 @@ class Bulk:
         return self.comm.allreduce(float(mine.max(initial=0.0)), MPI.MAX)
 
     def by_input_node(self) -> tuple[Indices, Array]:
-        """Names (n, k) and values (n, 2) of all nodes, see ``numbering`` (collective)."""
+        """Identifiers (n, k) and values (n, 2) of all nodes, see ``numbering`` (collective)."""
         return numbering.by_input_node(self.space, self.u)
 
     def set_by_input_node(self, nodes: Indices, values: Array) -> None:
         """Set the displacement from the result of ``by_input_node`` (collective).
 
         Args:
-            nodes: Names of all nodes, shape (n, k).
+            nodes: Identifiers of all nodes, shape (n, k).
             values: Values there, shape (n, 2) [length].
 
         Raises:
-            MortarError: On all ranks, if the nodes are those of another mesh or degree.
+            MortarError: On all ranks, if the nodes belong to another mesh or degree.
         """
         numbering.set_by_input_node(self.space, self.u, nodes, values)
 
     def inverted_cells(self) -> tuple[int, str]:
-        """Number of inverted cells, and the reference place of one (collective)."""
+        """Number of inverted cells, and the reference position of one (collective)."""
         return self.cells.inverted(self.positions())
 
 

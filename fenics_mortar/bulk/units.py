@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Scales of the unknowns and equations of mixed functions, from the bulk tangent.
 
-One unit of an unknown beside the displacement causes forces of the size of the stiffness, or
+One unit of an unknown other than the displacement causes forces of the size of the stiffness, or
 residuals that are equivalent to such a force in the other equations; the residual of an equation is
 scaled such that one unit of an unknown causes such a force. Results do not depend on the units of
 measurement.
@@ -26,8 +26,8 @@ def find_units(K: PETSc.Mat, space: DisplacementSpace, stiffness: float) -> tupl
         stiffness: Force of a displacement of one [stress].
 
     Returns:
-        Amount of each unknown that counts like a displacement of one, and factor that turns the
-        residual of each equation into a force, each (owned dofs,); one for displacements.
+        Amount of each unknown that is equivalent to a displacement of one, and factor that turns
+        the residual of each equation into a force, each (owned dofs,); one for displacements.
     """
     units, to_force = np.zeros((2, space.num_owned))
     units[space.owned_dofs] = to_force[space.owned_dofs] = 1.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The velocity of a displacement in UFL forms, for viscous materials and damping."""
+"""Velocity of a displacement in UFL forms, for viscous materials and damping."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from fenics_mortar.utils.arrays import Array
 
 
 class Origin(fem.Function):
-    """Where a ``Velocity`` is zero, a type of its own to be found in a residual."""
+    """Displacement at which a ``Velocity`` is zero; its type identifies it in a residual."""
 
 
 class Velocity:
     """Velocity at the end of a time step, linear in the displacement u there.
 
     Its ``expression`` may be used in a residual like u, for instance Rayleigh's damping
-    ``alpha * rho * inner(v, w) * dx + beta * inner(stress(v), grad(w)) * dx``. The tangent has its
-    derivative. It is zero until ``Dynamics(..., velocity=...)`` takes it over.
+    ``alpha * rho * inner(v, w) * dx + beta * inner(stress(v), grad(w)) * dx``. Its derivative is
+    part of the tangent. The velocity is zero until ``Dynamics(..., velocity=...)`` sets it.
 
     Args:
         u: Displacement, alone or in a mixed function.

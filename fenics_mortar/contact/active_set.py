@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The active set and the branches of the contact law, from the complementarity function."""
+"""Active set and branches of the contact law, from the complementarity function."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from fenics_mortar.utils.rounding import LAST_DIGITS
 def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, Flags]:
     """Active set and branches by the complementarity function (local).
 
-    Nodes in ``state.borne`` get the multipliers of their forces, open nodes those of the law.
+    Nodes in ``state.force_decided`` take the multipliers of their forces, open nodes those of the
+    law.
 
     Args:
         f: Fields of the present state.
@@ -24,23 +25,25 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, Flags]:
             active, and multipliers that are nan after a failed solve become zero.
 
     Returns:
-        Fields of the new state, and the nodes that changed, shape (slave nodes,), bool.
+        Fields of the new state, and marks of the changed nodes, shape (slave nodes,), bool.
     """
     before, state, o = f.state, f.state, f.operators
     z = np.where(np.isfinite(state.z), state.z, 0.0) if start else state.z
-    if state.borne is not None:
-        presses, force = state.borne
+    if state.force_decided is not None:
+        presses, force = state.force_decided
         presses = presses & f.covered
         z = np.where(presses[:, None], force / np.where(presses, o.weight, 1.0)[:, None], z)
     if z is not state.z:
-        f = f.after(replace(state, z=z, borne=None))
+        f = f.after(replace(state, z=z, force_decided=None))
     active = _active(f, start=start)
     open_z = -f.adhesion[0][:, None] * o.n
     if f.sides.pair.law.bridges_gap:
         open_z += np.where(f.attracted, np.einsum("ja,ja->j", o.tau, z), 0.0)[:, None] * o.tau
     z = np.where(active[:, None], z, open_z)
     changed = active != before.active
-    state = replace(f.state, active=active if changed.any() else before.active, z=z, borne=None)
+    state = replace(
+        f.state, active=active if changed.any() else before.active, z=z, force_decided=None
+    )
     f = f.after(state)
     branch = f.sides.law_calls.branch(f.sides.pair.law, f.nodal, state.branch, o.x)
     branched = branch != state.branch
@@ -53,8 +56,8 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, Flags]:
 def _active(f: ContactFields, *, start: bool) -> Flags:
     """Nodes with z_n + a - c_n g > 0 (local).
 
-    Unchanged where both are rounding, the pressure compared with the stiffness and the gap with the
-    largest coordinate. With ``start`` nodes of unknown pressure and no gap are active, too.
+    Unchanged if both are rounding: the pressure relative to the stiffness, the gap relative to the
+    largest coordinate. With ``start``, touching nodes of unknown pressure are active, too.
     """
     stiffness, on = f.sides.modulus, f.covered
     gap = np.where(on, f.closing_gap, 0.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Bind all pairs to the space of the displacement; remove gaps of ties from the mesh."""
+"""Binding of all pairs to the space of the displacement; removal of tied gaps from the mesh."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ def bind(
         ]
 
     bound = all_bound()
-    give_way(list(ties.values()), bound)
+    drop_shared_multipliers(list(ties.values()), bound)
     return all_bound() if close_gaps(list(ties.values()), space) else bound
 
 
-def give_way(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
+def drop_shared_multipliers(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
     """Remove the multipliers of tied nodes that belong to other pairs (collective)."""
     used = [c.nodes for c in bound]
     for tie in ties:
@@ -60,14 +60,14 @@ def give_way(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
 def close_gaps(ties: Sequence[Tie], space: DisplacementSpace) -> bool:
     """Move slave nodes of ties with gap="removed" onto their masters (collective).
 
-    D and M stay those of the initial positions; the new positions satisfy their constraints. Sweeps
-    are needed because a master may be the slave of another tie.
+    D and M remain those of the initial positions; the new positions satisfy their constraints.
+    Several sweeps are needed, since a master may be the slave of another tie.
 
     Returns:
         Whether a node was moved.
 
     Raises:
-        SurfaceError: If the mesh cannot follow.
+        SurfaceError: If the mesh cannot represent the new positions.
     """
     closing = [tie for tie in ties if tie.pair.gap == "removed"]
     for sweep in range(len(closing) + 2):
@@ -75,8 +75,8 @@ def close_gaps(ties: Sequence[Tie], space: DisplacementSpace) -> bool:
         if not open_ties:
             return sweep > 0
         for tie in ties:
-            tie.look_at(space)
+            tie.update_reference(space)
     raise SurfaceError(
-        f"the gap of {open_ties[0].pair} cannot be removed: a displacement of degree 2 on straight "
-        "cells does not follow a curved interface; use a mesh of second order, or gap='kept'"
+        f"the gap of {open_ties[0].pair} cannot be removed: straight cells with a displacement of "
+        f"degree 2 cannot represent a curved interface; use a mesh of second order, or gap='kept'"
     )

@@ -6,19 +6,20 @@ The complementarity function of slave node j is (Popp, Gee & Wall 2009; Foltyn &
     C_j = z_n - max(0, z_n - c_j g_j / w_j),    z_n = n_j . z_j,
 
 with g_j the weighted gap and w_j = int Phi_j, the row sum of D and D_jj of most dual functions; the
-node is active where z_n - c_j g_j / w_j > 0. Its two rows in the linear system, for the increment
-dd of the displacement and the new multiplier z, read
+node is active where z_n - c_j g_j / w_j > 0. For the increment dd of the displacement and the new
+multiplier z, its two rows in the linear system are
 
     active:     G_j dd = -g_j,     d(tau_j) . z_j^k + tau_j . z_j = 0
     inactive:   z_j = 0.
 
-The second row of an active node is that of frictionless contact; in general it is rho_j = 0 with
-rho of the contact law, see ``laws``, the slip in it from ``slip``, and the derivatives of all that
-rho depends on. With adhesion a(g) the complementarity function has z_n + a in place of z_n, and the
-normal row of an inactive node that its partner attracts is z_n + a(g_j / w_j) = 0.
+The second row of an active node is that of frictionless contact; in general it is the linearized
+rho_j = 0 of the contact law, see ``laws``, with the slip of ``slip``. With adhesion a(g), z_n + a
+replaces z_n in the complementarity function, and the normal row of an inactive node under adhesion
+is z_n + a(g_j / w_j) = 0.
 
-c_j = c k_j / l_j with k_j the mean diagonal entry of the bulk tangent at the node (about Young's
-modulus), l_j its length and c a plain number: nothing depends on units.
+c_j = c k_j / l_j with k_j the mean diagonal entry of the bulk tangent at the node
+(about Young's modulus), l_j its length and c a number without unit: results do not depend on the
+system of units.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.instant import first_instant
 from fenics_mortar.contact.integration import Integration
 from fenics_mortar.contact.interface import NO_PAIRS, NO_WELDS, Interface, read_only, settable
-from fenics_mortar.contact.law_calls import LawCalls, raise_noted
+from fenics_mortar.contact.law_calls import LawCalls, raise_stored
 from fenics_mortar.contact.law_fields import LawFields
 from fenics_mortar.contact.laws import Frictionless, Nodal
 from fenics_mortar.contact.multiplier_nodes import (
@@ -46,7 +47,7 @@ from fenics_mortar.contact.rows import ContactRows
 from fenics_mortar.contact.sides import points_of
 from fenics_mortar.contact.slip import Measure, find_partners
 from fenics_mortar.interface.integrals import evaluate_normals
-from fenics_mortar.interface.mortar import Linearization, MortarOperators
+from fenics_mortar.interface.mortar import Linearization, MortarOperators, minus_offset
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
@@ -63,12 +64,12 @@ class Contact(Interface):
     Replicated: all attributes except the blocks in ``operators`` are equal on all ranks.
 
     Attributes:
-        integration: Evaluates the operators.
+        integration: Evaluation of the operators.
         arm: Length by which angles of the obstacle are multiplied [length].
         master_free: 1 where a component of a master node is not prescribed, else 0, (nodes, 2).
-        law_calls: Calls the law of the pair.
+        law_calls: Calls of the pair's law, with checks of the results.
         parameters: Parameters of the law that vary in space, by name, (slave nodes,) each.
-        follows_law: Whether the contact law applies to a node: not if a component is prescribed,
+        follows_law: Whether the contact law applies to a node: false if a component is prescribed,
             shape (slave nodes,), bool.
         plane_normals: Normals of slave nodes on symmetry planes, nan elsewhere, (slave nodes, 2).
         master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, 2).
@@ -124,14 +125,14 @@ class Contact(Interface):
         )
         self._parameters = Parameters(space, self.slave)
         self.law_calls = LawCalls(pair.slave_name)
-        self.take_law()
+        self.adopt_law()
         none, X, memory = np.zeros(self.slave.num_nodes), self.slave.X, self.state.committed.memory
         start = Nodal(none, none, none, none, none + 1.0, none, X, X, 0.0, 1.0, memory)
         start = replace(start, fields=self.parameters)
         at_rest = np.zeros(none.size, np.int64)
         branch = self.law_calls.branch(pair.law, start, at_rest, self.slave.X)
         self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
-        raise_noted(self.slave.comm, [self])
+        raise_stored(self.slave.comm, [self])
 
     def limit_sight(self, outline: Outline) -> Outline:
         """See ``Interface``; the outline limits the distance of partners behind the slave."""
@@ -145,44 +146,45 @@ class Contact(Interface):
             self.change(reference=reference)
         offset = self._state.offset
         if offset.any():
-            operators = operators.less_offset(offset)
-        self.show(operators)  # also if they are kept ones: the law may have changed
+            operators = minus_offset(operators, offset)
+        self.set_operators(operators)  # also if they are cached: the law may have changed
         if self.pair.discretization.slip == "operators":
-            _ = self.operators.vectors  # by all ranks
+            _ = self.operators.vectors  # collective: evaluated on all ranks
 
     @property
     def slip_measure(self) -> Measure:
-        """The pair's measure of slip; "partners" on obstacles and with small sliding."""
+        """The pair's measure of slip; always "partners" on obstacles and with small sliding."""
         one = self.obstacle is not None or self.pair.sliding == "small"
         return "partners" if one else self.pair.discretization.slip
 
-    def refer_to(self, place: Array, multiplier_nodes: Flags) -> None:
+    def restore_reference(self, place: Array, multiplier_nodes: Flags) -> None:
         """Evaluate the operators of the undeformed mesh of an earlier state (collective).
 
         Args:
-            place: ``integration.place_of`` its reference, shape (3,); nan if it had none.
+            place: ``integration.place_of`` the state's reference, shape (3,); nan without
+                reference.
             multiplier_nodes: Multiplier nodes of that state, shape (slave nodes,), bool.
         """
-        reference = self.integration.refer_as_at(place, multiplier_nodes)
+        reference = self.integration.reference_at(place, multiplier_nodes)
         self.change(reference=reference, multiplier_nodes=multiplier_nodes)
 
     @property
-    def as_faced(self) -> MortarOperators:
-        """Operators at the positions that define the partners; undeformed with small sliding."""
+    def partner_operators(self) -> MortarOperators:
+        """Operators at the positions that define the partners; undeformed if sliding is small."""
         if self.pair.sliding == "small" and self._state.reference is not None:
             return self._state.reference.operators
         return self.operators
 
     def intersections(self) -> Segments:
         """Intersections of this rank's slave facets with the master, for any integration."""
-        return self.integration.intersections(self.as_faced)
+        return self.integration.intersections(self.partner_operators)
 
     def set_arm(self, arm: float) -> None:
         """Set the length by which angles of the obstacle are multiplied [length]."""
         self.arm = self.integration.arm = arm
 
     def adopt(self, other: Contact) -> None:
-        """Take over offset, c_n and frozen operators of this pair in another model."""
+        """Copy offset, c_n and frozen operators from this pair in another model (local)."""
         self.change(
             offset=other.offset,
             c_n=other.c_n,
@@ -193,18 +195,18 @@ class Contact(Interface):
     def begin(self) -> None:
         """Reset the counts of multiplier changes and the forces of the last solve."""
         self._multiplier_nodes.begin()
-        if self.state.borne is not None:
-            self.change(borne=None)
+        if self.state.force_decided is not None:
+            self.change(force_decided=None)
 
     def move(self, z: Array, fraction: float, step: Array) -> None:
         """See ``Interface``; also marks nodes with tensile multiplier and compressive force.
 
-        Collective. The linear system contains the force w z of a node to first order,
-        w_old z + dw z_old. If the weight more than doubles, as at a sliding edge, dw z_old may
-        exceed the force, and z becomes tensile. The active set of such a node is decided by its
-        force; by z it would be open for an iteration or two.
+        Collective. The linear system contains the force w z of a node to first order, w_old z + dw
+        z_old. If the weight more than doubles, as at a sliding edge, dw z_old may exceed the force,
+        and z becomes tensile. The active set of such a node is therefore decided by its force; if
+        decided by z, the node would be open for one or two iterations.
         """
-        old, o, adhesion, borne = self.z, self.operators, self.now.adhesion[0], None
+        old, o, adhesion, force_decided = self.z, self.operators, self.now.adhesion[0], None
         z = old + fraction * (z - old) if fraction < 1.0 else z
         pulls = self.active & (np.einsum("ja,ja->j", o.n, z) + adhesion < 0.0)
         if pulls.any():
@@ -213,8 +215,8 @@ class Contact(Interface):
             pulls &= change > o.weight
             force = o.weight[:, None] * z + change[:, None] * old
             min_force = -o.weight * adhesion
-            borne = (pulls & (np.einsum("ja,ja->j", o.n, force) > min_force), force)
-        self.change(z=z, borne=borne)
+            force_decided = (pulls & (np.einsum("ja,ja->j", o.n, force) > min_force), force)
+        self.change(z=z, force_decided=force_decided)
 
     def accept(self, slid: Flags | None = None) -> None:
         """Find the partners at the last evaluated state (collective).
@@ -245,26 +247,26 @@ class Contact(Interface):
         self.change(accepted=accepted)
 
     def start_step(self) -> None:
-        """Count slip and memory from the accepted state."""
+        """Count slip and memory from the accepted state (local)."""
         self.change(partners=self.accepted, past=self._state.committed)
 
-    def take_law(self) -> None:
-        """Take over the present law of the pair (collective).
+    def adopt_law(self) -> None:
+        """Adopt the present law of the pair (collective).
 
-        Evaluates its parameters that vary in space; a law with other memory than the last one
-        starts with its initial memory.
+        Parameters that vary in space are evaluated. If the names in memory differ from those of the
+        last law, memory starts from its initial values.
         """
         law, instant = self.pair.law, self._state.committed
         self.parameters = self._parameters.sample(law) if law.fields else {}
-        self._kind = LawFields if law.sees_nodes else ContactFields
+        self._kind = LawFields if law.needs_nodal_state else ContactFields
         if instant is None or instant.begins(law):
             instant = first_instant(law, self.slave, 0.0 if instant is None else instant.time)
             self.change(committed=instant, past=instant)
 
-    def faced(self) -> tuple[Indices, Indices]:
+    def coupled_by_slip(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""
         law = self.pair.law
-        if type(law) is Frictionless or not (law.has_friction or law.sees_nodes):
+        if type(law) is Frictionless or not (law.has_friction or law.needs_nodal_state):
             return NO_PAIRS
         return self.partners.pairs()
 
@@ -285,14 +287,14 @@ class Contact(Interface):
 
     @property
     def undecided(self) -> Indices:
-        """Nodes whose cover is at the limit; see ``MultiplierNodes.undecided``."""
+        """Nodes whose cover is at the limit, (k,); see ``MultiplierNodes.undecided``."""
         if self.options.integration == "nodes":
             return np.empty(0, np.int64)
         cover = _covered_fraction(self.operators)
         return self._multiplier_nodes.undecided(cover, self.active)
 
     def set_initial_gap(self) -> None:
-        """Set the offset that gives nodes near the other surface the pair's ``initial_gap``."""
+        """Set the offset such that nodes near the other surface have the pair's ``initial_gap``."""
         if self.pair.initial_gap is not None:
             reach = HALF_FACET * self.slave.nodal_lengths
             near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= reach
@@ -310,7 +312,7 @@ class Contact(Interface):
 
 
 def _covered_fraction(o: MortarOperators) -> Array:
-    """Cover of slave nodes over that of a whole cover, shape (slave nodes,) [1] (local)."""
+    """Cover of slave nodes over that of fully covered facets, (slave nodes,) [1] (local)."""
     slave = o.slave
     if slave.thickness is None:
         return o.cover / slave.full_cover

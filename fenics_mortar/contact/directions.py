@@ -58,7 +58,7 @@ def slip_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
 def opening_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
     """Opening along n, against which the pressure does work (local); see ``change_along``.
 
-    The gap changes at another rate where n is not normal to both sides, as at corners.
+    This differs from the rate of the gap where n is not normal to both sides, as at corners.
     """
     partners = f.state.partners
     relative = partners.D @ on_slave - partners.M @ on_master

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Discretization of a pair: choices for research and for comparison with other codes.
 
-The default is the most accurate choice. The others reproduce other codes, or serve to measure the
-effect of a choice. ``PRESETS`` has names for sets of conventions.
+The default is the most accurate choice. Others reproduce other codes, or serve to measure the
+effect of a choice. ``PRESETS`` names sets of conventions.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fenics_mortar.interface.options import Basis, GapWeights, MortarOptions, We
 from fenics_mortar.interface.segments import Integration
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 
-# Options of a tied pair: a tie has no active set and no slip, and a gap vector without normals.
+# Options of a tied pair: it has no active set, no slip, and no normals in its gap vector.
 OF_TIES = ("basis", "points", "max_angle")
 
 
@@ -43,7 +43,7 @@ class Discretization:
         normals: Weights of the facet normals at a slave node: "opposite" (length of the other
             facet: exact on circles), "unit" (the choice of most codes) or "own" length. With
             "opposite", corners inside the slave take the normal of the facet that faces the master.
-            On an obstacle, which has its own normals, they matter on symmetry planes only.
+            On an obstacle, which defines the normals, they affect symmetry planes only.
         gap_weights: Functions that weight the gap of a node. "cover": the multiplier function if
             the node is covered. Beyond the edge of the master, a dual function would extrapolate
             the gap to the node and produce an overlap where there is none; the gap is evaluated at
@@ -65,10 +65,10 @@ class Discretization:
             as in most codes. With small sliding, where these are constant, and on obstacles both
             are "partners".
         max_angle: Largest angle between the slave normal and the reversed master normal [degree].
-            Steeper facets, such as the side of a block that stands on the slave, are no partners.
-        c_n: Weight of the gap in the active-set test [1]. The result does not depend on it, nor do
-            the iterations from 1e-8 to 1. Larger weights open nodes because of gaps that a
-            nonlinear step leaves.
+            Steeper facets, such as the side of a block that stands on the slave, are not partners.
+        c_n: Weight of the gap in the active-set test [1]. The result does not depend on it, nor the
+            number of iterations between 1e-8 and 1. Larger weights open nodes because of the gaps
+            that remain after a nonlinear step.
     """
 
     basis: Basis = "dual"
@@ -81,10 +81,10 @@ class Discretization:
     c_n: float = 1e-3
 
     def check(self) -> None:
-        """Refuse options that are not allowed, or that contradict each other (local).
+        """Raise an error for options that are not allowed or contradict each other (local).
 
         Raises:
-            ValueError: For such an option; names it and the allowed ones.
+            ValueError: For such an option; the message names it and the allowed ones.
         """
         for name, allowed in (
             ("basis", get_args(Basis)),
@@ -122,7 +122,7 @@ class Discretization:
         )
 
     def _check_combination(self) -> None:
-        """Refuse options without effect or meaning in combination with another one (local)."""
+        """Raise for options without effect or meaning in combination with another one (local)."""
         if self.integration == "nodes":
             at_nodes = {
                 "points": "the points are the nodes",
@@ -138,7 +138,7 @@ class Discretization:
             )
 
     def check_for_tie(self) -> None:
-        """Refuse options that a tied pair does not have (local).
+        """Raise an error for options that a tied pair does not have (local).
 
         Raises:
             ValueError: For such an option.
@@ -149,7 +149,7 @@ class Discretization:
         self._refuse_set(others, "TiedPair")
 
     def _refuse_set(self, reasons: Mapping[str, str], where: str) -> None:
-        """Refuse options, given by name with the reason, that differ from the default (local)."""
+        """Raise for options, given by name with a reason, that are not the default (local)."""
         for field in fields(self):
             value = getattr(self, field.name)
             if field.name in reasons and value != field.default:
@@ -169,7 +169,7 @@ PRESETS: Mapping[str, Discretization] = MappingProxyType(
 
 
 def as_discretization(given: str | Discretization) -> Discretization:
-    """Discretization of a preset, given by its name; a ``Discretization`` is returned (local).
+    """Discretization of a preset given by name; a ``Discretization`` is returned as is (local).
 
     Raises:
         ValueError: For an unknown name or an object of another type.

@@ -14,15 +14,15 @@ from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.rounding import ROUNDING
 
-# Parts of the state that the arguments of a law depend on, and its tangential row.
-SEEN = ("z", "multiplier_nodes", "partners", "c_n", "load_time", "past")
-RULED = (*SEEN, "active", "branch", "redundant")
-# Stiffness of elastic stick over that of the bulk [1]. The slip by curvature is of second order in
-# the strains e; the shear is 1000 e times the pressure.
+# Attributes of the state on which the arguments of a law and its tangential row depend.
+LAW_ATTRIBUTES = ("z", "multiplier_nodes", "partners", "c_n", "load_time", "past")
+RULED = (*LAW_ATTRIBUTES, "active", "branch", "redundant")
+# Stiffness of elastic stick over that of the bulk [1]. Curvature causes a slip of second order in
+# the strains e; the shear is then 1000 e times the pressure.
 ELASTIC = 1e3
-# Softening of adhesion over the diagonal stiffness of a node [1] above which its slope is left out:
-# a node of a surface gives way by about twice what this stiffness says.
-FADES_FAST = 0.5
+# Decrease of adhesion with the gap, over the diagonal stiffness of a node [1], above which it is
+# left out of the tangent. A surface node is about twice as compliant as its diagonal stiffness.
+MAX_SOFTENING = 0.5
 
 
 class ContactSides(Sides, Protocol):
@@ -38,7 +38,7 @@ class ContactFields(InterfaceFields):
     """Fields of a contact; see ``contact`` for the complementarity function and the rows.
 
     Attributes:
-        closing: That gap with its derivatives; ``None`` if it is the mean gap.
+        closing: The gap that contact closes with its derivatives; ``None`` if it is the mean gap.
     """
 
     sides: ContactSides
@@ -103,12 +103,12 @@ class ContactFields(InterfaceFields):
     def slip(self) -> Array:
         """See ``InterfaceFields``.
 
-        Zero on symmetry planes, where partners are on one side only.
+        Zero on symmetry planes, where the mesh has partners on one side only.
         """
         on_plane = np.isfinite(self.sides.plane_normals[:, 0])
         return np.where(on_plane, 0.0, self.state.partners.slip(self.operators))
 
-    @field(*SEEN)
+    @field(*LAW_ATTRIBUTES)
     def nodal(self) -> Nodal:
         """Arguments of the contact law, arrays (slave nodes,); see ``Nodal``."""
         stiffness = self.sides.modulus / self.nodal_lengths
@@ -166,20 +166,21 @@ class ContactFields(InterfaceFields):
     def law_rows(self) -> tuple[Row, ...]:
         """Rows of the contact law along tau, and along n for open nodes, each (slave nodes,).
 
-        Where adhesion fades faster than the body follows, its slope is left out of the tangent: a
-        step would close the gap, and the node open and close in turns. With the pull of the last
-        iterate the gap grows from step to step to the next one that is in equilibrium.
+        Where adhesion decreases with the gap faster than the elastic forces increase, its
+        derivative is left out of the tangent. With it a Newton step would close the gap, and the
+        node would open and close alternately. Without it the gap grows over the iterations up to
+        the next equilibrium.
         """
         (pull, by_gap), none = self.adhesion, np.zeros(len(self.state.z))
         if not self.operators.linearization.exact:
-            by_gap = np.where(self.fades_fast, 0.0, by_gap)
+            by_gap = np.where(self.decreases_fast, 0.0, by_gap)
         return self.tangential_row, Row(self.z_n + pull, by_gap, none, none + 1.0, none)
 
     @property
-    def fades_fast(self) -> Flags:
-        """Nodes where adhesion fades faster than the body follows, (slave nodes,), bool."""
+    def decreases_fast(self) -> Flags:
+        """Nodes where adhesion drops faster than elastic forces grow, (slave nodes,), bool."""
         slope = self.operators.diagonal * np.abs(self.adhesion[1])
-        return slope > FADES_FAST * self.sides.stiffness
+        return slope > MAX_SOFTENING * self.sides.stiffness
 
     @property
     def steepness(self) -> float:
@@ -196,12 +197,12 @@ class ContactFields(InterfaceFields):
         return self.operators
 
     def strength(self, pressure: float) -> tuple[Array, Array, Array]:
-        """Contact tractions that the law admits, about a pressure p, each (slave nodes,).
+        """Admissible contact tractions near a pressure p [stress], each (slave nodes,).
 
         Returns:
             Slope mu and shear s_0 of the line |z_tau| <= s_0 + mu z_n through the friction limits
-            at p and 2 p, which bounds a concave limit from above outside of these; mu is inf where
-            there is no limit. Third, the adhesion of a closed gap [stress].
+            at p and 2 p, an upper bound of a concave limit outside of [p, 2 p]; mu is inf without a
+            limit. The third array is the adhesion of a closed gap [stress].
         """
         sides = self.sides
         follows_law = sides.follows_law

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Time and memory of a contact law: values of the start of a step, replaced at its end."""
+"""Time and memory of a contact law at the start of a step, replaced at its end."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ class Instant:
         return cls(time, step, MappingProxyType(kept))
 
     def begins(self, law: Law) -> bool:
-        """Whether the memory is not that of a law with these names."""
+        """Whether the memory has other names than that of ``law``."""
         return tuple(self.memory) != tuple(law.memory)
 
 
 def first_instant(law: Law, slave: Surface, time: float) -> Instant:
-    """Time and initial memory of a law (collective).
+    """Time and initial memory of a law at the slave nodes (collective).
 
     Raises:
         Exception: Any error of ``law.initial``, on all ranks.
@@ -73,7 +73,7 @@ def check_memory(law: Law, what: str, answer: Any, count: int) -> dict[str, Arra
 
 
 def check_numbers(law: Law, what: str, values: Any, count: int) -> Array:
-    """Finite real numbers, one per slave node."""
+    """Check for finite real numbers, one per slave node; return them, shape (slave nodes,)."""
     array = np.asarray(values)
     if array.shape != (count,) or array.dtype.kind not in "iufb":
         raise ValueError(
@@ -88,15 +88,15 @@ def check_numbers(law: Law, what: str, values: Any, count: int) -> Array:
 def instant_arrays(contact: Any) -> tuple[list[str], Array, Array]:
     """Names of the memory, time and step (2,), and memory (names, slave nodes), for files (local).
 
-    Without names and memory for a tie.
+    Names and memory of a tie are empty.
     """
     instant, count = contact.state.committed or Instant(), contact.slave.num_nodes
     values = np.array(list(instant.memory.values()), float).reshape(-1, count)
     return list(instant.memory), np.array([instant.time, instant.step]), values
 
 
-def take_instant(contact: Any, clock: Array, values: Array) -> None:
-    """Go to an instant of a file with the memory of the present law (local)."""
+def restore_instant(contact: Any, clock: Array, values: Array) -> None:
+    """Set time and memory read from a file, with the names of the present law (local)."""
     time, step = map(float, clock)
     instant = contact.state.committed
     if instant is not None:

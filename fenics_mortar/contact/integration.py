@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Evaluation of the operators of one contact with a master surface or an obstacle.
 
-With small sliding D, M and normals are those of the undeformed mesh, the gap is the present one.
+With small sliding, D, M and normals are those of the undeformed mesh; the gap is the present one.
 """
 
 from __future__ import annotations
@@ -12,19 +12,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.contact.state import InterfaceState
+from fenics_mortar.interface.behind import View
 from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import evaluate_obstacle
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments, find_segments
-from fenics_mortar.interface.sight import Sight, View
+from fenics_mortar.interface.sight import Sight
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags
 
-# Results that are kept: of the last state, and of two initial guesses.
-RECENT = 3
 # Position of the obstacle if there are no frozen operators.
 NO_PLACE = np.full(3, np.nan)
 
@@ -43,7 +42,7 @@ def place_of(reference: Reference | None) -> Array:
 
 
 class Integration:
-    """Evaluates the operators of one contact; changes no state.
+    """Evaluation of the operators of one contact; does not change the state.
 
     Args:
         sides: Slave and master.
@@ -69,9 +68,8 @@ class Integration:
         self.options, self.small = options, small
         self.sight: Sight | None = None
         self.view: View | None = None
-        self._recent: deque[tuple[Array, Flags, Linearization, MortarOperators]] = deque(
-            maxlen=RECENT
-        )
+        # of the last state, and of two initial guesses
+        self._recent = deque[tuple[Array, Flags, Linearization, MortarOperators]](maxlen=3)
 
     def limit_sight(self, outline: Outline) -> None:
         """Limit the distance of partners behind the slave by the thickness of the bodies (local).
@@ -90,11 +88,11 @@ class Integration:
 
         Args:
             u: Displacement, shape (local dofs,) [length].
-            state: Its multiplier nodes and frozen operators are used.
+            state: State, of which multiplier nodes and frozen operators are used.
             linearization: Derivatives to evaluate.
 
-        Without obstacle the operators of an earlier call are returned if all that they depend on is
-        as it was then: guesses and the first iterate of a step are evaluated at the same places.
+        Without an obstacle, the operators of an earlier call are returned if their arguments are
+        unchanged: initial guesses and the first iterate of a step have equal positions.
 
         Returns:
             The operators, and those of the undeformed mesh if sliding is small.
@@ -104,7 +102,7 @@ class Integration:
             return self._at(x, m, state.multiplier_nodes, linearization, view), None
         kept = state.reference
         if kept is None or not np.array_equal(kept.multiplier_nodes, state.multiplier_nodes):
-            kept = self.refer(state.multiplier_nodes)
+            kept = self.evaluate_reference(state.multiplier_nodes)
         if self.obstacle is None:
             return kept.operators.after_small_motion(x, m), kept
         dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
@@ -127,7 +125,7 @@ class Integration:
         self._recent.appendleft((places, multiplier_nodes, linearization, operators))
         return operators
 
-    def refer(self, multiplier_nodes: Flags) -> Reference:
+    def evaluate_reference(self, multiplier_nodes: Flags) -> Reference:
         """Evaluate the operators of the undeformed mesh (collective).
 
         Args:
@@ -138,20 +136,20 @@ class Integration:
         place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
         return Reference(operators.freeze(), multiplier_nodes, place)
 
-    def refer_as_at(self, place: Array, multiplier_nodes: Flags) -> Reference | None:
+    def reference_at(self, place: Array, multiplier_nodes: Flags) -> Reference | None:
         """Operators of the undeformed mesh of an earlier state (collective).
 
         Args:
-            place: Position of the obstacle in that state, shape (3,); nan if it had none.
+            place: Position of the obstacle in that state, shape (3,); nan without reference.
             multiplier_nodes: Multiplier nodes of that state, shape (slave nodes,), bool.
         """
         if np.isnan(place).any():
             return None
         if self.obstacle is None:
-            return self.refer(multiplier_nodes)
+            return self.evaluate_reference(multiplier_nodes)
         now, self.obstacle.place = self.obstacle.place, place.copy()
         try:
-            return self.refer(multiplier_nodes)
+            return self.evaluate_reference(multiplier_nodes)
         finally:
             self.obstacle.place = now
 
@@ -172,7 +170,7 @@ class Integration:
         """View and positions of slave and master at ``u``, or undeformed (collective)."""
         sides = self.slave, self.master
         if self.sight is not None:
-            view, *moved = self.sight.look(u)
+            view, *moved = self.sight.view_at(u)
         else:
             view, moved = None, [0.0 * side.X if u is None else side.gather(u) for side in sides]
         x, m = (side.X + change for side, change in zip(sides, moved, strict=True))

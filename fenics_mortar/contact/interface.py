@@ -13,7 +13,7 @@ import numpy as np
 
 from fenics_mortar.contact.interface_fields import InterfaceFields
 from fenics_mortar.contact.rows import InterfaceRows
-from fenics_mortar.contact.sides import stand_ins_of, surfaces_of
+from fenics_mortar.contact.sides import substitutes_of, surfaces_of
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
 from fenics_mortar.interface.options import AT_VERTICES
@@ -29,12 +29,12 @@ NO_PAIRS: tuple[Indices, Indices] = (np.empty(0, np.int64), np.empty(0, np.int64
 
 
 def read_only(name: str) -> Any:
-    """A read-only attribute of an interface, taken from its state or its present fields."""
+    """Read-only attribute of an interface, an attribute of its state or of its present fields."""
     return property(attrgetter(name))
 
 
 def settable(name: str, check: Callable[[Any, Any], Any]) -> Any:
-    """An attribute of the state that may be set, to the result of ``check(interface, value)``."""
+    """Attribute of the state that may be set; the value is ``check(interface, value)``."""
 
     def change(interface: Any, value: Any) -> None:
         interface.change(**{name: check(interface, value)})
@@ -58,8 +58,9 @@ class Interface(ABC):
         modulus: ``stiffness`` over the mean thickness at each slave node, (slave nodes,) [stress].
         may_carry: Whether a slave node ever carries a multiplier, shape (slave nodes,), bool.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
-            its normal, and it still carries a multiplier, shape (slave nodes,), bool.
-        stand_ins: Nodes without weight, and the nodes whose fields they show, each (k,).
+            its normal, and it carries a multiplier, shape (slave nodes,), bool.
+        substitutes: Nodes without weight, and the nodes whose fields are shown in their place, each
+            (k,).
         rows: Rows of the multipliers, the law of the interface.
         state: The present state.
         now: Fields at the last evaluated displacement and the present state.
@@ -111,7 +112,7 @@ class Interface(ABC):
         self.may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
         self.at_vertices: bool = pair.discretization.basis in AT_VERTICES
-        self.stand_ins = stand_ins_of(self.slave, at_vertices=self.at_vertices)
+        self.substitutes = substitutes_of(self.slave, at_vertices=self.at_vertices)
         none = np.zeros(count, bool)
         self._state = InterfaceState(
             z=np.zeros((count, 2)), active=none, branch=np.zeros(count, np.int64),
@@ -119,7 +120,7 @@ class Interface(ABC):
         )  # fmt: skip
 
     def put(self, state: InterfaceState) -> None:
-        """Go to a state; operators stay those of the last evaluated displacement (local)."""
+        """Replace the state; the operators of the last evaluated displacement are kept (local)."""
         self._state = state
         if hasattr(self, "now"):
             self.now = self.now.after(state)
@@ -128,7 +129,7 @@ class Interface(ABC):
         """Replace ``values`` of the state (local); see ``put``."""
         self.put(replace(self._state, **values))
 
-    def show(self, operators: MortarOperators) -> None:
+    def set_operators(self, operators: MortarOperators) -> None:
         """Set the operators of the present displacement (local)."""
         self.now = self._kind(self, self._state, operators)
 
@@ -137,10 +138,10 @@ class Interface(ABC):
         self.stiffness = stiffness
         self.modulus = stiffness / self.slave.mean_thickness
         if hasattr(self, "now"):
-            self.show(self.operators)
+            self.set_operators(self.operators)
 
     def limit_sight(self, outline: Outline) -> Outline:
-        """Receive the outlines of the bodies; return those for the next interface (local)."""
+        """Store the outlines of the bodies; return those for the next interface (local)."""
         return outline
 
     @abstractmethod
@@ -149,7 +150,7 @@ class Interface(ABC):
 
     @property
     @abstractmethod
-    def as_faced(self) -> MortarOperators:
+    def partner_operators(self) -> MortarOperators:
         """Operators at the positions that define the partners."""
 
     @abstractmethod
@@ -180,7 +181,7 @@ class Interface(ABC):
         self.change(z=self.z + fraction * (z - self.z) if fraction < 1.0 else z)
 
     def accept(self, slid: Flags | None = None) -> None:
-        """Take the last evaluated state as the accepted one (collective); no effect on a tie.
+        """Accept the last evaluated state (collective); no effect on a tie.
 
         Args:
             slid: Nodes that keep their present slip, shape (slave nodes,), bool.
@@ -190,11 +191,11 @@ class Interface(ABC):
         """Start a step at the accepted state (local); without effect on a tie."""
 
     def set_initial_gap(self) -> None:
-        """Set the offset that gives the pair its ``initial_gap``; without effect on a tie."""
+        """Set the offset for the pair's ``initial_gap`` (local); without effect on a tie."""
 
     # Nodes and forces
 
-    def faced(self) -> tuple[Indices, Indices]:
+    def coupled_by_slip(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them in addition to M, each (k,)."""
         return NO_PAIRS
 
@@ -216,7 +217,7 @@ class Interface(ABC):
 
 
 def _force_entries(surface: Surface, j: Indices, k: Indices, values: Array, acts: Flags) -> Block:
-    """Entries values[b, j, k] (b, 2, 2) of node k of ``surface`` and multiplier j that acts."""
+    """Entries values[b, j, k] (b, 2, 2) of node k of ``surface`` and acting multiplier j."""
     used = (values != 0.0) & acts[j][:, :, None]
     j = np.broadcast_to(j[:, :, None], values.shape)[used]
     k = np.broadcast_to(k[:, None, :], values.shape)[used]

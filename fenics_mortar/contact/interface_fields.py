@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Nodal fields of any interface, computed once from its state and its operators.
 
-A field is computed when first read, and cached. New operators invalidate all fields, a new state
-those that depend on a changed attribute; each field names the attributes of the state that it
-depends on.
+A field is computed when first read, and cached. New operators invalidate all fields; a new state
+invalidates the fields that depend on a changed attribute. Each field lists the attributes of the
+state on which it depends.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Sides(Protocol):
     master: Surface
     stiffness: Array
     modulus: Array
-    stand_ins: tuple[Indices, Indices]
+    substitutes: tuple[Indices, Indices]
     at_vertices: bool
 
 
@@ -91,14 +91,14 @@ class InterfaceFields:
 
     @property
     def has_partner(self) -> Flags:
-        """Whether a part of the facets at a slave node is covered, shape (slave nodes,), bool."""
-        covered, (alone, others) = self.operators.cover > 0.0, self.sides.stand_ins
+        """Whether facets at a slave node are at least partly covered, (slave nodes,), bool."""
+        covered, (alone, others) = self.operators.cover > 0.0, self.sides.substitutes
         covered[alone] = covered[others]
         return covered
 
     @property
     def offset(self) -> Array:
-        """Length subtracted from the pointwise gap, that of the law included, (slave nodes,)."""
+        """Length subtracted from the pointwise gap, the law's included, (slave nodes,) [length]."""
         return np.asarray(self.state.offset)
 
     @property
@@ -128,7 +128,7 @@ class InterfaceFields:
 
     @field("z")
     def forces(self) -> tuple[Array, Array]:
-        """D^T z and -M^T z, see ``MortarOperators.force``; at first collective."""
+        """D^T z and -M^T z, see ``MortarOperators.force``; collective at the first access."""
         return self.operators.force(self.state.z)
 
     @property
@@ -138,7 +138,7 @@ class InterfaceFields:
 
     @property
     def steepness(self) -> float:
-        """Largest derivative of a nodal force by slip, if it may exceed the bulk's [stress]."""
+        """Largest d(nodal force)/d(slip), where it may exceed the bulk's stiffness [stress]."""
         return 0.0
 
     @property
@@ -172,7 +172,7 @@ class InterfaceFields:
         Only if multipliers are at vertices only. Nodes without weight get the values of their
         stand-ins. ``values`` (slave nodes,) are changed in place and returned.
         """
-        alone, others = self.sides.stand_ins
+        alone, others = self.sides.substitutes
         if alone.size:
             values[alone] = values[others]
         if self.sides.at_vertices:

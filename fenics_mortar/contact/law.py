@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: MIT
-"""Base of contact laws, and the two without parameters.
+"""Base class of contact laws, and the two laws without parameters.
 
-Beside the tangential row and an adhesion, see ``laws``, a law may have
+Besides the tangential row and an adhesion, see ``laws``, a law may have
 
-- ``closing_gap``: a length g_c(g, u, z_n, z_tau) that takes the place of the gap g in
+- ``closing_gap``: a length g_c(g, u, z_n, z_tau) that replaces the gap g in
 
     g_c >= 0,    z_n + a >= 0,    (z_n + a) g_c = 0.
 
   Wear h is g_c = g + h; a soft layer of compliance 1 / k is g_c = g + z_n / k; a layer with the
   pressure p(overlap) is g_c = (z_n - p(-g)) / k with any stiffness k.
-- ``memory``: numbers of its own at each node, which ``remember`` replaces at the end of a step.
-  They are part of the state of the interface: those of a step that fails are lost, checkpoints
-  have them.
+- ``memory``: numbers stored at each node, which ``remember`` replaces at the end of a step. They
+are part of the state of the interface: they are restored if a step fails, and saved in checkpoints.
 - ``fields``: parameters that vary in space.
 
-Each method sees all of ``Nodal``: positions, time, step and memory. Derivatives are the law's own,
-or those of ``nodal.row_of``. Archard's wear with Coulomb's friction, h' = wear z_n |u'|:
+The argument ``Nodal`` of each method contains positions, time, step and memory. Derivatives are
+returned by the law, or computed by ``nodal.row_of``. Archard's wear with Coulomb's friction, h' =
+wear z_n |u'|:
 
 >>> from fenics_mortar.contact.laws import Coulomb
 >>> from fenics_mortar.contact.nodal import magnitude, row_of
@@ -47,27 +47,28 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row
-from fenics_mortar.utils.errors import in_words
+from fenics_mortar.utils.errors import as_text
 
-# Distance from a kink of the complementarity functions [1] within which a node counts as on it:
-# that of the shear over the friction limit, and that of the gap over the nodal length. Larger than
-# the errors that Newton's method leaves.
+# Distance from a kink of the complementarity functions [1] within which a node counts as on the
+# kink: distance of the shear over the friction limit, or of the gap over the nodal length. It is
+# larger than the errors after convergence of Newton's method.
 KINK = 1e-8
+# Branch of nodes that stick.
 STICK = 0
 
 
 def check_names(law: Law) -> None:
-    """Refuse names of memory, fields and parameters that are none (local).
+    """Raise for invalid names of memory, fields and parameters (local).
 
     Raises:
-        ValueError: If they are no tuple or list of different names, or a field or parameter is no
-            attribute of the law.
+        ValueError: If names are not a tuple or list of distinct strings, or a field or parameter is
+            not an attribute of the law.
     """
     for what in ("memory", "fields", "parameters"):
         given = getattr(law, what)
         several = isinstance(given, (tuple, list))
         if not several or not all(isinstance(name, str) and name.isidentifier() for name in given):
-            expected = "expected a tuple of names, as ('depth',)"
+            expected = "expected a tuple of names, e.g. ('depth',)"
             raise ValueError(f"{what} of {type(law).__name__} is {given!r}: {expected}")
         if len(set(given)) < len(given):
             raise ValueError(f"{what} of {type(law).__name__} has a name twice: {given!r}")
@@ -77,7 +78,7 @@ def check_names(law: Law) -> None:
 
 
 def varies(value: Any) -> bool:
-    """Whether a parameter of a law is an array or a function of the position, no number."""
+    """Whether a parameter of a law is an array or a function of the position, not a number."""
     return isinstance(value, np.ndarray) or callable(value)
 
 
@@ -85,12 +86,14 @@ class Law(ABC):
     """Base class of all laws; all methods act on all slave nodes at once and are local.
 
     Attributes:
-        parameters: Names of attributes, real numbers or arrays of these, by which results may be
-            differentiated: ``tangential`` and ``adhesion`` have to be analytic in them.
-        memory: Names of the numbers that the law keeps at each node.
+        parameters: Names of attributes, real numbers or arrays of these, with respect to which
+            results may be differentiated: ``tangential`` and ``adhesion`` have to be analytic in
+            them.
+        memory: Names of the numbers that the law stores at each node.
         fields: Names of parameters that may vary in space: attributes that are a number, an array
             (slave nodes,), a function of undeformed positions (n, 2), or a scalar function of
-            dolfinx. Those that are no numbers are in ``Nodal.fields``, evaluated at each solve.
+            dolfinx. Those that are not numbers are evaluated before each solve and given in
+            ``Nodal.fields``.
         needs_time: Whether the law needs the length of the step, so that ``ContactProblem.time``
             has to increase from solve to solve.
         bridges_gap: Whether the tangential row also holds at open nodes with adhesion.
@@ -104,7 +107,7 @@ class Law(ABC):
 
     def __repr__(self) -> str:
         """Name and public numbers, equal on all ranks."""
-        return in_words(self)
+        return as_text(self)
 
     @abstractmethod
     def branch(self, node: Nodal, before: Branches) -> Branches:
@@ -128,7 +131,7 @@ class Law(ABC):
         """
 
     def friction_limit(self, pressure: Array) -> Array:
-        """Largest admissible |z_tau| at given pressures, of a law that is the same at all nodes.
+        """Largest admissible |z_tau| at given pressures, for laws that are equal at all nodes.
 
         Args:
             pressure: Shape (n,) [stress].
@@ -141,7 +144,8 @@ class Law(ABC):
     def friction_limit_at(self, node: Nodal) -> Array:
         """Largest admissible |z_tau| at each node at the pressure ``node.z_n``.
 
-        Override it instead of ``friction_limit`` where the limit depends on more than the pressure.
+        Override this method instead of ``friction_limit`` if the limit depends on more than the
+        pressure.
 
         Returns:
             Friction limits of the shape of ``node.z_n`` [stress]; inf where there is none.
@@ -162,7 +166,7 @@ class Law(ABC):
     def adhesion_at(self, node: Nodal) -> Row:
         """Adhesion at the gaps ``node.gap`` >= 0, and its derivatives [stress].
 
-        Override it instead of ``adhesion`` where the adhesion depends on more than the gap.
+        Override this method instead of ``adhesion`` if the adhesion depends on more than the gap.
         """
         return Row(*self.adhesion(node.gap))
 
@@ -220,21 +224,21 @@ class Law(ABC):
 
     @property
     def is_of_package(self) -> bool:
-        """Whether the law is one of the package, not a user's."""
+        """Whether the law is one of the package's, not a user's."""
         return type(self).__module__.startswith(f"{__package__}.")
 
     @property
     def has_adhesion(self) -> bool:
         """Whether the law has adhesion."""
-        return type(self).adhesion is not Law.adhesion or self.pulls_by_node
+        return type(self).adhesion is not Law.adhesion or self.has_nodal_adhesion
 
     @property
-    def has_layer(self) -> bool:
-        """Whether the law has a closing gap of its own."""
+    def has_closing_gap(self) -> bool:
+        """Whether the law defines a closing gap."""
         return type(self).closing_gap is not Law.closing_gap
 
     @property
-    def pulls_by_node(self) -> bool:
+    def has_nodal_adhesion(self) -> bool:
         """Whether the adhesion depends on more than the gap."""
         return type(self).adhesion_at is not Law.adhesion_at
 
@@ -245,15 +249,15 @@ class Law(ABC):
         return {name: value for name, value in given.items() if varies(value)}
 
     @property
-    def sees_nodes(self) -> bool:
+    def needs_nodal_state(self) -> bool:
         """Whether the law has more than a tangential row, a friction limit and an adhesion a(g)."""
         kind = type(self)
         return bool(
             self.memory
-            or self.has_layer
+            or self.has_closing_gap
             or self.bridges_gap
             or self.varying
-            or self.pulls_by_node
+            or self.has_nodal_adhesion
             or kind.friction_limit is Law.friction_limit
         )
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Calls of contact laws: results of users' laws are checked; errors are raised on all ranks.
+"""Calls of contact laws, with checks of users' laws and errors on all ranks.
 
 Every rank evaluates a law at all slave nodes, between collective calls. An error is therefore
-stored, and a finite placeholder used, until ``raise_noted`` raises it on all ranks. Laws of the
-package are called without checks.
+stored and a finite placeholder returned; ``raise_stored`` later raises the error on all ranks. Laws
+of the package are called without checks.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ Marks = npt.NDArray[np.bool_]
 
 
 class LawCalls:
-    """Calls the law of one contact (local).
+    """Calls of the law of one contact (local).
 
     Args:
         name: Name of the slave surface, for messages.
 
     Attributes:
-        error: First error since the last ``raise_noted``, or ``None``.
+        error: First error since the last ``raise_stored``, or ``None``.
     """
 
     def __init__(self, name: str) -> None:
@@ -50,19 +50,19 @@ class LawCalls:
             whole = np.rint(np.nan_to_num(branch))
             if (whole != np.nan_to_num(branch)).any():
                 raise ValueError(f"{law!r}: branch returned {branch}; expected integers")
-            if isinstance(law, Friction):  # whose nodes would stick if their limit were nan
+            if isinstance(law, Friction):  # with a limit of nan all nodes would stick
                 given = law.limit(_protected(node))
                 if not isinstance(given, (tuple, list)) or len(given) not in (3, len(Row._fields)):
                     raise ValueError(
-                        f"{law!r}: limit returned {given!r}; expected a Row, or three: the limit "
-                        "and its derivatives by gap and z_n"
+                        f"{law!r}: limit returned {given!r}; expected a Row, or the limit and its "
+                        f"derivatives by gap and z_n"
                     )
                 limits = self._numbers(law, "limit", given[:1], before.size)
                 finite = [np.where(np.isposinf(limit), 0.0, limit) for limit in limits]
                 self._check_finite(law, "limit", finite, _all_finite(node), x)
             return whole.astype(np.int64)
 
-        return self._noting(call, before)
+        return self._storing_errors(call, before)
 
     def tangential(self, law: Law, node: Nodal, branch: Branches, used: Marks, x: Array) -> Row:
         """See ``Law.tangential``; ``used``: nodes to which the law applies."""
@@ -74,7 +74,7 @@ class LawCalls:
             return self._row(law, "tangential", row, node, used, x)
 
         none = np.zeros(branch.size)
-        return self._noting(call, Row(node.z_tau, none, none, none, none + 1.0))
+        return self._storing_errors(call, Row(node.z_tau, none, none, none, none + 1.0))
 
     def closing_gap(self, law: Law, node: Nodal, used: Marks, x: Array) -> Row:
         """See ``Law.closing_gap``; ``used``: nodes to which the law applies."""
@@ -84,7 +84,7 @@ class LawCalls:
             return self._row(law, "closing_gap", row, node, used, x)
 
         none = np.zeros(node.gap.size)
-        return self._noting(call, Row(node.gap, none + 1.0, none, none, none))
+        return self._storing_errors(call, Row(node.gap, none + 1.0, none, none, none))
 
     def adhesion_at(self, law: Law, node: Nodal, used: Marks, x: Array) -> Row:
         """See ``Law.adhesion_at``; ``used``: nodes to which the law applies."""
@@ -101,7 +101,7 @@ class LawCalls:
             return row
 
         none = np.zeros(node.gap.size)
-        return self._noting(call, Row(none, none, none, none, none))
+        return self._storing_errors(call, Row(none, none, none, none, none))
 
     def remember(self, law: Law, node: Nodal, branch: Branches) -> Mapping[str, Array]:
         """See ``Law.remember``."""
@@ -110,7 +110,7 @@ class LawCalls:
             answer = law.remember(_protected(node), _read_only(branch))
             return check_memory(law, "remember", answer, branch.size)
 
-        return self._noting(call, node.memory)
+        return self._storing_errors(call, node.memory)
 
     def friction_limit(self, law: Law, pressure: Array, x: Array) -> Array:
         """See ``Law.friction_limit``."""
@@ -137,7 +137,7 @@ class LawCalls:
                 )
             return limit
 
-        return self._noting(call, np.full_like(pressure, np.inf))
+        return self._storing_errors(call, np.full_like(pressure, np.inf))
 
     def adhesion(self, law: Law, gap: Array, x: Array) -> tuple[Array, Array]:
         """See ``Law.adhesion``."""
@@ -161,21 +161,21 @@ class LawCalls:
                 )
             return pull, by_gap
 
-        return self._noting(call, (np.zeros_like(gap), np.zeros_like(gap)))
+        return self._storing_errors(call, (np.zeros_like(gap), np.zeros_like(gap)))
 
     def _row(self, law: Law, what: str, row: Any, node: Nodal, used: Marks, x: Array) -> Row:
-        """A row of arrays (slave nodes,), finite at the nodes that it is used at."""
+        """A row of arrays (slave nodes,), finite at the nodes where it is used."""
         if not isinstance(row, tuple) or len(row) != len(Row._fields):
             raise ValueError(f"{law!r}: {what} returned {row!r}; expected a Row")
         row = Row(*self._numbers(law, what, row, node.gap.size))
         self._check_finite(law, what, row, used & _all_finite(node), x)
         return row
 
-    def _noting(self, call: Callable[[], Any], instead: Any) -> Any:
+    def _storing_errors(self, call: Callable[[], Any], instead: Any) -> Any:
         """Result of ``call``, or ``instead`` if it raises; the error is stored."""
         try:
             return call()
-        except Exception as error:  # of a user's law: any
+        except Exception as error:  # any error of a user's law
             self.error = self.error or error
             return instead
 
@@ -202,7 +202,7 @@ class LawCalls:
             )
 
 
-def raise_noted(comm: MPI.Comm, contacts: Iterable[Any]) -> None:
+def raise_stored(comm: MPI.Comm, contacts: Iterable[Any]) -> None:
     """Raise stored errors of users' laws on all ranks (collective).
 
     Args:
@@ -229,7 +229,7 @@ def _all_finite(node: Nodal) -> Marks:
 
 
 def _protected(node: Nodal) -> Nodal:
-    """Read-only views of ``node``, for a law that might write into it."""
+    """Read-only views of ``node``, since a user's law might write into the arrays."""
     arrays = {name: value for name, value in vars(node).items() if isinstance(value, np.ndarray)}
     views: dict[str, Any] = {name: _read_only(values) for name, values in arrays.items()}
     return replace(node, **views)

@@ -7,28 +7,28 @@ from dataclasses import replace
 
 import numpy as np
 
-from fenics_mortar.contact.fields import RULED, SEEN, ContactFields
+from fenics_mortar.contact.fields import LAW_ATTRIBUTES, RULED, ContactFields
 from fenics_mortar.contact.interface_fields import field
-from fenics_mortar.contact.nodal import Nodal, Row, through
+from fenics_mortar.contact.nodal import Nodal, Row, chain_rule
 from fenics_mortar.utils.arrays import Array, Flags
 
 
 class LawFields(ContactFields):
-    """Fields for laws that see more than gap, slip and multiplier; see ``Law.sees_nodes``.
+    """Fields for laws of more than gap, slip and multiplier; see ``Law.needs_nodal_state``.
 
-    ``nodal`` has the closing gap in place of the mean gap.
+    In ``nodal`` the closing gap replaces the mean gap.
     """
 
-    @field(*SEEN)
+    @field(*LAW_ATTRIBUTES)
     def of_geometry(self) -> Nodal:
         """Arguments of the law with the mean gap."""
         return ContactFields.nodal.func(self)
 
-    @field(*SEEN)
+    @field(*LAW_ATTRIBUTES)
     def closing(self) -> Row | None:
         """See ``ContactFields``; the mean gap at uncovered nodes, no slip on symmetry planes."""
         law, node = self.sides.pair.law, self.of_geometry
-        if not law.has_layer:
+        if not law.has_closing_gap:
             return None
         on, x = self.covered, self.operators.x
         row = self._without_slip_on_planes(self.sides.law_calls.closing_gap(law, node, on, x))
@@ -40,25 +40,25 @@ class LawFields(ContactFields):
         on_plane = np.isfinite(self.sides.plane_normals[:, 0])
         return row._replace(by_slip=np.where(on_plane, 0.0, row.by_slip))
 
-    @field(*SEEN)
+    @field(*LAW_ATTRIBUTES)
     def nodal(self) -> Nodal:
         """See ``ContactFields``; with the closing gap."""
         row = self.closing
         return self.of_geometry if row is None else replace(self.of_geometry, gap=row.residual)
 
-    @field(*SEEN)
+    @field(*LAW_ATTRIBUTES)
     def closing_gap(self) -> Array:
         """See ``ContactFields``."""
         return self.fill_inside(np.where(self.covered, self.nodal.gap, np.nan))
 
     @property
     def offset(self) -> Array:
-        """See ``InterfaceFields``; less the thickness of the law's layer."""
+        """See ``InterfaceFields``; minus the thickness of the law's layer."""
         return np.asarray(self.state.offset - (self.nodal.gap - self.of_geometry.gap))
 
-    @field(*SEEN)
+    @field(*LAW_ATTRIBUTES)
     def pull(self) -> Row:
-        """Adhesion at closing gaps, continued linearly to negative ones, each (slave nodes,)."""
+        """Adhesion at closing gaps, extrapolated linearly to negative ones, each (slave nodes,)."""
         law, node, none = self.sides.pair.law, self.nodal, np.zeros(len(self.state.z))
         if not law.has_adhesion:
             return Row(none, none, none, none, none)
@@ -68,17 +68,17 @@ class LawFields(ContactFields):
         row = row._replace(residual=row.residual + row.by_gap * np.minimum(node.gap, 0.0))
         return Row(*(np.where(self.covered, values, 0.0) for values in row))
 
-    @field(*SEEN)
+    @field(*LAW_ATTRIBUTES)
     def adhesion(self) -> tuple[Array, Array]:
         """See ``ContactFields``."""
         return self.pull.residual, self.pull.by_gap
 
-    @field(*SEEN, "active")
+    @field(*LAW_ATTRIBUTES, "active")
     def attracted(self) -> Flags:
         """See ``ContactFields``."""
         return (self.adhesion[0] > 0.0) & ~self.state.active
 
-    @field(*SEEN, "active")
+    @field(*LAW_ATTRIBUTES, "active")
     def acts(self) -> Flags:
         """See ``ContactFields``."""
         return self.state.active | self.attracted
@@ -94,7 +94,7 @@ class LawFields(ContactFields):
         closing = self.closing
         if closing is None:
             return tangential, opening
-        return through(tangential, closing), through(opening, closing), closing
+        return chain_rule(tangential, closing), chain_rule(opening, closing), closing
 
     def friction_limit(self, pressure: Array) -> Array:
         """See ``ContactFields``; at closed gaps."""

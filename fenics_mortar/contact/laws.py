@@ -4,14 +4,15 @@
 The gap of an active node is closed under every law. A law adds one equation per node,
 rho(g, u, z_n, z_tau) = 0, with the mean gap g, the slip u since the last accepted step, and the
 multiplier z = z_n n + z_tau tau, minus the traction on the slave. It returns rho and its four
-derivatives; the derivatives of g, u, n and tau by the displacement are computed by ``Contact``.
+derivatives; the derivatives of g, u, n and tau with respect to the displacement are computed by
+``Contact``.
 
 The multiplier of an open node is zero unless the law has an adhesion a(g), see ``Law.adhesion``.
 Then g and z_n + a are complementary:
 
     g >= 0,    z_n + a(g) >= 0,    (z_n + a(g)) g = 0,
 
-so that a closed node opens if it pulls by more than a(0), and z_n = -a(g) at an open one.
+so that a closed node opens if its tension exceeds a(0), and z_n = -a(g) at an open node.
 
 rho may consist of smooth branches. ``Law.branch`` returns the branch of each node as an integer;
 Newton's method uses it to detect changes and cycles.
@@ -49,8 +50,8 @@ and Coulomb friction with an adhesion that decays with the gap:
 True
 
 ``ContactProblem.check_tangent`` verifies the derivatives. Results must be finite, equal on all
-ranks, and one number per node. Otherwise, or if a law raises, the solve ends with an error on all
-ranks, see ``law_calls``. ``Law.check`` may reject parameters before each solve.
+ranks, and one number per node. Otherwise, or if the law raises an error, the solve raises an error
+on all ranks, see ``law_calls``. ``Law.check`` may reject parameters before each solve.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ import numpy as np
 from fenics_mortar.contact.law import KINK, STICK, Frictionless, Law, Stick, varies
 from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row, magnitude, row_of
 from fenics_mortar.utils.arguments import check_choice, check_number
-from fenics_mortar.utils.errors import in_words
+from fenics_mortar.utils.errors import as_text
 
 __all__ = [
     "Coulomb",
@@ -79,7 +80,7 @@ __all__ = [
 
 
 class Friction(Law):
-    """Base of laws with a friction limit b: nodes stick while |z_tau| < b, else they slide.
+    """Base class of laws with a friction limit b: a node sticks while |z_tau| < b, else it slides.
 
     The complementarity function is z_tau - clip(w, -b, b), w = z_tau + c_t (k / l) u, with the
     branches
@@ -89,16 +90,16 @@ class Friction(Law):
 
     Args:
         c_t: Weight of the slip in w [1]. The result does not depend on it. With large weights nodes
-            reverse their direction of sliding at once and may alternate; with small ones they stick
-            first, which slows down the sliding of a body.
+            reverse their direction of sliding within one iteration and may alternate; with small
+            ones they stick first, which delays the sliding of a body.
 
     Raises:
         ValueError: If a number is not allowed.
     """
 
-    c_t = 0.1  # also of laws that do not call ``__init__`` of this class
+    c_t = 0.1  # default for laws that do not call ``__init__`` of this class
 
-    def __init__(self, c_t: float = 0.1) -> None:
+    def __init__(self, c_t: float = c_t) -> None:
         self.c_t = c_t
 
     def check(self) -> None:
@@ -109,7 +110,7 @@ class Friction(Law):
     def limit(self, node: Nodal) -> Row | tuple[Any, Any, Any]:
         """Friction limit b at ``node`` with its derivatives, (slave nodes,).
 
-        A ``Row``, or b and its derivatives by gap and z_n.
+        A ``Row``, or b and its derivatives with respect to gap and z_n [stress].
         """
 
     def friction_limit_at(self, node: Nodal) -> Array:
@@ -117,7 +118,7 @@ class Friction(Law):
         return np.asarray(self.limit(node)[0])
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
-        """Stick (0) or direction of sliding (+-1), any where the limit is 0; see ``Law.branch``."""
+        """Stick (0) or direction of sliding (+-1), either if the limit is 0; see ``Law.branch``."""
         w, limit = node.z_tau + self.c_t * node.stiffness * node.slip, self.limit(node)[0]
         now = np.where(np.abs(w) > limit, np.sign(w), STICK).astype(np.int64)
         kink = np.abs(np.abs(w) - limit) <= KINK * limit
@@ -125,7 +126,7 @@ class Friction(Law):
         return np.where(limit == 0.0, free, np.where(kink, before, now))
 
     def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """Slip of sticking nodes, shear less limit of sliding ones; see ``Law.tangential``."""
+        """Slip of sticking nodes, shear minus limit of sliding ones; see ``Law.tangential``."""
         given, sticks = self.limit(node), branch == STICK
         b = given if isinstance(given, Row) else Row(*given[:2], by_z_n=given[2])
         return Row(
@@ -162,7 +163,7 @@ class Coulomb(Friction):
         mu: Any,
         *,
         max_shear: float = np.inf,
-        c_t: float = 0.1,
+        c_t: float = Friction.c_t,
         limit_by: Literal["trial", "pressure"] = "trial",
     ) -> None:
         super().__init__(c_t)
@@ -180,14 +181,16 @@ class Coulomb(Friction):
         check_choice("limit_by", self.limit_by, ("trial", "pressure"))
 
     def check_field(self, name: str, values: Array) -> None:
-        """Refuse negative coefficients."""
+        """Raise an error for negative coefficients."""
         if name == "mu" and values.min() < 0.0:
-            raise ValueError(f"mu={values.min():g} at a slave node: expected zero or more")
+            raise ValueError(
+                f"mu={values.min():g} at a slave node: expected zero or a positive number"
+            )
 
     def __repr__(self) -> str:
         """The coefficient; all numbers of a derived law."""
         if type(self) is not Coulomb:
-            return in_words(self)
+            return as_text(self)
         mu = type(self.mu).__name__ if varies(self.mu) else f"{self.mu:g}"
         return f"Coulomb({mu})"
 
@@ -207,12 +210,12 @@ class Coulomb(Friction):
 class Tresca(Friction):
     """Tresca's law, |z_tau| <= stress at all active nodes.
 
-    The friction limit does not vanish with the pressure, so that a step may have no solution: an
-    edge node overlaps if open, is peeled off by its shear if it slides, and exceeds the limit if it
+    The friction limit does not vanish with the pressure, and a load step may have no solution: an
+    edge node overlaps if it is open, is in tension if it slides, and exceeds the limit if it
     sticks. In such steps of a circle pressed on a block, no combination of open, sticking and
-    sliding edge nodes is a solution; smaller steps converged. ``Coulomb(mu, max_shear=stress)`` has
-    a limit that vanishes with the pressure: none of these steps failed with mu = 1, half of them
-    with mu = 100.
+    sliding edge nodes was a solution; smaller steps converged. ``Coulomb(mu, max_shear=stress)``
+    has a limit that vanishes with the pressure: none of these steps failed with mu = 1, half of
+    them with mu = 100.
 
     Args:
         stress: Friction limit [stress].
@@ -224,7 +227,7 @@ class Tresca(Friction):
 
     parameters = ("stress",)
 
-    def __init__(self, stress: float, *, c_t: float = 0.1) -> None:
+    def __init__(self, stress: float, *, c_t: float = Friction.c_t) -> None:
         super().__init__(c_t)
         self.stress = stress
         Tresca.check(self)
@@ -237,7 +240,7 @@ class Tresca(Friction):
 
     def __repr__(self) -> str:
         """The friction limit; all numbers of a derived law."""
-        return f"Tresca({self.stress:g})" if type(self) is Tresca else in_words(self)
+        return f"Tresca({self.stress:g})" if type(self) is Tresca else as_text(self)
 
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
         """Constant; see ``Friction.limit``."""
@@ -248,5 +251,5 @@ class Tresca(Friction):
         return np.full_like(pressure, self.stress)
 
 
-# Laws whose results need no check.
+# Laws whose results are not checked.
 BUILT_IN = (Frictionless, Stick, Coulomb, Tresca)

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: MIT
-"""Which slave nodes of a contact carry a multiplier.
+"""Selection of the slave nodes of a contact that carry a multiplier.
 
 A node with one prescribed component whose normal is approximately along the free one lies on a
-symmetry plane; its normal is set to the free component. A node with an oblique normal keeps it. A
-node prescribed along its normal, or in both components, carries no multiplier.
+symmetry plane; its normal is set to the free component. Oblique normals are unchanged. A node
+prescribed along its normal, or in both components, carries no multiplier.
 
 The multiplier function of a hardly covered node is added to that of a neighbour. The nodal force
-w_j z_j does not vanish with the weight w_j, so that z_j would grow without bound as the cover
-vanishes. Scaling of rows keeps the linear systems regular, but neither z_j small nor the active set
-stable. An edge pressed by 2 % and slid past 2.5 slave nodes in 40 steps (block on block, mean
-pressure 1.4):
+w_j z_j does not vanish with the weight w_j; z_j would therefore grow without bound as the cover
+vanishes. Row scaling keeps the linear systems regular, but z_j would still be large and the active
+set unstable. An edge pressed by 2 % and slid past 2.5 slave nodes in 40 steps
+(block on block, mean pressure 1.4):
 
 ==========================  ==========  ================  ================
 41 load steps               friction    handed over       never
@@ -33,14 +33,16 @@ import numpy.typing as npt
 from fenics_mortar.interface.surfaces import MIN_SHARE, Surface
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Cosine between the normal of a slave node with one prescribed component and the free component:
-# on a symmetry plane above the first (20 degrees), prescribed along its normal below the second.
+# Cosine of the angle between the normal of a slave node with one prescribed component and the free
+# component [1]. Above the first value (20 degrees) the node is on a symmetry plane; below the
+# second one it is prescribed along its normal.
 PLANE_COSINE, OBLIQUE_COSINE = 0.94, 0.1
-# Largest number of changes of a node in one solve: the cover may depend on whether the node carries
-# a multiplier, and the iteration would not end.
+# Largest number of changes of a node in one solve. The cover may depend on whether the node carries
+# a multiplier; without the limit the iteration might not end.
 MAX_CHANGES = 4
-# Relative change of the cover with the multiplier, over MIN_SHARE [1].
-VERGE = 0.1
+# Distance of the cover from MIN_SHARE, over MIN_SHARE [1], within which a node is undecided: the
+# cover changes by about this much with the multiplier.
+UNDECIDED = 0.1
 
 
 def normals_on_planes(normals: Array, free: Array) -> Array:
@@ -66,8 +68,8 @@ class MultiplierNodes:
 
     Attributes:
         possible: Whether a node carries a multiplier if it is covered, shape (slave nodes,), bool.
-        oblique: Whether its one prescribed component is neither along nor across its normal, shape
-            (slave nodes,), bool.
+        oblique: Whether a node's one prescribed component is neither along nor across its normal,
+            shape (slave nodes,), bool.
         plane_normals: Normals on symmetry planes, nan elsewhere, shape (slave nodes, 2).
     """
 
@@ -93,7 +95,7 @@ class MultiplierNodes:
         """New multiplier nodes, shape (slave nodes,), bool (local).
 
         Args:
-            multiplier_nodes: Present ones, shape (slave nodes,), bool.
+            multiplier_nodes: Present multiplier nodes, shape (slave nodes,), bool.
             cover: Covered fraction of each node, shape (slave nodes,) [1].
         """
         wanted = self.possible & ~((cover < MIN_SHARE) & self._helped(cover))
@@ -113,12 +115,12 @@ class MultiplierNodes:
         Returns:
             Numbers of the nodes, shape (k,).
         """
-        near = self._helped(cover) & (np.abs(cover - MIN_SHARE) < VERGE * MIN_SHARE)
+        near = self._helped(cover) & (np.abs(cover - MIN_SHARE) < UNDECIDED * MIN_SHARE)
         beside = ((self._sides >= 0) & active[self._sides]).any(axis=0)
         return np.flatnonzero(near & beside)
 
     def _helped(self, cover: Array) -> npt.NDArray[np.bool_]:
-        """Whether a neighbour can take over the multiplier function, (slave nodes,), bool."""
+        """Whether the multiplier function can be handed to a neighbour, (slave nodes,), bool."""
         strong = self.possible & (cover > 2.0 * MIN_SHARE)
         safe, helped = np.ones(cover.size, bool), np.zeros(cover.size, bool)
         for neighbour in self._sides:

@@ -19,8 +19,8 @@ class Nodal:
     """State of the slave nodes; every array of shape (slave nodes,) unless another one is given.
 
     Attributes:
-        gap: Mean gap g, zero where there is no partner [length]. ``Law.closing_gap`` gets that of
-            the geometry, all other methods the closing gap.
+        gap: Mean gap g, zero where there is no partner [length]. In ``Law.closing_gap`` this is the
+            geometric gap, in all other methods the closing gap.
         slip: Slip u since the last accepted step, positive along tau [length].
         z_n, z_tau: Multiplier [stress].
         stiffness: Stiffness k_j / l_j of the bulk [stress / length].
@@ -28,7 +28,7 @@ class Nodal:
         X, x: Positions in the undeformed mesh and at present, shape (slave nodes, 2) [length].
         time: Time at the end of the step.
         step: Length of the step [time].
-        memory: The law's own numbers at the start of the step, by the names in ``Law.memory``.
+        memory: Numbers stored by the law at the start of the step, by the names in ``Law.memory``.
         fields: Values of the law's parameters that vary in space, by the names in ``Law.fields``.
     """
 
@@ -59,7 +59,7 @@ class Row(NamedTuple):
     by_z_tau: Any = 0.0
 
 
-# Arguments by which a row has derivatives, in the order of ``Row``.
+# Arguments with respect to which a row has derivatives, in the order of ``Row``.
 ARGUMENTS = ("gap", "slip", "z_n", "z_tau")
 # Imaginary increment: its square underflows, so that derivatives are exact to rounding [1].
 COMPLEX_STEP = 1e-200
@@ -69,7 +69,7 @@ def row_of(function: Callable[[Nodal], Any], node: Nodal) -> Row:
     """Row of a function, with derivatives by complex step, exact to rounding.
 
     The function has to be analytic at the nodes: numpy's arithmetic, ``exp``, ``tanh``, ``where``
-    and so on. Take ``magnitude`` for the absolute value, ``np.where`` for maxima.
+    and so on. Use ``magnitude`` for the absolute value, ``np.where`` for maxima.
 
     Args:
         function: Value at a ``Nodal`` with complex ``gap``, ``slip``, ``z_n`` or ``z_tau``.
@@ -79,16 +79,16 @@ def row_of(function: Callable[[Nodal], Any], node: Nodal) -> Row:
     for name in ARGUMENTS:
         moved = replace(node, **{name: getattr(node, name) + 1j * COMPLEX_STEP})
         changes.append(np.imag(function(moved)) / COMPLEX_STEP)
-    value = function(node)  # complex where a parameter is, see ``sensitivity.partials.law``
+    value = function(node)  # complex if a parameter is, see ``sensitivity.partials.law``
     return Row(value if np.imag(value).any() else np.real(value), *changes)
 
 
 def magnitude(values: Any) -> Any:
-    """Absolute value that keeps the derivative of complex arguments; +1 at zero."""
+    """Absolute value, analytic in complex arguments; the derivative at zero is +1."""
     return np.where(np.real(values) < 0.0, -values, values)
 
 
-def through(row: Row, gap: Row) -> Row:
+def chain_rule(row: Row, gap: Row) -> Row:
     """Row of a law in terms of a gap that is itself a row: the chain rule."""
     first, *others = row[1:]
     chained = [a + first * b for a, b in zip(others, gap[2:], strict=True)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A contact pair: the two sides, their law, gap and sliding, and how contact is discretized."""
+"""A contact pair: the two sides, their law, gap, sliding and discretization."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Sliding = Literal["finite", "small"]
 
 
 def check_radius(search_radius: Any) -> None:
-    """Refuse a search radius that finds nothing (local)."""
+    """Raise an error for a search radius that is not a positive length (local)."""
     if search_radius is not None:
         expected = "a positive length, or None"
         check_number("search_radius", search_radius, expected, lambda r: r > 0.0)
@@ -32,9 +32,9 @@ class ContactPair:
     Args:
         data: Mesh, tags and names.
         slave: Name or tag of the side that carries the multiplier (the finer or softer one), or a
-            list of them, which is one surface. Without a master: surfaces whose facets may all
+            list of names, which form one surface. Without a master: surfaces whose facets may all
             touch each other.
-        master: Name or tag of the other side or a list of them, or an obstacle. Several pairs may
+        master: Name or tag of the other side, a list of names, or an obstacle. Several pairs may
             share a master. A slave with several masters of different law or search needs one pair
             for each; see ``redundancy`` for nodes that touch two of them. ``None`` for contact of a
             surface with itself, see ``self_contact``.
@@ -43,13 +43,13 @@ class ContactPair:
         search_radius: Largest distance of partners along the slave normal, in front of the slave
             and behind it [length]. Default: diagonal of the smaller surface's bounding box; for an
             obstacle no limit. Behind the slave the distance is also limited to half of the present
-            thickness of both bodies together, so that surfaces may be whole outlines.
+            thickness of both bodies together, so that a surface may be the whole outline of a body.
         initial_gap: Gap at set-up of all nodes within half a facet of the other surface [length]: 0
             removes gaps and overlaps of faceted curves, a negative number is an interference.
             ``None`` keeps the gaps of the mesh. See also ``PairView.offset``.
         sliding: "finite", or "small": D, M and normals of the undeformed mesh, and a gap that is
-            linear in the displacement. For slip that is small compared with a facet and small
-            rotations; with linear bulk the matrix is factored once, see ``reduced``.
+            linear in the displacement, valid for small rotations and slip that is small compared
+            with a facet. With linear bulk the matrix is factorized once, see ``reduced``.
         discretization: Choices for research and comparison: a ``Discretization`` or the name of a
             preset, "default", "other_codes" or "petrov_galerkin".
 
@@ -81,7 +81,7 @@ class ContactPair:
         self.sliding: Sliding = sliding
         self.law: Law = Frictionless() if law is None else law
         self.discretization: Discretization
-        if getattr(data, "mesh", None) is None:  # and no communicator
+        if getattr(data, "mesh", None) is None:  # without a communicator, the error is local
             self._set_up(discretization)
         with together(data.mesh.comm, "ContactPair"):
             self._set_up(discretization)
@@ -125,8 +125,8 @@ class ContactPair:
         """Copy of the pair with other options (local).
 
         Args:
-            options: Attributes by name, or functions of the present ones. They are checked when a
-                problem is set up.
+            options: New values of attributes by name, or functions of the present values. They are
+                checked when a problem is set up.
 
         Raises:
             ValueError: For an unknown name.

@@ -19,7 +19,7 @@ from fenics_mortar.utils.errors import call_together, check_same
 
 
 class Parameters:
-    """Evaluates the parameters in ``Law.fields`` that are no numbers.
+    """Evaluation of the parameters in ``Law.fields`` that are not numbers.
 
     Args:
         space: Nodes and dofs of the displacement.
@@ -36,7 +36,7 @@ class Parameters:
             Exception: Any error of a user's function, on all ranks.
             ValueError: If values are not finite, not one per slave node, or not allowed; or if a
                 function of dolfinx is not scalar and continuous, on the mesh of the problem.
-            MortarError: If they differ between ranks.
+            MortarError: If values differ between ranks.
         """
         comm, sampled = self._slave.comm, {}
         for name, value in law.varying.items():
@@ -56,7 +56,7 @@ class Parameters:
         return numbers
 
     def _check_function(self, law: Law, name: str, function: fem.Function) -> None:
-        """Refuse functions of another mesh, vectors and discontinuous functions (local)."""
+        """Raise for functions on another mesh, vectors and discontinuous functions (local)."""
         V, mesh = function.function_space, self._space.V.mesh
         per_cell = V.dofmap.dof_layout.num_dofs
         cells = mesh.topology.index_map(mesh.topology.dim).size_global
@@ -69,7 +69,7 @@ class Parameters:
 
     @cached_property
     def _scalar(self) -> tuple[fem.Function, Indices]:
-        """A function of one component of the displacement, and local nodes of its dofs."""
+        """A function of one component of the displacement's space, and local nodes of its dofs."""
         V, dofs = self._space.V.sub(0).collapse()
         return fem.Function(V), np.asarray(dofs, np.int64) // 2
 

@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: MIT
-"""Redundant stick: sticking nodes whose stick follows from other constraints.
+"""Redundant stick: nodes whose stick already follows from other constraints.
 
-A closed gap and stick are one constraint each. Where several pairs share nodes, a stick may depend
-on the other constraints: the two gaps of a groove fix a node completely; a facet of C across the
-joint of A and B keeps the corners of both on one line; where four blocks meet, two of the four
-sticks close a loop. The shear is then not unique, and the linear system is singular or, with a gap
-that opens by rounding, nearly so.
+A closed gap and stick are one constraint each. If several pairs share nodes, stick constraints may
+depend on other constraints. Examples: the two closed gaps of a groove fix a node completely; a
+facet of body C across the joint of A and B keeps the corners of both on one line; where four blocks
+meet, two of the four sticks close a loop. The shear is then not unique, and the linear system is
+singular, or nearly singular if a gap opens by rounding.
 
 A redundant node sticks elastically with k = 1000 k_j,
 
     z_tau = z_tau,old + (k / l_j) u,      u: slip since the last accepted state,
 
-up to the friction limit. As long as the stick is redundant, u vanishes except for the curvature of
-the constraints, and the shear keeps its value: of all admissible shears the nearest to the last. If
-it is no longer redundant, as when one flank of a groove moves, u is a true slip, and the node soon
-slides.
+up to the friction limit. As long as the stick is redundant, u vanishes up to the curvature of the
+constraints, and the shear is constant: among all admissible shears it is the one nearest to the
+last. If the stick is no longer redundant, for example if one flank of a groove moves, u is a true
+slip, and the node soon slides.
 
 Dependence is found from the rows (D_jk n, -M_jl n) and (D_jk tau, -M_jl tau) at the last accepted
-state. A row whose slave node belongs to no other pair cannot be part of a vanishing sum; so only
-rows of shared slave nodes are compared, a few per corner.
+state. A row whose slave node belongs to no other pair cannot be part of a vanishing sum. Only rows
+of shared slave nodes are therefore compared, a few per corner.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import SAME_PLACE
 
-# Norm of the remainder of a normalized row [1] below which it is dependent. The remainder of a
-# redundant row is of the order of the strains of the step.
+# Norm of the remainder of a normalized row after projection [1] below which the row is dependent.
+# The remainder of a redundant row is of the order of the strains of the step.
 DEPENDENT = 0.1
 
 
@@ -57,7 +57,7 @@ class _Entries(NamedTuple):
 
 
 class Redundancy:
-    """Finds the redundant sticks of all pairs; replicated, all methods are local.
+    """Search for redundant sticks of all pairs; replicated, all methods are local.
 
     Args:
         interfaces: All pairs.
@@ -72,8 +72,8 @@ class Redundancy:
     def mark(self) -> None:
         """Mark the redundant sticks of the present active sets in the states of all contacts.
 
-        The mark of a sticking node is kept: a joint that is closed up to rounding may open and
-        close, which must not change the law at its neighbours each time.
+        The mark of a sticking node is kept: a joint closed up to rounding may open and close
+        repeatedly, and this must not change the law at neighbouring nodes.
         """
         if not self._shared.size:
             return
@@ -170,7 +170,7 @@ def repeating(
 
 
 def dependent(rows: Array) -> npt.NDArray[np.bool_]:
-    """Rows that depend on the rows before them up to ``DEPENDENT``, shape (rows,), bool.
+    """Rows that depend linearly on preceding rows, up to ``DEPENDENT``, shape (rows,), bool.
 
     Args:
         rows: Normalized or zero rows, shape (rows, columns).

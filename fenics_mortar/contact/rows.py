@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Rows of the multipliers of a contact: gap and contact law.
 
-The row of the gap is weighted by k_j / D_jj, those of the law by D_jj, and a closing gap of the law
-by k_j, so that all have the units of the bulk rows. They are combined to Cartesian components:
-n (row of the gap) - tau (tangential row), or for an open node - n (normal row) - tau (tangential
-row).
+Rows of gaps are weighted by k_j / D_jj, rows of the law by D_jj, and rows of a closing gap by k_j,
+so that all have the units of the bulk rows. They are combined into Cartesian components: n
+(row of the gap) - tau (tangential row), or for an open node - n (normal row) - tau
+(tangential row).
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from fenics_mortar.contact.laws import Row
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.utils.arrays import Array
 
-# Weights of the rows: n k / D of gaps, nodal areas of multipliers that do not act, tau D and n D
-# of the law; with a closing gap of the law, those of gaps are zero, and -n k of the law follows.
-# Zero at nodes without such a row. Shapes (slave nodes, 2), the second (slave nodes,). Ties have
-# other weights, see ``tied_rows``.
+# Weights of the rows: n k / D of gaps, nodal areas of multipliers that do not act, tau D and n D of
+# the law; with a closing gap of the law, weights of gaps are zero, and the weight -n k of the
+# closing gap follows. Weights are zero at nodes without such a row. Shapes (slave nodes, 2), the
+# second (slave nodes,). Ties have other weights, see ``tied_rows``.
 Frame = tuple[Array, ...]
 
 
@@ -62,7 +62,7 @@ class InterfaceRows(ABC):
 
     @abstractmethod
     def followed(self) -> Array:
-        """Diagonal blocks of the rows of active nodes over their stiffness.
+        """Diagonal blocks of the rows of active nodes, divided by their stiffness.
 
         Plus or minus the dyads of the constrained directions, shape (slave nodes, 2, 2) [1].
         """
@@ -137,7 +137,7 @@ class ContactRows(InterfaceRows):
         return rows
 
     def by_motions(self) -> Array:
-        """Derivative of the rows by the motions of the obstacle, (slave nodes, 2, 3)."""
+        """Derivative of the rows with respect to obstacle motions, (slave nodes, 2, 3)."""
         f: ContactFields = self._interface.now
         o, z = f.on_obstacle, f.state.z
         normal, _, *laws = self.frame()
@@ -157,7 +157,7 @@ class ContactRows(InterfaceRows):
 
 
 def gap_by_motions(f: ContactFields) -> Array:
-    """Derivative of mean gaps by obstacle motions, (slave nodes, 3); zero where uncovered."""
+    """d(mean gaps)/d(obstacle motions), (slave nodes, 3); zero at uncovered nodes."""
     o, on = f.on_obstacle, f.covered[:, None]
     return np.where(on, o.dgap_dq / np.where(on, o.weight[:, None], 1.0), 0.0)
 
@@ -175,9 +175,9 @@ def _gap_rows(f: ContactFields, normal: Array, scaled_tau: Array) -> list[Block]
 
 
 def _nodal_rows(f: ContactFields, scaled: Array, row: Row) -> list[Block]:
-    """Rows -``scaled`` (slave nodes, 2) d(rho), without the derivative by gaps.
+    """Rows -``scaled`` (slave nodes, 2) d(rho), without the derivative with respect to gaps.
 
-    Terms with the change of n and tau are those of the nodes owned by this rank.
+    Terms with the change of n and tau are included for the nodes owned by this rank.
     """
     o, slave, z, partners = f.operators, f.sides.slave, f.state.z, f.state.partners
     j = slave.owned[f.acts[slave.owned]]

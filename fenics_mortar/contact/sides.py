@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The two surfaces of a pair: extraction, check, stand-ins of nodes without weight."""
+"""The two surfaces of a pair: extraction, checks, substitutes of nodes without weight."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from fenics_mortar.interface.measures import POINTS
 from fenics_mortar.interface.on_obstacle import surface_without_nodes
-from fenics_mortar.interface.segments import POINTS
 from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
@@ -19,7 +19,8 @@ from fenics_mortar.utils.errors import SurfaceError, place
 def surfaces_of(pair: Any, space: DisplacementSpace, welds: Indices) -> tuple[Surface, Surface]:
     """Slave and master of a pair (collective).
 
-    One object if the surface may touch itself. The surface of an obstacle has no nodes.
+    Both are the same object if the surface may touch itself. The surface of an obstacle has no
+    nodes.
 
     Args:
         pair: The pair.
@@ -55,7 +56,7 @@ def _check_that_they_differ(slave: Surface, master: Surface) -> None:
         )
 
 
-def stand_ins_of(slave: Surface, *, at_vertices: bool) -> tuple[Indices, Indices]:
+def substitutes_of(slave: Surface, *, at_vertices: bool) -> tuple[Indices, Indices]:
     """Nodes without weight, and the next nodes that may have a multiplier, each (k,)."""
     alone, step = np.flatnonzero(slave.weightless), slave.degree if at_vertices else 1
     before, after = slave.along(alone, range(-step, step + 1, 2 * step)).T

@@ -12,7 +12,7 @@ tau_j. The two measures differ in s_j:
 ==============  ============  ======================================================================
 measure         s_j           slip u_j
 ==============  ============  ======================================================================
-``partners``    0             tau_j . b_j less its value at the accepted state
+``partners``    0             tau_j . b_j minus its value at the accepted state
 ``operators``   1 / w_j,old   -tau_j . [(D - D_old) x - (M - M_old) x]_j / w_j,old
 ==============  ============  ======================================================================
 
@@ -38,10 +38,11 @@ In ironing with long steps, where one side rotates only, shear times slip is 0.0
 of the shear forces, with the slave's tangent 0.02 % above. "partners" needs no derivatives of D and
 M and is also defined with constant D and M; it is the default. "operators" is for comparison.
 
-Open nodes have partners as well: slip counts from the points faced at the start of the step. A node
-beyond the end of the master gets the nearest point of the nearest master facet, continued straight;
-it has no D_old, and s_j = 0. On a rigid obstacle the partner is the nearest point of the obstacle
-and moves with it; it lies along the normal, so that both measures are equal.
+Open nodes have partners as well: slip is counted from the points faced at the start of the step.
+The partner of a node beyond the end of the master is the nearest point of the nearest master facet,
+extended as a straight line; such a node has no D_old, and s_j = 0. On a rigid obstacle the partner
+is the nearest point of the obstacle and moves with it; it lies along the normal, so that both
+measures are equal.
 """
 
 from __future__ import annotations
@@ -78,7 +79,7 @@ class Partners:
         shear: z_tau at that state, zero where open, shape (slave nodes,) [stress].
         pressure: z_n at that state, zero where open, shape (slave nodes,) [stress].
         gap: Mean gap at that state, inf at uncovered nodes, shape (slave nodes,) [length].
-        facing: Gauss points of both sides that faced each other, for pairs of two bodies with
+        facing: Gauss points of both sides that face each other, for pairs of two bodies with
             friction; else ``None``.
     """
 
@@ -106,7 +107,7 @@ class Partners:
     def derivative(self, o: MortarOperators) -> Iterator[Block]:
         """Blocks tau_j . db_j of this rank's share: rows slave nodes, columns dofs [1].
 
-        The other term of the slip's derivative, by the change of tau, is
+        The other term of the slip's derivative, due to the change of tau, is
         ``o.tangential_derivative(b)``.
         """
         for surface, matrix, sign in ((o.slave, self.D, 1.0), (o.master, self.M, -1.0)):
@@ -119,7 +120,7 @@ class Partners:
             yield from o.vector_derivative(-self.present[:, None] * o.tau)
 
     def derivative_by_motions(self, o: ObstacleOperators) -> Array:
-        """Derivative of the slip by the motions of the obstacle, shape (slave nodes, 3)."""
+        """Derivative of the slip with respect to obstacle motions, shape (slave nodes, 3)."""
         turned = np.stack([-o.dn_dq[:, 1], o.dn_dq[:, 0]], axis=1)
         V = o.obstacle.motions(o.obstacle.to_space(self.feet), o.arm)
         return np.einsum("jam,ja->jm", turned, self.apart(o)) - np.einsum("jmc,jc->jm", V, o.tau)
@@ -145,7 +146,7 @@ def find_partners(
         o: Operators of the accepted state.
         faces: Slave nodes with rows in D and M, shape (slave nodes,), bool.
         touches: Slave nodes in contact or with a constant tangent, shape (slave nodes,), bool.
-        measure: Measure of slip, see above.
+        measure: Measure of slip, see the docstring of the module.
         master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, 2).
         between: Whether to find ``Partners.facing``.
     """
@@ -164,14 +165,15 @@ def find_partners(
         D, M = _sum(own, on_slave, len(o.x), len(o.x)), _sum(nearest, on_master, len(o.x), len(o.m))
         present = per_weight if measure == "operators" else none
     partners = Partners(D, M, feet, present, none, none, none, none, facing)
-    tangent = np.where(touches[:, None], o.tau, _midway(o, M, master_planes))
+    tangent = np.where(touches[:, None], o.tau, _mean_tangents(o, M, master_planes))
     return replace(partners, start=np.einsum("ja,ja->j", tangent, partners.apart(o)))
 
 
-def _midway(o: MortarOperators, M: csr_array, planes: Array) -> Array:
+def _mean_tangents(o: MortarOperators, M: csr_array, planes: Array) -> Array:
     """Mean tangents of slave nodes and the facets opposite, shape (slave nodes, 2).
 
-    The slave's own tangent where the nearest facet has a similar normal, as on the back of a plate.
+    The slave's tangent is used where the nearest facet has a similar normal, as on the back of a
+    plate.
     """
     n = o.n
     if o.master.num_nodes:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The state of an interface: all quantities that a solve changes or passes to the next one."""
+"""State of an interface: all quantities that a solve changes or passes to the next solve."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from fenics_mortar.contact.laws import Branches
 from fenics_mortar.utils.arrays import Array, Flags, Value
 
-# Parts of a state that follow from the others at the end of a solve: files have none of them.
+# Attributes that follow from the others at the end of a solve; they are not written to files.
 # Instants are written by ``instant``.
 DERIVED = {"derived": True}
 
@@ -25,21 +25,22 @@ class InterfaceState(Value):
         active: Active set, shape (slave nodes,), bool.
         branch: Branch of the law that each node is on, 0 where it sticks, shape (slave nodes,).
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool:
-            not if it is prescribed or hardly covered.
+            false if it is prescribed or hardly covered.
         redundant: Whether the stick of a node follows from other constraints, so that it sticks
             elastically, shape (slave nodes,), bool; see ``redundancy``.
         partners: Material points that slip is counted from, the ``Partners`` of the slave nodes at
             the start of the step; ``None`` for a tie.
         accepted: Partners at the last accepted state, used in the next step.
-        c_n: Weight of the gap in the complementarity function [1]; below the pair's value after a
-            cycle of the active set.
+        c_n: Weight of the gap in the complementarity function [1]; reduced below the pair's value
+            after a cycle of the active set.
         offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length].
         reference: Operators of the undeformed mesh, with small sliding.
         load_time: Time of the present loads, at the end of the step.
-        past: ``Instant`` of the start of the step, whose memory the law sees; ``None`` for a tie.
+        past: ``Instant`` at the start of the step, whose memory is given to the law; ``None`` for a
+            tie.
         committed: ``Instant`` of the last accepted state, used in the next step.
-        borne: Nodes with tensile multiplier and compressive force, and the forces of all nodes, for
-            the next active set; see ``Contact.move``.
+        force_decided: Nodes with tensile multiplier and compressive force, and the forces of all
+            nodes, for the next active set; see ``Contact.move``.
     """
 
     z: Array
@@ -55,8 +56,8 @@ class InterfaceState(Value):
     load_time: float = field(default=0.0, metadata=DERIVED)
     past: Any = field(default=None, metadata=DERIVED)
     committed: Any = field(default=None, metadata=DERIVED)
-    borne: tuple[Flags, Array] | None = field(default=None, metadata=DERIVED)
+    force_decided: tuple[Flags, Array] | None = field(default=None, metadata=DERIVED)
 
 
-# Names of the parts that determine all others.
+# Names of the attributes that determine all others.
 INDEPENDENT = tuple(part.name for part in fields(InterfaceState) if not part.metadata)

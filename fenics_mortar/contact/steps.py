@@ -11,12 +11,12 @@ from mpi4py import MPI
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.instant import Instant
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.utils.errors import MortarError, check_same
 
 
 def begin_step(contacts: Sequence[Interface]) -> None:
-    """Take over the laws, and start a step at the accepted state (collective).
+    """Adopt the present laws, and start a step at the accepted state (collective).
 
     Raises:
         MortarError: On all ranks, if a law needs the length of the step and the time is not later
@@ -25,19 +25,19 @@ def begin_step(contacts: Sequence[Interface]) -> None:
     """
     for contact in contacts:
         if isinstance(contact, Contact):
-            contact.take_law()
+            contact.adopt_law()
             _check_time(contact)
         contact.start_step()
 
 
 def _check_time(contact: Contact) -> None:
-    """Refuse a step without length if the law needs it (local)."""
+    """Raise an error for a step of zero length if the law needs the length (local)."""
     now, before = contact.state.load_time, contact.state.committed.time
     if contact.pair.law.needs_time and not now > before:
         raise MortarError(
             f"{contact.pair.law!r} needs the length of the step, but the time {now:g} is not later "
             f"than {before:g}, that of the last accepted state: set problem.time before each "
-            "solve, or use follow_path or Dynamics, which do"
+            "solve, or use follow_path or Dynamics, which set it"
         )
 
 
@@ -46,10 +46,10 @@ def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[Instant |
 
     Raises:
         Exception: Any error of a law, on all ranks.
-        MortarError: On all ranks, if a law remembers other numbers on another rank.
+        MortarError: On all ranks, if the memory of a law differs between ranks.
     """
     found = [_instant_of(c) if isinstance(c, Contact) else None for c in contacts]
-    raise_noted(comm, contacts)
+    raise_stored(comm, contacts)
     remembered = [
         (f"{name} of {contact.pair.law!r}", values)
         for contact, instant in zip(contacts, found, strict=True)

@@ -5,21 +5,21 @@ With D and M of the reference configuration, the slave's displacement follows th
 
     sum_k D[j, k] u_k - sum_l M[j, l] u_l = 0    for every multiplier node j,
 
-in both components. The constraint is linear: with linear bulk the matrix of the whole system is
-constant, and elimination of the slave by u_s = D^-1 M u_m gives a symmetric one, Q^T K Q.
+in both components. The constraint is linear. With linear bulk the matrix of the whole system is
+constant, and elimination of the slave by u_s = D^-1 M u_m results in the symmetric matrix Q^T K Q.
 
 If also D X_s = M X_m, which ``close_gaps`` ensures, the constraint holds for current positions:
 rigid motions are free of stress, and the torques of D^T z and M^T z cancel to rounding (Puso 2004).
-Otherwise the gap vector g = D X_s - M X_m of a faceted curve is kept without rotation: a rotation
-by an angle a strains the bodies by about a |g| over their size, and the torques of the two sides
-differ by g x z.
+Otherwise the gap vector g = D X_s - M X_m of a faceted curve remains and does not rotate: a
+rotation by an angle a strains the bodies by about a |g| over their size, and the torques of the two
+sides differ by g x z.
 
-A node that is prescribed or belongs to another pair would be constrained twice, as where several
-tied interfaces meet. It carries no multiplier, and its neighbours take over its function (Wohlmuth
-2000), so that constants are reproduced on the whole interface.
+A node that is prescribed or belongs to another pair, for example where several tied interfaces
+meet, would be constrained twice. It carries no multiplier, and its function is handed over to its
+neighbours (Wohlmuth 2000), so that constants are reproduced on the whole interface.
 
-Where a joint ends at a contact surface, the corners of the two bodies are merged to one node, the
-master's, and the contact surface is continuous across the joint.
+Where a joint ends at a contact surface, the corners of the two bodies are merged into one node,
+that of the master. The contact surface is then continuous across the joint.
 """
 
 from __future__ import annotations
@@ -87,8 +87,8 @@ class Tie(Interface):
         self._integrate()
         if not (self.operators.cover > 0.0).any():
             raise SurfaceError(
-                f"{self._names} are nowhere within {self.options.radius:.3g} of each other: "
-                "increase search_radius"
+                f"{self._names} are farther apart than {self.options.radius:.3g} everywhere: "
+                f"increase search_radius"
             )
         self.drop(self.operators.cover < MIN_SHARE * self.slave.full_cover)
 
@@ -136,7 +136,7 @@ class Tie(Interface):
             | constant
             | {"linearization": Linearization(False, False, frozen=True)}
         )
-        self.show(TiedOperators(**values, apart=np.zeros((slave.num_nodes, 2))))
+        self.set_operators(TiedOperators(**values, apart=np.zeros((slave.num_nodes, 2))))
         self.may_carry = self.multiplier_nodes & (o.diagonal > 0.0)
         self.change(active=self.may_carry)
         s, shape = o.segments, (slave.num_nodes, master.num_nodes)
@@ -180,10 +180,10 @@ class Tie(Interface):
         x, m = self.slave.X + on_slave, self.master.X + on_master
         n, dn = evaluate_normals(self.slave, x, self.options.weighting)
         apart = self.D @ on_slave - self.M @ on_master
-        self.show(replace(self.operators, x=x, m=m, n=n, dn=dn, apart=apart))
+        self.set_operators(replace(self.operators, x=x, m=m, n=n, dn=dn, apart=apart))
 
     @property
-    def as_faced(self) -> MortarOperators:
+    def partner_operators(self) -> MortarOperators:
         """Operators with the nodes at their reference positions."""
         n, _ = evaluate_normals(self.slave, self.slave.X, self.options.weighting)
         return replace(self.operators, x=self.slave.X, m=self.master.X, n=n)
@@ -193,7 +193,7 @@ class Tie(Interface):
         return self.operators.segments
 
     def close_gap(self, space: DisplacementSpace) -> bool:
-        """Move active nodes such that D X_s = M X_m (collective); return whether any moved."""
+        """Move active nodes such that D X_s = M X_m (collective); return whether any node moved."""
         on, slave = self.active_nodes, self.slave
         idle = np.where(self.active[:, None], 0.0, slave.X)
         rhs = (self.M @ self.master.X - self.D @ idle)[on]
@@ -204,7 +204,7 @@ class Tie(Interface):
         space.move_nodes(slave.nodes[on], X)
         return True
 
-    def look_at(self, space: DisplacementSpace) -> None:
+    def update_reference(self, space: DisplacementSpace) -> None:
         """Update the reference positions from the mesh (collective)."""
         X = space.positions()
         self.slave = replace(self.slave, X=self.slave.gather(X))
@@ -215,7 +215,7 @@ class Tie(Interface):
         return self._force_blocks
 
     def limit_sight(self, outline: Outline) -> Outline:
-        """See ``Interface``; tied facets are no boundary."""
+        """See ``Interface``; tied facets do not limit the search."""
         for side in self._sides:
             outline = outline.without(side, self.nodes)
         return outline

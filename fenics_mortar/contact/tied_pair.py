@@ -19,20 +19,20 @@ class TiedPair:
 
     Args:
         data: Mesh, tags and names.
-        slave: Name or tag of the side that carries the multiplier, or a list of them, which is one
-            surface; tractions are smoother on the finer or softer side.
-        master: Name or tag of the other side, or a list of them.
+        slave: Name or tag of the side that carries the multiplier, or a list of names, which form
+            one surface; tractions are smoother on the finer or softer side.
+        master: Name or tag of the other side, or a list of names.
         gap: Treatment of gaps between the facets of a curved interface.
 
             - "removed": at set-up the slave nodes of the mesh are moved onto the master, without
               stress. Interpolate functions after the set-up. A displacement of degree 2 needs cells
               of second order, unless the interface is straight.
-            - "kept": the mesh and the gap vector stay. The vector does not rotate with the bodies,
-              so that a nonzero gap is admissible for small rotations only.
+            - "kept": mesh and gap vector are unchanged. The vector does not rotate with the bodies,
+            so that a nonzero gap is admissible for small rotations only.
         search_radius: Largest distance of partners along the slave normal [length]; half the
-            longest facet of both sides by default. Nodes without partner stay free.
-        discretization: ``Discretization`` of which a tie has basis, points and max_angle only, or
-            "default".
+            longest facet of both sides by default. Nodes without partner are not tied.
+        discretization: ``Discretization``, of which a tie uses basis, points and max_angle only, or
+        "default".
 
     Raises:
         ValueError: If an option has a value that is not allowed.

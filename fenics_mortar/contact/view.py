@@ -130,7 +130,7 @@ class PairView:
     def forces(self) -> Array:
         """Contact forces on the slave nodes, shape (slave nodes, 2) [stress length].
 
-        With a thickness, as of bodies of revolution, those of the whole bodies [force].
+        With a thickness, as for bodies of revolution, forces on the whole bodies [force].
 
         Collective.
         """
@@ -152,7 +152,7 @@ class PairView:
 
         May be set. An interference of the mesh is ramped by ``contact.offset = (1 - t) * overlap``
         with ``t`` from 0 to 1, where ``overlap = np.nan_to_num(contact.gap).clip(max=0)`` at the
-        start; the wear of the last step is taken off by ``contact.offset -= depth``.
+        start; the wear of the last step is removed by ``contact.offset -= depth``.
 
         Raises:
             ValueError: If the new offset has a wrong shape or is not finite.
@@ -180,5 +180,5 @@ class PairView:
 
     @property
     def state(self) -> InterfaceState:
-        """Multipliers, active set and further state of the interface, as a value."""
+        """Multipliers, active set and all other quantities of the interface's state, as a value."""
         return self._interface.state

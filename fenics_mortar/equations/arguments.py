@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Arguments of a problem: refused if they are of a wrong kind."""
+"""Checks of the arguments of a problem."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 
 
 def check_arguments(residual: Any, u: Any, pairs: Any, bcs: Any, jacobian: Any) -> None:
-    """Refuse forms, pairs or conditions of a wrong kind (local)."""
+    """Reject forms, pairs or conditions of a wrong type (local)."""
     check_kind("residual", residual, ufl.Form, "a UFL form")
     if not isinstance(pairs, Sequence) or not all(
         isinstance(p, (ContactPair, TiedPair)) for p in pairs
@@ -51,9 +51,9 @@ def check_options(
     geometry: Any,
     thickness: Any,
 ) -> None:
-    """Refuse options of a wrong kind (local)."""
+    """Reject options of a wrong type (local)."""
     check_geometry(geometry, thickness)
-    check_kind("petsc_options_prefix", petsc_options_prefix, str, "a text, as 'blocks_'")
+    check_kind("petsc_options_prefix", petsc_options_prefix, str, "a string, e.g. 'blocks_'")
     for name, value, kind, expected in (
         ("petsc_options", petsc_options, dict, "a dictionary, or None"),
         ("newton", newton, NewtonOptions, "an instance of NewtonOptions, or None"),

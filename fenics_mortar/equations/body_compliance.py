@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Compliance of all bodies, floating ones on weak springs.
+"""Compliance of all bodies, with weak springs on floating bodies.
 
-The compliance of a floating body is that of the elastic body on springs; a low-rank correction then
-weakens the springs on its rigid motions. With weak springs from the start the stiffness would not
-be positive definite for a body that is unstable under its loads, such as an inverted pendulum.
+The compliance of a floating body is that of the elastic body on springs, corrected by a low-rank
+term that weakens the springs on its rigid motions. Without this correction, with weak springs in
+the stiffness, the stiffness of a body that is unstable under its loads, such as an inverted
+pendulum, would not be positive definite.
 """
 
 from __future__ import annotations
@@ -13,20 +14,17 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.la.factored import factored_bulk, portions
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array
 
-# Stiffness of the springs on a body over its largest diagonal entry of K [1]: larger than the
-# negative stiffness of its loads, of the order of the strains, but with a negligible effect on the
-# elastic compliance.
-SPRING = 1e-3
 PREFIX = "fenics_mortar_settling_"
 
 
 class BodyCompliance:
-    """Compliance of all bodies, floating ones on weak springs (collective).
+    """Compliance of all bodies, with weak springs on floating bodies (collective).
 
     Args:
         bulk: The bodies; springs are added to their tangent, which has to be assembled.
@@ -40,7 +38,7 @@ class BodyCompliance:
         for body in floating.bodies:
             mine = floating.labels[: bulk.space.num_nodes] == body.label
             dofs = bulk.space.owned_dofs[mine]
-            each = SPRING * body.stiffest / body.num_nodes
+            each = EQUATIONS.spring * body.stiffest / body.num_nodes
             weak = RIGID.weakest_spring * body.stiffest / body.num_nodes
             springs[dofs] = each
             rigid = np.zeros((len(body.motions), bulk.num_owned))
@@ -54,7 +52,7 @@ class BodyCompliance:
         self._factors = factored_bulk(bulk, PREFIX)
 
     def displacements(self, forces: Array) -> Array:
-        """Displacements due to forces, both of shape (owned dofs, k); none at prescribed dofs."""
+        """Displacements [length] due to forces [stress length], both (owned dofs, k)."""
         bulk, found = self._bulk, []
         forces = np.where(bulk.prescribed[: bulk.num_owned, None], 0.0, forces)
         for group in portions(forces.shape[1]):

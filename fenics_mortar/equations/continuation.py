@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: MIT
-"""Solves in a row as a load path: where loads continue, the last two states are extrapolated.
+"""Successive solves as a load path: if loads continue, the last two states are extrapolated.
 
-A loop of a user that changes loads and solves is a path without a time. The loads tell how far
-the next step goes: each prescribed value, constant and function of the forms, obstacle and offset
-has to change along its last change, all by the same ratio. There is no guess where
+A user's loop that changes loads and solves is a load path without time. The length of the next step
+follows from the loads: each prescribed value, constant and function of the forms, obstacle and
+offset has to change along its last change, all by the same ratio. The guess is the last state if
 
-- nothing changed, or loads turn, reverse, start or stop;
-- a step is more than twice as long as the last one;
-- a law was changed;
-- the present state is not the one that the last solve ended in;
-- the bodies have inertia.
+- nothing changed, or loads turn, reverse, start or stop; - a step is more than twice as long as the
+last one; - a law was changed; - the present state is not the result of the last solve; - the bodies
+have inertia.
 
-The guess itself is that of ``predictor``, which compares its residual with that at the last state.
+Otherwise the guess is that of ``predictor``, which compares its residual with that of the last
+state.
 """
 
 from __future__ import annotations
@@ -25,28 +24,26 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import ContactEquations
-from fenics_mortar.equations.moving_frame import TOGETHER
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import in_words
+from fenics_mortar.utils.errors import as_text
 from fenics_mortar.utils.rounding import ROUNDING
 
-# Longest step over the last one [1], in extrapolated loads and in load steps.
-LONGEST = 2.0
-# Parts of the state of an interface that a user may have changed since the last solve.
+# Attributes of an interface's state that a user may have changed since the last solve.
 KEPT = ("z", "active", "branch", "multiplier_nodes", "partners", "accepted", "committed")
 
 
 class _Loads(NamedTuple):
-    """Values of all loads, those of distributed ones on this rank; laws in words."""
+    """Values of all loads, distributed ones on this rank; laws as text."""
 
     values: list[Array]
     laws: list[str]
 
 
 class Continuation:
-    """Remembers the last two accepted states of a problem and their loads.
+    """The last two accepted states of a problem and their loads.
 
     Args:
         equations: The equations of the problem.
@@ -58,22 +55,22 @@ class Continuation:
         self._past: list[_Loads] = []
         self._step = 1.0
 
-    def forget(self) -> None:
-        """Make no guess before two more solves (local)."""
-        self._past = []
-
-    def solve(self, solve: Callable[[], NewtonReport]) -> NewtonReport:
-        """Solve from a guess where loads continue, else from the present state (collective).
+    def solve(self, solve: Callable[[], NewtonReport], *, guess: bool) -> NewtonReport:
+        """Solve from a guess if loads continue, else from the present state (collective).
 
         Args:
-            solve: Solves from the present state.
+            solve: Function that solves from the present state.
+            guess: Whether to guess; never for bodies in motion, which have forces beyond the forms.
 
         Raises:
-            NotConvergedError: On all ranks, if the solve fails; from a guess, if that from the
-                present state fails as well.
+            NotConvergedError: On all ranks, if the solve fails; after a guess, if the solve from
+                the present state fails as well.
         """
+        if not guess or self._equations.bulk.inertia is not None:
+            self._past = []
+            return solve()
         if self._past and not self._is_last_state():
-            self.forget()
+            self._past = []
         loads = self._loads()
         ratio = self._ratio(loads) if len(self._past) == 2 else 0.0
         step = self._step * ratio if ratio else 1.0
@@ -88,7 +85,7 @@ class Continuation:
         return report
 
     def _is_last_state(self) -> bool:
-        """Whether the problem is in the state of the last solve (collective)."""
+        """Whether the present state is the result of the last solve (collective)."""
         assert self._predictor is not None
         equations, last = self._equations, self._predictor.last
         same = np.array_equal(equations.bulk.u.x.array, last.u) and all(
@@ -106,11 +103,11 @@ class Continuation:
         on_obstacles = np.where(motions.driven, motions.push(), motions.places)
         values = [*self._equations.bulk.input_data.loads(), *on_obstacles]
         values += [np.array(contact.offset, float).ravel() for contact in contacts]
-        laws = [in_words(c.pair.law) for c in contacts if isinstance(c, Contact)]
+        laws = [as_text(c.pair.law) for c in contacts if isinstance(c, Contact)]
         return _Loads(values, laws)
 
     def _ratio(self, loads: _Loads) -> float:
-        """Length of the next step of loads over that of the last, 0.0 where they do not continue.
+        """Length of the next load step over that of the last [1]; 0.0 if loads do not continue.
 
         Collective.
         """
@@ -127,5 +124,5 @@ class Continuation:
         first = np.flatnonzero(done2)[0]
         ratio = float(product[first] / done2[first])
         aside2 = next2 - 2.0 * ratio * product + ratio**2 * done2
-        continues = 0.0 < ratio <= LONGEST * (1.0 + ROUNDING)
-        return ratio if continues and (aside2 <= TOGETHER**2 * next2).all() else 0.0
+        continues = 0.0 < ratio <= EQUATIONS.longest * (1.0 + ROUNDING)
+        return ratio if continues and (aside2 <= EQUATIONS.same_direction**2 * next2).all() else 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Reasons why a solve failed, in words; all functions are collective."""
+"""Messages on the reasons of a failed solve; all functions are collective."""
 
 from __future__ import annotations
 
@@ -12,17 +12,12 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.laws import Branches
-from fenics_mortar.contact.words import describe_overlap
+from fenics_mortar.contact.messages import describe_overlap
+from fenics_mortar.equations.set_history import SetsOfPairs
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, place
-
-# Number of last iterations in which a node that opened and closed wavers.
-WAVERING = 4
-# Active set and branches of each pair in one iteration.
-Sets = list[tuple[Flags, Branches]]
 
 
 def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> None:
@@ -43,7 +38,7 @@ def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> Non
     if bulk.comm.allreduce(float(diagonal[dofs].max(initial=-np.inf)), MPI.MAX) < 0.0:
         raise MortarError(
             "all stiffnesses are negative: check the signs of the residual, which is internal "
-            "less applied forces, of the jacobian, and of Young's modulus"
+            "minus applied forces, of the jacobian, and of Young's modulus"
         )
     loose = np.zeros(diagonal.size, bool)
     loose[dofs] = (diagonal[dofs] == 0.0) & ~bulk.prescribed[dofs]
@@ -64,7 +59,7 @@ def diagnose(
     floating: FloatingBodies,
     obstacles: DrivenObstacles,
     force: float,
-    recent: Sequence[Sets],
+    recent: Sequence[SetsOfPairs],
 ) -> str:
     """Describe inverted cells, loose bodies, peeling edges and deep overlaps; "" if none.
 
@@ -89,7 +84,7 @@ def describe_inverted(bulk: Bulk) -> str:
     return f"{count} cells are inverted, one at {where}: try smaller load steps" * bool(count)
 
 
-def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[Sets]) -> str:
+def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]) -> str:
     """Describe nodes with shear without pressure that open and close; "" if none (local)."""
     for i, contact in enumerate(contacts):
         if not isinstance(contact, Contact):
@@ -99,7 +94,7 @@ def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[Sets]) -> 
         bound = contact.now.friction_limit(np.zeros(contact.slave.num_nodes))
         if wavers.size and 0.0 < bound[wavers[0]] < np.inf:
             return (
-                f"{wavers.size} nodes of '{contact.slave.name}' keep closing and opening, one at "
+                f"{wavers.size} nodes of '{contact.slave.name}' close and open repeatedly, one at "
                 f"{place(contact.operators.x[wavers[0]])}: {contact.pair.law!r} admits shear "
                 "without pressure, which may peel them off each time they close; take smaller "
                 "steps, or Coulomb(mu, max_shear=...), whose limit vanishes with the pressure"

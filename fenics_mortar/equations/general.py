@@ -20,11 +20,12 @@ from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.bulk.inertia import Inertia
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
 from fenics_mortar.equations.linearized_contact import LinearizedContact
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.remedies import Remedies
 from fenics_mortar.equations.residual import Residual
 from fenics_mortar.equations.set_history import SetHistory
@@ -39,9 +40,10 @@ from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import together
+from fenics_mortar.utils.rounding import TINY
 from fenics_mortar.verify.crossing import Crossings
 
-# Motions of no obstacles.
+# Motions for a problem without obstacles.
 NO_MOTION: Array = np.zeros((0, 3))
 
 
@@ -62,7 +64,7 @@ class Increment(NamedTuple):
 
 
 class ContactEquations:
-    """Bodies, contacts and driven obstacles together; all methods are collective.
+    """Coupled equations of bodies, contacts and driven obstacles; all methods are collective.
 
     Args:
         bulk: Bulk residual and tangent.
@@ -75,10 +77,10 @@ class ContactEquations:
         motions: The obstacles of the contacts.
         floating: Bodies that Dirichlet conditions leave free to move rigidly.
         residual: Residual of the last evaluated state, and its forces.
-        remedies: Remedies of Newton's method where sets or bodies do not settle.
+        remedies: Remedies if active sets or bodies do not settle in Newton's method.
         springs: Anchored springs on bodies and obstacles if Newton's method fails.
         crossings: Detection of crossed surfaces.
-        interrupted: Whether an interruption may have left incomplete matrices.
+        interrupted: Whether matrices may be incomplete after an interruption.
         last_converged: Whether the last solve ended in the present state.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
         system: The linear system; has to be set before the first ``advance``.
@@ -119,10 +121,10 @@ class ContactEquations:
         self._loose: list[FloatingBody] = []
 
     def add_inertia(self, inertia: Inertia) -> None:
-        """Add mass; no body with mass floats."""
+        """Add mass; bodies with mass are not floating."""
         self.bulk.inertia = inertia
         self.floating.find()
-        self.last_converged, self.interrupted = False, True  # matrices have another pattern
+        self.last_converged, self.interrupted = False, True  # the pattern of the matrices changes
 
     def _set_stiffness(self) -> None:
         """Set the stiffness of each contact to the mean diagonal of K at its slave nodes."""
@@ -141,9 +143,9 @@ class ContactEquations:
         self.bulk.assemble_residual()
         if self.floating.bodies:
             self.floating.add_spring_forces()
-        return self.look(start=start)
+        return self.evaluate_without_bulk(start=start)
 
-    def look(self, *, start: bool) -> Status:
+    def evaluate_without_bulk(self, *, start: bool) -> Status:
         """Evaluate operators and active sets, with the bulk residual already assembled."""
         if start:
             self._history.begin()
@@ -179,11 +181,11 @@ class ContactEquations:
                 contact.evaluate(self.bulk.u.x.array, self.linearization)
             changed += handed + contact.update_active(start=start and not self.last_converged)
         self._redundancy.mark()
-        raise_noted(self.comm, self.contacts)
+        raise_stored(self.comm, self.contacts)
         return changed
 
     def evaluate_forces(self) -> tuple[Array, Array]:
-        """Evaluate all; return forces of bulk and contact, (owned dofs,) each [stress length]."""
+        """Evaluate; return forces of bulk and contact, (owned dofs,) each [stress length]."""
         self.evaluate_contacts(start=True)
         bulk, contact, _ = self.residual.forces()
         return bulk, contact
@@ -202,7 +204,7 @@ class ContactEquations:
     # Newton iteration
 
     def advance(self) -> Step:
-        """One Newton iteration: linearize, solve, apply; a step that is too long is shortened."""
+        """Carry out one Newton iteration: linearize, solve, apply; too long a step is shortened."""
         if self.floating.bodies:
             self.remedies.settle_sets()
         self.linearize()
@@ -216,7 +218,7 @@ class ContactEquations:
             self._loose = self.floating.loose()
             self.floating.add_springs(self._loose, self.residual.total, self.residual.force)
         self.system.assemble()
-        raise_noted(self.comm, self.contacts)
+        raise_stored(self.comm, self.contacts)
 
     @clock("solve")
     def solve_linear(self) -> Increment:
@@ -248,7 +250,7 @@ class ContactEquations:
         return self.step(size, part, increment.remark)
 
     def _take_linearized_sets(self, snap: bool) -> bool:
-        """Take the sets of the linearized problem; return whether they were found."""
+        """Adopt the sets of the linearized problem; return whether they were found."""
         linearized = LinearizedContact(self.bulk, self.floating, self.system, self.motions)
         if not linearized.applies:
             return False
@@ -266,7 +268,7 @@ class ContactEquations:
         """
         moved = self.motions.largest() if self.motions.obstacles else 0.0
         displacement = max(self.bulk.largest(self.bulk.u.x.array), moved)
-        size = max(displacement, 1e-8 * self._shortest_facet, 1e-300)
+        size = max(displacement, EQUATIONS.at_rest * self._shortest_facet, TINY)
         return Step(increment / size, part, note)
 
     # States
@@ -297,7 +299,7 @@ class ContactEquations:
         """Restore a state without evaluating operators (local)."""
         self.bulk.u.x.array[:] = state.u
         self.motions.places = state.places
-        self.crossings.restore(state.standing, state.u)
+        self.crossings.restore(state.accepted_positions, state.u)
         if self.bulk.inertia is not None and state.rates is not None:
             self.bulk.inertia.rates = state.rates
         for contact, interface in zip(self.contacts, state.interfaces, strict=True):

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Checks before each solve of everything that users may set between two solves.
+"""Checks before each solve of all values that users may set between two solves.
 
-Laws, obstacles, contacts and options of Newton's method are plain objects whose attributes may be
-set at any time. Instead of guarding every attribute, each solve starts with a check of all of them:
-invalid values, changes without effect, and values that differ between ranks raise an error on all
-ranks.
+Attributes of laws, obstacles, contacts and options of Newton's method may be set at any time and
+are not guarded individually. Instead each solve starts with a check of all of them: invalid values,
+changes without effect, and values that differ between ranks raise an error on all ranks.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.axis import HeldAxis, remark_on_radius
+from fenics_mortar.bulk.axis import AxisConditions, remark_on_radius
 from fenics_mortar.bulk.checks import have_common_facet
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
@@ -31,16 +30,16 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import (
     MortarError,
     NotFiniteError,
+    as_text,
     check_same,
     check_same_words,
-    in_words,
     together,
 )
 from fenics_mortar.utils.rounding import ROUNDING, SAME_PLACE
 
 
 class Inputs:
-    """Checks the values of a problem that users may set.
+    """Checks of the values of a problem that users may set.
 
     Args:
         bulk: The bodies.
@@ -54,11 +53,11 @@ class Inputs:
         self._bulk, self._contacts, self._obstacles = bulk, contacts, obstacles
         self._as_bound = [_options(contact.pair) for contact in contacts]
         self._conflicts = Conflicts(bulk)
-        self._axis = HeldAxis(bulk.space, bulk.u, bulk.bcs)
+        self._axis = AxisConditions(bulk.space, bulk.u, bulk.bcs)
         self._on_radius = remark_on_radius(bulk.residual, bulk.u, bulk.space)
 
     def check(self, newton: Any, **flags: Any) -> list[str]:
-        """Refuse invalid values; return remarks on questionable ones (collective).
+        """Reject invalid values; return remarks on questionable ones (collective).
 
         Args:
             newton: Options of the next solve.
@@ -68,7 +67,7 @@ class Inputs:
             MortarError, ValueError: On all ranks.
         """
         comm = self._bulk.comm
-        with together(comm, "what was set of the problem"):
+        with together(comm, "the values set for the problem"):
             _check_motion(self._bulk)
             check_kind("newton", newton, NewtonOptions, "an instance of NewtonOptions")
             for name, flag in flags.items():
@@ -109,7 +108,7 @@ class Inputs:
                 yield f"the law of pair {number}", contact.pair.law
 
     def _check_distances(self) -> None:
-        """Refuse slaves inside an obstacle, and distances that differ on ranks (collective)."""
+        """Reject slaves inside an obstacle, and distances that differ on ranks (collective)."""
         comm = self._bulk.comm
         contacts = [contact for contact in self._contacts if isinstance(contact, Contact)]
         obstacles = [(c, c.obstacle) for c in contacts if c.obstacle is not None]
@@ -124,11 +123,11 @@ class Inputs:
         for (_, obstacle), (total, size) in zip(obstacles, sums, strict=True):
             low, high = comm.allreduce(total, MPI.MIN), comm.allreduce(total, MPI.MAX)
             if high - low > ROUNDING * comm.allreduce(size, MPI.MAX):
-                raise MortarError(f"the distance of '{obstacle.name}' is not the same on all ranks")
+                raise MortarError(f"the distance of '{obstacle.name}' differs between ranks")
 
 
 def _check_motion(bulk: Bulk) -> None:
-    """Refuse solves of bodies in motion that are no time steps (local)."""
+    """Reject solves of bodies in motion that are not time steps (local)."""
     if bulk.inertia is not None and not bulk.inertia.moving:
         raise MortarError(
             "bodies have inertia: expected Dynamics.step or Dynamics.run, since solve() and "
@@ -142,7 +141,7 @@ class Conflicts:
     The constructor is collective.
 
     Args:
-        bulk: Bodies with the conditions, whose dofs do not change.
+        bulk: The bodies; the dofs of their conditions do not change.
     """
 
     def __init__(self, bulk: Bulk) -> None:
@@ -153,7 +152,7 @@ class Conflicts:
         self._described: set[str] = set()
 
     def describe(self) -> list[str]:
-        """Describe conflicts of the present values, each once in all calls (collective)."""
+        """Describe conflicts of the present values that were not reported before (collective)."""
         found = self._find() if self._any_twice else []
         new = [words for words in found if words not in self._described]
         self._described.update(new)
@@ -184,11 +183,11 @@ class Conflicts:
 
 def _options(pair: Any) -> dict[str, str]:
     """Options of a pair that are fixed when a problem is set up: all but the law (local)."""
-    return {name: in_words(value) for name, value in vars(pair).items() if name != "law"}
+    return {name: as_text(value) for name, value in vars(pair).items() if name != "law"}
 
 
 def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
-    """Refuse invalid values of a pair or of its contact (local)."""
+    """Reject invalid values of a pair or of its contact (local)."""
     pair = contact.pair
     for name, words in _options(pair).items():
         if as_bound.get(name) != words:
@@ -219,7 +218,7 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
 
 
 def check_obstacle(obstacle: Obstacle) -> None:
-    """Refuse invalid places, loads or pivots of an obstacle (local).
+    """Reject invalid places, loads or pivots of an obstacle (local).
 
     Raises:
         MortarError: If a value has another shape or type, or is not finite.
@@ -237,7 +236,7 @@ def check_obstacle(obstacle: Obstacle) -> None:
 
 
 def check_axial(obstacle: Obstacle) -> None:
-    """Refuse forces other than axial ones on an obstacle that is a body of revolution (local).
+    """Reject forces other than axial ones on an obstacle that is a body of revolution (local).
 
     Raises:
         MortarError: If its radial motion or its rotation is driven.
@@ -251,10 +250,10 @@ def check_axial(obstacle: Obstacle) -> None:
 
 
 def _check_side(contact: Contact, x: Array, phi: Array, gradient: Array) -> None:
-    """Refuse an obstacle whose solid is on the body's side of the slave surface (local).
+    """Reject an obstacle whose solid is on the body's side of the slave surface (local).
 
-    In this case all nodes lie on or in it, and none of their normals points towards it. The normals
-    of a body with too large a penetration still do.
+    In this case all nodes lie on or in the obstacle, and no normal points towards it. The normals
+    of a body that merely penetrates too far still point towards it.
     """
     normals, _ = evaluate_normals(contact.slave, x, contact.options.weighting)
     along = (normals * gradient).sum(axis=1) / np.linalg.norm(gradient, axis=1)
@@ -269,7 +268,7 @@ def _check_side(contact: Contact, x: Array, phi: Array, gradient: Array) -> None
 
 
 def check_roles(contacts: Sequence[Contact | Tie]) -> None:
-    """Refuse two sides that are slave and master of each other in two pairs (local).
+    """Reject two surfaces that are slave and master of each other in two pairs (local).
 
     Raises:
         MortarError: On all ranks.
@@ -280,6 +279,7 @@ def check_roles(contacts: Sequence[Contact | Tie]) -> None:
                 other.slave, one.master
             ):
                 raise MortarError(
-                    f"{one.pair!r} and {other.pair!r} are the same two sides with exchanged roles: "
+                    f"{one.pair!r} and {other.pair!r} have the same two surfaces with exchanged "
+                    f"roles: "
                     "their gaps would be constrained twice; omit one of them"
                 )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Outlines of the bodies for the line of sight of each pair (local)."""
+"""Outlines of the bodies that limit the search of each pair (local)."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from fenics_mortar.interface.outline import Outline
 from fenics_mortar.utils.arrays import Array
 
 
-def show_outlines(contacts: Sequence[Contact | Tie], outline: Outline, labels: Array) -> None:
-    """Pass the outlines of the bodies to each pair, ties first; tied bodies count as one.
+def set_outlines(contacts: Sequence[Contact | Tie], outline: Outline, labels: Array) -> None:
+    """Pass the outlines of the bodies to each pair, ties first; tied bodies are treated as one.
 
     Args:
         contacts: The pairs.

@@ -21,19 +21,19 @@ from fenics_mortar.utils.errors import MortarError
 
 
 class LinearBulk:
-    """Chooses before each solve between all dofs and the contact dofs alone.
+    """Choice, before each solve, between all dofs and the contact dofs alone.
 
     Problems with driven obstacles or tied bodies, whose K may be singular, are solved on all dofs.
 
     Args:
         general: The general equations.
-        wanted: Whether to reduce; ``None`` does so where the residual is linear and the compliance
-            is predicted to cost less than the general path has and will, and no more memory, see
-            ``costs``; with small sliding always.
+        wanted: Whether to reduce. ``None``: yes with small sliding; otherwise if the residual is
+            linear and the predicted cost of the compliance is below the past and future cost of
+            factorizations, with no more memory, see ``costs``.
         prefix: Prefix of PETSc's options.
 
     Attributes:
-        words: What the last choice was, and why; "" where the bulk is not linear.
+        words: The last choice and its reason, as text; "" if the bulk is not linear.
     """
 
     def __init__(self, general: ContactEquations, wanted: bool | None, prefix: str) -> None:
@@ -51,7 +51,7 @@ class LinearBulk:
         self.words = ""
 
     def choose(self) -> tuple[ReducedEquations | None, list[str]]:
-        """The reduced equations, or ``None`` for the general path; a remark (collective)."""
+        """The reduced equations, or ``None`` for all dofs; remarks (collective)."""
         if not self._possible:
             return None, []
         if self._general.newton.damped or self._general.motions.driven.any():
@@ -69,7 +69,7 @@ class LinearBulk:
             try:
                 with clock("solve"):
                     self._equations = equations(self._general, self._prefix)
-            except MortarError:  # singular: the general path says where
+            except MortarError:  # singular: the solve on all dofs locates the cause
                 if self._wanted:
                     raise
                 self.words = "linear bulk factored in every iteration: its stiffness is singular"
@@ -92,12 +92,12 @@ class LinearBulk:
         return all(
             isinstance(pair, ContactPair)
             and pair.sliding == "small"
-            and not (pair.law.has_friction or pair.law.has_adhesion or pair.law.has_layer)
+            and not (pair.law.has_friction or pair.law.has_adhesion or pair.law.has_closing_gap)
             for pair in (contact.pair for contact in self._general.contacts)
         )
 
     def _pays(self) -> bool:
-        """Whether to factor once; sets ``words`` (local)."""
+        """Whether to factorize once; sets ``words`` (local)."""
         unknowns = self._general.bulk.r.getSize()
         dofs = 2 * sum(c.slave.num_nodes + c.master.num_nodes for c in self._general.contacts)
         iterations = self._num_iterations + COSTS.expected
@@ -110,7 +110,7 @@ class LinearBulk:
             self.words = f"linear bulk factored in every iteration: {dofs} contact dofs are many"
         self.words += f" of {unknowns} unknowns"
         if self._wanted is None and not self._slides_little:
-            memory = "" if fits else ", and its matrices would not fit into the memory of factors"
+            memory = "" if fits else ", and its matrices would need more memory than factors"
             self.words += (
                 f" (predicted: once {compliance:.2g} s, {iterations} factorizations "
                 f"{factors:.2g} s{memory})"

@@ -22,10 +22,10 @@ A does not contain the springs that regularize floating bodies and loose obstacl
 method. If contact leaves a rigid motion free, A is singular.
 
 A change dR of the residuals changes the solution by -A^-1 dR. For a force f on the bodies this is
-A^-1 f; a change of a prescribed displacement enters the row of its dof, a change of a push the row
-of its motion. The gradient of a functional J with respect to a parameter p is -y . dR/dp with
-A^T y = dJ/d(u, z, q) (adjoint method). For mixed functions u contains all unknowns, with their own
-units and equations.
+A^-1 f. The change of a prescribed displacement is the right-hand side of the row of its dof, the
+change of a push that of the row of its motion. The gradient of a functional J with respect to a
+parameter p is -y . dR/dp with A^T y = dJ/d(u, z, q) (adjoint method). For mixed functions u
+contains all unknowns, each with its units and equations.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.balance import linearize_balance
 from fenics_mortar.rigid.bordered import solve_bordered
@@ -82,7 +82,7 @@ class LinearVector:
 
 
 class LinearizedEquations:
-    """A at the last evaluated state, factored in the first solve; all methods are collective.
+    """A at the last evaluated state, factorized in the first solve; all methods are collective.
 
     Valid until the next Newton iteration, since matrix and factors are those of the problem.
 
@@ -106,7 +106,7 @@ class LinearizedEquations:
         bulk.assemble_tangent()
         system.assemble()
         border = linearize_balance(obstacles, system)
-        raise_noted(bulk.comm, contacts)
+        raise_stored(bulk.comm, contacts)
         self._border = border.scaled(obstacles.scales.ravel())
 
     def solve(self, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:
@@ -143,10 +143,10 @@ class LinearizedEquations:
         return x, q
 
     def _read(self, rhs: LinearVector) -> tuple[Array, Array]:
-        """The right-hand side as a vector of the system and values of motions.
+        """The right-hand side as a vector of the system, and values for the motions.
 
         Raises:
-            ValueError: On all ranks, if shape or type are wrong.
+            ValueError: On all ranks, if shape or type is wrong.
             MortarError: On all ranks, if z or q differ between ranks.
         """
         with together(self._bulk.comm, "linear_solve"):

@@ -3,15 +3,15 @@
 
 Stiff bodies supported by contact alone undergo only small elastic displacements if the active set
 is correct. With another set some bodies are loose, and a Newton step moves them far. An active-set
-iteration updates all nodes at once; it may cycle for a wall, or turn an arch into a mechanism. Here
-the linearized problem is solved together with its inequalities. The compliance of all bodies
-reduces it to the multipliers, see ``rigid.complementarity``. The next Newton step uses the active
-set and branches of this solution. If no body floats it is the one that a load path leads to from
-the accepted state, see ``rigid.load_path``: with friction there may be others. Where nodes only
-open and close a solution beyond a turn of that path may be taken, at the end of a snap.
+iteration updates all nodes at once; it may cycle for a wall, or turn an arch into a mechanism. This
+module solves the linearized problem together with its inequalities, reduced to the multipliers by
+the compliance of all bodies, see ``rigid.complementarity``. The next Newton step uses the active
+set and branches of this solution. With friction the solution may not be unique. If no body floats,
+it is the one at the end of the load path from the accepted state, see ``rigid.load_path``. If nodes
+only open and close, a solution beyond a turn of this path may be used, at the end of a snap.
 
-The compliance needs one linear solve for each multiplier component of all nodes that may touch.
-Therefore this is done only if the active set does not settle.
+The compliance needs one linear solve for each multiplier component of all nodes that may touch. It
+is therefore computed only if the active set does not settle.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC
 from fenics_mortar.contact.laws import STICK, Coulomb, Frictionless
-from fenics_mortar.equations.body_compliance import SPRING, BodyCompliance
+from fenics_mortar.equations.body_compliance import BodyCompliance
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.complementarity import FrictionProblem, Sets, solve_friction
@@ -37,10 +38,6 @@ from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import SOLVED
-
-# Largest number of nodes that may touch: with more, Lemke's dense tableau of four rows a node takes
-# longer than the iterations saved (about 2 s for this number).
-MAX_NODES = 250
 
 
 class LinearizedContact:
@@ -62,36 +59,38 @@ class LinearizedContact:
 
     @property
     def applies(self) -> bool:
-        """Whether some nodes, but few, may touch, and all laws are Coulomb's or frictionless.
+        """Whether some but few nodes may touch and all laws are Coulomb's or frictionless.
 
-        If bodies float, one law has to have friction: without it a round body on facets may have no
-        equilibrium near by, and the sets of the linearized problem would let it roll on.
+        If bodies float, one law has to have friction: without friction a round body on facets may
+        have no equilibrium nearby, and with the sets of the linearized problem it would roll on.
         """
         touching = [_may_touch(contact) for contact in self._contacts]
         tied = [c.active for c in self._system.contacts if not isinstance(c, Contact)]
         if not any(nodes.any() for nodes in touching):
             return False
-        if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > MAX_NODES:
+        if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > EQUATIONS.max_touching:
             return False
         laws = [contact.pair.law for contact in self._contacts]
         if self._floating.bodies and not any(law.has_friction for law in laws):
             return False
         pressure = self._typical_pressure()
         return all(
-            isinstance(law, Coulomb | Frictionless) and not (law.has_adhesion or law.has_layer)
+            isinstance(law, Coulomb | Frictionless)
+            and not (law.has_adhesion or law.has_closing_gap)
             for law in laws
         ) and not any(contact.now.strength(pressure)[1].any() for contact in self._contacts)
 
     def choose_sets(self, mark: Callable[[], None], *, snap: bool = False) -> bool:
-        """Solve the linearized problem; take over its active sets, branches and multipliers.
+        """Solve the linearized problem; adopt its active sets, branches and multipliers.
 
         Args:
-            mark: Marks redundant sticks of the present sets, see ``redundancy``. The problem is
-                solved again with these elastic, until there are no more.
-            snap: Whether a solution beyond a turn of the load path may be taken.
+            mark: Function that marks redundant sticks of the present sets, see ``redundancy``. The
+                problem is solved again with elastic stick at these nodes until no further stick is
+                redundant.
+            snap: Whether a solution beyond a turn of the load path may be used.
 
         Returns:
-            Whether there is a solution, the same on all ranks.
+            Whether there is a solution, equal on all ranks.
         """
         problem, nodes = self._problem()
         marked = -1
@@ -108,7 +107,7 @@ class LinearizedContact:
     def _solve(self, problem: FrictionProblem, nodes: Sequence[Indices], snap: bool) -> Sets | None:
         """The solution at the end of the path from the accepted state (local).
 
-        Any if bodies float, since they are moved rigidly before a solve, or may ``snap``.
+        Any solution if bodies float, since they are moved rigidly before a solve, or if ``snap``.
         """
         if self._floating.bodies:
             return solve_friction(problem)
@@ -118,7 +117,7 @@ class LinearizedContact:
         return solve_friction(problem) if snap else None
 
     def describe_turn(self) -> str:
-        """Describe where the path from the accepted state turns; "" if it does not."""
+        """Describe the turn of the path from the accepted state; "" if there is none."""
         problem, nodes = self._problem()
         problem, comm = self._with_elastic_sticks(problem, nodes), self._bulk.comm
         start = self._accepted(problem.slope, nodes)
@@ -130,8 +129,8 @@ class LinearizedContact:
         where = errors.place(contact.operators.x[np.concatenate(nodes)[found.node]])
         return (
             f"the path of equilibria, linearized at the last one, turns where the node at {where} "
-            f"of '{contact.pair.slave_name}' opens, closes, sticks or slides: it would have to go "
-            "on with smaller loads"
+            f"of '{contact.pair.slave_name}' opens, closes, sticks or slides: it continues only "
+            f"with decreasing loads"
         )
 
     def _accepted(self, slope: Array, nodes: Sequence[Indices]) -> tuple[Sets, Array]:
@@ -152,7 +151,7 @@ class LinearizedContact:
         return Sets(z_n > 0.0, branch, z_n, z_tau), gap
 
     def _take(self, nodes: Sequence[Indices], found: Sets) -> None:
-        """Take over sets and multipliers of ``nodes``; all other nodes are open."""
+        """Adopt sets and multipliers of ``nodes``; all other nodes are open."""
         ends = np.cumsum([j.size for j in nodes])[:-1]
         for contact, j, *sets in zip(
             self._contacts, nodes, *(np.split(part, ends) for part in found), strict=True
@@ -205,7 +204,7 @@ class LinearizedContact:
                 contact.put(state)
 
     def _problem_of(self, nodes: Sequence[Indices]) -> FrictionProblem:
-        """The problem of ``nodes``, which are active and stick at present."""
+        """The problem of ``nodes``, which must be active and sticking at present."""
         E, ties = self._directions(nodes), self._tied()
         A = np.concatenate([E, ties])
         used = np.flatnonzero(A.any(axis=0))
@@ -227,10 +226,11 @@ class LinearizedContact:
         return FrictionProblem(weight[:, None] * V, weight * y, np.concatenate(slopes))
 
     def _typical_pressure(self) -> float:
-        """Mean pressure of loaded nodes, or a small value if there are none [stress]."""
+        """Mean pressure of loaded nodes, or a small value if no node is loaded [stress]."""
         borne = np.concatenate([np.abs(c.pressure[c.z.any(axis=1)]) for c in self._contacts])
         soft = min(float(contact.modulus.min()) for contact in self._contacts)
-        return max(float(borne.mean()) if borne.size else 0.0, SPRING * RIGID.weakest_spring * soft)
+        smallest = EQUATIONS.spring * RIGID.weakest_spring * soft
+        return max(float(borne.mean()) if borne.size else 0.0, smallest)
 
     def _gaps(self, used: Indices) -> tuple[Array, Array]:
         """V and y of gaps and slips y + V zeta of multiplier components, replicated.

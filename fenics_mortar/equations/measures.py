@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Roundoff of the residual, and a check that contact rows are equal on all ranks."""
+"""Roundoff of the residual, and check that contact rows are equal on all ranks."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def rounding_of(
     return 4.0 * EPSILON * float(roundoff)
 
 
-def check_alike(total: float, squares: float, force2: float, num_ranks: int) -> None:
+def check_equal_on_ranks(total: float, squares: float, force2: float, num_ranks: int) -> None:
     """Check that replicated contact rows are equal on all ranks (local).
 
     Args:
         total: Sum over the ranks of the squared norm of the rows.
-        squares: Sum over the ranks of its square.
+        squares: Sum over the ranks of the squared norm to the power of two.
         force2: Square of the reference force.
         num_ranks: Number of ranks.
 

@@ -3,14 +3,15 @@
 
 Displacements, multipliers and motions driven by forces are extrapolated: linearly, or, where
 contact moves along a body by half a facet or more per step, in a frame that moves with it, see
-``moving_frame``. A parabola saves no more, since states have kinks where nodes pass facets. Most
-nodes have then entered or left the contact before the first iteration. On straight parts of a path,
-linear extrapolation saves about one iteration per step. It fails where contact slides by whole
-facets with friction; the moving frame saves two to seven iterations there.
+``moving_frame``. After extrapolation, most nodes have entered or left the contact before the first
+iteration. On straight parts of a path, linear extrapolation saves about one iteration per step;
+quadratic extrapolation does not save more, since states have kinks where nodes pass facets. If
+contact slides by whole facets with friction, linear extrapolation fails, and the moving frame saves
+two to seven iterations.
 
-The extrapolation is rejected where the path turns: the residual there is larger than at the last
-state. It is abandoned where consecutive states are unrelated: the first iteration from linear
-extrapolation leaves most of the residual, or iterations are many. In that case the step restarts
+The extrapolation is rejected if its residual is larger than at the last state, as where the path
+turns. It is abandoned if the first iteration from linear extrapolation hardly reduces the residual,
+or after too many iterations: consecutive states are then unrelated. In this case the step restarts
 from the last state, and the next one, two, four, ... steps use no guess of that kind.
 """
 
@@ -26,17 +27,11 @@ import numpy.typing as npt
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.moving_frame import MovingFrame
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.state import State
-from fenics_mortar.newton.report import NewtonReport, after
+from fenics_mortar.newton.report import NewtonReport, then_solve
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import NotConvergedError
-
-# Iterations after which a guess is abandoned: it has cost more than any guess saves.
-MAX_ITERATIONS = 8
-# Fraction of the residual that the first iteration from linear extrapolation may leave. Measured on
-# 300 steps of sliding and rolling: above it this guess costs more than it saves. The moving frame
-# has no limit: it leaves 0.06 of the force where the last state leaves 0.5.
-MAX_RESIDUAL_LEFT = 0.4
 
 
 class _Point(NamedTuple):
@@ -49,19 +44,19 @@ class _Point(NamedTuple):
 
 @dataclass
 class _Kind:
-    """A kind of guess: residual its first iteration may leave, steps for which it is paused."""
+    """A kind of guess: residual allowed after its first iteration [1], steps to be paused."""
 
     max_left: float
     pause: int = 0
     left: int = 0
 
     def failed(self) -> None:
-        """Pause twice as long as the last time."""
+        """Pause for twice as many steps as the last time."""
         self.left = self.pause = max(2 * self.pause, 1)
 
 
 class Predictor:
-    """Extrapolates the accepted states of a problem.
+    """Extrapolation of the accepted states of a problem.
 
     Args:
         problem: Its equations.
@@ -72,10 +67,10 @@ class Predictor:
         self._problem = problem
         self._frame = MovingFrame(problem)
         self.begin(time)
-        self._line, self._moving = _Kind(MAX_RESIDUAL_LEFT), _Kind(np.inf)
+        self._line, self._moving = _Kind(EQUATIONS.max_residual_left), _Kind(np.inf)
 
     def begin(self, time: float) -> None:
-        """Take the present state for the first of a path, at a time (collective)."""
+        """Set the present state as the first one of a path, at a time (collective)."""
         self._here = self._point(time)
         self._before: _Point | None = None
 
@@ -99,8 +94,8 @@ class Predictor:
 
         Args:
             time: Time of the present loads and prescribed values.
-            solve: Solves from the present state.
-            guesses: Whether a guess is made.
+            solve: Function that solves from the present state.
+            guesses: Whether a guess is used.
 
         Returns:
             The record, including iterations from an abandoned guess.
@@ -119,8 +114,9 @@ class Predictor:
     def _go_to_guess(self, time: float, here: State) -> _Kind | None:
         """Set the guess with the smallest residual, if smaller than at the present state.
 
-        Floating bodies have to be supported by contact, and pairs under pressure have to stay so:
-        otherwise the solve moves bodies and obstacles rigidly before the first iteration.
+        In the guess floating bodies have to be supported by contact, and pairs under pressure have
+        to remain under pressure; otherwise the solve would move bodies and obstacles rigidly before
+        the first iteration.
         """
         problem = self._problem
         if self._before is None or not problem.floating.supported_by_contact:
@@ -139,7 +135,7 @@ class Predictor:
             guessed, still_presses = self._look()
             if guessed < residual and not (presses & ~still_presses).any():
                 residual, best, kind = guessed, guess, its_kind
-        go = problem.put if best is guess else problem.restore  # whose operators are evaluated
+        go = problem.put if best is guess else problem.restore  # its operators are evaluated
         go(best)
         return kind
 
@@ -156,7 +152,7 @@ class Predictor:
         return guesses
 
     def _look(self) -> tuple[float, npt.NDArray[np.bool_]]:
-        """Residual of the present state, inf for inverted cells; whether contacts are pressed."""
+        """Residual of the present state, inf for inverted cells; marks of pairs under pressure."""
         problem = self._problem
         for contact in problem.contacts:
             contact.start_step()
@@ -173,7 +169,7 @@ class Predictor:
     ) -> NewtonReport:
         """Solve; if convergence is poor, restart from ``here``."""
         options = self._problem.newton
-        few = min(MAX_ITERATIONS, options.max_iterations)
+        few = min(EQUATIONS.max_guess_iterations, options.max_iterations)
         cautious = replace(options, tentative=True, max_remaining=kind.max_left, max_iterations=few)
         try:
             self._problem.newton = cautious
@@ -187,4 +183,4 @@ class Predictor:
             self._problem.newton = options
         kind.failed()
         self._problem.restore(here)
-        return after(lost, solve)
+        return then_solve(lost, solve)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Linear bulk, factored once: Newton's method on the contact dofs alone.
+"""Linear bulk with one factorization: Newton's method on the contact dofs alone.
 
 For constant symmetric K the displacement is linear in the contact forces q on the dofs S of the
 surfaces and in the prescribed values of the dofs H. After a full step the residual is r_S = -q and
@@ -12,9 +12,9 @@ where d_S is the step without contact force and A = (K^-1)_SS the compliance, a 
 
     d_S = -A r_S - W^T (prescribed - present)_H - (K^-1 r_I)_S,      W = K_HF (K^-1)_FS,
 
-with the free dofs F and I = F without S. The last term is needed for new loads only. A is the
-inverse of the Schur complement of K on S. Products of W are stored for the changes of prescribed
-values so far, few of which are independent along a path. The displacement inside the bodies is
+with the free dofs F and I = F without S. The last term is nonzero for new loads only. A is the
+inverse of the Schur complement of K on S. Products of W with earlier changes of prescribed values
+are stored; few of these are independent along a path. The displacement inside the bodies is
 computed at the end of Newton's method.
 """
 
@@ -31,6 +31,7 @@ from scipy.sparse import coo_array
 
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.compliance import Compliance
 from fenics_mortar.la.contact_dofs import ContactDofs
@@ -41,10 +42,6 @@ from fenics_mortar.newton.loop import Status, Step
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
-
-# Relative motion of a facet's ends over its length above which a step may invert cells [1]: the
-# areas of cells there change by about as much, and may change by 0.8, see ``Bulk.move``.
-DISTORTION = 0.25
 
 
 class ReducedEquations:
@@ -71,11 +68,11 @@ class ReducedEquations:
         return Compliance(self._bulk, self._dofs, prefix)
 
     def evaluate(self, *, start: bool) -> Status:
-        """See ``ContactEquations``; after a step the residual is known from contact alone."""
+        """See ``ContactEquations``; after a step the residual follows from contact alone."""
         if start:
             self._force = None
             self._bulk.assemble_residual()
-        return self._general.look(start=start)
+        return self._general.evaluate_without_bulk(start=start)
 
     def advance(self) -> Step:
         """Solve the small system; move the surfaces and the prescribed dofs."""
@@ -103,7 +100,7 @@ class ReducedEquations:
         return self._general.step(self._bulk.largest(moved), part)
 
     def _distorts(self, step: Array) -> bool:
-        """Whether a step may invert cells: facets change by much of their length.
+        """Whether a step may invert cells, by the relative motion of facet ends.
 
         Local, equal on all ranks.
         """
@@ -111,14 +108,14 @@ class ReducedEquations:
             for side in (contact.slave, contact.master):
                 u = step[self._dofs.number(side.dofs)]
                 change = np.hypot(*(u[side.facets[:, -1]] - u[side.facets[:, 0]]).T)
-                if (change > DISTORTION * side.lengths).any():
+                if (change > EQUATIONS.distortion * side.lengths).any():
                     return True
         return False
 
     def _move_all(self, moved: Array) -> float:
-        """Take as large a fraction of the step as cells allow; return it (collective).
+        """Apply the largest fraction of the step that no cell limits; return it [1] (collective).
 
-        The next step begins with the residual that is left.
+        The next step begins with the remaining residual.
 
         Args:
             moved: Increments of contact dofs and prescribed ones.
@@ -216,8 +213,8 @@ class ReducedEquations:
     ) -> tuple[Array, Array, Array] | None:
         """The solution on rank 0; ``None`` if the system is singular.
 
-        Unknowns are the multipliers that may act and the dofs in their rows and forces: where
-        a law has neither displacements nor a right-hand side, the multiplier is zero.
+        Unknowns are the multipliers that may act and the dofs in their rows and forces: if a row of
+        the law has neither displacements nor a right-hand side, its multiplier is zero.
         """
         nodes = np.unique(np.concatenate([C.row, np.flatnonzero(rhs)]) // 2)
         a = np.intersect1d(components(nodes[:, None]), B_T.col)
@@ -245,7 +242,7 @@ class ReducedEquations:
         return d - force[t] @ A_t, zeta, force
 
     def finish(self) -> None:
-        """Find the displacement inside the bodies."""
+        """Compute the displacement inside the bodies."""
         if self._force is not None:
             self._find_inside()
 

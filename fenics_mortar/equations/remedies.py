@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Remedies of Newton's method where active sets do not settle or bodies do not come to rest."""
+"""Remedies of Newton's method if active sets do not settle or bodies do not come to rest."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Remedies:
         floating: The floating bodies.
         residual: Residual of the last evaluated state.
         history: Sets and residuals of the solve.
-        take_linearized_sets: Takes the sets of the linearized contact problem, also beyond a turn
-            of the load path if its argument is true; returns whether they were found.
+        take_linearized_sets: Function that adopts the sets of the linearized contact problem, also
+            beyond a turn of the load path if its argument is true; returns whether they were found.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class Remedies:
         self._take_linearized_sets = take_linearized_sets
 
     def settle_sets(self) -> None:
-        """Take the set of the linearized problem if that of floating bodies does not settle."""
+        """Adopt the sets of the linearized problem if those of floating bodies do not settle."""
         if not self._floating.anchored and self._history.is_unsettled:
             self._take_linearized_sets(False)
 
@@ -42,7 +42,7 @@ class Remedies:
         """Describe bodies that are moved by small residual forces only; "" if there are none.
 
         Contact forces act along averaged normals of facets. Their error drives smooth bodies
-        without friction, which may have no equilibrium near by.
+        without friction, which may have no equilibrium nearby.
         """
         if (
             self._floating.anchored
@@ -50,20 +50,20 @@ class Remedies:
         ):
             return ""
         names = self._floating.names(self._floating.loose() or self._floating.bodies)
-        return f"only a slight force is left, which moves {names}" if names else ""
+        return f"the remaining force is slight and moves {names}" if names else ""
 
     def merge_sets(self, period: int) -> str:
         """Leave a cycle of sets by merging them; see ``SetHistory.merge``.
 
-        Where sets change without a period, or again in a cycle, those of the linearized problem are
-        taken. Thin plates, for example, bend by more than their gap if a node opens. Beyond a turn
-        of the load path they are taken only where nodes open and close: the bodies snap. Where
-        nodes change between sticking and sliding the state after a snap is not determined. If
-        bodies float, ``settle_sets`` has taken these sets before.
+        If sets change without a period, or again in a cycle, the sets of the linearized problem are
+        adopted. An example are thin plates that bend by more than their gap if a node opens. Beyond
+        a turn of the load path these sets are adopted only if nodes just open and close: the bodies
+        snap. If nodes change between sticking and sliding, the state after a snap is not
+        determined. If bodies float, ``settle_sets`` has adopted these sets before.
         """
         history = self._history
         again, words = history.has_merged, history.merge(period)
         if (again or period == UNSETTLED) and not self._floating.bodies:
             taken = self._take_linearized_sets(history.opens_and_closes)
-            words += "; that of the linearized problem is taken" * taken
+            words += "; that of the linearized problem is used" * taken
         return words

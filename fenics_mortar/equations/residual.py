@@ -15,9 +15,9 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.equations.measures import check_alike, rounding_of
+from fenics_mortar.equations.measures import check_equal_on_ranks, rounding_of
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
@@ -25,7 +25,7 @@ from fenics_mortar.utils.clock import clock
 
 
 class Residual:
-    """Residual at the last evaluated state; all methods are collective.
+    """Residual of the last evaluated state; all methods are collective.
 
     Args:
         bulk: Bulk residual and tangent.
@@ -67,7 +67,7 @@ class Residual:
         for contact in self._contacts:
             rows_of_contacts += float((contact.rows.residual() ** 2).sum())
         rows += rows_of_contacts
-        raise_noted(bulk.comm, self._contacts)
+        raise_stored(bulk.comm, self._contacts)
         self.distance = bulk.distance_to_prescribed()
         self.total = bulk.r.array_r[: bulk.num_owned] + contact_force
         free = bulk.to_force * self.total
@@ -78,7 +78,7 @@ class Residual:
         sums = np.array([*forces, inertia @ inertia, rows, rows**2])
         bulk.comm.Allreduce(MPI.IN_PLACE, sums)
         largest = sums[1:4].max()
-        check_alike(float(sums[4]), float(sums[5]), largest, bulk.comm.size)
+        check_equal_on_ranks(float(sums[4]), float(sums[5]), largest, bulk.comm.size)
         self.force, self.attainable = float(np.sqrt(largest)), self.roundoff()
         return float(np.sqrt(sums[0] + rows))
 
@@ -104,12 +104,12 @@ class Residual:
         return bulk, self.contact_force(), self._motions.forces()
 
     def shear_forces(self) -> tuple[Array, Array]:
-        """Contributions of shear to the last two results of ``forces``."""
+        """Contributions of shear to the contact forces and obstacle forces of ``forces``."""
         return self.contact_force("shear"), self._motions.forces("shear")
 
     @clock("assembly")
     def contact_force(self, part: str = "z") -> Array:
-        """B^T z on the owned dofs; with ``part="shear"`` of the tangential multipliers only."""
+        """B^T z at the owned dofs; with ``part="shear"`` of tangential multipliers only."""
         force = np.zeros(self._bulk.num_owned)
         for contact in self._contacts:
             if part == "z":

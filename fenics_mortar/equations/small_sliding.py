@@ -7,7 +7,7 @@ linear complementarity problem
 
     g = g_0 + S p >= 0,    p >= 0,    p . g = 0,    S = B_n^T K^-1 B_n,
 
-Columns of S are computed when nodes become active.
+A column of S is computed when its node becomes active.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class SmallSlidingEquations(ReducedEquations):
         self._start = self._dofs.gather(u.x.array)
 
     def _find_gaps(self) -> None:
-        """Gaps k_j g_j / D_jj without contact; discards columns if multiplier nodes changed."""
+        """Compute gaps k_j g_j / D_jj without contact; drop columns if multiplier nodes changed."""
         multiplier_nodes = np.concatenate(
             [contact.multiplier_nodes for contact in self._general.contacts]
         )

@@ -10,14 +10,14 @@ from functools import partial
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.messages import describe_start
 from fenics_mortar.contact.steps import begin_step, commit, instants_of
-from fenics_mortar.contact.words import describe_start
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linear_bulk import LinearBulk
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.damping import Damped
 from fenics_mortar.newton.loop import solve
-from fenics_mortar.newton.report import NewtonReport, once
+from fenics_mortar.newton.report import NewtonReport, merge_repeated
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.proximal import solve_with_springs, solve_with_weak_springs
 from fenics_mortar.utils.clock import clock
@@ -27,11 +27,11 @@ from fenics_mortar.verify.tipping import tipping_bodies
 
 
 class Solver:
-    """Solves the equations of a problem; all methods are collective.
+    """Solution of the equations of a problem; all methods are collective.
 
     Args:
         equations: The equations; their state is changed.
-        create_system: Creates their linear system.
+        create_system: Function that creates their linear system.
         linear_bulk: Whether to solve on the contact dofs alone; see ``LinearBulk``.
         prefix: Prefix of PETSc's options.
     """
@@ -60,14 +60,14 @@ class Solver:
         self._starts = [describe_start(contact) for contact in equations.contacts]
 
     def renew(self) -> None:
-        """Create again matrices and solvers that an interruption may have left incomplete."""
+        """Create matrices and solvers again that may be incomplete after an interruption."""
         self._equations.bulk.renew_tangent()
         self._equations.bulk.assemble_tangent()
         self._equations.system = self._create_system()
         self.linear_bulk.forget()
 
     def accept(self) -> None:
-        """Count slip and paths of nodes from the last evaluated state."""
+        """Accept the last evaluated state: slip and paths of nodes are counted from it."""
         for contact in self._equations.contacts:
             contact.accept()
             contact.start_step()
@@ -102,7 +102,7 @@ class Solver:
             report = self._solve()
             moved += e.floating.check()
             instants = instants_of(e.comm, e.contacts)
-        except Exception:  # of whatever kind, for all ranks alike
+        except Exception:  # of any type, equal on all ranks
             e.last_converged = False
             e.crossings.leave()
             e.springs.remove_springs()
@@ -115,14 +115,14 @@ class Solver:
         e.bulk.free_garbage()
         passages = e.crossings.passages(e.motions.places)
         report.certificate = replace(
-            self.certificate(), drift=e.motions.own_slide(), passages=passages
+            self.certificate(), drift=e.motions.slide_along_driven(), passages=passages
         )
         violations = report.certificate.violations()
         told = [f"VIOLATED: {violation}" for violation in violations]
         judged = told or report.certificate.remarks()
         reactions = e.motions.record()
         begun = [*remarks, *filter(None, self._starts)]
-        report.notes[:] = once([*begun, *moved, *judged, *reactions, *report.notes])
+        report.notes[:] = merge_repeated([*begun, *moved, *judged, *reactions, *report.notes])
         self._starts = []
         if violations and not accept_violations:
             e.last_converged = False
@@ -189,7 +189,7 @@ class Solver:
     def _accept_moved(self) -> None:
         """Count slip from the positions after rigid moves, except for nodes that slid.
 
-        Motion of a body towards another one is not slip; motion along a surface in contact is.
+        Motion of a body towards another one is not slip; motion along a surface in contact is slip.
         """
         e = self._equations
         touched = iter(e.floating.touched)
@@ -207,6 +207,6 @@ def _wrong_state(report: NewtonReport, violations: Sequence[str]) -> NotConverge
     report.reason = f"converged to a wrong state: {'; '.join(violations)}"
     report.converged = False
     smaller = any("smaller steps" in words or "inverted" in words for words in violations)
-    advice = "follow_path undoes and cuts such a step; " * smaller
-    words = f"{report.reason}; {advice}solve(accept_violations=True) returns it"
+    advice = "follow_path reverts and cuts such a step; " * smaller
+    words = f"{report.reason}; {advice}solve(accept_violations=True) returns the state"
     return NotConvergedError(words, report)

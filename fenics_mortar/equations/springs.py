@@ -19,8 +19,9 @@ class CombinedSprings:
     Args:
         floating: The floating bodies.
         obstacles: The obstacles.
-        stiffness: Of the bulk [stress].
-        forces: Returns forces of the bulk and of contact at the present state (owned parts).
+        stiffness: Stiffness of the bulk [stress].
+        forces: Function that returns forces of the bulk, of contact and on obstacles at the present
+            state, see ``Residual.forces``.
     """
 
     def __init__(
@@ -34,7 +35,7 @@ class CombinedSprings:
         self._stiffness, self._forces = stiffness, forces
 
     def anchor(self, elongation: float) -> None:
-        """Tie floating bodies and driven obstacles to where they are; see ``AnchoredSprings``."""
+        """Anchor floating bodies and driven obstacles; see ``AnchoredSprings``."""
         self._floating.anchor(self._total(), elongation)
         self._obstacles.anchor(elongation, self._stiffness)
 
@@ -56,7 +57,7 @@ class CombinedSprings:
         return max((fraction for _, fraction, _ in self.fractions()), default=0.0)
 
     def remaining(self) -> Remaining:
-        """Forces that springs carry over contact forces."""
+        """Forces of the springs over contact forces."""
         carried = self.fractions()
         energy = self._floating.spring_energy() + self._obstacles.spring_energy()
         each = [
@@ -68,8 +69,9 @@ class CombinedSprings:
         return Remaining(
             self.largest(),
             max((fraction for _, fraction, slides in carried if slides), default=0.0),
-            f"springs carry {', '.join(each)}, with an energy of {energy:.3e}: contact does not "
-            "resist the motion more than the facets' corners drive it; prescribe it, or refine",
+            f"springs carry {', '.join(each)}, with an energy of {energy:.3e}: the resistance of "
+            f"contact to the motion is below the force from the corners of the facets; prescribe "
+            f"the motion, or refine",
         )
 
     def _total(self) -> Array:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The state of a problem, as a value: all that a solve begins from."""
+"""State of a problem as a value: all quantities from which a solve starts."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array, Value
 from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.verify.crossing import Standing
+from fenics_mortar.verify.crossing import AcceptedPositions
 
 
 @dataclass(frozen=True)
 class State(Value):
-    """All that a solve starts from, as an immutable value; all methods are local.
+    """All quantities from which a solve starts, as an immutable value; all methods are local.
 
     ``dataclasses.replace`` returns a changed copy.
 
@@ -25,7 +25,7 @@ class State(Value):
         u: Displacement and other unknowns of the bulk, shape (local dofs,) [length].
         interfaces: State of each pair.
         places: Positions (x, y, angle) of the obstacles, shape (obstacles, 3).
-        standing: Positions of outlines and obstacles in the last accepted state.
+        accepted_positions: Positions of outlines and obstacles in the last accepted state.
         converged: Whether the last solve ended in this state.
         rates: Velocity and accelerations, ``None`` in statics.
     """
@@ -33,7 +33,7 @@ class State(Value):
     u: Array
     interfaces: tuple[InterfaceState, ...]
     places: Array
-    standing: Standing
+    accepted_positions: AcceptedPositions
     converged: bool
     rates: Rates | None = None
 
@@ -63,7 +63,7 @@ class State(Value):
                 )
                 for a, b in pairs
             ),
-            standing=other.standing,
+            accepted_positions=other.accepted_positions,
         )
 
     def towards(self, other: State, part: float) -> State:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Undo interrupted solves: the problem is then in its previous state.
+"""Undo of interrupted solves: the problem is restored to its previous state.
 
 An interruption is a KeyboardInterrupt or any other exception that does not come from the equations,
 such as an error of a user's function. It may occur anywhere and on one rank only; therefore a state
@@ -19,7 +19,7 @@ from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
 
 
-class Before:
+class Snapshot:
     """Snapshot of a problem (local).
 
     Args:
@@ -31,38 +31,38 @@ class Before:
         self._equations, self._state, self._depth = equations, equations.state(), clock.depth
         self._operators = [contact.operators for contact in equations.contacts]
         self._springs = equations.floating.springs, equations.motions.springs
-        self._take_back_adequacy = adequacy.remember() if adequacy is not None else None
+        self._revert_adequacy = adequacy.remember() if adequacy is not None else None
 
-    def take_back(self, *, renew: bool) -> None:
+    def revert(self, *, renew: bool) -> None:
         """Restore the snapshot; ``renew``: create matrices and solvers again in the next solve."""
         equations = self._equations
         clock.leave(self._depth)
         drop_added_options()
         equations.put(self._state)
         for contact, operators in zip(equations.contacts, self._operators, strict=True):
-            contact.show(operators)
+            contact.set_operators(operators)
         equations.floating.springs, equations.motions.springs = self._springs
-        if self._take_back_adequacy is not None:
-            self._take_back_adequacy()
+        if self._revert_adequacy is not None:
+            self._revert_adequacy()
         equations.interrupted |= renew
 
 
 @contextmanager
-def undone_if_interrupted(equations: ContactEquations, adequacy: Any) -> Iterator[None]:
+def restored_if_interrupted(equations: ContactEquations, adequacy: Any) -> Iterator[None]:
     """Context that restores a problem if any exception but a ``MortarError`` is raised."""
-    before = Before(equations, adequacy)
+    before = Snapshot(equations, adequacy)
     try:
         yield
     except MortarError as error:
-        if isinstance(error, RaisedElsewhereError):  # on that rank it is another error
-            before.take_back(renew=True)
+        if isinstance(error, RaisedElsewhereError):  # on the other rank it is another error
+            before.revert(renew=True)
         raise
     except BaseException as error:
-        before.take_back(renew=True)
-        raise_told(error)
+        before.revert(renew=True)
+        raise_cause(error)
 
 
-def raise_told(error: BaseException) -> NoReturn:
+def raise_cause(error: BaseException) -> NoReturn:
     """Raise an error, or the interruption that caused it; see ``as_interruption``."""
     told = as_interruption(error)
     if told is error:
@@ -74,7 +74,7 @@ def as_interruption(error: BaseException) -> BaseException:
     """Return a KeyboardInterrupt for an error that one in compiled code caused (local).
 
     Numba reports an exception that is set during a call as a SystemError. Any other error is
-    returned as it is.
+    returned unchanged.
     """
     cause: BaseException | None = error
     while isinstance(cause, SystemError):

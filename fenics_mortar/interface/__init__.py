@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """The discretised interface: surfaces, segments, D, M, the weighted gap, and all derivatives.
 
-In flow the present positions of two surfaces, or of one and an obstacle. Out flow mortar operators,
-frozen, with derivatives by the nodes. Forces, laws and active sets are unknown here.
+Input: present positions of two surfaces, or of a surface and an obstacle. Output: mortar operators
+as frozen values, with derivatives with respect to nodal positions. Independent of forces, laws and
+active sets.
 """

@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""Normals at corners inside a slave surface: of one facet where that facet faces the master.
+"""Normals at corners inside a slave surface: normal of the one facet that faces the master.
 
-The averaged normal of a corner, as of a plate whose whole outline is the slave, is oblique to both
-of its facets. Where the plate lies on a flat, the force on the corner would act along this normal,
-but the gap changes along that of the flat: the linear complementarity problem of the sets is not
-symmetric and may have no solution, so that the corner opens and closes in turns. Also the facet
-round the corner would find partners on the flat along the normals between, at positive gaps, and
-the nodal gap could only close by an overlap.
+The averaged normal at a corner, for example of a plate whose whole outline is the slave, is oblique
+to both facets. If the plate lies on a flat surface, the force on the corner would act along this
+normal, while the gap changes along the normal of the flat. The linear complementarity problem of
+the active sets is then not symmetric and may have no solution: the corner opens and closes
+alternately. Also, the facet round the corner would find partners on the flat along interpolated
+normals, at positive gaps, and the nodal gap could close only with an overlap.
 
-Therefore a corner takes the normal of the one of its two facets that faces the nearest part of the
-master, and the other facet has no partner, as at the end of a surface. Where the master is oblique
-to both facets, as below a wedge, the averaged normal stays. Which of the three normals is nearest
-to that of the master depends on the present positions only: a piecewise constant choice, and the
-derivatives are those of the normal chosen.
+Therefore the normal at a corner is that of the facet that faces the nearest part of the master, and
+the other facet has no partner, as at the end of a surface. If the master is oblique to both facets,
+as below a wedge, the averaged normal is used. The choice among the three normals depends on the
+present positions only and is piecewise constant; derivatives are those of the chosen normal.
 """
 
 from __future__ import annotations
@@ -26,15 +25,15 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 # A node is a corner if the undeformed outline turns there by more than this angle [radian], that of
 # a regular hexagon; curves are meshed finer.
 TURN = np.pi / 3.0
-# Master facets count as equally near to a corner if their distances differ by less than this
-# fraction of the corner's shorter facet [1]; their mean direction is taken.
-ALIKE = 0.1
+# Master facets are equally near to a corner if their distances differ by less than this fraction of
+# the shorter facet at the corner [1]; their mean normal is used.
+EQUALLY_NEAR = 0.1
 
 
 def links_at_corners(
     surface: Surface, x: Array, master: Array
 ) -> tuple[tuple[Indices, Indices], npt.NDArray[np.bool_]]:
-    """Links along a slave that end at corners with the normal of one facet (local).
+    """Links along a slave, cut at corners that take the normal of one facet (local).
 
     Args:
         surface: The slave.
@@ -62,14 +61,14 @@ def corners_of(surface: Surface) -> Indices:
 def choose_facets(
     surface: Surface, corners: Indices, x: Array, master: Array, candidates: Flags | None = None
 ) -> Indices:
-    """Facet whose normal each corner takes: -1 that before it, 1 that after it, 0 both (local).
+    """Facet whose normal is used at each corner: -1 before it, 1 after it, 0 both (local).
 
     Args:
         surface: The slave.
         corners: Nodes, shape (k,).
         x: Positions of the slave's nodes, shape (slave nodes, 2) [length].
         master: Ends of the master's facets, the body on their left, shape (m, 2, 2) [length].
-        candidates: Facets that are masters at each corner, shape (k, m), bool; by default all.
+        candidates: Facets that may be masters at each corner, shape (k, m), bool; by default all.
 
     Returns:
         Shape (k,).
@@ -77,7 +76,7 @@ def choose_facets(
     before, after = surface.chords(x, corners)
     tangents = np.stack([_unit(before), _unit(_unit(before) + _unit(after)), _unit(after)])
     normals = np.stack([tangents[..., 1], -tangents[..., 0]], axis=-1)
-    reach = ALIKE * np.minimum(np.hypot(*before.T), np.hypot(*after.T))
+    reach = EQUALLY_NEAR * np.minimum(np.hypot(*before.T), np.hypot(*after.T))
     towards = np.array([
         _facing(x[j], n, reach[k], master if candidates is None else master[candidates[k]])
         for k, (j, n) in enumerate(zip(corners, normals[1], strict=True))
@@ -88,7 +87,7 @@ def choose_facets(
 def _facing(point: Array, n: Array, reach: float, master: Array) -> Array:
     """Reversed normal of the master's facets nearest to a corner that face ``n``, shape (2,).
 
-    ``n`` where none do.
+    ``n`` if no facet does.
     """
     chord = master[:, 1] - master[:, 0]
     square = (chord**2).sum(axis=1)
@@ -106,7 +105,7 @@ def _facing(point: Array, n: Array, reach: float, master: Array) -> Array:
 def one_sided(
     surface: Surface, corners: Indices, facets: Indices
 ) -> tuple[tuple[Indices, Indices], npt.NDArray[np.bool_]]:
-    """Links along the curve that end at corners, and the facets that have no partner (local).
+    """Links along the curve, cut at corners, and facets that have no partner (local).
 
     Args:
         surface: The slave.
@@ -115,7 +114,7 @@ def one_sided(
 
     Returns:
         Nodes before and after each one, (slave nodes,), and marks (facets,), bool. A facet between
-        two corners of which one takes its normal keeps its partner.
+        two corners keeps its partner if its normal is used at one of them.
     """
     previous, following = surface.previous.copy(), surface.following.copy()
     previous[corners[facets > 0]] = -1
@@ -127,5 +126,5 @@ def one_sided(
 
 
 def _unit(vectors: Array) -> Array:
-    """Vectors (..., 2) over their lengths."""
+    """Unit vectors along the given vectors (..., 2)."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Facets in the order of the curves that they form, by coordinates alone."""
+"""Ordering of facets along the curves that they form, by coordinates alone."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def number_nodes(
 
     Args:
         ends: Global nodes of the facets of all ranks, shape (m, K).
-        coordinates: Reference positions of these, shape (m, K, 2) [length].
-        given: Numbers of these in the input mesh, -1 for none, shape (m, K).
+        coordinates: Reference positions of these nodes, shape (m, K, 2) [length].
+        given: Numbers of these nodes in the input mesh, -1 for none, shape (m, K).
         name: Name of the surface, used in messages.
 
     Returns:
@@ -27,7 +27,7 @@ def number_nodes(
 
     Raises:
         SurfaceError: If there are no facets, one has zero length, or two ranks have different nodes
-            for one of the input mesh.
+            for one node of the input mesh.
     """
     if not ends.size:
         raise SurfaceError(f"surface '{name}' has no facets")
@@ -37,7 +37,7 @@ def number_nodes(
     numbers = given.ravel()[first]
     order = np.argsort(numbers, kind="stable")
     twice = order[:-1][(np.diff(numbers[order]) == 0) & (numbers[order[:-1]] >= 0)]
-    if twice.size:  # dolfinx keeps two nodes where cells of two ranks share a corner only
+    if twice.size:  # dolfinx stores two nodes if cells of two ranks share only a corner
         raise _branching(name, X[twice[0]])
     lengths = np.linalg.norm(X[facets[:, -1]] - X[facets[:, 0]], axis=1)
     shortest = int(np.argmin(lengths))
@@ -50,7 +50,7 @@ def number_nodes(
 
 
 def order_curves(facets: Indices, X: Array, name: str) -> tuple[Indices, Indices, Indices, Indices]:
-    """Order nodes and facets along curves, which start and follow one another by coordinates.
+    """Order nodes and facets along curves; start and order of the curves follow from coordinates.
 
     Args:
         facets: Nodes of the facets, shape (m, K).

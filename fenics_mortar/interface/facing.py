@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Points of slave facets and their partners on the master, as material points."""
+"""Quadrature points of slave facets and their partners on the master, as material points."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Points:
     Attributes:
         facet: Facet of each segment, shape (n,).
         slave: Nodes of these facets, shape (n, K).
-        s: Places on the facets, -1 ... 1, shape (n, q).
+        s: Coordinates on the facets, -1 ... 1, shape (n, q).
         weights: Quadrature weights in s, shape (n, q) [1].
         shape: Shape functions at the points, shape (n, q, K).
     """
@@ -135,7 +135,7 @@ def nearest_facets(
         x: Points, shape (k, 2) [length].
         m: Positions of the nodes of the surface, shape (nodes, 2) [length].
         surface: The surface.
-        candidates: Facets to choose from for each point, shape (k, facets), bool; by default all.
+        candidates: Admissible facets of each point, shape (k, facets), bool; by default all.
 
     Returns:
         End nodes of the facets, shape (k, 2), and coordinates, shape (k,): 0 to 1 along the chord,

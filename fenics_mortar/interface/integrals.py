@@ -8,11 +8,11 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.interface.behind import View
 from fenics_mortar.interface.corners import links_at_corners
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
 from fenics_mortar.interface.segments import Segments, find_segments
-from fenics_mortar.interface.sight import View
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import facets, normals
 from fenics_mortar.utils.arrays import Array, Indices
@@ -69,7 +69,7 @@ def evaluate_mortar(
         m: Current positions of the master nodes, shape (master nodes, 2) [length].
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool. The
             functions of other nodes are handed over to their neighbours.
-        prescribed_normals: Normals to use instead of the averaged ones, shape (slave nodes, 2); nan
+        prescribed_normals: Normals that replace the averaged ones, shape (slave nodes, 2); nan
             where none is prescribed.
         options: Discretization.
         linearization: Derivatives to evaluate; the others are zero.
@@ -167,7 +167,7 @@ def _integrate(
     if slave.degree > 1:
         cover = np.empty(nodes.shape)
         facets.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover, thickness)
-        nodal = np.zeros(slave.num_nodes)  # bincount of nothing has integers
+        nodal = np.zeros(slave.num_nodes)  # bincount of an empty array returns integers
         nodal += np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
         slave.comm.Allreduce(MPI.IN_PLACE, nodal)
         multiplier_nodes = multiplier_nodes & (nodal > 0.0)
@@ -186,7 +186,7 @@ def _integrate(
 
 
 def hand_over(multiplier_nodes: npt.NDArray[np.bool_]) -> Array:
-    """Fraction of the function of node k added to that of node j of a facet, shape (f, K, K) [1].
+    """Fraction of node k's function that is added to node j's, per facet, shape (f, K, K) [1].
 
     Multiplier nodes keep their own function; other functions are split equally among the nearest
     multiplier nodes of the facet.

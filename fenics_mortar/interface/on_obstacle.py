@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: MIT
 """Mortar operators of a slave surface on a rigid obstacle, with their derivatives.
 
-The slave is integrated facet by facet, on Gauss points or on the nodes, with the multiplier
-functions of a fully covered facet. For phi, V and arm see ``obstacles.obstacle``.
+The slave is integrated facet by facet, on Gauss points or nodes, with the multiplier functions of
+fully covered facets and the out-of-plane thickness. For phi, V, arm see ``obstacles.obstacle``.
 
 ==========  ==========================================================================
 symbol      meaning
 ==========  ==========================================================================
 Phi         C N with C = H diag(d) mass^-1 (dual) or H (standard), where d_j = int N_j,
-            mass_jk = int N_j N_k and H adds functions without multiplier to neighbours;
-            integrals are weighted by the out-of-plane thickness
+            mass_jk = int N_j N_k and H adds functions without multiplier to neighbours
 D[j, k]     int Phi_j N_k: H[j, k] d_k of dual functions
 g[j]        int Phi_j phi: the weighted gap
 n           -grad phi / |grad phi| at the slave node
@@ -47,12 +46,14 @@ class ObstacleOperators(MortarOperators):
     """Operators of a slave surface and an obstacle: segments are facets, the master has no nodes.
 
     Attributes:
-        obstacle: The obstacle, at its place of the evaluation.
+        obstacle: The obstacle, at the place of the evaluation.
         arm: Length by which angles are multiplied [length].
         phi: Signed distance of the slave nodes, shape (slave nodes,) [length].
         V: Motions at the slave nodes, shape (slave nodes, 3, 2).
-        dn_dq: Derivative of the normals by the motions, shape (slave nodes, 2, 3) [1 / length].
-        dgap_dq: Derivative of the weighted gap by the motions, shape (slave nodes, 3) [length].
+        dn_dq: Derivative of the normals with respect to the motions, shape (slave nodes, 2, 3)
+            [1 / length].
+        dgap_dq: Derivative of the weighted gap with respect to the motions, shape (slave nodes, 3)
+            [length].
     """
 
     obstacle: Obstacle
@@ -63,7 +64,7 @@ class ObstacleOperators(MortarOperators):
     dgap_dq: Array
 
     def freeze(self) -> Self:
-        """Copy with constant D and n; the gap keeps its derivative by the motions."""
+        """Copy with constant D and n; the gap keeps its derivative with respect to the motions."""
         return replace(super().freeze(), dn_dq=np.zeros_like(self.dn_dq))
 
     def after_small_motion(self, x: Array, m: Array, dq: Array | None = None) -> Self:
@@ -85,7 +86,7 @@ class ObstacleOperators(MortarOperators):
         return -np.einsum("kc,kmc->m", self.force(z)[0], self.V)
 
     def motion_force_derivatives(self, z: Array) -> tuple[Array, Array, Array]:
-        """Derivatives of f_q by slave nodes, multipliers and q (collective).
+        """Derivatives of f_q with respect to slave nodes, multipliers and q (collective).
 
         Args:
             z: Multipliers, shape (slave nodes, 2) [stress].
@@ -126,7 +127,7 @@ class ObstacleOperators(MortarOperators):
         Args:
             x: Positions of the slave nodes, shape (slave nodes, 2) [length].
             s: Segments, one per facet.
-            points: Places on the facets, -1 ... 1, shape (q,).
+            points: Coordinates on the facets, -1 ... 1, shape (q,).
 
         Returns:
             phi, shape (f, q) [length].
@@ -165,15 +166,15 @@ def evaluate_obstacle(
         arm: Length by which angles are multiplied [length].
         x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
-        prescribed_normals: Normals to use instead of the obstacle's, shape (slave nodes, 2); nan
-            where none is prescribed.
+        prescribed_normals: Normals that replace the obstacle's, shape (slave nodes, 2); nan where
+            none is prescribed.
         options: Discretization.
         linearization: Derivatives to evaluate; the others are zero.
 
     Returns:
         The operators.
     """
-    distance = f"the distance of '{obstacle.name}'"  # of each rank at points of its own
+    distance = f"the distance of '{obstacle.name}'"  # each rank evaluates other points
     rule = facet_rule(options.integration, slave.degree + 1, options.points)
 
     def of_share():
@@ -220,8 +221,9 @@ def obstacle_normals(
         degree: Degree of the facets.
 
     Returns:
-        phi (n,) [length], normals (n, 2), and their derivatives by nodes, (n, 2, 4 degree + 2), as
-        ``MortarOperators.dn``, and by motions, (n, 2, 3), both [1 / length].
+        phi (n,) [length], normals (n, 2), and their derivatives with respect to nodes,
+        (n, 2, 4 degree + 2), as ``MortarOperators.dn``, and by motions, (n, 2, 3), both
+        [1 / length].
     """
     phi, gradient, hessian = obstacle.evaluate(x)
     size = np.sqrt((gradient**2).sum(axis=1))[:, None]
@@ -266,8 +268,8 @@ def integrate_facets(
         weights: H, shape (f, K, K).
         rule: Points and weights on [-1, 1], each (q,).
         options: Discretization, for basis and weights of the gap.
-        thickness: That of the nodes, shape (f, K) [length], and its derivative by their first
-            coordinate [1]; one by default.
+        thickness: Thickness at the nodes, shape (f, K) [length], and its derivative with respect to
+            their first coordinate [1]; one by default.
 
     Returns:
         D (f, K, K) [length], dD (f, K, K, C) [1], g (f, K) [length^2], dg (f, K, C) [length], dg by

@@ -19,7 +19,7 @@ BASES = {
     "vertices": basis.DUAL,
     "linear": basis.STANDARD,
 }
-# Those without multipliers at the nodes inside quadratic facets.
+# Bases without multipliers at the inner nodes of quadratic facets.
 AT_VERTICES = ("vertices", "linear")
 GAP_WEIGHTS = {
     "basis": basis.BY_BASIS,
@@ -55,9 +55,9 @@ class MortarOptions:
 
     @cached_property
     def kinds(self) -> tuple[int, int]:
-        """Basis and weights of the gap, as the kernels take them.
+        """Basis and weights of the gap as integers, the arguments of the kernels.
 
-        On points that are the nodes the standard functions are the dual ones of any cover.
+        If the quadrature points are the nodes, standard and dual functions are equal for any cover.
         """
         if self.integration == "nodes":
             return basis.STANDARD, basis.BY_BASIS

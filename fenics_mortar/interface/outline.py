@@ -22,18 +22,17 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import ROUNDING, TINY
 
-# Factor of the steps to which coordinates are rounded [1]: no node of a regular mesh lies between
-# two steps, where the result would depend on the last digit.
-ODD = 0.97312
+# Factor of the steps to which coordinates are rounded [1]. With an odd factor no node of a regular
+# mesh lies halfway between two steps, where the result would depend on the last digit.
+STEP_FACTOR = 0.97312
 
 
 @dataclass(frozen=True)
 class Outline:
     """Segments of the outlines of some bodies; equal on all ranks except ``local_dofs``.
 
-    The order of the nodes follows from their coordinates, that of the segments from a curve that
-    fills the plane, so that neighbours in space are near each other. Neither depends on the
-    partition of the mesh.
+    Nodes are ordered by their coordinates, segments along a space-filling curve, so that neighbours
+    in space have similar numbers. Neither order depends on the partition of the mesh.
 
     Attributes:
         X: Reference positions of the nodes, shape (n, 2) [length].
@@ -83,7 +82,7 @@ class Outline:
         return begins[self.segments[:, 1]], ends[self.segments[:, 0]]
 
     def places_of(self, nodes: Indices) -> Indices:
-        """Numbers in the outlines of global ``nodes``, shapes (k,)."""
+        """Numbers in the outlines of global ``nodes`` (k,), shape (k,)."""
         order = np.argsort(self.nodes)
         return order[np.searchsorted(self.nodes[order], nodes)]
 
@@ -106,8 +105,8 @@ class Outline:
 
         Args:
             surface: The surface.
-            nodes: Global numbers of tied nodes, shape (k,); a facet is tied if all of its nodes
-                are.
+            nodes: Global numbers of tied nodes, shape (k,); a facet is tied if all its nodes are
+                tied.
         """
         tied = np.isin(surface.nodes[surface.facets], nodes).all(axis=1)
         stays = ~self.are_of(replace(surface, facets=surface.facets[tied]))
@@ -154,7 +153,7 @@ def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) 
     nodes, first, inverse = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
     X = places.reshape(-1, 2)[first]
     extent = max(float(np.ptp(X, axis=0).max(initial=0.0)) if len(X) else 0.0, TINY)
-    steps = np.rint(X / (ODD * ROUNDING * extent))
+    steps = np.rint(X / (STEP_FACTOR * ROUNDING * extent))
     order = np.lexsort((steps[:, 1], steps[:, 0]))
     rank_of = np.empty_like(order)
     rank_of[order] = np.arange(order.size)
@@ -179,7 +178,7 @@ def _along_a_curve(X: Array, segments: Indices) -> Indices:
     middles = X[segments].mean(axis=1)
     low = middles.min(axis=0)
     bits = np.iinfo(np.int64).bits // 2 - 1
-    scale = ODD * (2**bits - 1) / max(float(np.ptp(middles, axis=0).max()), TINY)
+    scale = STEP_FACTOR * (2**bits - 1) / max(float(np.ptp(middles, axis=0).max()), TINY)
     place = np.rint((middles - low) * scale).astype(np.int64)
     key = np.zeros(len(segments), np.int64)
     for bit in range(bits):

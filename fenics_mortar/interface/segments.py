@@ -24,7 +24,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.sight import View, open_view
+from fenics_mortar.interface.behind import View, open_view
+from fenics_mortar.interface.measures import POINTS
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import search
 from fenics_mortar.utils.arrays import Array, Indices
@@ -32,8 +33,6 @@ from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.rounding import ROUNDING
 
 Integration = Literal["segments", "elements", "nodes"]
-# Default number of Gauss points per segment, or between two neighbouring nodes of a facet.
-POINTS = 5
 
 
 @dataclass(frozen=True)
@@ -114,8 +113,8 @@ def find_segments(
         view: Limits of the search behind the slave facets; none by default.
 
     Returns:
-        The segments; of overlapping ones only the nearest. With "elements"
-        a facet with fewer partners than nodes has none: its dual basis would not exist. Lengths in
+        The segments. Of overlapping segments only the nearest is kept. With "elements" a facet with
+        fewer partners than nodes has no segments, since its dual basis would not exist. Lengths in
         xi below ``ROUNDING`` are ignored: covered and missing lengths of facets, overlaps of
         segments, distances of fixed points from master nodes.
 
@@ -155,7 +154,7 @@ def find_segments(
     )
 
 
-class _Pieces(NamedTuple):
+class _Rules(NamedTuple):
     """Ends and quadrature of segments on their slave facets; see ``Segments``."""
 
     ends: Array
@@ -165,18 +164,18 @@ class _Pieces(NamedTuple):
     spans: Indices
 
 
-def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, Indices, _Pieces]:
-    """Offsets, master facets and pieces of segments with one Gauss rule for all."""
+def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, Indices, _Rules]:
+    """Offsets, master facets and quadrature of intersections, with the same Gauss rule for all."""
     offsets, masters, fixed, ends = search.find_segments_within(*search_for)
     s, w = gauss_rule(points)
     spans = np.tile([0, points], (len(masters), 1))
-    return offsets, masters, _Pieces(ends, fixed, s, w, spans)
+    return offsets, masters, _Rules(ends, fixed, s, w, spans)
 
 
 def _runs(
     search_for: tuple[Any, ...], xi: Array, w: Array, *, min_points: int
-) -> tuple[Indices, Indices, _Pieces]:
-    """Offsets, master facets and pieces of runs of points of the rule ``xi``, ``w``."""
+) -> tuple[Indices, Indices, _Rules]:
+    """Offsets, master facets and quadrature of runs of points of the rule ``xi``, ``w``."""
     offsets, masters, runs = search.find_points(*search_for, xi, min_points)
     cuts = np.concatenate([[-1.0], np.cumsum(w)[:-1] - 1.0, [1.0]])
     ends, lengths = cuts[runs], np.diff(runs, axis=1)[:, 0]
@@ -186,7 +185,7 @@ def _runs(
     centres, halves = ends.mean(axis=1), (ends[:, 1] - ends[:, 0]) / 2.0
     s, weights = (xi[which] - centres[owner]) / halves[owner], w[which] / halves[owner]
     spans = np.stack([starts, stops], axis=1)
-    return offsets, masters, _Pieces(ends, np.ones(ends.shape, bool), s, weights, spans)
+    return offsets, masters, _Rules(ends, np.ones(ends.shape, bool), s, weights, spans)
 
 
 @cache

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: MIT
 """Slave and master roles of the facets of a surface that may touch itself.
 
-All facets have a place in one order, and of two facets that face each other the first one is the
-slave. A facet may be a slave of one and a master of another facet; nodes too. The order is that of
-the curves by mean facet length, finest first as a slave should be finer than its master, and along
-each curve. Facets whose nodes are all prescribed come last, since they carry no multipliers.
+All facets are put into one order. Of two facets that face each other, the first one is the slave. A
+facet or node may be a slave of one facet and a master of another. Curves are ordered by mean facet
+length, finest first, since a slave should be finer than its master; facets are ordered along each
+curve. Facets whose nodes are all prescribed come last, since they carry no multipliers.
 
-Where a curve is folded, one of the two sides is before the other along the curve: roles change at
-the bend only, and at the start of a closed curve. The order follows from the undeformed mesh, so
-roles do not change in the course of a solve, and do not depend on ranks or numbering.
+If a curve is folded, one side of the fold precedes the other along the curve. Roles change only at
+the bend, and at the start of a closed curve. The order follows from the undeformed mesh. Roles
+therefore do not change during a solve and do not depend on ranks or numbering.
 
-Facets that are neighbours along the curve do not touch, see ``kernels.roles``. Like any other facet
-in between, they hide what is behind them.
+Facets that are neighbours along the curve are not paired, see ``kernels.roles``. Like any other
+facet in between, they hide facets behind them.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import SAME_PLACE
 
-# Digits of the logarithm of the mean facet length of a curve that count: equal meshes of curves are
-# ordered by their coordinates, not by rounding.
+# Digits to which the logarithm of the mean facet length is compared: curves with equal meshes are
+# then ordered by their coordinates, not by rounding.
 DIGITS = round(-np.log10(SAME_PLACE))
 
 
 def in_contact_with_itself(surface: Surface, may_carry: Flags) -> Surface:
-    """The surface with the roles of its facets (local).
+    """Copy of a surface with the roles of its facets (local).
 
     Args:
         surface: The surface.
@@ -77,8 +77,8 @@ def facets_by_curve(surface: Surface) -> list[Indices]:
 def starts_of_holes(surface: Surface) -> Indices:
     """First nodes of closed curves around empty holes, shape (k,) (local).
 
-    There the roles change in the middle of a face that may touch the opposite one. With multipliers
-    on both sides, the gap between two nodes that meet would be constrained twice.
+    At the start of such a curve roles change within a face that may touch the opposite face. With
+    multipliers on both faces, the gap between two nodes that meet would be constrained twice.
     """
     found = []
     for facets in facets_by_curve(surface):

@@ -1,64 +1,36 @@
 # SPDX-License-Identifier: MIT
-"""Limits of the search behind a slave surface, by the present outlines of the bodies of a pair.
+"""Limits of the search behind a slave surface, from the present outlines of a pair's bodies.
 
 Without a limit, the back of a plate would find partners through the plate. Such a partner is
 farther behind the slave surface than half the thickness of both bodies together, see
-``kernels.sight``. Thicknesses are those of the present state, since bodies bend and are compressed.
+``kernels.sight``. Thicknesses are measured in the present state, since bodies bend and are
+compressed.
 
-The limit is not evaluated up to a safe depth. The cost per iteration is therefore that of gathering
+Up to a safe depth the limit is not evaluated. The cost per iteration is therefore that of gathering
 the outlines, which include the positions of both surfaces.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
+from fenics_mortar.interface.behind import View
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.sight import tabulate_lengths
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import ROUNDING
 
-# Safe depth over the undeformed thickness behind a facet [1], and at most the facet's length: no
-# body is compressed to less, or bends within less.
+# Safe depth over the undeformed thickness behind a facet [1]; the depth is at most the facet's
+# length. Bodies are not compressed to a smaller fraction, nor bent within a shorter length.
 SAFE = 0.25
-
-
-class View(NamedTuple):
-    """Bodies behind the facets of a slave surface: arguments of the kernels.
-
-    Attributes:
-        safe: Depth behind each slave facet up to which all partners count, shape (f,) [length].
-        slave_bodies: Bodies of the slave facets, shape (f,).
-        master_bodies: Bodies of the master facets, shape (m,).
-        outline: Present positions of the nodes (b, 2) [length], segments (p, 2) with the body on
-            the left, and bodies of the segments (p,).
-    """
-
-    safe: Array
-    slave_bodies: Indices
-    master_bodies: Indices
-    outline: tuple[Array, Indices, Indices]
-
-    def of(self, facets: Indices) -> View:
-        """The view of the slave facets with the numbers ``facets`` (k,)."""
-        return self._replace(safe=self.safe[facets], slave_bodies=self.slave_bodies[facets])
-
-
-def open_view(num_facets: int) -> View:
-    """A view without limits."""
-    none: Indices = np.empty(0, np.int64)
-    outline = np.empty((0, 2)), np.empty((0, 2), np.int64), none
-    return View(np.full(num_facets, np.inf), none, none, outline)
 
 
 class Sight:
     """Outlines of the bodies of a slave and a master surface.
 
     Args:
-        outline: Outlines of the bodies of all pairs; bodies that are tied have one number.
+        outline: Outlines of the bodies of all pairs; tied bodies have a common number.
         slave, master: The surfaces.
         normals: Normals of the slave nodes in the undeformed mesh, shape (slave nodes, 2).
 
@@ -74,14 +46,20 @@ class Sight:
         self._segment_bodies = outline.segment_bodies
         lengths = np.empty(len(slave.facets))
         tabulate_lengths(
-            slave.X, normals, slave.facets, bodies[0], self._pieces(outline.X), ROUNDING, lengths
+            slave.X,
+            normals,
+            slave.facets,
+            bodies[0],
+            self._arrays(outline.X),
+            ROUNDING,
+            lengths,
         )
         self._safe = np.minimum(SAFE * lengths, slave.lengths)
 
-    def _pieces(self, x: Array) -> tuple[Array, Indices, Indices]:
+    def _arrays(self, x: Array) -> tuple[Array, Indices, Indices]:
         return x, self.outline.segments, self._segment_bodies
 
-    def look(self, u: Array | None) -> tuple[View, Array, Array]:
+    def view_at(self, u: Array | None) -> tuple[View, Array, Array]:
         """The view at a displacement (collective).
 
         Args:
@@ -92,5 +70,5 @@ class Sight:
         """
         X = self.outline.X
         moved = np.zeros_like(X) if u is None else self.outline.gather(u)
-        view = View(self._safe, self._slave_bodies, self._master_bodies, self._pieces(X + moved))
+        view = View(self._safe, self._slave_bodies, self._master_bodies, self._arrays(X + moved))
         return view, moved[self._of_slave], moved[self._of_master]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Contact surfaces: the facets of some tags as curves, replicated on every rank.
+"""Contact surfaces: facets with given tags as curves, replicated on every rank.
 
 A curve has O(sqrt(N)) nodes if the bulk has N, so every rank stores all of it: the contact
 evaluation does not depend on the ownership of facets. Nodes are numbered along the curves. Start
-and order of the curves follow from coordinates alone, so the numbering does not depend on the
+and order of the curves follow from coordinates alone; the numbering does not depend on the
 partition of the mesh.
 
 Communication per rank and Newton iteration, with S slave nodes, M master nodes and B nodes on the
@@ -20,9 +20,9 @@ weights in multigrid                                    8 S
 sum                                                     72 S + 16 M + 16 B
 ======================================================  =================
 
-The work on all nodes (normals, tree of boxes) is repeated on each rank, too. With the solver
-"iterative", the strip along the interface costs more than that: its right-hand side is sent to all
-ranks in each linear iteration, and each rank factorizes the whole strip. The README of
+The work on all nodes (normals, tree of boxes) is repeated on each rank. With the solver
+"iterative", the strip along the interface costs more: its right-hand side is sent to all ranks in
+each linear iteration, and each rank factorizes the whole strip. The README of
 `demos.studies.performance` has measurements and a simulation of up to 1000 ranks.
 """
 
@@ -46,12 +46,12 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import NodalThickness
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Share of its whole integral [1] below which a node carries no multiplier. Of a shape function
-# times the thickness, over nodal area: it may be zero or negative after slight motions; a vertex of
-# quadratic facets with the axis of revolution 1/40 of a facet away has 0.05, those of linear facets
-# have 2/3 or more. Of the cover: a neighbour that is covered by twice as much takes over the
-# multiplier function; of two nodes that are hardly covered alike, either would be as good, and
-# rounding would decide which one carries the force.
+# Fraction of the whole integral [1] below which a node carries no multiplier, for two integrals.
+# (1) Shape function times thickness, over the nodal area, which may become zero or negative after
+# slight motions: it is 0.05 at a vertex of quadratic facets at 1/40 of a facet from the axis of
+# revolution, and at least 2/3 for linear facets. (2) Cover: the multiplier function is handed over
+# to a neighbour with twice the cover. Of two nodes with equal small covers either could carry the
+# force, and rounding would decide.
 MIN_SHARE = 0.05
 
 
@@ -126,10 +126,10 @@ class Surface:
 
     @cached_property
     def near_dofs(self) -> Indices:
-        """Global dofs of the nodes before each node, its own and those of two facets after it.
+        """Global dofs of the nodes before each node, of the node itself and of two facets after it.
 
-        For the first node of a facet: of the facet before, its own and the one after. Shape
-        (n, 6 K - 4) for facets of K nodes; -1 is beyond an end.
+        At the first node of a facet these are the dofs of the facet before, of the facet and of the
+        facet after. Shape (n, 6 K - 4) for facets of K nodes; -1 beyond an end.
         """
         degree, own = self.degree, np.arange(self.num_nodes)
         return self.dofs_of(self.along(own, range(-degree, 2 * degree + 1)))
@@ -160,7 +160,7 @@ class Surface:
 
     @cached_property
     def nodal_areas(self) -> Array:
-        """Nodal lengths times mean thickness, shape (n,): also positive where a weight is not."""
+        """Nodal lengths times mean thickness, (n,) [area]; positive even if a weight is not."""
         return self.nodal_lengths * self.mean_thickness
 
     @cached_property

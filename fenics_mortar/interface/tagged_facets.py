@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Facets of a mesh by tags, with their nodes in order and the body on the left."""
+"""Facets with given tags, with their nodes in order and the body on the left."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def local_facets(
     if count:
         raise SurfaceError(
             f"surface '{name}': {count} of its facets are not on the boundary of the mesh, "
-            f"one at {where}; expected part of the outline of one body"
+            f"one at {where}; expected facets of the outline of one body"
         )
     ends = facet_nodes(V, tagged)
     names = input_nodes(V)
@@ -64,8 +64,8 @@ def local_facets(
 def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
     """Local nodes (m, K) of facets in order, with the cell on the left (local).
 
-    The side is that of the cell's corners: all nodes of a thin cell that bends may lie on the
-    other side of the chord of its facet.
+    The side is determined by the cell's corners: all nodes of a thin bent cell may lie on the other
+    side of its facet's chord.
 
     Requires the connectivities facets -> cells and cells -> facets.
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Files and pictures: ParaView, tables of forces, plots, checkpoints.
 
-Input are problems and their states, output are files. A checkpoint restores all data that the next
-solve depends on. Errors of writing are raised on all ranks.
+Input: problems and their states. Output: files. A checkpoint restores all data on which the next
+solve depends. Errors of writing are raised on all ranks.
 """

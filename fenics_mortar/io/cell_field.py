@@ -60,7 +60,7 @@ class CellField:
 
 
 def check_name(problem: ContactProblem, name: Any) -> None:
-    """Refuse names of fields that are no text or taken (collective).
+    """Reject names of fields that are not strings or already used (collective).
 
     Raises:
         MortarError: On all ranks.
@@ -71,4 +71,4 @@ def check_name(problem: ContactProblem, name: Any) -> None:
 
 def _check_name(name: Any) -> None:
     if not isinstance(name, str) or not name or name == "displacement":
-        raise ValueError("a name is a non-empty text other than 'displacement'")
+        raise ValueError("expected a non-empty string other than 'displacement'")

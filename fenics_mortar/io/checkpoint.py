@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Checkpoints: all data that the next solve of a problem depends on, in one .npz file.
+"""Checkpoints: all data on which the next solve of a problem depends, in one .npz file.
 
-Beside the state these are data of earlier solves: the weight of gaps after a cycle of active sets,
-offsets, the places of obstacles for which the operators of small sliding were evaluated, and the
-progress in the model hierarchy. Partners of slave nodes follow from the state. A run continued from
-a checkpoint equals the uninterrupted one, except for the initial guess of its first step:
-``follow_path`` extrapolates its own steps only.
+In addition to the state these are data of earlier solves: the weight of gaps after a cycle of
+active sets, offsets, the positions of obstacles for which the operators of small sliding were
+evaluated, and the present model of the hierarchy. Partners of slave nodes follow from the state. A
+run continued from a checkpoint equals the uninterrupted one, except for the initial guess of its
+first step: ``follow_path`` extrapolates its own steps only.
 
 A checkpoint is compared with a problem by the names of the pairs, a digest of the cells and the
 coordinates of all nodes, which do not depend on the number of ranks.
@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.instant import instant_arrays, take_instant
+from fenics_mortar.contact.instant import instant_arrays, restore_instant
 from fenics_mortar.contact.integration import place_of
 from fenics_mortar.contact.state import INDEPENDENT
 from fenics_mortar.io.shared import check_problem
@@ -37,7 +37,7 @@ from fenics_mortar.utils.rounding import ROUNDING
 Arrays = dict[str, npt.NDArray[Any]]
 # Values of a contact in the file; the last one is that of ``place_of``.
 KEPT = (*INDEPENDENT, "reference_place")
-# Arrays that have to be finite.
+# Arrays that must be finite.
 FINITE = (
     "velocity", "acceleration", "average", "u", "x", "places", "z", "c_n", "offset",
     "clock", "memory",
@@ -45,23 +45,23 @@ FINITE = (
 
 
 def save_state(problem: ContactProblem, path: str | Path) -> None:
-    """Write all data that the next solve depends on as .npz (collective); see ``checkpoint``.
+    """Write all data on which the next solve depends to an .npz file (collective).
 
-    The file can be read on any number of ranks: nodes are named by their number in the mesh input.
-    It replaces an older one only when it is complete.
+    See ``checkpoint``. The file can be read on any number of ranks: nodes are identified by their
+    number in the mesh input. An older file is replaced only after the new one is complete.
 
     Args:
         problem: The problem.
         path: Path of the file, used on the first rank; ``.npz`` is appended.
 
     Raises:
-        MortarError: On all ranks, if the file cannot be written; an older one is kept.
+        MortarError: On all ranks, if the file cannot be written; an older file is kept.
     """
     file = _state_file(problem, path)
     make_folder(problem.comm, file.parent)
     data, first = _arrays_of(problem), problem.comm.rank == 0
     if problem.adequacy is not None:
-        data |= problem.adequacy.kept(problem)
+        data |= problem.adequacy.saved_data(problem)
     write = partial(write_whole, file, partial(_write_arrays, data))
     try_together(problem.comm, first, write, f"cannot write '{file}'")
 
@@ -90,18 +90,18 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
     }
     for i, contact in enumerate(problem.equations.contacts):
         if isinstance(contact, Contact):
-            contact.refer_to(kept["reference_place"][i], kept["multiplier_nodes"][i])
+            contact.restore_reference(kept["reference_place"][i], kept["multiplier_nodes"][i])
         values = {name: kept[name][i] for name in INDEPENDENT}
-        contact.change(**{name: value[()] for name, value in values.items()})  # numbers as such
-        take_instant(contact, data[f"clock{i}"], data[f"memory{i}"])
+        contact.change(**{name: value[()] for name, value in values.items()})
+        restore_instant(contact, data[f"clock{i}"], data[f"memory{i}"])
     inertia = problem.equations.bulk.inertia
     if inertia is not None:
-        inertia.take_kept(data, problem.equations.bulk.u.x.array)
+        inertia.restore_data(data, problem.equations.bulk.u.x.array)
     here = problem.state()
     problem.restore(replace(here, places=data["places"], converged=bool(data["converged"])))
     problem.accept()
     if problem.adequacy is not None:
-        problem.adequacy.take(problem, data)
+        problem.adequacy.restore_data(problem, data)
 
 
 def _arrays_of(problem: ContactProblem) -> Arrays:
@@ -119,7 +119,7 @@ def _arrays_of(problem: ContactProblem) -> Arrays:
         "converged": np.array(problem.state().converged),
     }
     inertia = problem.equations.bulk.inertia
-    data |= {} if inertia is None else inertia.kept()
+    data |= {} if inertia is None else inertia.saved_data()
     for i, contact in enumerate(problem.equations.contacts):
         kept = {name: getattr(contact.state, name) for name in INDEPENDENT}
         kept["reference_place"] = place_of(contact.state.reference)
@@ -130,29 +130,29 @@ def _arrays_of(problem: ContactProblem) -> Arrays:
 
 
 def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
-    """Describe why data of a file are not a state of the present problem (local)."""
+    """Reasons why data of a file are not a state of the present problem (local)."""
     other = "is the state of a problem with other pairs, or on another mesh or degree"
     missing = sorted(set(mine) - set(data))
     if missing:
-        yield f"is no state of this problem: '{missing[0]}' is missing"
+        yield f"is not a state of this problem: '{missing[0]}' is missing"
     if not np.array_equal(data["pairs"], mine["pairs"]):
         theirs, ours = (", ".join(map(str, some["pairs"].ravel())) for some in (data, mine))
-        yield f"is the state of a problem with other pairs: {theirs}; here are {ours}"
+        yield f"is the state of a problem with other pairs: {theirs}; this one has {ours}"
     for name, own in mine.items():
         its = data[name]
         if name.startswith("memorized") and not np.array_equal(its, own):
             theirs, ours = (", ".join(some.tolist()) or "none" for some in (its, own))
-            yield f"has the memory of another contact law: {theirs}; here is {ours}"
+            yield f"has the memory of another contact law: {theirs}; this problem has {ours}"
         if its.shape != own.shape or not np.can_cast(its.dtype, own.dtype, "same_kind"):
             yield f"{other}: '{name}' has shape {its.shape}, expected {own.shape}"
         if name.rstrip("0123456789") in FINITE and not np.isfinite(its).all():
-            yield f"is no state to continue from: '{name}' is not finite"
+            yield f"is not a state to continue from: '{name}' is not finite"
     if not np.array_equal(data["nodes"], mine["nodes"]):
         yield f"{other}: its nodes have other numbers"
     apart = np.abs(data["x"] - mine["x"]).max(axis=1, initial=0.0)
     if not (apart <= ROUNDING * np.abs(mine["x"]).max(initial=0.0)).all():
         where = mine["x"][apart.argmax()]
-        yield f"{other}: the node at {place(where)} is {apart.max():.3g} away in it"
+        yield f"{other}: its node at {place(where)} is {apart.max():.3g} away from this position"
     if not np.array_equal(data["cells"], mine["cells"]):
         yield f"{other}: its cells have other nodes"
 

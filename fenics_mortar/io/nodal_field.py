@@ -9,13 +9,11 @@ import numpy as np
 
 from dolfinx import fem
 
+from fenics_mortar.bulk.reference_cell import DEGREES
 from fenics_mortar.io.shared import owned_cells
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
-
-# Degree of Lagrange functions by the number of nodes of a cell.
-DEGREES = {3: 1, 4: 1, 6: 2, 9: 2}
 
 
 class NodalField:
@@ -23,7 +21,7 @@ class NodalField:
 
     Args:
         problem: The problem on whose mesh the function is defined.
-        function: A scalar or plane vector function that ``has_nodes`` accepts.
+        function: A scalar or plane vector function for which ``has_nodes`` is true.
     """
 
     def __init__(self, problem: ContactProblem, function: fem.Function) -> None:
@@ -52,8 +50,8 @@ class NodalField:
 def has_nodes(problem: ContactProblem, field: Any) -> bool:
     """Whether a field has values at nodes (collective).
 
-    That are scalar and plane vector functions of Lagrange spaces on the mesh of the problem, of a
-    degree up to that of the displacement, and parts of mixed functions.
+    This holds for scalar and plane vector functions of Lagrange spaces on the mesh of the problem,
+    with a degree up to that of the displacement, and for such parts of mixed functions.
     """
     V = problem.equations.bulk.V
     if not isinstance(field, fem.Function) or field.ufl_shape not in ((), (2,)):
@@ -67,7 +65,7 @@ def has_nodes(problem: ContactProblem, field: Any) -> bool:
 
 
 def _space_of(function: fem.Function) -> tuple[fem.FunctionSpace, slice | Indices]:
-    """Space of a function, or of a part of a mixed one, and the places of its dofs."""
+    """Space of a function, or of a part of a mixed one, and its dofs in the array."""
     space = function.function_space
     if not compat.is_sub_space(space):
         return space, slice(None)

@@ -11,9 +11,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Obstacles are drawn up to this distance from the bodies, over the extent of the bodies.
-MARGIN = 0.15
-# Points per direction of the grid on which the outlines of obstacles are searched.
+# Number of points per direction of the grid on which outlines of obstacles are searched.
 GRID = 400
 
 
@@ -22,15 +20,25 @@ def bounding_box(bulk: Bulk) -> tuple[Array, Array]:
     x = bulk.positions()
     ends = np.concatenate([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
     bulk.comm.Allreduce(MPI.IN_PLACE, ends, MPI.MAX)
-    low, high = -ends[:2], ends[2:]
-    margin = MARGIN * (high - low).max()
+    return with_margin(-ends[:2], ends[2:])
+
+
+def with_margin(low: Array, high: Array) -> tuple[Array, Array]:
+    """A box with a margin of 15 % of its longer side, where obstacles are drawn (local).
+
+    Args:
+        low: Lower corner of a box, shape (2,) [length].
+        high: Upper corner, shape (2,) [length].
+    """
+    margin = 0.15 * (high - low).max()
     return low - margin, high + margin
 
 
 def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices, Array]:
     """Outline phi = 0 of an obstacle in a box, as line segments (local).
 
-    Outside the box it is a line of zero length at the pivot: files without points are unreadable.
+    For an obstacle outside the box it is a line of zero length at the pivot, since files without
+    points are unreadable.
 
     Args:
         obstacle: The obstacle.
@@ -38,7 +46,7 @@ def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices
         high: Upper corner, shape (2,) [length].
 
     Returns:
-        Points in the obstacle's own frame (n, 2) [length], ends of the segments (m, 2), and
+        Points in the obstacle's frame (n, 2) [length], ends of the segments (m, 2), and
         displacements of the points (n, 2) [length].
     """
     lines = _zeros(obstacle, low, high) or [np.tile(obstacle.pivot + obstacle.place[:2], (2, 1))]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Time series for ParaView.
 
-The bulk is written by cells, each by the rank that owns it. Contact surfaces are small and known on
-all ranks; the first rank writes them.
+Each cell of the bulk is written by the rank that owns it. Contact surfaces are small and replicated
+on all ranks; the first rank writes them.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ CELLS = {
 
 
 class ResultsWriter:
-    """Time series for ParaView: open ``<path>.pvd``, which shows all of the run.
+    """Time series for ParaView: open ``<path>.pvd``, which contains the whole run.
 
     Each step has the blocks "bodies", "surfaces" (the slaves) and "obstacles" in the folder
     ``<path>``. Bodies have the displacement [length] and Lagrange functions among ``fields`` at
@@ -134,7 +134,7 @@ class ResultsWriter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Do nothing: files are complete at any time, see ``files.write_whole``."""
+        """Nothing to do: files are complete at any time, see ``files.write_whole``."""
 
 
 def _numbered(names: list[str]) -> list[tuple[str, str]]:

@@ -13,7 +13,7 @@ from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.io.cell_field import CellField
-from fenics_mortar.io.outlines import GRID, MARGIN, grid
+from fenics_mortar.io.outlines import GRID, grid, with_margin
 from fenics_mortar.io.shared import check_problem, owned_cells, prepare_path
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
@@ -24,13 +24,10 @@ from fenics_mortar.utils.files import try_together, write_whole
 
 INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
 SEQUENTIAL, DIVERGING = "YlGnBu", "RdBu_r"
-# A field has both signs if its values of the rarer sign reach this fraction of the others [1]:
-# smaller ones come from the discretization, and half of the colours would remain unused.
+# A field has both signs if the largest value of one sign is at least this fraction of the largest
+# of the other sign [1]: smaller values may be discretization errors, and half of the colours would
+# not be used.
 SIGNED = 0.2
-# Mean width of a letter of the legend, of 9 points [inch].
-LETTER = 0.07
-# Place of the legend, below numbers and label of the axis [inch].
-LEGEND = -0.45
 
 
 def plot(
@@ -61,7 +58,7 @@ def plot(
         units: Units of length and stress, e.g. ``("mm", "MPa")``, for the labels of the axes and of
             the largest pressure.
         limits: Smallest and largest value of the colours [unit of ``stress``]; by default those of
-            the field, with equal positive and negative ones where it has both signs.
+            the field, symmetric about zero if it has both signs.
         cmap: Colour map of matplotlib, or its name.
         ax: Axes of matplotlib on the first rank, instead of a new figure; other ranks may pass
             ``None``. Without ``path`` no file is written.
@@ -102,8 +99,7 @@ def plot(
             place = axes.inset_axes((1.03, 0.0, 0.025, 1.0))
             bar = axes.figure.colorbar(bodies, cax=place, label=label)
             bar.outline.set_visible(False)
-        margin = MARGIN * float((high - low).max())
-        _draw_obstacles(axes, problem.equations.motions.obstacles, low - margin, high + margin)
+        _draw_obstacles(axes, problem.equations.motions.obstacles, *with_margin(low, high))
         open_pairs = [c for c in problem.equations.contacts if not isinstance(c, Tie)]
         height = 0.1 * float(np.sqrt(np.prod(high - low)))
         _draw_pressure(axes, open_pairs, scale, height, "" if units is None else f" {units[1]}")
@@ -121,7 +117,7 @@ def plot(
 
 
 def _check(path: Any, scale: Any, units: Any, limits: Any, ax: Any, *, first: bool) -> None:
-    """Refuse arguments of ``plot`` (local)."""
+    """Reject arguments of ``plot`` (local)."""
     if path is not None:
         check_kind("path", path, (str, Path), "the name of a file")
     elif first and ax is None:
@@ -149,7 +145,7 @@ def _new_axes(size: Array) -> Any:
 
 
 def _colours(values: Array, limits: Any, cmap: Any) -> dict[str, Any]:
-    """Colour map and norm of a field: diverging about zero where it has both signs."""
+    """Colour map and norm of a field, diverging about zero if it has both signs."""
     from matplotlib.colors import Normalize, TwoSlopeNorm
 
     low, high = (values.min(), values.max()) if limits is None else limits
@@ -170,11 +166,12 @@ def _finish_axes(axes: Any, names: tuple[str, str], units: tuple[str, str] | Non
     axes.set_ylabel(labels[1], fontsize=9)
     entries = axes.get_legend_handles_labels()[1]
     if entries:
-        below = axes.transAxes + ScaledTranslation(0.0, LEGEND, axes.figure.dpi_scale_trans)
+        inches = axes.figure.dpi_scale_trans
+        below = axes.transAxes + ScaledTranslation(0.0, -0.45, inches)  # numbers and axis label
         place = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "bbox_transform": below}
         style = {"labelcolor": "linecolor", "frameon": False, "handletextpad": 0.0}
         width = axes.get_window_extent().width / axes.figure.dpi
-        columns = 2 if 2 * LETTER * max(map(len, entries)) < width else 1
+        columns = 2 if 2 * 0.07 * max(map(len, entries)) < width else 1  # width of a letter [inch]
         axes.legend(**place, **style, fontsize=9, ncols=columns)
     axes.margins(0.03)
     axes.locator_params(nbins=6)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A time series of several blocks for ParaView.
+"""Time series of several blocks for ParaView.
 
 ``<path>.pvd`` lists the steps, one ``.vtm`` file each, which names the blocks and the ``.vtu`` file
 of each of them; these are in the folder ``<path>``.
@@ -19,7 +19,7 @@ from fenics_mortar.utils.files import make_folder, try_together, write_whole
 
 
 class Block(NamedTuple):
-    """A part of each step: name of its group, its own, that of its files, rank that writes."""
+    """A block of each step: name of its group, its name, name of its files, writing rank."""
 
     group: str
     name: str
@@ -76,7 +76,7 @@ class Series:
 
     def _step(self, step: int) -> str:
         """Text of the file that lists the blocks of a step."""
-        from xml.sax.saxutils import quoteattr  # loads the library for HTTP
+        from xml.sax.saxutils import quoteattr  # imports the library for HTTP
 
         lines = ['<VTKFile type="vtkMultiBlockDataSet" version="1.0"><vtkMultiBlockDataSet>']
         for i, (group, blocks) in enumerate(groupby(self._blocks, lambda block: block.group)):

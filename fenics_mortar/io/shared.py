@@ -18,10 +18,10 @@ from fenics_mortar.utils.files import make_folder, without_suffix
 
 
 def check_problem(problem: Any) -> None:
-    """Refuse other objects than problems (local).
+    """Reject objects that are not problems (local).
 
     Raises:
-        ValueError: For another object.
+        ValueError: If the object is not a problem.
     """
     check_kind("problem", problem, ContactProblem, "a ContactProblem")
 
@@ -51,7 +51,7 @@ def prepare_path(comm: MPI.Comm, path: str | Path, suffix: str) -> Path:
     """Create the folder; return the path of the first rank without its suffix (collective).
 
     Raises:
-        MortarError: On all ranks, if the path names no file or the folder cannot be created.
+        MortarError: On all ranks, if the path has no file name or the folder cannot be created.
     """
     path = without_suffix(comm, path, suffix)
     make_folder(comm, path.parent)

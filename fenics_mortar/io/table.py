@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A table of contact forces."""
+"""Table of contact forces."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from fenics_mortar.utils.markdown import MarkdownText
 
 
 def contact_table(problem: ContactProblem) -> MarkdownText:
-    """Markdown table of the contact of each pair: forces, active nodes, pressure, gap (collective).
+    """Markdown table of forces, active nodes, pressure and gap of each pair (collective).
 
-    The forces are those on the bodies [stress length], on whole bodies of revolution [force]; the
-    pressure is the largest nodal one [stress], the last column is the smallest mean gap of a slave
-    node over its length.
+    Forces act on the bodies [stress length], or on whole bodies of revolution [force]. The pressure
+    is the largest nodal value [stress]; the last column is the smallest mean gap of a slave node
+    over its length [1].
 
     Raises:
         ValueError: If ``problem`` is not a ``ContactProblem``.

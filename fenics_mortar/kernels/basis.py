@@ -27,11 +27,11 @@ dual basis: Cichosz & Bischoff 2011; Popp, Seitz, Gee & Wall 2013). D and M are 
 quadrature points, those of the segments: contact forces of both sides balance to rounding. If these
 points are the two nodes of a facet, both bases coincide and D is diagonal.
 
-A node without multiplier hands its function over to other nodes of the facet: each column of H sums
-to one. Dual functions are shared in proportion to d_j: a neighbour with d_j = 0 receives nothing,
-and can be dropped without a jump. If only the ends of a quadratic facet carry multipliers, with the
-inner node m, the functions are the linear ones, (1 -+ xi) / 2: N_j + N_m / 2 in the standard basis,
-and Phi_j + Phi_m / 2 in the dual one for full cover and even J.
+The function of a node without multiplier is handed over to other nodes of the facet: each column of
+H sums to one. Dual functions are shared in proportion to d_j: a neighbour with d_j = 0 receives no
+share, and its facet can be dropped without a jump. If only the ends of a quadratic facet carry
+multipliers, with the inner node m, the functions are the linear ones, (1 -+ xi) / 2: N_j + N_m / 2
+in the standard basis, and Phi_j + Phi_m / 2 in the dual one for full cover and even J.
 
 The gap at node j is weighted by Phi_j ("by basis"), by N_j ("by standard": Petrov-Galerkin, Popp,
 Seitz, Gee & Wall 2013), or "by cover": by Phi_j if the node is covered. The dual function of a node
@@ -51,9 +51,9 @@ import numpy as np
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.shapes import tabulate_shapes
 
-DUAL, STANDARD = 0, 1
+DUAL, STANDARD = range(2)
 # Functions that weight the gap, see above
-BY_BASIS, BY_COVER, BY_STANDARD = 0, 1, 2
+BY_BASIS, BY_COVER, BY_STANDARD = range(3)
 
 
 @kernel
@@ -131,8 +131,8 @@ def dual_function(t, d, shape, inverse, E, E_dG):
 
 
 @kernel
-def takes(weights, d, i, j):
-    """Whether node i receives a share, less than all, of the function of node j.
+def receives_share(weights, d, i, j):
+    """Whether node i receives a share below one of the function of node j.
 
     ``weights`` = H (K, K); ``d`` (K,).
     """
@@ -141,28 +141,28 @@ def takes(weights, d, i, j):
 
 @kernel
 def hand_over(j, weights, B, d, E, E_dG, C, C_dG, D, D_dG):
-    """Add the shares of the function ``E`` (K,) of node ``j`` to C; fill column j of D.
+    """Add the shares of node ``j``'s function ``E`` (K,) to C; fill column j of D.
 
     ``D_dG`` has the shape (K K, 2 K - 1).
     """
     count = d.size
     total = 0.0 * d[0]
     for i in range(count):
-        if takes(weights, d, i, j):
+        if receives_share(weights, d, i, j):
             total += d[i]
     shared = total.real > 0.0
     for i in range(count):
         h = weights[i, j] + 0.0 * total
         if shared:
-            h = d[i] / total if takes(weights, d, i, j) else 0.0 * total
+            h = d[i] / total if receives_share(weights, d, i, j) else 0.0 * total
         D[i, j] = h * d[j]
         for p in range(count):
             C[i, p] += h * E[p]
         for q in range(B.shape[1]):
             h_dG = 0.0 * total
-            if shared and takes(weights, d, i, j):
+            if shared and receives_share(weights, d, i, j):
                 for k in range(count):
-                    if takes(weights, d, k, j):
+                    if receives_share(weights, d, k, j):
                         h_dG += ((1.0 if i == k else 0.0) - h) * B[k, q] / total
             D_dG[count * i + j, q] = h * B[j, q] + h_dG * d[j]
             for p in range(count):
@@ -171,7 +171,7 @@ def hand_over(j, weights, B, d, E, E_dG, C, C_dG, D, D_dG):
 
 @kernel
 def dual_multipliers(place, weights, B, d, inverse, work, C, C_dG, D, D_dG):
-    """Fill C (K, K), D (K, K) and their derivatives by G for the dual basis.
+    """Fill C (K, K), D (K, K) and their derivatives with respect to G for the dual basis.
 
     ``place`` = (lower end, upper end) of S; ``weights`` = H (K, K); ``inverse`` (K, K) that of the
     mass matrix; ``work`` = (E (K,), E_dG (K, 2 K - 1)), overwritten.
@@ -190,7 +190,7 @@ def dual_multipliers(place, weights, B, d, inverse, work, C, C_dG, D, D_dG):
 
 @kernel
 def standard_multipliers(weights, G, B, C, C_dG, D, D_dG):
-    """Fill C (K, K), D (K, K) and their derivatives by G for the standard basis.
+    """Fill C (K, K), D (K, K) and their derivatives with respect to G for the standard basis.
 
     ``weights`` = H (K, K); shapes of derivatives: C_dG (K, K, 2 K - 1), D_dG (K K, 2 K - 1).
     """
@@ -212,7 +212,7 @@ def standard_multipliers(weights, G, B, C, C_dG, D, D_dG):
 
 @kernel
 def edge_beyond(j, count, place):
-    """Edge of S that node ``j`` of ``count`` lies beyond: -1 lower, 1 upper, 0 none.
+    """Edge of S beyond which node ``j`` of ``count`` lies: -1 lower, 1 upper, 0 none.
 
     ``place`` = (lower end, upper end) of S in xi.
     """
@@ -224,10 +224,10 @@ def edge_beyond(j, count, place):
 
 @kernel
 def weigh_gap(kinds, place, edges, weights, B, d, inverse, C, C_dG, C_g, C_g_dG, C_g_dp):
-    """Fill ``C_g`` and its derivatives, ``C_g_dG`` and, by the edge next to each node, ``C_g_dp``.
+    """Fill ``C_g``, its derivatives ``C_g_dG``, and ``C_g_dp`` by the edge next to each node.
 
-    ``kinds`` = (basis, weights of the gap); ``edges`` are the ends of S with their derivatives in a
-    complex step, ``place`` the same without; ``C_g_dp`` has the shape (K, K).
+    ``kinds`` = (basis, weights of the gap); ``edges`` are the ends of S, complex in a complex step;
+    ``place`` are their real parts; ``C_g_dp`` has the shape (K, K).
     """
     basis, by = kinds
     count = d.size

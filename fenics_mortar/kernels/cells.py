@@ -38,7 +38,7 @@ def find_near(x, cells, low, high, near):
         cells: Nodes of each cell, shape (cells, k).
         low: Lower left corner of the box, shape (2,) [length].
         high: Upper right corner of the box, shape (2,) [length].
-        near: Whether each cell does, shape (cells,), bool; filled.
+        near: Marks of these cells, shape (cells,), bool; filled.
     """
     for e in range(cells.shape[0]):
         near[e] = True

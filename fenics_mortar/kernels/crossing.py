@@ -12,9 +12,9 @@ lengths     length of the facet of each segment                                 
 bodies      body of each segment                                                    (m,)
 ==========  ======================================================================  ==============
 
-Where two segments cross, at P, each outline enters the other body. Both are followed
-inwards from P. The depth of a node on one is its distance from the other, as long as it is on the
-inner side: a lens between faceted curves is shallow, a tip through a plate is deep.
+Where two segments cross, at P, each outline enters the other body. Both outlines are traced inwards
+from P. The depth of a node of one trace is its distance from the other one, as long as the node is
+on the inner side: a lens between faceted curves is shallow, a tip through a plate is deep.
 """
 
 import numpy as np
@@ -35,21 +35,21 @@ from fenics_mortar.utils.rounding import ROUNDING
 
 
 @kernel
-def begin_way(x, segments, way, used, e, forward, P):
-    """Start a path at P (2,) with the rest of segment e; fill way[:2] and used[0].
+def begin_trace(x, segments, trace, used, e, forward, P):
+    """Start a trace at P (2,) with the rest of segment e; fill trace[:2] and used[0].
 
-    ``way`` (k + 1, 2): positions of the nodes of the path; ``used`` (k,): segments of its pieces.
-    ``forward``: whether the path follows the direction of the segments.
+    ``trace`` (k + 1, 2): positions of its nodes; ``used`` (k,): segments of its edges. ``forward``:
+    whether the trace follows the direction of the segments.
     """
-    way[0], way[1], used[0] = P, x[segments[e, 1 if forward else 0]], e
+    trace[0], trace[1], used[0] = P, x[segments[e, 1 if forward else 0]], e
 
 
 @kernel
-def has_piece(x, segments, links, way, used, count, forward, i):
-    """Whether a path along an outline has piece i; it is appended if ``count`` == i.
+def extend_trace(x, segments, links, trace, used, count, forward, i):
+    """Whether a trace has an edge i, which is appended if ``count`` == i.
 
-    Piece i, from ``way[i]`` to ``way[i + 1]``, is on segment ``used[i]``. A path ends at the end of
-    a curve or at its own start. ``links`` = (after (m,), before (m,)).
+    Edge i, from ``trace[i]`` to ``trace[i + 1]``, is on segment ``used[i]``. A trace ends at the
+    end of a curve or at its own start. ``links`` = (after (m,), before (m,)).
     """
     if i < count:
         return True
@@ -58,42 +58,42 @@ def has_piece(x, segments, links, way, used, count, forward, i):
     e = links[0][used[i - 1]] if forward else links[1][used[i - 1]]
     if e < 0 or e == used[0]:
         return False
-    way[i + 1], used[i] = x[segments[e, 1 if forward else 0]], e
+    trace[i + 1], used[i] = x[segments[e, 1 if forward else 0]], e
     return True
 
 
 @kernel
-def is_left(p, way, count, branch, at, forward):
-    """Whether p (2,) is on the inner side of a path at its nearest point.
+def is_left(p, trace, count, branch, at, forward):
+    """Whether p (2,) is on the inner side of a trace at its nearest point.
 
-    The nearest point is at the coordinate ``at``, 0 to 1, of piece ``branch`` of ``count`` pieces.
-    At a node the sum of both unit normals is used.
+    The nearest point is at the coordinate ``at``, 0 to 1, of edge ``branch`` of ``count`` edges. At
+    a node the sum of both unit normals is used.
     """
     nx, ny, bx, by = 0.0, 0.0, 0.0, 0.0
     first = branch - 1 if at <= 0.0 else branch
     last = branch + 1 if at >= 1.0 else branch
     for j in range(max(first, 0), min(last, count - 1) + 1):
-        dx, dy = way[j + 1, 0] - way[j, 0], way[j + 1, 1] - way[j, 1]
+        dx, dy = trace[j + 1, 0] - trace[j, 0], trace[j + 1, 1] - trace[j, 1]
         size = np.sqrt(dx * dx + dy * dy)
         if size > 0.0:
             nx, ny = nx - dy / size, ny + dx / size
-    bx = way[branch, 0] + at * (way[branch + 1, 0] - way[branch, 0])
-    by = way[branch, 1] + at * (way[branch + 1, 1] - way[branch, 1])
+    bx = trace[branch, 0] + at * (trace[branch + 1, 0] - trace[branch, 0])
+    by = trace[branch, 1] + at * (trace[branch + 1, 1] - trace[branch, 1])
     left = (p[0] - bx) * nx + (p[1] - by) * ny
     return left > 0.0 if forward else left < 0.0
 
 
 @kernel
-def nearest_on_way(x, segments, links, way, used, counts, k, forward, p, begin, ahead):
-    """Piece of path ``k`` nearest to p (2,), from piece ``begin`` over the length ``ahead``.
+def nearest_on_trace(x, segments, links, trace, used, counts, k, forward, p, begin, ahead):
+    """Edge of trace ``k`` nearest to p (2,), from edge ``begin`` over the length ``ahead``.
 
-    ``counts`` (2,): numbers of pieces of both paths, updated. Returns (squared distance, piece,
-    coordinate on the piece, 0 to 1).
+    ``counts`` (2,): numbers of edges of both traces, updated. Returns (squared distance, edge,
+    coordinate on the edge, 0 to 1).
     """
     best, branch, at, j = np.inf, begin, 0.0, begin
-    while ahead >= 0.0 and has_piece(x, segments, links, way, used, counts[k], forward, j):
+    while ahead >= 0.0 and extend_trace(x, segments, links, trace, used, counts[k], forward, j):
         counts[k] = max(counts[k], j + 1)
-        a, b = way[j], way[j + 1]
+        a, b = trace[j], trace[j + 1]
         square, s = nearest_on_piece(p, a, b)
         if square < best:
             best, branch, at = square, j, s
@@ -126,35 +126,35 @@ def is_out_at_once(outlines, links, f, forward, P, p):
 
 
 @kernel
-def depth_along(outlines, links, allowed, ways, useds, counts, forwards, order, walked):
-    """Largest depth of the nodes of one path below the other: (depth / facet, depth).
+def depth_along(outlines, links, allowed, traces, useds, counts, forwards, order, walked):
+    """Largest depth of the nodes of one trace below the other: (depth / facet, depth).
 
-    ``outlines`` = (x, segments, lengths, bodies); ``order``: numbers of the two paths; ``allowed``
-    overlaps are subtracted. The path is followed until it leaves the body, or its depth decreases
-    and is above one facet; the distance is that from pieces of the other path at a similar arc
+    ``outlines`` = (x, segments, lengths, bodies); ``order``: numbers of the two traces; ``allowed``
+    overlaps are subtracted. The trace is followed until it leaves the body, or its depth decreases
+    and is above one facet; the distance is that from edges of the other trace at a similar arc
     length. ``walked`` (m, 2) marks segments by direction with the body they were followed in, so
-    that none is followed twice.
+    that no segment is followed twice.
     """
     x, segments, lengths, bodies = outlines
     one, two = order
-    way, used, other = ways[one], useds[one], ways[two]
+    trace, used, other = traces[one], useds[one], traces[two]
     max_facets, depth, distance, near = 0.0, 0.0, 0.0, 0
     body, direction = bodies[useds[two][0]], int(forwards[one])
     for i in range(used.size):
-        if not has_piece(x, segments, links, way, used, counts[one], forwards[one], i):
+        if not extend_trace(x, segments, links, trace, used, counts[one], forwards[one], i):
             break
         counts[one] = max(counts[one], i + 1)
         if walked[used[i], direction] == body:
             break
-        e, p = used[i], way[i + 1]
-        step = distance_of(way[i], p)
+        e, p = used[i], trace[i + 1]
+        step = distance_of(trace[i], p)
         room = 2.0 * (distance + step) + lengths[e]
         begin, back = near, 0.0
         while begin > 0 and back < room:
             begin -= 1
             back += distance_of(other[begin], other[begin + 1])
         ahead = back + distance_of(other[near], other[near + 1]) + room
-        square, near, at = nearest_on_way(
+        square, near, at = nearest_on_trace(
             x, segments, links, other, useds[two], counts, two, forwards[two], p, begin, ahead
         )
         f = useds[two][near]
@@ -165,7 +165,7 @@ def depth_along(outlines, links, allowed, ways, useds, counts, forwards, order, 
             break
         f = useds[two][0]
         if i == 0 and bodies[f] != bodies[e]:
-            if is_out_at_once(outlines, links, f, forwards[two], way[0], p):
+            if is_out_at_once(outlines, links, f, forwards[two], trace[0], p):
                 break
         if i > 0:
             walked[e, direction] = body
@@ -189,12 +189,12 @@ def crossing_depth(outlines, links, allowed, pair, P, work, walked):
     # The inner end of each segment is the one on the left of the other.
     on_e = side(x[segments[f, 0]], x[segments[f, 1]], x[segments[e, 1]]) > 0.0
     on_f = side(x[segments[e, 0]], x[segments[e, 1]], x[segments[f, 1]]) > 0.0
-    begin_way(x, segments, first, used_1, e, on_e, P)
-    begin_way(x, segments, second, used_2, f, on_f, P)
+    begin_trace(x, segments, first, used_1, e, on_e, P)
+    begin_trace(x, segments, second, used_2, f, on_f, P)
     counts[:] = 1
-    ways, useds, forwards = (first, second), (used_1, used_2), (on_e, on_f)
-    one = depth_along(outlines, links, allowed, ways, useds, counts, forwards, (0, 1), walked)
-    two = depth_along(outlines, links, allowed, ways, useds, counts, forwards, (1, 0), walked)
+    traces, useds, forwards = (first, second), (used_1, used_2), (on_e, on_f)
+    one = depth_along(outlines, links, allowed, traces, useds, counts, forwards, (0, 1), walked)
+    two = depth_along(outlines, links, allowed, traces, useds, counts, forwards, (1, 0), walked)
     return one if one[0] >= two[0] else two
 
 

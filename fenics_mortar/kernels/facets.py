@@ -5,10 +5,10 @@ There are two passes over the segments of a facet. The first one computes the mo
 part, which determine the multiplier functions; the second one the integrals and their derivatives.
 For the symbols see ``basis`` and ``moments``.
 
-If the multiplier functions of a facet vary with its segments, M on segment i has derivatives by the
-nodes of each segment k: hence pairs (i, k). They vary on curved facets, as J does, and where the
-facet is partly covered and an end of the cover moves. Otherwise the sum of these terms over the
-segments is zero, and they are left out.
+If the multiplier functions of a facet vary with its segments, M on segment i has derivatives with
+respect to the nodes of each segment k: hence the pairs (i, k). They vary on curved facets, as J
+does, and where the facet is partly covered and an end of the cover moves. Otherwise the sum of
+these terms over the segments is zero, and they are left out.
 """
 
 import numpy as np
@@ -70,7 +70,7 @@ def tabulate_covers(x, facets, ends, offsets, rule, cover, thickness=None):
 
 @kernel
 def apply_functions(C, C_dG, T_M, M, M_dG):
-    """Fill M (K, K) = C T_M and its derivative by G, (K K, 2 K - 1)."""
+    """Fill M (K, K) = C T_M and its derivative with respect to G, (K K, 2 K - 1)."""
     count = C.shape[0]
     M_dG[:] = 0.0
     for j in range(count):
@@ -128,10 +128,11 @@ def tabulate_facets(
         options: (basis, weights of the gap, whether the ends of segments have derivatives).
         values: (D (f, K, K), dD (n, K K, C), M (n, K, K), dM (pairs, K K, C), g (f, K), dg
             (n, K, C), cover (f, K)) with C = 8 K - 4 columns; filled. Rows of facets without
-            segments are left unchanged; dD and dM must be zero on entry. D, M, cover and dg are
+            segments are unchanged; dD and dM must be zero on entry. D, M, cover and dg are
             [length], g is [length^2], dD and dM are [1].
-        thickness: (constant part at the slave nodes (n,) [length], derivative by their first
-            current coordinate [1]), linear between nodes; a factor of all integrals; by default 1.
+        thickness: (constant part at the slave nodes (n,) [length], derivative with respect to their
+            first current coordinate [1]), linear between nodes; a factor of all integrals; by
+            default 1.
     """
     x, n, dn_dx, m = geometry
     nodes, weights, partial = facets
@@ -227,10 +228,10 @@ def tabulate_facets(
 def integrate_facets(
     geometry, facets, segments, offsets, pair_offsets, rule, options, values, derivatives, thickness
 ):
-    """As ``tabulate_facets``, with ``values`` (D, M, g, cover) and ``derivatives`` (dD, dM, dg).
+    """Call ``tabulate_facets`` with ``values`` (D, M, g, cover), ``derivatives`` (dD, dM, dg).
 
-    To be called from Python: numba finds out the types of tuples of more than four arrays anew in
-    each call, which takes 0.1 ms.
+    Entry point from Python: in each call numba determines the types of tuples of more than four
+    arrays again, which takes 0.1 ms.
     """
     D, M, g, cover = values
     dD, dM, dg = derivatives

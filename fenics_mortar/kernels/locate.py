@@ -17,8 +17,8 @@ def locate(points, x, triangles, neighbours, found, weights):
 
     A walk begins where the previous one ended, and crosses the side that the point is farthest
     beyond: in a Delaunay triangulation it has no cycles (Devillers, Pion and Teillaud 2002).
-    Consecutive points should be near each other. Twice an area is rounding below ``ROUNDING`` times
-    the square of the longest side.
+    Consecutive points should be near each other. Double areas below ``ROUNDING`` times the square
+    of the longest side are rounding.
 
     Args:
         points: Shape (n, 2) [length].
@@ -43,7 +43,7 @@ def locate(points, x, triangles, neighbours, found, weights):
                 if weights[p, k] < lowest:
                     lowest, across = weights[p, k], k
             if lowest >= -ROUNDING * size:
-                if sign * whole > ROUNDING * size:  # else a sliver at the boundary
+                if sign * whole > ROUNDING * size:  # otherwise a sliver at the boundary
                     found[p] = here
                     weights[p] /= sign * whole
                 break

@@ -82,7 +82,7 @@ def differentiate_point(y, s, w, ends, dends, shapes, rows):
     """Fill ``rows`` (4, 6 K), the derivatives of xi, W, eta and g of a point; return (xi, W, g).
 
     ``s`` and ``w`` are its place and weight, ``dends`` (2, 6 K) the derivatives of the ``ends``;
-    fills also the ``shapes`` (N, L).
+    the ``shapes`` (N, L) are filled, too.
     """
     N, L = shapes
     count = N.shape[1]
@@ -133,7 +133,7 @@ def differentiate_point(y, s, w, ends, dends, shapes, rows):
 def differentiate_thickness(theta, by_x, W, N, rows):
     """Multiply W and its derivative, in ``rows``, by the thickness of a point; return W.
 
-    ``by_x``: derivative of ``theta`` by the first coordinate of its node.
+    ``by_x``: derivative of ``theta`` with respect to the first coordinate of its node.
     """
     value, slope = thickness_at(theta, N, 0), thickness_at(theta, N, 1)
     for k in range(rows.shape[1]):
@@ -209,10 +209,10 @@ def value_and_slope(C, j, t, half):
 
 @kernel
 def chain_normals(row, dn_dx, nodes, out):
-    """Fill ``out`` (8 K - 4,), derivatives by nodal positions, from those by ``y``, (6 K,).
+    """Fill ``out`` (8 K - 4,) with derivatives by nodal positions, given those by ``y`` (6 K,).
 
-    The normals in ``y`` depend on the positions of nodes by ``dn_dx``; ``nodes`` (K,) are those of
-    the slave facet.
+    ``dn_dx`` are the derivatives of the normals in ``y`` with respect to the positions; ``nodes``
+    (K,) are those of the slave facet.
     """
     count = nodes.size
     out[:] = 0.0

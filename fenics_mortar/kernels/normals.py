@@ -21,14 +21,14 @@ and at the inner node on the two end nodes.
 The normal of a facet is weighted by the length of the *other* edge (``OPPOSITE``: with straight
 facets, n is then the normal of the circle through the three nodes, exact on any mesh of a circle;
 Yang, Laursen & Meng 2005), by one (``UNIT``: Popp, Gee & Wall 2009 as implemented by most codes),
-or by the length of its own edge (``OWN``).
+or by the length of the facet's edge itself (``OWN``).
 """
 
 import numpy as np
 
 from fenics_mortar.kernels import kernel
 
-OPPOSITE, UNIT, OWN = 0, 1, 2
+OPPOSITE, UNIT, OWN = range(3)
 # Coefficients of nodal positions in the edges before and after a node; for curved facets those of
 # an end node, then those of an inner node, which has one edge, counted twice
 STRAIGHT = np.array([[[-1.0, 1, 0], [0, -1, 1]]])

@@ -1,30 +1,30 @@
 # SPDX-License-Identifier: MIT
 """Segments and partners of one slave facet among nearby master facets.
 
-A master node lies ahead of or behind the ray of a slave node by the sign of tau . (x_m - x_s). This
-is evaluated identically for all facets that share the two nodes, so neighbouring facets agree: no
-part of a facet is lost or counted twice, even if nodes coincide. A segment end is a slave node if
-the ray of the node hits the master facet, else the partner of a master node. That master node lies
-strictly between the two rays, where q changes sign once and has one root (see ``projection``).
+A master node lies ahead of or behind the ray of a slave node by the sign of tau . (x_m - x_s). The
+sign is evaluated identically for all facets that share the two nodes. No part of a facet is
+therefore lost or counted twice, even if nodes coincide. A segment end is a slave node if the ray of
+the node hits the master facet, else the partner of a master node. That master node lies strictly
+between the two rays, where q changes sign once and has one root (see ``projection``).
 
 Segments of any length are kept, including zero: when a master node passes a slave node, the sliver
-contributes nothing to the integrals, but the motion of its ends contributes to the derivative. Two
-lengths are treated as rounding, as they occur where two bodies end at the same place: facets whose
-cover is negligible have no segments, and a negligible gap between cover and end node is closed.
+contributes nothing to the integrals, but the motion of its ends contributes to the derivative.
+Where two bodies end at the same place, two lengths are treated as rounding: facets with negligible
+cover have no segments, and a negligible distance between the cover and an end node is closed.
 
 Quadrature points that are fixed on the slave facets have one ray each, which is tested against both
 ends of each master facet. A ray that passes through a master node, within rounding, is assigned to
 one of the two facets by a fixed rule, so that results on aligned meshes are reproducible.
 
-A slave facet at a corner may face two branches of a master, one far behind the other. A weighted
-average of both gaps is meaningless: with positive functions, a node that touches the nearer branch
+A slave facet at a corner may face two portions of a master, one far behind the other. A weighted
+average of both gaps is meaningless: with positive functions, a node that touches the nearer portion
 stays open; dual functions, which are partly negative, produce an overlap and pressure at a
-distance. A branch is therefore ignored if it is farther away than the nearest one by half a facet,
-or by two facets if the nearest one is in contact: beside a corner of the master both branches
-belong to the contact zone, and one that appears and disappears there costs iterations.
+distance. A portion is therefore ignored if it is farther away than the nearest one by half a facet,
+or by two facets if the nearest one is in contact: beside a corner of the master both portions
+belong to the contact zone, and a portion that appears and disappears there costs iterations.
 
-Of the master facets behind a slave point, only those count that are the nearer way out, see
-``sight``. The test is skipped up to a safe depth of each slave facet.
+Master facets behind a slave point count only if moving back through them is the shorter way to
+separate the bodies, see ``sight``. The test is skipped up to a safe depth of each slave facet.
 """
 
 import numpy as np
@@ -41,8 +41,8 @@ from fenics_mortar.kernels.roles import keep_masters
 from fenics_mortar.kernels.shapes import tabulate_shapes
 from fenics_mortar.utils.rounding import HALF_FACET
 
-# Distance over the length of a facet [1] behind a contact above which a surface does not belong to
-# it: Newton iterates of a contact have smaller overlaps.
+# Distance behind a contact, over the length of a facet [1], above which a surface does not belong
+# to the contact: overlaps of Newton iterates are smaller.
 BEHIND = 2.0
 
 
@@ -70,9 +70,10 @@ def find_interval(y, N, is_node):
 
 @kernel
 def gap_if_facing(y, xi, shapes, min_cosine):
-    """Gap at ``xi`` [length]; inf if the angle of slave normal and reversed master's is too large.
+    """Gap at ``xi`` [length]; inf if slave normal and reversed master normal differ too much.
 
-    ``shapes`` = (N, L), overwritten; ``min_cosine``: smallest cosine of that angle [1].
+    ``shapes`` = (N, L), overwritten; ``min_cosine``: smallest cosine of the angle between the two
+    [1].
     """
     N, L = shapes
     _, alpha = slave_to_master(y, xi, N, L)
@@ -86,7 +87,7 @@ def gap_if_facing(y, xi, shapes, min_cosine):
 
 @kernel
 def is_hidden(y, N, xi, depth, view, facets):
-    """Whether a partner at ``depth`` behind the slave surface is not the nearer way out.
+    """Whether a partner at ``depth`` [length] behind the slave surface is rejected, see ``sight``.
 
     ``view`` = (safe depths (f,) [length] and bodies (f,) of the slave facets, bodies of the master
     facets, outline, fraction of a facet that is rounding [1]), see ``sight``; ``facets`` = (slave
@@ -98,7 +99,7 @@ def is_hidden(y, N, xi, depth, view, facets):
     bodies = slave_bodies[facets[0]], master_bodies[facets[1]]
     if bodies[0] == bodies[1]:
         return not sight.overlaps_point(y, N, xi, depth, outline, bodies[0], rounding * length)
-    return not sight.is_way_out(y, N, xi, depth, outline, bodies, rounding * length)
+    return not sight.is_nearer_exit(y, N, xi, depth, outline, bodies, rounding * length)
 
 
 @kernel
@@ -139,10 +140,10 @@ def keep_nearest(found, count, tolerance):
 
 @kernel
 def keep_near_parts(found, count, master_facets, length):
-    """Drop branches too far behind the nearest one; return the number of rows kept.
+    """Drop portions of the master too far behind the nearest one; return the number of rows kept.
 
     Limits: ``HALF_FACET`` or ``BEHIND`` times the ``length`` of the slave facet. Rows of ``found``
-    are those of ``keep_nearest``; consecutive master facets that share a node form one branch.
+    are those of ``keep_nearest``; consecutive master facets that share a node form one portion.
     """
     nearest = np.inf
     for i in range(count):
@@ -259,10 +260,10 @@ def point_partners(
 ):
     """Fill ``partners`` (p,) with the nearest master facet of each point, -1 for none; count them.
 
-    Ties go to the facet with the lower number. ``points`` (p,) are places on the slave facet ``e``
-    with the nodes ``slave`` (K,), ``starts`` is that of ``curve_starts``, ``limits`` = (smallest
-    cosine [1], fraction of the slave facet within which a ray hits a master node [1]); others as in
-    ``facet_segments``.
+    Ties go to the facet with the lower number. ``points`` (p,) are coordinates on the slave facet
+    ``e`` with the nodes ``slave`` (K,), ``starts`` is that of ``curve_starts``, ``limits`` =
+    (smallest cosine [1], fraction of the slave facet within which a ray hits a master node [1]);
+    others as in ``facet_segments``.
     """
     x, n, m = geometry
     min_cosine, tie = limits

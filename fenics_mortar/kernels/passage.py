@@ -6,8 +6,8 @@ With nodes on straight lines, a point p is on the line of a segment a b at the r
     c(t) = (b - a) x (p - a) = c0 + c1 t + c2 t^2,
 
 and on the segment if its coordinate s is in [0, 1] up to rounding, so that neighbouring segments
-leave no hole. The body is on the side c > 0: p enters where c
-increases, and leaves where it decreases.
+leave no hole. The body is on the side c > 0: p enters the body where c increases, and leaves it
+where c decreases.
 """
 
 import numpy as np
@@ -17,11 +17,11 @@ from fenics_mortar.kernels.plane import cross, grown, nearest_on_piece
 from fenics_mortar.kernels.tree import build_tree, query_tree
 from fenics_mortar.utils.rounding import ROUNDING
 
-# Cosine between outward normals at entry and exit [1] below which a path passes through a body: 100
-# degrees, so that a path round the corner of a block does not.
+# Cosine of the angle between the outward normals at entry and exit [1] below which a path passes
+# through a body: 100 degrees, more than at the right-angled corner of a block.
 OPPOSED = -0.17
 # Segments to check for a node: of other bodies, of its own, of all
-OTHERS, OWN, ALL = 0, 1, 2
+OTHERS, OWN, ALL = range(3)
 
 
 @kernel
@@ -42,8 +42,9 @@ def roots_in_step(c0, c1, c2):
 def find_events(x0, x1, segments, bodies, node_bodies, which):
     """Find intersections of nodes and segments that move from x0 to x1.
 
-    ``which``: segments of OTHERS, of the node's OWN body, or ALL, without those that end at it.
-    Returns rows (node, segment, t, 1 for entry or -1 for exit, outward normal, coordinate).
+    ``which``: segments of OTHERS, of the node's OWN body, or ALL; segments that end at the node are
+    left out. Returns rows (node, segment, t, 1 for entry or -1 for exit, outward normal,
+    coordinate).
     """
     size = x0.shape[0]
     both = np.concatenate((x0, x1))
@@ -135,8 +136,8 @@ def is_beside(x, segments, links, places, max_distance):
 def is_inside(x, segments, bodies, body, p):
     """Whether p (2,) is inside the closed outline of ``body``, by crossings of a ray along x.
 
-    Each segment has its lower end and not its upper one. For points away from the outline rounding
-    has no effect, also where segments are on the ray.
+    A segment includes its lower end, not its upper one. Rounding has no effect on points away from
+    the outline, also if segments lie on the ray.
     """
     inside = False
     for e in range(segments.shape[0]):
@@ -177,7 +178,7 @@ def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
                 if entry < 0:
                     entry, nx, ny, s = e, events[i, 4], events[i, 5], events[i, 6]
             else:
-                if entry < 0 and fresh:  # starts inside: in contact, or overlapping
+                if entry < 0 and fresh:  # starts inside: in contact or overlapping
                     _, entry = nearest_segment(x0, segments, bodies, body, x0[p], p)
                     if entry >= 0:
                         nx, ny = normal_of(x0, segments[entry])
@@ -198,7 +199,7 @@ def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
                 entry = -1
             fresh = False
             i += 1
-        # on a line with an edge a path enters by rounding, and may not leave
+        # a path collinear with an edge enters by rounding, possibly without an exit
         if entry >= 0 and is_inside(x1, segments, bodies, body, x1[p]):
             square, nearest = nearest_segment(x1, segments, bodies, body, x1[p], p)
             rows = grown(rows, count)

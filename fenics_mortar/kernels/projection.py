@@ -22,7 +22,7 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.shapes import tabulate_shapes
-from fenics_mortar.utils.rounding import MAX_STEPS
+from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING, MAX_STEPS
 
 
 @kernel
@@ -104,7 +104,7 @@ def master_to_slave(y, k, N):
             new = 0.5 * (low + high)
         change = abs(new - xi)
         xi = new
-        if change < 1e-13:
+        if change < ASSEMBLY_ROUNDING:
             break
     return xi
 
@@ -184,7 +184,7 @@ def sample_gaps(geometry, connectivity, places, points, gaps):
         geometry: (x (k, 2), n (k, 2), m (l, 2)): slave positions and normals, master positions.
         connectivity: (slave nodes (n, K), master nodes (n, K)) of the segments.
         places: Ends of the segments on the slave facets, shape (n, 2).
-        points: Places in the segments, -1 ... 1, shape (p,).
+        points: Coordinates in the segments, -1 ... 1, shape (p,).
         gaps: Gaps along the unit normal, shape (n, p) [length]; filled.
     """
     x, n, m = geometry

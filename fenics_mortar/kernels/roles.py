@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Which facets of a surface in contact with itself are masters of which."""
+"""Masters of each facet on a surface in contact with itself."""
 
 from fenics_mortar.kernels import kernel
 
-# Distance along the boundary over the mean length of two facets [1] up to which they are
-# neighbours: the next facet and the next but one. The mesh resolves no fold between them.
+# Distance of two facets along the boundary, over their mean length [1], up to which they are
+# neighbours: the next facet and the one after it. The mesh cannot resolve a fold between them.
 NEAR = 1.5
 
 
@@ -34,7 +34,7 @@ def is_master(keys, arcs, slave, other):
 
 @kernel
 def keep_masters(found, count, roles, number):
-    """Drop segments on facets that are no masters of a slave facet; return the number kept.
+    """Drop segments on facets that are not masters of a slave facet; return the number kept.
 
     Args:
         found: Rows as in ``pairing.keep_nearest``, of which the first ``count`` are used.

@@ -69,7 +69,7 @@ def find_points(geometry, slave_facets, master_facets, radius, view, limits, poi
         view: As in ``pairing.is_hidden``.
         limits: (smallest cosine [1], fraction of a slave facet within which a ray hits a master
             node [1]).
-        points: Places on each facet, -1 ... 1, increasing, shape (p,).
+        points: Coordinates on each facet, -1 ... 1, increasing, shape (p,).
         min_points: Facets on which fewer points have a partner have no runs.
 
     Returns:
@@ -150,13 +150,13 @@ def find_segments(geometry, slave_facets, master_facets, radius, view, limits, r
 
 @kernel
 def find_segments_within(
-    geometry, slave_facets, master_facets, radius, bodies, outline, least, limits, roles
+    geometry, slave_facets, master_facets, radius, bodies, outline, rounding, limits, roles
 ):
-    """As ``find_segments``, with the ``view`` (safe, slave_bodies, master_bodies, outline, least).
+    """Call ``find_segments`` with the ``view`` made of ``bodies``, ``outline`` and ``rounding``.
 
-    To be called from Python: numba finds out the types of tuples of more than four arrays anew in
-    each call, which takes 0.2 ms.
+    Entry point from Python: in each call numba determines the types of tuples of more than four
+    arrays again, which takes 0.2 ms.
     """
     safe, slave_bodies, master_bodies = bodies
-    view = (safe, slave_bodies, master_bodies, outline, least)
+    view = (safe, slave_bodies, master_bodies, outline, rounding)
     return find_segments(geometry, slave_facets, master_facets, radius, view, limits, roles)

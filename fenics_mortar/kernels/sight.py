@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which of the partners behind a slave point resolve the overlap by the nearer way out.
+"""Partners behind a slave point: whether they are the shorter way to separate the bodies.
 
 A line from a slave point x along -n, with the coordinate r >= 0, crosses the outline of a body at
 exits and entries. The level at r is the number of exits less that of entries beyond r. It is the
@@ -16,11 +16,12 @@ Bodies that do not overlap have d >= t_s + t_m, so such a partner is always reje
 are needed: with t_s alone, a thin slave would miss a thick master once the overlap exceeds its own
 thickness; with t_m alone, or the smaller of both, a thick slave would miss a thin master.
 
-If both surfaces are on one body, as on a strip that is wound up, parts of it lie on each other.
-Where they overlap, as in iterates, the line passes from one into the next, and t_s and t_m include
-several parts: the back of a winding would count as a partner. There the exits are counted instead.
-Of the k parts that cover the point x, one is its own, the others overlap it. A partner is one of
-these if it is among the first k - 1 exits, since overlaps are shallower than the parts.
+If both surfaces are on one body, as on a wound strip, parts of it lie on each other. Where they
+overlap, as in iterates, the line passes from one into the next, and t_s and t_m include several
+parts: the back of a winding would count as a partner. In this case exits are counted instead. Of
+the k parts that cover the point x, one contains it as a boundary point, the others overlap it. A
+partner is on one of the others if it is among the first k - 1 exits, since overlaps are shallower
+than the parts are thick.
 """
 
 import numpy as np
@@ -64,8 +65,8 @@ def find_crossings(origin, direction, outline, own, min_distance, found):
 def length_inside(origin, direction, outline, own, min_distance):
     """Distance from ``origin`` (2,) along the unit vector ``direction`` (2,) to the body's end.
 
-    Crossings nearer than ``min_distance`` [length] are ignored: these belong to the facet on which
-    the line begins. Without an end the distance is inf.
+    Crossings nearer than ``min_distance`` [length] are ignored: they belong to the facet on which
+    the line begins. If the line does not leave the body, the distance is inf.
     """
     found = np.empty((2, 32))
     count = find_crossings(origin, direction, outline, own, min_distance, found)
@@ -86,8 +87,8 @@ def length_inside(origin, direction, outline, own, min_distance):
 
 
 @kernel
-def is_way_out(y, N, xi, depth, outline, bodies, min_distance):
-    """Whether moving the master back by ``depth`` [length] is the nearer way out at point ``xi``.
+def is_nearer_exit(y, N, xi, depth, outline, bodies, min_distance):
+    """Whether moving the master back by ``depth`` [length] is the shorter way out at ``xi``.
 
     ``y`` as in ``projection``; ``bodies`` = (slave's, master's); others as in ``length_inside``.
     """
@@ -116,7 +117,7 @@ def height(x):
 
 @kernel
 def overlaps_point(y, N, xi, depth, outline, body, min_distance):
-    """Whether the partner at ``depth`` [length] behind point ``xi`` is of a part that covers it.
+    """Whether the partner at ``depth`` [length] behind point ``xi`` is on a part that covers it.
 
     ``y`` as in ``projection``; both are of ``body``; others as in ``length_inside``. Outlines
     consist of straight segments, which differ from curved facets by less than their heights.

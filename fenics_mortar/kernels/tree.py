@@ -39,14 +39,14 @@ def build_tree(x, facets):
 
 
 @kernel
-def misses(one, other):
+def are_disjoint(one, other):
     """Whether two boxes (4,) are disjoint, or contain nan."""
     x = one[0] <= other[2] and one[2] >= other[0]
     return not (x and one[1] <= other[3] and one[3] >= other[1])
 
 
 @kernel
-def misses_along(box, along):
+def is_outside_strip(box, along):
     """Whether ``box`` (4,) lies outside of the range ``along`` = (tx, ty, low, high)."""
     tx, ty, low, high = along
     middle = 0.5 * ((box[0] + box[2]) * tx + (box[1] + box[3]) * ty)
@@ -71,10 +71,10 @@ def query_tree(boxes, box, along, stack, hits):
     while top > 0:
         top -= 1
         i = stack[top]
-        if misses(boxes[i], box):
+        if are_disjoint(boxes[i], box):
             continue
         if along is not None:
-            if misses_along(boxes[i], along):
+            if is_outside_strip(boxes[i], along):
                 continue
         if i >= leaves:
             hits[count] = i - leaves

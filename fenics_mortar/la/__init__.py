@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Linear algebra: patterns, saddle-point and condensed systems, multigrid.
 
-In flow the bulk tangent and the rows of all interfaces. Out flow the increments of displacements,
-multipliers and obstacles, by factors or by preconditioned iterations.
+Input: bulk tangent and rows of all interfaces. Output: increments of displacements, multipliers and
+obstacles, by factorization or by preconditioned iterations.
 """

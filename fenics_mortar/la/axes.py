@@ -15,7 +15,7 @@ from fenics_mortar.utils.rounding import SMALL_ANGLE
 
 ComplexArray = npt.NDArray[np.complex128]
 
-# Maximum number of tangents of a contact that define axes: neighbouring tangents differ little.
+# Maximum number of tangents per contact that define axes: neighbouring tangents differ little.
 TANGENTS = 32
 
 
@@ -36,8 +36,8 @@ def _tangents(contacts: Sequence[Interface], x: Array) -> ComplexArray:
     """First axes (n,) at the positions x (n, 2), as complex numbers.
 
     Means of the contact tangents, weighted by the inverse fourth power of the distance. A quarter
-    turn only renames axes; the tangents of each contact are turned by the number of quarter turns
-    that brings them closest to the axes of the mesh.
+    turn only exchanges axes: the tangents of each contact are rotated by the number of quarter
+    turns for which they are closest to the axes of the mesh.
     """
     z, mean = x @ [1.0, 1.0j], np.full(len(x), 1e-300 + 0.0j)
     for places, tangents in map(sliding_nodes, contacts):

@@ -11,7 +11,8 @@ from petsc4py import PETSc
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.la.condensed import CondensedSystem, obstacle_to_condensation
-from fenics_mortar.la.options import FEW, ITERATIVE, MANY, SMALL, Solver
+from fenics_mortar.la.costs import COSTS
+from fenics_mortar.la.options import ITERATIVE, SMALL, Solver
 from fenics_mortar.la.saddle import SaddleSystem
 from fenics_mortar.la.system import LinearSystem
 
@@ -34,10 +35,10 @@ def system_of(
         bulk: The bodies.
         contacts: All pairs.
         prefix: Prefix of PETSc's options.
-        options: Options of the linear solver that the user gave.
+        options: Options of the linear solver given by the user.
         algorithm: Condensed or saddle-point system; ``None``: condensed if possible.
-        solver: Direct or iterative; "auto" chooses by the size of the problem.
-        linear_bulk: Whether the bulk is factored once.
+        solver: Direct or iterative; "auto" depends on the size of the problem.
+        linear_bulk: Whether the bulk is factorized only once.
 
     Raises:
         ValueError: On all ranks, for an iterative solver and a surface in contact with itself.
@@ -72,12 +73,12 @@ def _in_contact_with_itself(contacts: Sequence[Interface]) -> str:
 
 
 def _is_small(bulk: Bulk, prefix: str, options: dict[str, Any] | None) -> bool:
-    """Whether factors without pivoting are tried first: few unknowns on one rank (collective).
+    """Whether factorization without pivoting is tried first: few unknowns, one rank (collective).
 
-    Their elimination order is AMD's, of SuiteSparse; newer PETSc lists it under its own name.
+    Its elimination order is AMD of SuiteSparse, which newer PETSc lists under a separate name.
     """
     given = PETSc.Options(prefix).getAll() or options
-    few = bulk.comm.size == 1 and bulk.r.getSize() <= FEW
+    few = bulk.comm.size == 1 and bulk.r.getSize() <= COSTS.few
     has_amd = any(PETSc.Sys.hasExternalPackage(name) for name in ("suitesparse", "amd"))
     return few and not given and has_amd
 
@@ -89,4 +90,4 @@ def _is_for_multigrid(
     given = PETSc.Options(prefix).getAll() or options
     factored_once = bulk.is_linear and linear_bulk is not False
     simple = not (bulk.space.is_mixed or given or factored_once)
-    return simple and bulk.r.getSize() >= MANY
+    return simple and bulk.r.getSize() >= COSTS.many

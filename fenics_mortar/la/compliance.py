@@ -103,14 +103,14 @@ class Compliance(FactoredBulk):
         self._answers = np.empty((0, dofs.size))
 
     def by_forces(self, forces: Array) -> Array:
-        """Displacements (size,) [length] by ``forces`` (size,); 0 on ranks > 0 (local)."""
+        """Displacements (size,) [length] due to ``forces`` (size,); 0 on ranks > 0 (local)."""
         return self.A @ forces if self._bulk.comm.rank == 0 else np.zeros_like(forces)
 
     def by_prescribed(self, change: Array, rounding: float) -> Array:
         """Change of the free contact dofs due to a change of prescribed values (collective).
 
-        Responses to an orthonormal basis of all earlier changes are stored, so that only the new
-        direction of this one needs a solve.
+        Responses to an orthonormal basis of all earlier changes are stored; only the component
+        orthogonal to the basis needs a solve.
 
         Args:
             change: Change of the owned prescribed dofs, shape (prescribed dofs,) [length].
@@ -131,7 +131,7 @@ class Compliance(FactoredBulk):
 
     def _learn(self, change: Array) -> None:
         """Add a unit change to the basis, with its response (collective)."""
-        self._bulk.assemble_tangent()  # a step on all dofs may have added to it
+        self._bulk.assemble_tangent()  # a step on all dofs may have added terms to it
         moved, force = self._bulk.K.createVecs()
         moved.array[self._bulk.prescribed_dofs] = -change
         self._bulk.K.mult(moved, force)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The condensed system (Alg. 2): multipliers eliminated node by node, displacements only.
+"""Condensed system (Alg. 2): multipliers are eliminated node by node.
 
 If D is diagonal, the slave rows S of an acting multiplier give z_j = Z_j (f - K~ dd)_j with
 Z_j = P_j / D_jj, where P_j removes prescribed components (eq. 14). Inserted into the system of
@@ -18,8 +18,8 @@ Components of multipliers with Z = 0 (nodes that do not act, prescribed componen
 planes) have rows A_z z = h without displacements and with a diagonal A_z. They are solved first,
 and their forces B^T z are subtracted from f.
 
-The transposed system, with right-hand sides a of the displacements and b of the multipliers, takes
-the steps in reverse order: with t = Z^T b,
+The transposed system, with right-hand sides a of the displacements and b of the multipliers, is
+solved by the steps in reverse order: with t = Z^T b,
 
     (Q K~ + C)^T w = a - K_S^T t,    y = t + Q^T w,    multipliers of the laws: w in the slave rows,
 
@@ -49,9 +49,9 @@ from fenics_mortar.utils.clock import clock
 
 
 class CondensedSystem(LinearSystem):
-    """Displacements only; needs a D that can be inverted node by node.
+    """System of displacements only, for D that can be inverted node by node.
 
-    Assembly adds to the bulk's ``K``, which has to be assembled again before the next one.
+    Assembly adds to the bulk's ``K``, which has to be assembled again before the next assembly.
 
     Raises:
         ValueError: On all ranks, if D is not diagonal; see ``obstacle_to_condensation``.
@@ -88,7 +88,7 @@ class CondensedSystem(LinearSystem):
         R_blocks = self._R_blocks(laws, inverses)
         if self._update_pattern():
             self._make_room(R_blocks)
-        K = self.bulk.take_tangent()
+        K = self.bulk.tangent_to_change()
         add_blocks(K, self.force_derivative())
         R = self._R.assemble(R_blocks)
         self._slave_K = K.createSubMatrix(self._slave_rows, None, self._slave_K)
@@ -176,7 +176,7 @@ class CondensedSystem(LinearSystem):
         return self._eliminate(self._newton_force(distance), self._law_rhs)
 
     def solve(self, b: Array, *, transpose: bool = False) -> Array:
-        """See ``LinearSystem``."""
+        """Solve with the condensed system; see ``LinearSystem.solve`` (collective)."""
         f, h = np.split(b, [self.bulk.num_owned])
         return self._solve_transposed(f, h) if transpose else self._solve_whole(f, h)
 

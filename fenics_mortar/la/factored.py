@@ -16,15 +16,15 @@ from fenics_mortar.utils.errors import MortarError
 # Factorizations in the order of trial, and memory in excess of the estimate of MUMPS [%], which may
 # be far too low on several ranks.
 FACTORS = (("cholesky", 50), ("cholesky", 300), ("lu", 300))
-# Elimination order of MUMPS (ICNTL 7): approximate minimum fill. Its own choice takes longer than
-# the factorization, which is done once.
+# Elimination order of MUMPS (ICNTL 7): approximate minimum fill. The choice of MUMPS takes longer
+# than the factorization, which is done once.
 ORDERING = {"mat_mumps_icntl_7": 0}
 # Right-hand sides per solve: more need more memory and gain little.
 COLUMNS = 32
 
 
 def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC:
-    """Factor a symmetric matrix by MUMPS, wholly or up to a Schur complement (collective).
+    """Factorize a symmetric matrix by MUMPS, completely or up to a Schur complement (collective).
 
     Args:
         K: The matrix.
@@ -41,7 +41,7 @@ def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC
         pc.setFromOptions()
         pc.setType(
             kind
-        )  # whatever the options of the whole system: many right-hand sides need factors
+        )  # independent of the options of the whole system: many right-hand sides need factors
         pc.setFactorSolverType(DIRECT["pc_factor_mat_solver_type"])
         pc.setOperators(K)
         with options_added(prefix, {**ORDERING, "mat_mumps_icntl_14": room}):
@@ -68,7 +68,7 @@ def factored_by_cholmod(K: PETSc.Mat, prefix: str) -> PETSc.PC | None:
     pc.setFactorSolverType("cholmod")
     pc.setOperators(K)
     options, quiet = PETSc.Options(), f"{prefix}single_mat_cholmod_print"
-    options.setValue(quiet, 0)  # no warning on the terminal: MUMPS takes over
+    options.setValue(quiet, 0)  # no warning on the terminal: MUMPS is used instead
     try:
         pc.setUp()
     except PETSc.Error:

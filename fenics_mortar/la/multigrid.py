@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: MIT
-"""Multigrid for systems with contact, by that of two bodies which keep touching.
+"""Multigrid for systems with contact, based on multigrid for bodies that remain in contact.
 
-The rows of the condensed matrix A are those of K~, gathered by Q, and in the normal direction of an
-active slave node its constraint: unsymmetric, and hard for multigrid where the slave is stiff. But
-let the normal motion of these nodes follow that of their partners,
+The rows of the condensed matrix A are those of K~, combined by Q, and, in the normal direction of
+an active slave node, its constraint. A is unsymmetric and difficult for multigrid if the slave is
+stiff. If instead the normal motion of these nodes is that of their partners,
 
     dd = T y,    dd_j = tau_j tau_j . y_j + n_j n_j . sum_l (M_jl / D_jj) y_l,
 
-then B = L A T = T^T K~ T is the tangent of bodies that may slide and keep touching, symmetric but
-for contact; L takes back what Q gathered in tangential direction, and leaves out the constraints.
+then B = L A T = T^T K~ T is the tangent of bodies that may slide and remain in contact, symmetric
+except for contact terms. L reverts the combination by Q in tangential direction and omits the
+constraints.
 
-Multigrid coarsens x- and y-components separately. But tau_j tau_j couples them where it is oblique
-to the axes. So y has components along nodal axes R, the tangents tau in contact and smooth in
-between: B = R^T L A T R.
+Multigrid coarsens x- and y-components separately. The term tau_j tau_j couples them where tau_j is
+oblique to the axes. y therefore has components along nodal axes R, which are the tangents tau at
+the contact and vary smoothly in between: B = R^T L A T R.
 
 If the slave's normals deviate by a small angle e from the axes of its partners, B couples the
 tangential motions of both bodies by e times the slave's stiffness. Where the bodies slide, this
@@ -23,21 +24,22 @@ cycle, except at master nodes that slave nodes stick to.
 One application to a right-hand side b has two steps:
 
 1. x_0 solves A x_0 = b in a strip along the contact surfaces, by factorization. It satisfies the
-   constraints and resolves local motions of the surfaces, above all those of the master between the
-   slave's nodes: they are soft in a stiff neighbourhood, which multigrid cannot represent.
-2. x = x_0 + T y, where y is one cycle of multigrid for B y = L (b - A x_0).
+constraints and resolves local motions of the surfaces, above all motions of the master between
+slave nodes: these are soft modes in a stiff neighbourhood, which multigrid cannot represent. 2.
+x = x_0 + T y, where y is one cycle of multigrid for B y = L (b - A x_0).
 
-A strip has few unknowns, O(1/h), and is factored in each Newton iteration. The cycle is kept until
-the excess iterations, relative to those of a new cycle, have cost as much as a new one; each change
-of the active set costs about one iteration.
+A strip has few unknowns, O(1/h), and is factorized in each Newton iteration. The cycle is reused
+until the excess iterations, relative to those of a new cycle, have cost as much as a new cycle;
+each change of the active set costs about one iteration.
 
-A saddle point A has its multipliers in the strip, all of them. Nothing is gathered in its rows, so
-that L = T^T, and step 2 changes displacements only. A standard basis has no diagonal D: D_jj is the
-sum of row j then, and T y meets the constraints where y is smooth, as the cycle's changes are.
+All multipliers of a saddle-point matrix A belong to the strip. Its rows are not combined, so that
+L = T^T, and step 2 changes displacements only. With a standard basis D is not diagonal: D_jj is
+then the sum of row j, and T y satisfies the constraints where y is smooth, as the corrections of
+the cycle are.
 
-A tied node follows its partners in both directions. If all are tied, every solution of the
-condensed system is T y, and B is symmetric if K is: conjugate gradients with the cycle then solve
-B y = L (b - A x_0) altogether.
+A tied node moves with its partners in both directions. If all are tied, every solution of the
+condensed system is T y, and B is symmetric if K is: then B y = L (b - A x_0) is solved completely
+by conjugate gradients with the cycle.
 """
 
 from __future__ import annotations
@@ -57,52 +59,28 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.axes import quarter_turns, sliding_nodes, turned_axes
 from fenics_mortar.la.sparse import BlockMatrix, is_symmetric
-from fenics_mortar.la.strip import STRIP, Strip, near
+from fenics_mortar.la.strip import Strip, near
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import TINY
 
-# Measured: sweeps at half the cost of the default ones, for a few iterations more; coarse grids and
-# interpolation for which iterations grow less where contact is curved (by 6 to 8 % in the mean as
-# facets are halved). On flat contact at 645,000 unknowns they cost 20 % more time. With "l1" the
-# cycle is positive definite on any number of ranks; without, small bodies on three ranks made CG
-# break down.
-CYCLE = {
-    "pc_type": "hypre",
-    "pc_hypre_boomeramg_coarsen_type": "HMIS",
-    "pc_hypre_boomeramg_interp_type": "ext+i",
-    "pc_hypre_boomeramg_relax_type_down": "l1-Gauss-Seidel",
-    "pc_hypre_boomeramg_relax_type_up": "backward-l1-Gauss-Seidel",
-    "pc_hypre_boomeramg_no_CF": None,
-    "pc_hypre_boomeramg_strong_threshold": 0.5,
-    "pc_hypre_boomeramg_P_max": 4,
-}
-# Relative tolerance [1] and largest number of iterations of conjugate gradients: GMRES around them,
-# with a tolerance of its own, then needs one iteration.
-CG_TOLERANCE, CG_MAX = 1e-9, 500
-# Options of both, below the prefix of the solver.
-OPTIONS = {
-    f"{part}_{name}": value
-    for part, options in (("cycle", CYCLE), ("strip", STRIP))
-    for name, value in options.items()
-}
-# Excess iterations, so far and expected, after which the cycle is rebuilt: a new one costs as much
-# as ten to fifteen iterations, but is used in several solves.
-COST = 5
-# Stiffness of motions outside the range of T over that of the node [1]: affects the coarse grids of
-# the cycle only, which would be stiff if it were large.
-IDLE = 1e-2
-# Integral of a multiplier function over nodal area [1] below which a node is left to the strip:
-# for quadratic standard functions on partly covered facets it may be zero or negative.
-LIGHT = 1e-2
+# Excess iterations, so far and expected, after which the cycle is rebuilt. A new cycle costs as
+# much as ten to fifteen iterations but is used in several solves.
+MAX_EXCESS = 5
+# Stiffness of motions outside the range of T over that of the node [1]: affects only the coarse
+# grids of the cycle, which would be too stiff with a large value.
+IDLE_STIFFNESS = 1e-2
+# Integral of a multiplier function over nodal area [1] below which a node is handled by the strip
+# only: for quadratic standard functions on partly covered facets it may be zero or negative.
+MIN_WEIGHT = 1e-2
 
 
-class TouchingBodies:
+class ContactPreconditioner:
     """A preconditioner for PETSc (``pc_type python``); all methods are collective.
 
     Args:
         bulk: The bodies.
         contacts: The contacts.
-        prefix: Prefix of the options; those of the cycle and the strip are below it.
+        prefix: Prefix of the options; those of the cycle and the strip begin with it.
         multipliers: Rows of multipliers that follow the rows of this rank's dofs; ``None`` if the
             system is condensed.
     """
@@ -136,25 +114,25 @@ class TouchingBodies:
         self._work = [A.createVecRight(), *(self._R.mat.createVecRight() for _ in range(3))]
 
     def reset(self, pc: PETSc.PC) -> None:
-        """Forget the cycle, as PETSc calls it."""
+        """Drop the cycle, as PETSc calls it."""
         self._cycle = None
 
     def _is_outdated(self) -> bool:
-        """Whether a new cycle would pay."""
+        """Whether a new cycle costs less than the expected excess iterations."""
         if self._cycle is None or self._cycle.getType() == "cg":
             return True
         now = [contact.active for contact in self._contacts]
         changed = sum(int((a != b).sum()) for a, b in zip(now, self._sets, strict=True))
-        return self._excess + changed > COST
+        return self._excess + changed > MAX_EXCESS
 
     def postSolve(self, pc: PETSc.PC, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Take notice of the iterations that a solve has taken, as PETSc calls it."""
+        """Record the number of iterations of a solve, as PETSc calls it."""
         left = ksp.getResidualNorm() / max(b.norm(), TINY)
         digits, iterations = -np.log10(max(left, 1e-16)), ksp.getIterationNumber()
         if digits > 0.0 and np.isfinite(digits):
             self._best = self._best or iterations / digits
             excess = self._excess + iterations - self._best * digits
-            self._excess = max(excess, 0.0)  # a hard first solve is no credit
+            self._excess = max(excess, 0.0)  # a difficult first solve is not credited
 
     def _make_cycle(self, A: PETSc.Mat, nodes: list[tuple[Indices, Array, Array]]) -> None:
         first = self._bulk.first
@@ -168,7 +146,6 @@ class TouchingBodies:
             self._cycle.destroy()
         self._cycle = PETSc.KSP().create(self._bulk.comm)
         self._cycle.setOptionsPrefix(self._prefix)
-        self._cycle.setTolerances(rtol=CG_TOLERANCE, max_it=CG_MAX)
         self._cycle.setFromOptions()
         reduced = self._condensed and self._all_tied(nodes) and is_symmetric(B)
         self._cycle.setType("cg" if reduced else "preonly")
@@ -187,11 +164,11 @@ class TouchingBodies:
         B = L_T_R.transposeMatMult(product)
         for matrix in (T_R, L_T_R, product, *([] if tangent is A else [tangent])):
             matrix.destroy()
-        B.setBlockSize(self._bulk.space.block_size)  # which large products on ranks have lost
+        B.setBlockSize(self._bulk.space.block_size)  # large products on several ranks lose it
         return B
 
     def _part_sliding_bodies(self, B: PETSc.Mat) -> None:
-        """Leave out the coupling of tangential motions of the bodies of a contact, see above."""
+        """Drop the coupling of tangential motions of the bodies of a contact, see above."""
         for contact, slave in zip(self._contacts, self._slaves, strict=True):
             _, tangents = sliding_nodes(contact)
             if tangents.size:
@@ -225,8 +202,8 @@ class TouchingBodies:
     def applyTranspose(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """One application of the transpose, as PETSc calls it.
 
-        The cycle stands for its own transpose: it is that of a matrix which is symmetric but for
-        contact, and smooths symmetrically.
+        The cycle is used as its own transpose: its matrix is symmetric except for contact terms,
+        and its smoothing is symmetric.
         """
         A, _ = pc.getOperators()
         R, (whole, rest, gathered, y) = self._R.mat, self._work
@@ -253,18 +230,18 @@ class TouchingBodies:
         self._R.assemble([Block(globals_, globals_, self._axes[dofs[:, 0]])])
 
     def _active(self, contact: Interface) -> tuple[Indices, Array, Array]:
-        """Local dofs (a, 2), directions followed (a, 2, 2) and stiffness (a,) of own nodes."""
+        """Local dofs (a, 2), constrained directions (a, 2, 2) and stiffness (a,) of owned nodes."""
         on = contact.acts[contact.slave.owned]
         j = contact.slave.owned[on]
         return contact.slave.local_dofs[on], contact.rows.followed()[j], contact.stiffness[j]
 
     def _all_tied(self, nodes: list[tuple[Indices, Array, Array]]) -> bool:
-        """Whether all active nodes follow in both directions."""
+        """Whether all active nodes are constrained in both directions."""
         mine = all(np.allclose(F @ F, np.eye(2)) for _, F, _ in nodes)
         return self._bulk.comm.allreduce(mine, MPI.LAND)
 
     def _follow(self, nodes: list[tuple[Indices, Array, Array]]) -> None:
-        """Set T - 1 and L^T - 1: motions that active nodes follow, rows that take their forces."""
+        """Set T - 1 and L^T - 1: motions of constrained nodes, rows that receive their forces."""
         first = self._bulk.first
         own = [Block(dofs + first, dofs + first, -F @ F) for dofs, F, _ in nodes]
         gathered = np.eye(2) if self._condensed else np.zeros((2, 2))
@@ -276,17 +253,17 @@ class TouchingBodies:
         self._equations.assemble(equations)
 
     def _idle_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
-        """Blocks of the motions that T leaves out, along the axes."""
+        """Blocks of the motions outside the range of T, along the axes."""
         for dofs, F, k in nodes:
             axes = self._axes[dofs[:, 0]]
             idle = axes.transpose(0, 2, 1) @ F @ F @ axes
             dofs = dofs + self._bulk.first
-            yield Block(dofs, dofs, IDLE * k[:, None, None] * idle)
+            yield Block(dofs, dofs, IDLE_STIFFNESS * k[:, None, None] * idle)
 
     def _partners(self) -> Iterator[tuple[Indices, Indices, Array, Array]]:
         """Dofs (p, 2) of active slave nodes and of others, M_jl / D_jj (p, 1, 1), F F.
 
-        Entries of D between active nodes count as if they were on its diagonal.
+        Entries of D between active nodes are treated as if they were on its diagonal.
         """
         for contact in self._contacts:
             slave, followed = contact.slave, contact.rows.followed() @ contact.rows.followed()
@@ -296,13 +273,13 @@ class TouchingBodies:
             weight = np.zeros(slave.num_nodes)
             np.add.at(weight, j[own], values[own])
             slave.comm.Allreduce(MPI.IN_PLACE, weight)
-            weight[weight < LIGHT * contact.slave.nodal_areas] = np.inf
+            weight[weight < MIN_WEIGHT * contact.slave.nodal_areas] = np.inf
             dofs, j, part = dofs[~own], j[~own], -values[~own] / weight[j[~own]]
             yield slave.dofs[j], dofs, part[:, None, None], followed[j]
 
 
 def _entries(block: Block) -> tuple[Indices, Indices, Array]:
-    """Dofs (p, 2), multipliers (p,) and values (p,) of a block that is the same for x and y."""
+    """Dofs (p, 2), multipliers (p,) and values (p,) of a block that is equal for x and y."""
     return block.rows.reshape(-1, 2), block.columns[::2, 0] // 2, block.values[::2, 0, 0]
 
 
@@ -313,7 +290,7 @@ def _nodes_near(bulk: Bulk, surface: Surface) -> Indices:
 
 
 def _leave_out(B: PETSc.Mat, rows: Indices, columns: Indices) -> None:
-    """Make the entries in these rows and columns zero: global numbers of those this rank owns."""
+    """Set entries in these rows and columns to zero: global numbers of those this rank owns."""
     owned = [part.astype(PETSc.IntType) for part in (rows, columns)]
     part = B.createSubMatrix(*(PETSc.IS().createGeneral(places, B.comm) for places in owned))
     starts, numbers, values = part.getValuesCSR()
@@ -324,7 +301,7 @@ def _leave_out(B: PETSc.Mat, rows: Indices, columns: Indices) -> None:
 
 
 def _slide(contact: Interface) -> npt.NDArray[np.bool_]:
-    """Which of this rank's master nodes no slave node sticks to, (owned nodes,) (collective)."""
+    """Marks of owned master nodes to which no slave node sticks, (owned nodes,) (collective)."""
     s = contact.operators.segments
     stuck = np.zeros(contact.master.num_nodes, bool)
     stuck[s.master[contact.sticking[s.slave].any(axis=1)]] = True

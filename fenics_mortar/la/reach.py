@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: MIT
 """Sparsity pattern of contact terms with a margin for sliding over a few facets.
 
-A pattern of the present segments only would change whenever one appears, and with it the
-symbolic factorization. Zeros for the master facets next to those that a slave facet meets, and for
-slave facets that contact may come to next, cost little, since contact is small beside the bulk.
-Every slave node has room for a multiplier and for the forces of its neighbours': which nodes carry
-one may change. Open facets have room as well, so that contact may grow; but only those with a
-multiplier that acts add to the matrix, and only they have to stay within it. Others may be far
-apart, where surfaces that turn a little soon meet something else.
+A pattern of the present segments only, and with it the symbolic factorization, would change
+whenever a segment appears. Explicit zeros for master facets next to the partners of a slave facet,
+and for slave facets next to the contact zone, cost little, since contact surfaces are small
+compared with the bulk. The pattern includes a multiplier at every slave node, and the forces of the
+neighbours' multipliers, since the set of multiplier nodes may change. Open facets are included as
+well, so that contact may grow. Only nodes with acting multipliers contribute to the matrix and have
+to stay within the pattern; the partners of other nodes may be far away and may change with small
+rotations.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ import numpy.typing as npt
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.utils.arrays import Indices
 
-# Master facets with room on either side of those that a slave facet meets, and slave facets with
-# room on either side of contact [facets]: a Newton iteration rarely slides further.
+# Number of master facets in the pattern on either side of the partners of a slave facet, and of
+# slave facets on either side of contact [facets]: sliding in a Newton iteration rarely exceeds it.
 MARGIN = 4
 
 
@@ -28,7 +29,7 @@ class Reach:
 
     Args:
         o: Operators at the present state.
-        faced: Slave nodes, and master nodes that slip couples them to.
+        faced: Slave nodes, and master nodes coupled to them by slip.
     """
 
     def __init__(self, o: MortarOperators, faced: tuple[Indices, Indices]) -> None:
@@ -49,8 +50,9 @@ class Reach:
 
         Args:
             o: Operators of the state.
-            faced: Of the state, see the class.
-            acting: Slave nodes whose multipliers act; others add nothing, (slave nodes,), bool.
+            faced: Those of the state, see the class.
+            acting: Slave nodes whose multipliers act; others do not contribute, (slave nodes,),
+                bool.
         """
         slips = acting[faced[0]]
         pairs = np.concatenate([_met(o, 0, acting), _faced(o, *(side[slips] for side in faced))])
@@ -63,7 +65,7 @@ class Reach:
         return zeros(rows, columns)
 
     def law_pattern(self) -> tuple[Indices, Indices]:
-        """Slave nodes (p,), and dofs (p, 2) of the nodes that their rows of the law may contain."""
+        """Slave nodes (p,), and dofs (p, 2) of nodes that may occur in their law's rows."""
         slave, _, columns = self._coupled()
         return slave[slave >= 0], columns[slave >= 0]
 
@@ -82,7 +84,7 @@ class Reach:
         return slave[i], dofs[i], dofs[k]
 
     def force_pattern(self) -> tuple[Indices, Indices]:
-        """Dofs (p, 2) of nodes where multipliers of slave nodes (p,) may act."""
+        """Dofs (p, 2) of nodes on which multipliers of slave nodes (p,) may act."""
         degree = self._slave.degree
         carriers = self._slave.along(self._facet, range(degree + 1))
         on_master = np.repeat(self._master.dofs[self._partner], degree + 1, axis=0)
@@ -93,7 +95,7 @@ class Reach:
 
 
 def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indices:
-    """Numbers of pairs of a slave facet with any of ``slaves`` and a master node it meets.
+    """Numbers of pairs of a slave facet with any of ``slaves`` and a master node it faces.
 
     A pair (first node i of the facet, master node k) has the number i (master nodes + 1) + k. Each
     facet also has a pair with k = master nodes, since a rigid obstacle has no nodes.
@@ -116,9 +118,9 @@ def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indi
 def _with_next_facets(
     o: MortarOperators, margin: int, slave: Indices, master: Indices
 ) -> tuple[Indices, Indices]:
-    """Pairs of facets by the slave's first nodes, those of slave facets next to contact included.
+    """Pairs of facets by the slave's first nodes, including slave facets next to contact.
 
-    Slave facets without a partner get those of facets up to ``margin`` away.
+    Slave facets without a partner are paired with the partners of facets up to ``margin`` away.
     """
     degree = o.slave.degree
     near = o.slave.along(slave, range(-margin * degree, margin * degree + 1, degree))
@@ -129,7 +131,7 @@ def _with_next_facets(
 
 
 def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
-    """Numbers as of ``_met`` of pairs of slave and master nodes, one facet per slave node."""
+    """Numbers, as in ``_met``, of pairs of slave and master nodes, one facet per slave node."""
     facets = o.facet_nodes
     first = np.full(o.slave.num_nodes, -1)
     first[facets] = facets[:, :1]

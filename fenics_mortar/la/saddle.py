@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The saddle-point system (Alg. 1): unknowns [dd, zeta] on each rank, matrix S_r A S_c.
+"""Saddle-point system (Alg. 1): unknowns [dd, zeta] on each rank, matrix S_r A S_c.
 
 S_c scales multipliers to forces, S_r scales the rows of prescribed dofs; see ``system``. The
 transposed system S_c A^T S_r uses the same factors.
@@ -38,7 +38,7 @@ Part = tuple[Kind, Kind, Iterable[Block]]
 
 
 class SaddleSystem(LinearSystem):
-    """Displacements and multipliers; any basis of multipliers, nodes shared between pairs."""
+    """System of displacements and multipliers; any basis, also with nodes shared between pairs."""
 
     has_multipliers = True
 
@@ -99,7 +99,7 @@ class SaddleSystem(LinearSystem):
 
     @clock("assembly")
     def assemble(self) -> None:
-        """Fill the matrix; create it again if contact leaves its pattern (collective)."""
+        """Fill the matrix; create it again if contact exceeds its pattern (collective)."""
         nest = PETSc.Mat().createNest([[self.bulk.K, None], [None, self._no_K]], comm=self.comm)
         K = PETSc.Mat()
         nest.convert("aij", out=K)
@@ -127,7 +127,7 @@ class SaddleSystem(LinearSystem):
     def step(self, distance: Array) -> Array:
         """See ``LinearSystem``; solves for the increment of zeta, which vanishes at convergence.
 
-        The tolerance of an iterative solver is thus relative to the residual.
+        The tolerance of an iterative solver is therefore relative to the residual.
         """
         size = self.bulk.num_owned
         rhs = self._scale_rows(self.join(self._newton_force(distance), self._law_rhs))
@@ -140,7 +140,7 @@ class SaddleSystem(LinearSystem):
         return self._scale_multipliers(x)
 
     def solve(self, b: Array, *, transpose: bool = False) -> Array:
-        """See ``LinearSystem``."""
+        """Solve with the saddle-point system; see ``LinearSystem.solve`` (collective)."""
         if transpose:
             return self._scale_rows(self._solve(self._scale_multipliers(b), transpose=True))
         return self._scale_multipliers(self._solve(self._scale_rows(b)))

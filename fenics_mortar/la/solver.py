@@ -12,11 +12,11 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar.la.multigrid import TouchingBodies
+from fenics_mortar.la.costs import COSTS
+from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.options import (
     COMPLIANCE,
     DIRECT,
-    LONG_ROWS,
     SMALL,
     options_added,
     with_defaults,
@@ -26,11 +26,11 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, raise_together
 from fenics_mortar.utils.rounding import LAST_DIGITS, TINY
 
-# Largest relative residual of an accepted solution [1]: above it a direct solver has met a singular
-# matrix.
+# Largest relative residual of an accepted solution [1]: above it the matrix of a direct solver is
+# singular.
 LINEAR_TOLERANCE = 1e-5
-# Largest relative residual of factors without pivoting, once refined [1]: above it, growing pivots
-# have cost half of the digits.
+# Largest relative residual with factors without pivoting after one refinement [1]; above it half of
+# the digits are lost by growth of the pivots.
 WITHOUT_PIVOTING = 1e-10
 # PETSc's reasons for the end of a linear solve by number, and those of a zero or nan pivot.
 REASONS = {
@@ -38,26 +38,29 @@ REASONS = {
     for name, number in vars(PETSc.KSP.ConvergedReason).items()
     if name.isupper() and isinstance(number, int)
 }
-NO_FACTORS = (-9, -11)
+NO_FACTORS = (
+    PETSc.KSP.ConvergedReason.DIVERGED_NANORINF,
+    PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED,
+)
 
 
 class LinearSolver:
-    """Solves A x = b and A^T x = b; all methods are collective.
+    """Solver for A x = b and A^T x = b; all methods are collective.
 
     Args:
         comm: Communicator.
         prefix: Prefix of PETSc's options.
-        options: Options by name, without the prefix; those of the database come first. Missing
-            ones are those of MUMPS, see ``options.with_defaults``.
-        preconditioner: Makes the preconditioner of ``pc_type python``.
+        options: Options by name, without the prefix; those of the database take precedence.
+            Defaults are those of MUMPS, see ``options.with_defaults``.
+        preconditioner: Function that creates the preconditioner of ``pc_type python``.
 
     Attributes:
         ksp: PETSc's solver.
-        forcing: Relative residual that the next solve may leave if it is iterative [1].
-        may_factor: Whether MUMPS takes over for good if an iterative solver, or one without
-            pivoting, fails.
+        forcing: Allowed relative residual of the next solve if it is iterative [1].
+        may_factor: Whether MUMPS is used permanently after a failure of an iterative solver, or of
+            one without pivoting.
         remark: Message on such a change of the solver or on unused options; else "".
-        given: Names of the options of PETSc that the user gave, without the prefix.
+        given: Names of PETSc options given by the user, without the prefix.
 
     Raises:
         MortarError: On all ranks, if PETSc rejects an option.
@@ -68,7 +71,7 @@ class LinearSolver:
         comm: MPI.Comm,
         prefix: str,
         options: dict[str, Any],
-        preconditioner: Callable[[], TouchingBodies],
+        preconditioner: Callable[[], ContactPreconditioner],
     ) -> None:
         self._comm, self._prefix, self._make_preconditioner = comm, prefix, preconditioner
         self.forcing, self.may_factor, self.remark = 0.0, False, ""
@@ -93,12 +96,14 @@ class LinearSolver:
             what = str(of_petsc).splitlines()[-1].removeprefix(f"[{PETSc.COMM_WORLD.rank}] ")
             error = MortarError(f"PETSc rejected an option '{self._prefix}...': {what}")
         raise_together(self._comm, error)
-        self.multigrid: TouchingBodies | None = None
+        self.multigrid: ContactPreconditioner | None = None
         if self.ksp.getPC().getType() == "python":
             self.multigrid = self._make_preconditioner()
             self.ksp.getPC().setPythonContext(self.multigrid)
         self._finest, *_ = self.ksp.getTolerances()
         self._is_direct = self.ksp.getType() == "preonly"
+        asked = [*options, *PETSc.Options(self._prefix).getAll()]
+        self._is_shown = any(name.startswith("ksp_view") for name in asked)
 
     def _begin_anew(self) -> None:
         """Read PETSc's options and make vectors at the next solve (local)."""
@@ -108,10 +113,13 @@ class LinearSolver:
 
     def _reset(self) -> None:
         self.ksp.reset()
+        if self._is_shown:  # a reset makes PETSc forget that it shall show the solver
+            with options_added(self._prefix, self._options, self._used):
+                self.ksp.setFromOptions()
         self._begin_anew()
 
     def describe(self) -> str:
-        """The solver in words (local)."""
+        """Description of the solver (local)."""
         kind, pc = self.ksp.getType(), self.ksp.getPC()
         if self.multigrid is not None:
             return f"{kind} with multigrid"
@@ -119,7 +127,7 @@ class LinearSolver:
         return factors or f"{kind} with {pc.getType()}"
 
     def forget_pattern(self) -> None:
-        """Drop the factors after a change of the sparsity pattern; multigrid detects it itself."""
+        """Drop the factors after a change of the sparsity pattern; multigrid detects it."""
         if self.multigrid is None:
             self._reset()
 
@@ -127,8 +135,8 @@ class LinearSolver:
         """Solve and check the solution.
 
         A direct solution whose residual is above rounding is refined once: MUMPS also chooses the
-        pivots of a saddle point for sparsity, which costs digits. Factors are kept while the matrix
-        stays.
+        pivots of a saddle point for sparsity, at the cost of some digits. Factors are reused while
+        the matrix is unchanged.
 
         Args:
             matrix: A.
@@ -146,7 +154,7 @@ class LinearSolver:
         self.forcing = 0.0
         is_new = self._reads_options
         solution, failure = self._attempt(matrix, rhs, transpose)
-        if failure and self._pivots:  # the elimination order may be unsuitable for the new values
+        if failure and self._pivots:  # the elimination order may be unsuitable for new values
             self._reset()
             solution, failure = self._attempt(matrix, rhs, transpose)
         if not failure:
@@ -154,7 +162,7 @@ class LinearSolver:
             if is_new and self.may_factor and not self._pivots and self._has_long_rows():
                 self._take_mumps()
             return found
-        self._reset()  # MUMPS does not factor again after it has failed
+        self._reset()  # MUMPS does not factorize again after a failure
         if not self.may_factor:
             raise MortarError(f"the linear system was not solved{failure}")
         failed, then = (
@@ -162,23 +170,23 @@ class LinearSolver:
             if self._pivots
             else ("elimination without pivoting", "by MUMPS")
         )
-        self.remark = f"{failed} failed{failure}; from now on the linear systems are solved {then}"
+        self.remark = f"{failed} failed{failure}; all further linear systems are solved {then}"
         self._take_mumps()
         return self.solve(matrix, rhs, transpose=transpose)
 
     def _take_mumps(self) -> None:
-        """Leave all further solves to MUMPS."""
+        """Use MUMPS for all further solves."""
         self.may_factor = False
         self.ksp.destroy()
         self._create(DIRECT)
 
     def _has_long_rows(self) -> bool:
-        """Whether the rows of the factors are so long that MUMPS takes less time."""
+        """Whether the rows of the factors are long enough for MUMPS to be faster."""
         factors = self.ksp.getPC().getFactorMatrix()
-        return bool(factors.getInfo()["nz_used"] > LONG_ROWS * factors.getSize()[0])
+        return bool(factors.getInfo()["nz_used"] > COSTS.long_rows * factors.getSize()[0])
 
     def _attempt(self, matrix: PETSc.Mat, values: Array, transpose: bool) -> tuple[PETSc.Vec, str]:
-        """A solution and the failure as the end of a sentence; "" if it is accepted."""
+        """A solution, and the failure as the end of a sentence; "" if the solution is accepted."""
         if not self._vectors:
             self._vectors = [matrix.createVecLeft() for _ in range(4)]
         rhs, solution, defect, correction = self._vectors
@@ -188,7 +196,7 @@ class LinearSolver:
         try:
             self._run(rhs, solution, transpose)
         except MortarError as error:
-            self._vectors = []  # an error leaves the right-hand side locked
+            self._vectors = []  # after an error the right-hand side is locked
             return solution, f": {error}"
         multiply = matrix.multTranspose if transpose else matrix.mult
         size = max(rhs.norm(), TINY)
@@ -208,14 +216,14 @@ class LinearSolver:
     def _blocks_of(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """The matrix stored in blocks of the two dofs of a node, if its rows come in such pairs.
 
-        PETSc's factors in blocks take two thirds of the time, their analysis the half.
+        Factorization in blocks takes two thirds of the time in PETSc, its analysis half.
         """
         if matrix.getBlockSize() != 2:
             return matrix
         if self._in_blocks is None:
             starts, *_ = matrix.getRowIJ()
             pairs = np.diff(starts).reshape(-1, 2)
-            room = np.minimum(pairs.sum(axis=1), len(pairs))  # at most; PETSc drops the rest
+            room = np.minimum(pairs.sum(axis=1), len(pairs))  # an upper limit; PETSc drops the rest
             self._in_blocks = PETSc.Mat().createBAIJ(
                 matrix.getSize(), 2, nnz=room.astype(PETSc.IntType), comm=self._comm
             )
@@ -252,7 +260,7 @@ class LinearSolver:
             self.remark = "; ".join(filter(None, (self.remark, self.describe_unused())))
 
     def _describe(self, reason: int) -> str:
-        """PETSc's reason of a failed solve, in words."""
+        """PETSc's reason for a failed solve, as text."""
         named = f"PETSc's reason {reason} ({REASONS.get(reason, 'unknown')})"
         if self.ksp.getType() == "preonly" or reason in NO_FACTORS:
             return f"it may be singular: {named}"
@@ -264,10 +272,10 @@ class LinearSolver:
         return f"the iterative solver did not converge: {named}"
 
     def describe_unused(self, *, reduced: bool = False) -> str:
-        """Message on options of the user that PETSc did not read in a solve, each once.
+        """Message on options of the user that PETSc did not read in a solve, each option once.
 
         Args:
-            reduced: Whether the bulk was factored instead of the whole system.
+            reduced: Whether the bulk was factorized instead of the whole system.
         """
         database = PETSc.Options(self._prefix).getAll() if self._prefix else {}
         given = {name for name in database if reduced or not name.startswith(COMPLIANCE)}
@@ -279,7 +287,7 @@ class LinearSolver:
         if not unused:
             return ""
         names = ", ".join(f"'{self._prefix}{name}'" for name in unused)
-        message = f"PETSc did not use the option {names}: misspelt, or of another solver"
+        message = f"PETSc did not use the option {names}: misspelt, or for another solver"
         if reduced:
             begin = f"'{self._prefix}{COMPLIANCE}'"
             message += f"; options of the linear bulk's factors begin with {begin}"

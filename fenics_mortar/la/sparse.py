@@ -2,9 +2,9 @@
 """PETSc matrices from dense blocks, in coordinate form.
 
 Any rank may add to any row; duplicates are summed and negative indices are dropped. PETSc
-preallocates by itself; without preallocation PETSc 3.18 takes minutes instead of milliseconds.
-petsc4py wraps these functions only in its newest versions, and Schur complements of factors not at
-all, so they are called through ctypes from the library that petsc4py has loaded.
+preallocates in this form; without preallocation PETSc 3.18 takes minutes instead of milliseconds.
+petsc4py wraps these functions only in its newest versions, and does not wrap Schur complements of
+factors. They are therefore called through ctypes from the library that petsc4py has loaded.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class BlockMatrix:
 
     Attributes:
         mat: The matrix, after ``assemble``.
-        num_patterns: Number of patterns so far.
+        num_patterns: Number of patterns created so far.
     """
 
     def __init__(self, comm: MPI.Comm, rows: int, columns: int, block_size: int = 1) -> None:
@@ -76,7 +76,7 @@ class BlockMatrix:
     def _new_pattern(self, i: npt.NDArray, j: npt.NDArray) -> None:
         if self.mat is not None:
             self.mat.destroy()
-        self._pattern = None  # until the matrix exists
+        self._pattern = None  # until the matrix is created
         self.mat = PETSc.Mat().create(self._comm)
         self.mat.setSizes(self._sizes)
         self.mat.setType(PETSc.Mat.Type.AIJ)
@@ -117,7 +117,7 @@ class SomeRows:
     def add(self, small: PETSc.Mat, large: PETSc.Mat) -> None:
         """Add the small matrix to existing entries of the large one, in place (collective).
 
-        Zeros are left out: they need no entries.
+        Zeros are dropped: they need no entries.
         """
         rows = (self.local + large.getOwnershipRange()[0]).astype(PETSc.IntType)
         starts, columns, values = small.getValuesCSR()
@@ -215,4 +215,4 @@ def is_symmetric(K: PETSc.Mat) -> bool:
 
 def _check(code: int) -> None:
     if code:
-        raise MortarError(f"PETSc refused a matrix in coordinate form, error {code}")
+        raise MortarError(f"PETSc rejected a matrix in coordinate form, error {code}")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""The linear system of a Newton iteration, as saddle point (Alg. 1) or condensed (Alg. 2).
+"""Linear system of a Newton iteration, as saddle point (Alg. 1) or condensed (Alg. 2).
 
-The unknowns are the increment dd and the *new* multiplier z (Foltyn & Vlach 2016, eq. 12), so the
-right-hand side contains r = f_int - f_ext without the contact force:
+The unknowns are the increment dd and the *new* multiplier z (Foltyn & Vlach 2016, eq. 12), the
+right-hand side therefore contains r = f_int - f_ext without the contact force:
 
     (K + K_c) dd + B^T z = -r         B^T z: +D^T z on slave, -M^T z on master rows
           C dd + A_z z   = rhs        rows of the contact law, see ``interface.Rows``
@@ -35,20 +35,20 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.la.multigrid import TouchingBodies
+from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.reach import Reach
 from fenics_mortar.la.solver import LinearSolver
 from fenics_mortar.utils.arrays import Array, Indices
 
 
 class LinearSystem(ABC):
-    """Common base of both forms: numbering and scaling of multipliers, blocks, the solver.
+    """Base class of both forms: numbering and scaling of multipliers, blocks, solver.
 
     Attributes:
         places: Global number of the multiplier of each slave node, (slave nodes,) per contact,
             ordered by owner, so that a rank owns a contiguous range.
         num_multipliers: Number of multipliers owned by this rank.
-        solver: Solves with ``matrix``.
+        solver: Solver for ``matrix``.
         matrix: The last assembled matrix, scaled, with the rows of prescribed dofs.
     """
 
@@ -79,7 +79,7 @@ class LinearSystem(ABC):
         ]
         rows = 2 * self.num_multipliers if self.has_multipliers else None
         self.solver = LinearSolver(
-            self.comm, prefix, options, lambda: TouchingBodies(bulk, contacts, prefix, rows)
+            self.comm, prefix, options, lambda: ContactPreconditioner(bulk, contacts, prefix, rows)
         )
         self._reaches: list[Reach] = []
         self._pattern = 0
@@ -120,7 +120,7 @@ class LinearSystem(ABC):
         return self.solver.ksp
 
     def describe_solver(self) -> str:
-        """Form of the system, its solver and size, in words (local)."""
+        """Description of the system's form, size and solver (local)."""
         form = "saddle-point" if self.has_multipliers else "condensed"
         unknowns = self.bulk.r.getSize()
         return f"{form} system, {unknowns} unknowns of the bulk, {self.solver.describe()}"
@@ -205,8 +205,8 @@ class LinearSystem(ABC):
     # Assembly
 
     def _update_pattern(self) -> bool:
-        """Replace the reaches if contact leaves them; return whether it did (collective)."""
-        now = [(c.operators, c.faced()) for c in self.contacts]
+        """Replace the reaches if contact exceeds them; return whether it does (collective)."""
+        now = [(c.operators, c.coupled_by_slip()) for c in self.contacts]
         fits = self._pattern == self.bulk.num_patterns
         if fits:
             for contact, reach, state in zip(self.contacts, self._reaches, now, strict=True):

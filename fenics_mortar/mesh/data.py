@@ -26,7 +26,7 @@ class MeshData:
     """A plane mesh with tagged bodies and boundaries.
 
     Created by :func:`read_gmsh`, :func:`mesh_from_arrays`, or by hand from any dolfinx mesh and its
-    tags. Names are for convenience: a boundary without a name is given by its integer tag.
+    tags. Names are optional: a boundary may also be given by its integer tag.
 
     Attributes:
         mesh: The mesh, possibly of several disconnected bodies.
@@ -62,7 +62,7 @@ class MeshData:
     boundaries: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse tags that are not integers (local)."""
+        """Raise an error for tags that are not integers (local)."""
         for what in ("bodies", "boundaries"):
             names = getattr(self, what)
             check_kind(what, names, dict, "a dictionary of tags by name")
@@ -108,9 +108,9 @@ class MeshData:
 
         Returns:
             Blocked dofs, shape (k,): the values of a plane vector ``u`` are
-            ``u.x.array.reshape(-1, 2)[dofs]``. -1 for nodes that are not on this rank or no nodes
-            of ``V``, as middles of edges in a space of degree 1. Ghosts are included; owned dofs
-            are below ``V.dofmap.index_map.size_local``.
+            ``u.x.array.reshape(-1, 2)[dofs]``. -1 for nodes that are not on this rank or not nodes
+            of ``V``, such as middles of edges in a space of degree 1. Ghosts are included; owned
+            dofs are below ``V.dofmap.index_map.size_local``.
 
         Raises:
             ValueError: If ``V`` has no dofs at the vertices, or is mixed.
@@ -190,7 +190,7 @@ def _tag(kind: str, name: str | int, tags: dict[str, int]) -> int:
 
 
 def check_plane(mesh: dmesh.Mesh) -> None:
-    """Refuse meshes that are not plane (local, equal on all ranks).
+    """Raise an error for meshes that are not plane (local, equal on all ranks).
 
     Raises:
         MeshError: If cells or space are not of dimension 2.
@@ -198,5 +198,5 @@ def check_plane(mesh: dmesh.Mesh) -> None:
     if mesh.topology.dim != 2 or mesh.geometry.dim != 2:
         raise MeshError(
             f"the mesh has cells of dimension {mesh.topology.dim} in space of dimension "
-            f"{mesh.geometry.dim}; contact needs plane bodies: expected 2 in 2"
+            f"{mesh.geometry.dim}; expected plane bodies: 2 in 2"
         )

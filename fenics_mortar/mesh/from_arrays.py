@@ -68,7 +68,7 @@ def mesh_from_arrays(
         ``MeshData.nodal_values`` give dofs and values at the nodes.
 
     Raises:
-        MeshError: On all ranks, if the arrays are no such mesh; gives the reason.
+        MeshError: On all ranks, if the arrays are not a valid mesh; the message states the reason.
         ValueError: If ``comm`` is not a communicator or ``rank`` not an integer.
 
     Example:
@@ -143,7 +143,7 @@ def _checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> Given:
     """Check the arrays (local).
 
     Raises:
-        MeshError: If they are no mesh.
+        MeshError: If they are not a valid mesh.
     """
     x, nodes = _points(points), _numbers("cells", cells)
     if nodes.ndim != 2 or nodes.shape[1] not in KINDS or not len(nodes):
@@ -188,7 +188,7 @@ def _numbers(what: str, given: Any) -> Indices:
 
 
 def _check_cells(x: Array, cells: Indices) -> None:
-    """Refuse cells of unknown or equal nodes, and copies, which crash dolfinx (local)."""
+    """Raise for unknown or repeated nodes, and for duplicates, which crash dolfinx (local)."""
     if cells.min() < 0 or cells.max() >= len(x):
         wrong = cells.min() if cells.min() < 0 else cells.max()
         raise MeshError(f"a cell has the node {wrong}; the points are 0 to {len(x) - 1}")
@@ -254,7 +254,7 @@ def _facets(boundaries: Any, x: Array, cells: Indices) -> tuple[Indices, npt.NDA
         wrong = ends[~np.isin(_codes(ends, len(x)), edges) | (ends[:, 0] < 0)]
         if len(wrong):
             raise MeshError(
-                f"boundary {name!r}: {len(wrong)} facets are no edges of cells, one from node "
+                f"boundary {name!r}: {len(wrong)} facets are not edges of cells, one from node "
                 f"{wrong[0, 0]} to node {wrong[0, 1]}"
             )
         parts.append(np.unique(ends, axis=0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Read plane meshes of gmsh, whose physical groups name bodies and boundaries.
+"""Reader of plane gmsh meshes, whose physical groups name bodies and boundaries.
 
 Physical groups of dimension 2 are bodies, those of dimension 1 boundaries. Wherever a name is
 expected, the integer tag of the group is accepted as well.
@@ -41,7 +41,8 @@ def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> Mes
         The distributed mesh with tags; names are equal on all ranks.
 
     Raises:
-        MeshError: On all ranks, if the file or the model cannot be read; gives the reason.
+        MeshError: On all ranks, if the file or the model cannot be read; the message states the
+            reason.
         ValueError: If ``comm`` is not a communicator or ``rank`` not an integer.
 
     Note:
@@ -88,7 +89,7 @@ def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> Mes
 def _gmsh_model(source: str | Path | Any) -> Iterator[Any]:
     """Context with the gmsh model of ``source``, itself a model or a path (local).
 
-    Files that gmsh writes today are read without it, those of other formats by it.
+    Files of format 4.1 are read without gmsh, those of other formats with it.
     """
     if hasattr(source, "getPhysicalGroups"):
         yield source
@@ -138,7 +139,7 @@ def _gmsh_session(gmsh: Any) -> Iterator[None]:
 def _check_model(model: Any) -> tuple[dict[str, int], dict[str, int]]:
     """Check that dolfinx can read the model; return the names of bodies and boundaries (local).
 
-    An assertion of dolfinx fails on one rank only, and the others would wait forever.
+    An assertion in dolfinx would fail on one rank only, and the other ranks would wait forever.
     """
     try:
         _check_dimension(model)
@@ -155,7 +156,7 @@ def _check_model(model: Any) -> tuple[dict[str, int], dict[str, int]]:
 
 
 def _check_dimension(model: Any) -> None:
-    """Refuse models without surface elements or with volume elements (local)."""
+    """Raise for models without surface elements or with volume elements (local)."""
     if len(model.mesh.getElements(3)[0]) > 0:
         raise MeshError("the mesh has elements of dimension 3; expected a mesh of the x-y plane")
     if len(model.mesh.getElements(2)[0]) == 0:
@@ -163,7 +164,7 @@ def _check_dimension(model: Any) -> None:
 
 
 def _check_cell_type(model: Any) -> None:
-    """Refuse mixed cell types and those that dolfinx does not read (local)."""
+    """Raise for mixed cell types and types that dolfinx does not read (local)."""
     types = model.mesh.getElements(2)[0]
     names = sorted(model.mesh.getElementProperties(int(t))[0] for t in types)
     if len(types) > 1:
@@ -189,11 +190,11 @@ def _check_nodes(model: Any) -> None:
 
 
 def _check_elements(model: Any) -> None:
-    """Refuse duplicate elements, which crash dolfinx (local)."""
+    """Raise for duplicate elements, which make dolfinx crash (local)."""
     _, (elements,), (nodes,) = model.mesh.getElements(2)
     nodes = np.reshape(nodes, (len(elements), -1))
     known, number = np.unique(nodes, return_inverse=True)
-    # The sum of random numbers of its nodes identifies an element for any order of the nodes.
+    # The sum of random numbers assigned to its nodes identifies an element in any order of nodes.
     names = np.random.default_rng(0).integers(0, 2**62, known.size, dtype=np.uint64)
     sums = names[number.reshape(nodes.shape)].sum(axis=1)
     _, first, count = np.unique(sums, return_index=True, return_counts=True)

@@ -13,7 +13,7 @@ from fenics_mortar.utils.arrays import Array, Indices
 
 
 def node_dofs(V: Any, nodes: npt.ArrayLike) -> Indices:
-    """See ``MeshData.node_dofs``."""
+    """Local dofs of nodes of the mesh input, shape (k,); see ``MeshData.node_dofs`` (local)."""
     dofs, numbers = _numbered_dofs(V)
     wanted = np.asarray(nodes, np.int64)
     order = np.argsort(numbers, kind="stable")
@@ -24,7 +24,7 @@ def node_dofs(V: Any, nodes: npt.ArrayLike) -> Indices:
 
 
 def nodal_values(u: Any, nodes: npt.ArrayLike) -> Array:
-    """See ``MeshData.nodal_values``."""
+    """Nodal values, shape (k, components); see ``MeshData.nodal_values`` (collective)."""
     V = u.function_space
     size, owned = V.dofmap.index_map_bs, V.dofmap.index_map.size_local
     dofs = node_dofs(V, nodes)
@@ -42,7 +42,7 @@ def _numbered_dofs(V: Any) -> tuple[Indices, Indices]:
     if len(layout.entity_dofs(0, 0)) != 1:
         raise ValueError("expected a Lagrange space that is not mixed: one node at each vertex")
     dofs, places = compat.dofmap(V), compat.geometry_dofmap(V.mesh)
-    corners = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(V.mesh)]
+    corners = compat.num_corners(V.mesh)
     common = places.shape[1] if places.shape == dofs.shape else corners
     numbers = np.asarray(V.mesh.geometry.input_global_indices, np.int64)
     own, first = np.unique(dofs[:, :common], return_index=True)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Read .msh files of format 4.1 without loading gmsh, which takes longer than a small solve.
+"""Reader of .msh files of format 4.1 without gmsh, whose import takes longer than a small solve.
 
-Of the format's sections those of physical names, entities, nodes and elements are read, as text or
-binary. The mesh answers the calls of ``gmsh.model`` that ``gmsh_reader`` checks models with.
+The sections of physical names, entities, nodes and elements are read, as text or binary. The mesh
+has the methods of ``gmsh.model`` that ``gmsh_reader`` calls to check a model.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class MshFile:
         return [tag for d, tag in self.getEntities(dim) if group in self.groups.get((d, tag), [])]
 
     def getPhysicalName(self, dim: int, tag: int) -> str:
-        """Name of a group, or ""."""
+        """Name of a group, or an empty string."""
         return self.names.get((dim, tag), "")
 
     def getElements(
@@ -98,7 +98,7 @@ class MshFile:
         return {"Triangle": (2, 9, 21), "Quadrangle": (3, 10, 36)}[family][order - 1]
 
     def tagged_elements(self, dim: int) -> tuple[Indices, npt.NDArray[np.int32]]:
-        """Nodes of the elements of all groups, from 0 on, (n, k), and tags of their groups (n,)."""
+        """Nodes of all groups' elements, numbered from 0, (n, k), and tags of the groups (n,)."""
         nodes, tags = [], []
         for _, group in self.getPhysicalGroups(dim):
             for entity in self.getEntitiesForPhysicalGroup(dim, group):
@@ -110,7 +110,7 @@ class MshFile:
         return np.concatenate(nodes), np.concatenate(tags)
 
     def given(self, bodies: dict[str, int], boundaries: dict[str, int]) -> Given:
-        """The mesh as arrays, once nodes are numbered from 1 on, with names of its groups."""
+        """The mesh as arrays with names of its groups; needs nodes numbered from 1 without gaps."""
         cells, body_of_cell = self.tagged_elements(2)
         facets, tags = self.tagged_elements(1)
         ends = np.sort(facets[:, :2], axis=1)
@@ -118,15 +118,15 @@ class MshFile:
         return Given(self.x[np.argsort(self.tags), :2], cells, tagged)
 
     def getNodes(self) -> tuple[Indices, Array, None]:
-        """Numbers and positions of all nodes."""
+        """Numbers (n,) and positions (3 n,) [length] of all nodes, as gmsh returns them."""
         return self.tags, self.x, None
 
     def getNode(self, tag: int) -> tuple[Array]:
-        """Position of a node."""
+        """Position of a node, shape (3,) [length]."""
         return (self.x[self.tags == tag][0],)
 
     def renumberNodes(self) -> None:
-        """Number the nodes from 1 on without gaps, in the order of their numbers."""
+        """Renumber the nodes from 1 without gaps, in the order of their numbers."""
         known = np.sort(self.tags)
         for blocks in self.blocks.values():
             blocks[:] = [b._replace(nodes=np.searchsorted(known, b.nodes) + 1) for b in blocks]
@@ -146,7 +146,7 @@ def read_msh(path: Path) -> MshFile | None:
     binary = head[2] == b"1"
     one = content.find(b"\n", content.find(b"\n") + 1) + 1
     if binary and content[one : one + 4] != np.array(1, INT).tobytes():
-        return None  # of a machine with another order of bytes
+        return None  # written on a machine with another byte order
     file = MshFile()
     readers = {b"Entities": _read_entities, b"Nodes": _read_nodes, b"Elements": _read_elements}
     try:
@@ -159,7 +159,7 @@ def read_msh(path: Path) -> MshFile | None:
                 numbers.end()
     except (ValueError, IndexError) as error:
         raise MeshError(f"cannot read '{path}': {error}") from None
-    except KeyError:  # an element type
+    except KeyError:  # unknown element type
         return None
     if np.unique(file.tags).size < file.tags.size:
         raise MeshError(f"cannot read '{path}': nodes have the same number")
@@ -190,7 +190,7 @@ class _Numbers:
         if not binary:
             self._text = np.array(section.split(), np.float64)
 
-    def take(self, kind: str, count: int = 1) -> npt.NDArray:
+    def read(self, kind: str, count: int = 1) -> npt.NDArray:
         """The next ``count`` numbers of a type."""
         if self._binary:
             found = np.frombuffer(self._section, kind, count, self._at)
@@ -203,7 +203,7 @@ class _Numbers:
         return found if kind == DOUBLE else found.astype(np.int64)
 
     def end(self) -> None:
-        """Check that all numbers have been taken."""
+        """Check that all numbers have been read."""
         size = len(self._section) if self._binary else self._text.size
         if self._at != size:
             raise ValueError("a section has too many numbers")
@@ -216,34 +216,34 @@ def _read_names(file: MshFile, section: str) -> None:
 
 
 def _read_entities(file: MshFile, numbers: _Numbers) -> None:
-    counts = numbers.take(SIZE, 4)
+    counts = numbers.read(SIZE, 4)
     for dim, count in enumerate(counts):
         for _ in range(count):
-            tag = int(numbers.take(INT)[0])
-            numbers.take(DOUBLE, 6 if dim else 3)  # a box, or a point
-            groups = numbers.take(INT, int(numbers.take(SIZE)[0]))
+            tag = int(numbers.read(INT)[0])
+            numbers.read(DOUBLE, 6 if dim else 3)  # bounding box, or a point
+            groups = numbers.read(INT, int(numbers.read(SIZE)[0]))
             file.groups[dim, tag] = np.abs(groups).tolist()  # signs are directions
             if dim:
-                numbers.take(INT, int(numbers.take(SIZE)[0]))  # its boundary
+                numbers.read(INT, int(numbers.read(SIZE)[0]))  # its boundary
 
 
 def _read_nodes(file: MshFile, numbers: _Numbers) -> None:
-    num_blocks, *_ = numbers.take(SIZE, 4)
+    num_blocks, *_ = numbers.read(SIZE, 4)
     tags, x = [file.tags], [file.x]
     for _ in range(num_blocks):
-        dim, _, parametric = numbers.take(INT, 3)
-        count = int(numbers.take(SIZE)[0])
-        tags.append(numbers.take(SIZE, count))
+        dim, _, parametric = numbers.read(INT, 3)
+        count = int(numbers.read(SIZE)[0])
+        tags.append(numbers.read(SIZE, count))
         columns = 3 + dim * parametric
-        x.append(numbers.take(DOUBLE, count * columns).reshape(count, columns)[:, :3])
+        x.append(numbers.read(DOUBLE, count * columns).reshape(count, columns)[:, :3])
     file.tags, file.x = np.concatenate(tags), np.concatenate(x)
 
 
 def _read_elements(file: MshFile, numbers: _Numbers) -> None:
-    num_blocks, *_ = numbers.take(SIZE, 4)
+    num_blocks, *_ = numbers.read(SIZE, 4)
     for _ in range(num_blocks):
-        dim, tag, kind = numbers.take(INT, 3).tolist()
-        count = int(numbers.take(SIZE)[0])
+        dim, tag, kind = numbers.read(INT, 3).tolist()
+        count = int(numbers.read(SIZE)[0])
         columns = 1 + TYPES[kind][1]
-        rows = numbers.take(SIZE, count * columns).reshape(count, columns)
+        rows = numbers.read(SIZE, count * columns).reshape(count, columns)
         file.blocks.setdefault((dim, tag), []).append(_Block(kind, rows[:, 0], rows[:, 1:]))

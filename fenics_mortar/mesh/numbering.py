@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Values of a function by node numbers of the mesh input, independent of the number of ranks."""
+"""Function values by input node numbers of the mesh, independent of the number of ranks."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from fenics_mortar.utils.errors import MortarError, raise_together
 
 
 def by_input_node(space: DisplacementSpace, u: Any) -> tuple[Indices, Array]:
-    """Names and values of all nodes, on all ranks (collective).
+    """Identifiers and values of all nodes, on all ranks (collective).
 
     Args:
         space: The displacement's nodes and dofs.
         u: Function of the whole space.
 
     Returns:
-        Names of the nodes, see ``input_nodes``, shape (n, k), in ascending order, and their
+        Identifiers of the nodes, see ``input_nodes``, shape (n, k), in ascending order, and their
         values, shape (n, 2); in a mixed space each dof counts as a node, shape (n, 1).
     """
     comm, size = space.V.mesh.comm, space.block_size
@@ -35,16 +35,16 @@ def by_input_node(space: DisplacementSpace, u: Any) -> tuple[Indices, Array]:
 
 
 def set_by_input_node(space: DisplacementSpace, u: Any, nodes: Indices, values: Array) -> None:
-    """Set a function from the result of ``by_input_node``, also on other ranks (collective).
+    """Set a function from the result of ``by_input_node``, for any partition (collective).
 
     Args:
         space: The displacement's nodes and dofs.
         u: The function.
-        nodes: Names of all nodes, shape (n, k).
+        nodes: Identifiers of all nodes, shape (n, k).
         values: Values there, shape (n, components of a node).
 
     Raises:
-        MortarError: On all ranks, if the nodes are those of another mesh or degree.
+        MortarError: On all ranks, if the nodes belong to another mesh or degree.
     """
     mine = input_nodes(space.whole)
     wrong = nodes.ndim != 2 or nodes.shape[1] != mine.shape[1]
@@ -60,15 +60,15 @@ def set_by_input_node(space: DisplacementSpace, u: Any, nodes: Indices, values: 
 
 
 def input_nodes(V: Any) -> Indices:
-    """Return names of the local nodes of ``V`` that do not depend on the partition (local).
+    """Return identifiers of the local nodes of ``V``, independent of the partition (local).
 
-    The name of a node at a vertex is the number of the vertex in the mesh input; of a node on an
-    edge or inside a cell the numbers of its vertices in ascending order. Shape (local nodes,
-    largest number of vertices), padded by -1. In a mixed space every dof counts as a node, and a
-    last column numbers dofs at the same position.
+    A node at a vertex is identified by the number of the vertex in the mesh input, a node on an
+    edge or inside a cell by the numbers of the vertices of the edge or cell in ascending order.
+    Shape (local nodes, largest number of vertices), padded by -1. In a mixed space every dof counts
+    as a node, and a last column numbers dofs at the same position.
     """
     mesh, layout, dofs = V.mesh, V.dofmap.dof_layout, compat.dofmap(V)
-    corners = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(mesh)]
+    corners = compat.num_corners(mesh)
     topology = basix.topology(getattr(basix.CellType, compat.cell_name(mesh)))
     numbers = np.asarray(mesh.geometry.input_global_indices, np.int64)
     vertices = numbers[compat.geometry_dofmap(mesh)[:, :corners]]

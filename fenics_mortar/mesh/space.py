@@ -93,7 +93,8 @@ class DisplacementSpace:
     def move_nodes(self, nodes: Indices, X: Array) -> None:
         """Move nodes of the mesh (collective, but without communication).
 
-        Nodes that are not nodes of the geometry, inside straight edges, follow.
+        Displacement nodes inside straight edges, which are not nodes of the geometry, move with the
+        edge.
 
         Args:
             nodes: Global numbers of nodes of ``V``, equal on all ranks, shape (k,).

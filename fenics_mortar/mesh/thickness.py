@@ -8,18 +8,17 @@ geometry        thickness at a point of current position x and reference positio
 "axisymmetric"  2 pi x_0: the mesh is the meridian half plane, the axis is x_0 = 0
 ==============  ==========================================================================
 
-Tractions, hence multipliers, stay stresses; with a thickness D, M and weights are areas, and forces
-are those of the whole body. Both sides of a contact take the thickness of the slave's point, as the
-virtual work int z . (dx_s - dx_m) t dgamma demands, so that forces and moments of the two sides
+Tractions and multipliers are always stresses. With a thickness, D, M and weights are areas, and
+forces act on the whole body. Both sides of a contact take the thickness of the slave's point, as
+the virtual work int z . (dx_s - dx_m) t dgamma demands, so that forces and moments of the two sides
 cancel.
 
 The residual is the user's: its measures need the thickness of the reference configuration, 2 pi X_0
-with axisymmetry, and its strains the hoop stretch, F_33 = 1 + u_0 / X_0. A quadrature rule with
-points inside the cells never divides by zero.
+with axisymmetry, and its strains the hoop stretch, F_33 = 1 + u_0 / X_0. Quadrature points inside
+the cells avoid division by zero.
 
 A body of revolution has one rigid motion, the translation along the axis: a radial translation
-strains it. Of the balance of forces only the axial part is a condition; radial ones are borne by
-hoop stresses.
+strains it. Only the axial forces must balance; radial forces are balanced by hoop stresses.
 """
 
 from __future__ import annotations
@@ -43,10 +42,10 @@ Given = float | Callable[[Array], Any] | None
 
 
 def check_geometry(geometry: Any, thickness: Any) -> None:
-    """Refuse a geometry or a thickness of a wrong kind (local).
+    """Raise an error for an invalid geometry or thickness (local).
 
     Raises:
-        ValueError: For such a value.
+        ValueError: If a value is invalid.
     """
     check_choice("geometry", geometry, get_args(Geometry))
     if geometry != "plane" and thickness is not None:
@@ -61,11 +60,12 @@ def check_geometry(geometry: Any, thickness: Any) -> None:
 
 @dataclass(frozen=True)
 class Thickness:
-    """Thickness of all bodies: a constant part, and its derivative by the current x_0.
+    """Thickness of all bodies: a constant part, and its derivative with respect to the current x_0.
 
     Attributes:
         constant: A length, or a function of reference positions (n, 2); 0 with axisymmetry.
-        by_x: Derivative by the first coordinate of the current position [1]: 2 pi or 0.
+        by_x: Derivative with respect to the first coordinate of the current position [1]: 2 pi or
+            0.
     """
 
     constant: float | Callable[[Array], Any]
@@ -76,7 +76,7 @@ class Thickness:
 
         Raises:
             MortarError: On all ranks, if the user's function does not return positive lengths, or
-                others on another rank.
+                or returns different values on different ranks.
         """
         constant = call_together(comm, "thickness", partial(self._constant_at, X))
         check_same(comm, [("thickness", constant)])
@@ -102,7 +102,7 @@ class NodalThickness:
 
     Attributes:
         constant: Constant part, shape (nodes,) [length].
-        by_x: Derivative by the first coordinate [1].
+        by_x: Derivative with respect to the first coordinate [1].
     """
 
     constant: Array

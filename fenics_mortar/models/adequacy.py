@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Check whether a model is rich enough: estimated errors of its assumptions.
+"""Adequacy of a model: estimated errors of its assumptions.
 
 The estimates of ``model_error`` use one Newton step of a richer model at the solution of the
 present one.
@@ -8,17 +8,17 @@ Indicators are the deviations from the assumptions: for linear kinematics the ro
 spurious strain is angle^2 / 2, and the strain; for small sliding the slip over a facet's length and
 the rotation of the normals. The body that an obstacle represents may be meshed alone, see
 ``elastic_obstacle``: the displacement of its surface under the tractions widens the gaps in the
-richer model. The error of the facets of that mesh, compared with the curve, is reported beside it:
-where it is larger, refine that mesh first. Without a mesh only a rule is available: a body of
-modulus E' = E / (1 - nu^2) against another one of its shape has the compliance 1/E' + 1/E'_other,
-so neglecting the other compliance is an error of E' / E'_other (of forces and pressures under
+richer model. The error of the facets of that mesh, compared with the curve, is reported separately;
+if it is larger, refine that mesh first. Without a mesh only a rule is available: a body of modulus
+E' = E / (1 - nu^2) against another one of its shape has the compliance 1/E' + 1/E'_other, so
+neglecting the other compliance is an error of E' / E'_other (of forces and pressures under
 prescribed displacements; half of it, of pressures, under prescribed forces). Shape and supports may
-change that by a factor of three.
+change this estimate by a factor of three.
 
-Where surfaces may have friction, all nodes in contact stick in the richer model. The friction
-needed is the shear over the pressure; where it exceeds the friction available, nodes slide in the
-following steps. Slip counts from first contact, over all solves of the check: the slip of the last
-step alone would give a fraction of the shear only.
+If surfaces may have friction, all nodes in contact stick in the richer model. The required friction
+is the shear over the pressure; where it exceeds the available friction, nodes slide in the
+following steps. Slip is counted from first contact, over all solves of the check: the slip of the
+last step alone would cause only a fraction of the shear.
 
 With a hierarchy, each solve starts with a cheaper model, see ``hierarchy``.
 """
@@ -55,18 +55,18 @@ from fenics_mortar.utils.errors import check_same_words
 
 
 class AdequacyCheck:
-    """Check whether the model of a solved problem is rich enough.
+    """Check of the assumptions of a problem's model after each solve.
 
     Args:
-        tolerance: Allowed relative error of the quantity.
+        tolerance: Allowed relative error of the quantity [1].
         quantity: "energy norm", "total force" or "peak pressure".
         finite_strain: UFL form of the residual at finite strain, in the same ``u``, if the
             residual of the problem is linear.
         stiffness_ratio: E / (1 - nu^2) of the bodies over that of the bodies that obstacles
             represent.
-        elastic_obstacles: Elastic bodies that obstacles represent, instead of the ratio.
-        discretisation: Relative error of the mesh, if known.
-        friction: Largest coefficient of friction that frictionless surfaces may have.
+        elastic_obstacles: Elastic bodies that obstacles represent; they replace the ratio.
+        discretisation: Relative error of the mesh [1], if known.
+        friction: Largest possible coefficient of friction of surfaces modelled as frictionless [1].
         hierarchy: Whether solves start with a cheaper model, and use the problem's own model only
             if the estimated error of the quantity exceeds both the tolerance and the error of the
             mesh: ``discretisation``, or, for energy norms, ``estimate()`` of the problem.
@@ -154,8 +154,8 @@ class AdequacyCheck:
 
         return restore
 
-    def kept(self, problem: ContactProblem) -> dict[str, Array]:
-        """Data of ``problem`` that later solves depend on, for a checkpoint (local).
+    def saved_data(self, problem: ContactProblem) -> dict[str, Array]:
+        """Data of ``problem`` on which later solves depend, for a checkpoint (local).
 
         Returns:
             Accumulated slip of each pair, shape (slave nodes,) [length], and the model in use.
@@ -165,28 +165,28 @@ class AdequacyCheck:
             self._slips.get(c, none) for c in problem.equations.contacts if isinstance(c, Contact)
         ]
         return {f"slips{i}": slip for i, slip in enumerate(slips)} | (
-            self._hierarchy.kept() if self._hierarchy else {}
+            self._hierarchy.saved_data() if self._hierarchy else {}
         )
 
-    def take(self, problem: ContactProblem, data: Mapping[str, Array]) -> None:
-        """Restore ``data`` as far as a file contains it (collective); see ``kept`` for shapes."""
+    def restore_data(self, problem: ContactProblem, data: Mapping[str, Array]) -> None:
+        """Restore ``data`` as far as present (collective); see ``saved_data`` for shapes."""
         contacts = [c for c in problem.equations.contacts if isinstance(c, Contact)]
         for i, contact in enumerate(contacts):
             if data.get(f"slips{i}", np.empty(0)).shape == (contact.slave.num_nodes,):
                 self._slips[contact] = data[f"slips{i}"]
         if self._hierarchy and "hierarchy" in data:
-            self._hierarchy.take(data)
+            self._hierarchy.restore_data(data)
 
     def assess(self, problem: ContactProblem) -> AdequacyReport:
         """Estimate the errors of the present solution; its state is restored (collective)."""
         used = self._hierarchy.used if self._hierarchy else None
         first = [Assumption(used.model.name, used.remark, used.errors)] if used else []
         found = [*first, *self._assumptions(problem)]
-        if used is not None:  # forces and gaps belong to its operators
+        if used is not None:  # forces and gaps are those of its operators
             for contact, theirs in zip(
                 problem.equations.contacts, used.model.problem.equations.contacts, strict=True
             ):
-                contact.show(theirs.operators)
+                contact.set_operators(theirs.operators)
         mesh_error = self._hierarchy.mesh_error if self._hierarchy else self._discretisation
         return AdequacyReport(found, self._tolerance, self._quantity, mesh_error)
 
@@ -228,7 +228,7 @@ class AdequacyCheck:
                 yield Assumption(f"rigid {obstacle}", known, dict.fromkeys(QUANTITIES, error))
 
     def _without_friction(self, problem: ContactProblem) -> Iterator[Assumption]:
-        """Error of neglecting friction: sticking first, then sliding where it needs too much."""
+        """Error of neglecting friction: all nodes stick; nodes with too large a shear slide."""
         number = self._friction
         if number is not None and any(map(_is_frictionless, problem.equations.contacts)):
             stick = self._variant(problem, "stick", {"law": partial(_instead, Stick())})
@@ -238,11 +238,11 @@ class AdequacyCheck:
             errors = estimate(problem, stick, rough)
             problem.restore(kept)
             demand = shear_demand(stick)
-            known = f"sticking needs mu = {demand:.2g}; friction up to {number:.2g} is possible"
+            known = f"stick requires mu = {demand:.2g}; friction up to {number:.2g} is possible"
             yield Assumption("frictionless", known, errors)
 
     def _count_all_slip(self, problem: ContactProblem) -> None:
-        """Count slip from first contact of each node, over all steps that were checked."""
+        """Accumulate the slip of each node since first contact, over all checked steps."""
         for contact in problem.equations.contacts:
             if not isinstance(contact, Contact) or not _is_frictionless(contact):
                 continue
@@ -253,10 +253,10 @@ class AdequacyCheck:
 
 
 def _is_frictionless(contact: Any) -> bool:
-    """Whether it is a contact without friction (local)."""
+    """Whether ``contact`` is a contact without friction (local)."""
     return isinstance(contact, Contact) and not contact.pair.law.has_friction
 
 
 def _instead(rough: Law, law: Law) -> Law:
-    """Replace a law without friction (local)."""
+    """``rough`` in place of a law without friction, else the law (local)."""
     return law if law.has_friction else rough

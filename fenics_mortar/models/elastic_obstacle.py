@@ -2,14 +2,14 @@
 """The elastic body that a rigid obstacle represents, and the displacement of its surface.
 
 The tractions of a solved contact, applied to the mesh of the body, displace its surface by one
-linear solve. With an elastic obstacle the gaps would be wider by that, and a second linear solve,
-with the tangent of the problem, corrects the solution: the error of the rigid obstacle to first
-order, for the shapes and supports of both bodies. The reason is energetic: the elastic energy W of
-the soft body, as a function of the obstacle's motion, decreases by the complementary energy of the
-obstacle at the same forces, for any change of the contact area.
+linear solve. With an elastic obstacle the gaps would be wider by this displacement. A second linear
+solve, with the tangent of the problem, yields the change of the solution: the error of the rigid
+obstacle to first order, for the shapes and supports of both bodies. It is of first order for any
+change of the contact area, since the elastic energy W of the soft body, as a function of the
+obstacle's motion, decreases by the complementary energy of the obstacle at equal forces.
 
-The facets of a curved obstacle's mesh deviate from the curve like an elastic displacement. This is
-not an error of the rigid obstacle, but of its mesh, and is reported separately.
+The deviation of the facets of a curved obstacle's mesh from the curve has the effect of an elastic
+displacement. It is an error of the mesh, not of the rigid obstacle, and is reported separately.
 
 All quantities are in the frame of the obstacle, which may have moved and rotated arbitrarily.
 """
@@ -37,23 +37,20 @@ from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.la.factored import factored_bulk
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.models.options import MODELS
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MeshError, call_together, check_same_words, together
 
 PREFIX = "fenics_mortar_elastic_obstacle_"
-# Gauss points on a facet of the slave, which may face several facets of the obstacle with kinks.
-NUM_POINTS = 12
-# Points whose nearest facets are searched at a time, which limits memory.
-BATCH = 2000
 
 
 class ElasticObstacle:
     """Mesh and stiffness of the body that a rigid obstacle represents.
 
     Args:
-        obstacle: The obstacle, at the surface of the mesh in its initial place.
+        obstacle: The obstacle, whose surface is that of the mesh in its initial position.
         residual: UFL form of the internal forces; its tangent at the present ``u`` is used.
         u: Displacement of the mesh.
         data: Mesh, tags and names, on the communicator of the problem.
@@ -102,7 +99,7 @@ class ElasticObstacle:
         )
         self._bulk.assemble_tangent()
         if find_floating_bodies(self._bulk, *label_bodies(self._bulk.V)):
-            raise ValueError(f"the elastic body of {obstacle} can move: bcs have to fix it")
+            raise ValueError(f"the elastic body of {obstacle} can move: expected bcs that fix it")
         self._factors = factored_bulk(self._bulk, PREFIX)
 
     def displacements(self, contacts: Sequence[Contact]) -> list[Array]:
@@ -113,7 +110,7 @@ class ElasticObstacle:
 
         Returns:
             Displacement along the slave normals for each pair, shape (slave nodes,) [length]:
-            weighted by the multipliers' functions, as gaps are.
+            weighted by the multiplier functions, like gaps.
         """
         touching = [self._touching(contact) for contact in contacts]
         load = np.zeros_like(self._surface.X)
@@ -151,19 +148,19 @@ class _Touching:
 
     def __init__(self, contact: Contact, obstacle: Obstacle, surface: Surface) -> None:
         self._contact, self._obstacle, o = contact, obstacle, contact.operators
-        self._points = points_of(o.segments, gauss_rule(NUM_POINTS))
+        self._points = points_of(o.segments, gauss_rule(MODELS.points_on_facet))
         self._measure = self._points.measure(o.x)
         if contact.slave.thickness is not None:
             self._measure = self._measure * self._points.of(contact.slave.thickness.at(o.x))
         own = obstacle.to_own_frame(self._points.of(o.x).reshape(-1, 2))
-        batches = np.array_split(own, len(own) // BATCH + 1)
+        batches = np.array_split(own, len(own) // MODELS.batch + 1)
         places = [nearest_facets(batch, surface.X, surface) for batch in batches]
         self._ends, parts = (np.concatenate(found) for found in zip(*places, strict=True))
         on_facet = np.clip(parts, 0.0, 1.0)
         self._shares = np.stack([1.0 - on_facet, on_facet], axis=1)
 
     def add_tractions(self, load: Array) -> None:
-        """Add the nodal forces of the tractions to ``load`` (nodes, 2), in the own frame."""
+        """Add the nodal forces of the tractions to ``load`` (nodes, 2), in the obstacle's frame."""
         forces = self._points.of(self._contact.z) * self._measure[:, :, None]
         forces = forces.reshape(-1, 2) @ self._obstacle.turn
         np.add.at(load, self._ends, self._shares[:, :, None] * forces[:, None])

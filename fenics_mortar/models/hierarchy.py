@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""The model hierarchy: solves start with the cheapest variant of a problem.
+"""Model hierarchy: solves start with the cheapest variant of a problem.
 
 Cheaper models are the bulk linearized at rest with small sliding, and either assumption alone. The
-error of a model is estimated by a Newton step of the problem itself, so that its cost is not lost
-if the model is insufficient: the next model starts from the result, and insufficient models are not
-tried again. A step with the residual of the linear bulk gives the error of that assumption alone:
-if it is too large, the intermediate models are skipped.
+error of a model is estimated by a Newton step of the problem itself. If the model is insufficient,
+the cost of this step is not lost: the next model starts from the result, and insufficient models
+are not tried again. A step with the residual of the linear bulk yields the error of that assumption
+alone; if it is too large, the intermediate models are skipped.
 
 A state whose deviations from the assumptions hardly exceed those of a checked state is not checked
 again: errors grow at most with the square of the deviations.
@@ -29,7 +29,7 @@ from fenics_mortar.models.model_error import (
     ENERGY,
     QUANTITIES,
     Errors,
-    Snapshot,
+    SolutionQuantities,
     correct,
     differences,
     largest_slip,
@@ -37,15 +37,11 @@ from fenics_mortar.models.model_error import (
     relative,
     sliding_little,
 )
+from fenics_mortar.models.options import MODELS
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import going_on
-
-# Relative error above which the result of a model is not used as initial guess.
-MAX_ERROR = 0.5
-# Growth of deviations or errors of a model since the last check from which they are checked again.
-CHECK_FACTOR = 2.0
+from fenics_mortar.utils.errors import suppressed_failures
 
 
 @dataclass(frozen=True)
@@ -64,14 +60,14 @@ class Model:
 
     @property
     def name(self) -> str:
-        """Its assumptions, in words."""
+        """Its assumptions, as text."""
         linear, small = "linear strain" * self.is_linear, "small sliding" * self.is_small
         return " and ".join(filter(None, (linear, small)))
 
 
 @dataclass(frozen=True)
 class UsedModel:
-    """The model whose solution is kept, its estimated errors, and their origin."""
+    """The model whose solution is used, its estimated errors, and their origin."""
 
     model: Model
     errors: Errors
@@ -79,7 +75,7 @@ class UsedModel:
 
 
 class ModelHierarchy:
-    """Solves a problem by the cheapest sufficient model.
+    """Solution of a problem by the cheapest sufficient model.
 
     Args:
         problem: The problem.
@@ -119,14 +115,14 @@ class ModelHierarchy:
         """Solve (collective).
 
         Returns:
-            The report; ``None`` if only the problem's own model is left; the problem is then at the
-            initial guess for it.
+            The report. ``None`` if only the problem's own model is left; the state of the problem
+            is then the initial guess for it.
         """
         problem, start = self._problem, self._problem.state()
         self.used, self._has_estimated = None, False
         while self._model is not None:
             self._model.problem.adopt(problem)
-            with going_on():
+            with suppressed_failures():
                 report = self._model.problem.solve()
                 solved = self._model.problem.state()
                 start, self.used = self._judge(self._model, start)
@@ -137,7 +133,7 @@ class ModelHierarchy:
             self._next_model()
         return None
 
-    def kept(self) -> dict[str, Array]:
+    def saved_data(self) -> dict[str, Array]:
         """Arrays of numbers for a file, nan for missing values; units as stated (local).
 
         ``hierarchy``, shape (5,): insufficient models (inf: all), whether intermediate models are
@@ -159,10 +155,10 @@ class ModelHierarchy:
         numbers = np.array([*flags, self._mesh_error_at, self._mesh_error], float)
         return {"hierarchy": numbers, "hierarchy_checked": checked, "hierarchy_places": places}
 
-    def take(self, data: Mapping[str, Array]) -> None:
-        """Restore ``data``, see ``kept`` for shapes, at the same state (collective).
+    def restore_data(self, data: Mapping[str, Array]) -> None:
+        """Restore ``data``, see ``saved_data`` for shapes, at the same state (collective).
 
-        Slip counts from the partners in the operators of the model used.
+        Slip is counted from the partners in the operators of the model used.
         """
         numbers = map(float, data["hierarchy"])
         level, skips_rest, on_model, self._mesh_error_at, self._mesh_error = numbers
@@ -184,7 +180,7 @@ class ModelHierarchy:
             strict=True,
         ):
             if isinstance(contact, Contact):
-                contact.refer_to(reference, mine.multiplier_nodes)
+                contact.restore_reference(reference, mine.multiplier_nodes)
         if on_model:
             model.adopt(self._problem)
             model.accept()
@@ -202,14 +198,14 @@ class ModelHierarchy:
     def _judge(self, model: Model, start: State) -> tuple[State, UsedModel | None]:
         """State to continue from, and the model if it suffices (collective)."""
         problem, (before, errors), now = self._problem, self._checked, deviations(model)
-        if (now <= CHECK_FACTOR * before).all():
+        if (now <= MODELS.recheck * before).all():
             growth = max(1.0, float((now / np.where(before > 0.0, before, 1.0)).max()))
             if self._is_allowed(growth**2 * errors[self._quantity]):
                 grown = {name: growth * error for name, error in errors.items()}
                 return start, UsedModel(model, grown, "sufficient; estimated in an earlier step")
         errors = correct(model.problem, problem)
         self._checked, corrected = (now, errors), problem.state()
-        if errors[ENERGY] < MAX_ERROR:
+        if errors[ENERGY] < MODELS.max_error:
             start = corrected.counting_slip_from(start)
         if self._is_enough(errors):
             return start, UsedModel(model, errors, "sufficient")
@@ -223,14 +219,15 @@ class ModelHierarchy:
     def _is_enough(self, errors: Errors) -> bool:
         """Whether the error of a model is within the tolerance or the mesh error (collective).
 
-        The error of the mesh is estimated at the corrected state, at which the problem has to be:
-        the residual at the model's own state contains the error of the model. It is estimated anew
-        where it decides, or where the error of the model has doubled, once per solve.
+        The error of the mesh is estimated at the corrected state, which must be the present state
+        of the problem: the residual at the model's solution contains the error of the model. It is
+        estimated again if it is decisive or the error of the model has doubled, once per solve.
         """
         error, known = errors[self._quantity], self._discretisation is not None
-        decides = min(CHECK_FACTOR * self._mesh_error_at, self._mesh_error) < error < MAX_ERROR
+        checked = min(MODELS.recheck * self._mesh_error_at, self._mesh_error)
+        decides = checked < error < MODELS.max_error
         if decides and error > self._tolerance and self._quantity == ENERGY and not known:
-            with going_on():
+            with suppressed_failures():
                 if not self._has_estimated:
                     self._mesh_error_at, self._mesh_error = error, self._problem.estimate().relative
             self._has_estimated = True
@@ -273,14 +270,14 @@ def deviations(model: Model) -> Array:
 def error_of_linear_bulk(other: ContactProblem, problem: ContactProblem) -> Errors:
     """Relative errors of the linear bulk of a variant alone, at a corrected state (collective).
 
-    They follow from a step with its residual; the problem stays at the result.
+    They follow from a step with its residual; the result is the new state of the problem.
 
     Args:
         other: The variant.
         problem: The problem at the corrected state.
     """
-    here = Snapshot.of(problem)
+    here = SolutionQuantities.of(problem)
     other.equations.bulk.assemble_residual()
     problem.equations.bulk.r.array[:] = other.equations.bulk.r.array_r
     problem.equations.advance()
-    return differences(other, Snapshot.of(problem), here)
+    return differences(other, SolutionQuantities.of(problem), here)

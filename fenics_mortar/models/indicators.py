@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Deviations of a state from the assumptions of its model, in words, and errors of obstacles."""
+"""Descriptions of a state's deviations from the assumptions of its model; errors of obstacles."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def rigid_obstacle(problem: ContactProblem, elastic: ElasticObstacle) -> Assumpt
     )
     return Assumption(
         f"rigid {elastic.obstacle}",
-        f"it would yield by {largest(yielding):.2g}",
+        f"displacement of its surface {largest(yielding):.2g}",
         estimate_wider(problem, touching, yielding),
         by_mesh,
     )

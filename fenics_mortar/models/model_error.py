@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""The error of a solved problem's model, from a Newton step of a richer model.
+"""Error of a solved problem's model, from a Newton step of a richer model.
 
-At the solution of a cheap model the equations of a richer one have a residual; one linear solve
-with the tangent of the richer model gives a correction of displacement and multipliers. To first
-order the correction is the model's error, and so is the change of any quantity: one Newton step of
-the richer model, at the cost of one step. Where the step leaves more of the residual than in a
-nearly linear problem, the models are far apart, and a few more steps follow, until the rest of the
-residual, as a fraction of the correction, cannot change any of the quantities by half. All
-quantities are checked, since a peak pressure may be accurate where the contact area is not.
+At the solution of a cheap model the equations of a richer model have a residual. One linear solve
+with the tangent of the richer model, a Newton step, yields a correction of displacement and
+multipliers. To first order the correction is the error of the model, and so is the change of any
+quantity. If the remaining residual is larger than in a nearly linear problem, the models are far
+apart, and a few more steps follow, until the remaining residual, as a fraction of the correction,
+cannot change any quantity by half. All quantities are checked, since a peak pressure may be
+accurate while the contact area is not.
 
 Indicators are the deviations of a state from the assumptions of a model: for linear kinematics the
 rotation, whose spurious strain is angle^2 / 2, and the strain; for small sliding the slip over a
@@ -28,23 +28,18 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import Stick
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.interface.integrals import evaluate_normals
+from fenics_mortar.models.options import MODELS
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
 
-# Largest number of steps of the richer model.
-MAX_STEPS = 6
-# Fraction of the residual left by a step above which another one follows.
-LINEAR = 0.1
-# Change of an error by another step that is accepted in any case, relative to the solution.
-SETTLED = 1e-3
 ENERGY, FORCE, PEAK = "energy norm", "total force", "peak pressure"
 QUANTITIES = (ENERGY, FORCE, PEAK)
 Errors = dict[str, float]
 
 
 @dataclass
-class Snapshot:
+class SolutionQuantities:
     """Quantities of a solution, for comparison with another one on the same mesh.
 
     Attributes:
@@ -58,7 +53,7 @@ class Snapshot:
     peak: Array
 
     @classmethod
-    def of(cls, problem: ContactProblem) -> Snapshot:
+    def of(cls, problem: ContactProblem) -> SolutionQuantities:
         """Copy the quantities of the present state of a problem (collective)."""
         return cls(
             problem.equations.bulk.u.x.array[: problem.equations.bulk.num_owned].copy(),
@@ -84,17 +79,17 @@ def estimate(problem: ContactProblem, *richer: ContactProblem) -> Errors:
 
 
 def correct(problem: ContactProblem, *richer: ContactProblem) -> Errors:
-    """Continue from a solved problem by steps of richer variants in turn (collective).
+    """Continue from a solved problem by steps of richer variants, one after the other (collective).
 
     Returns:
         Relative errors of the problem by quantity; inf where the richer model fails.
     """
-    cheap, last = Snapshot.of(problem), problem
+    cheap, last = SolutionQuantities.of(problem), problem
     errors = dict.fromkeys(QUANTITIES, 0.0)
     try:
         for model in richer:
             model.adopt(last)
-            errors = go_on(problem, cheap, model)
+            errors = take_steps(problem, cheap, model)
             last = model
     except RaisedElsewhereError:
         raise
@@ -103,19 +98,19 @@ def correct(problem: ContactProblem, *richer: ContactProblem) -> Errors:
     return errors
 
 
-def go_on(problem: ContactProblem, cheap: Snapshot, model: ContactProblem) -> Errors:
-    """Take steps of a model until another one would hardly change any error (collective).
+def take_steps(problem: ContactProblem, cheap: SolutionQuantities, model: ContactProblem) -> Errors:
+    """Take steps of a model until another step would hardly change any error (collective).
 
-    A step changes the solution by about the fraction of the residual left by the last step, times
-    the change by all steps before.
+    The expected change by a step is the remaining fraction of the residual after the last step,
+    times the change by all previous steps.
     """
     start = model.equations.evaluate(start=True).residual or np.inf
-    for _ in range(MAX_STEPS):
+    for _ in range(MODELS.max_corrections):
         part = model.equations.advance().fraction
         left = model.equations.evaluate(start=False).residual / start
-        errors = differences(problem, cheap, Snapshot.of(model))
-        settled = left * errors[ENERGY] <= max(SETTLED, 0.5 * min(errors.values()))
-        if part == 1.0 and left <= LINEAR and settled:
+        errors = differences(problem, cheap, SolutionQuantities.of(model))
+        settled = left * errors[ENERGY] <= max(MODELS.settled, 0.5 * min(errors.values()))
+        if part == 1.0 and left <= MODELS.linear and settled:
             break
     return errors
 
@@ -140,7 +135,9 @@ def estimate_wider(
     return errors
 
 
-def differences(problem: ContactProblem, one: Snapshot, other: Snapshot) -> Errors:
+def differences(
+    problem: ContactProblem, one: SolutionQuantities, other: SolutionQuantities
+) -> Errors:
     """Relative differences of two solutions by quantity (collective).
 
     Energies are those of the bulk tangent of ``problem``.
@@ -166,15 +163,15 @@ def differences(problem: ContactProblem, one: Snapshot, other: Snapshot) -> Erro
 def strained(problem: ContactProblem, u: Array) -> Array:
     """Subtract from a displacement the closest rigid motion of each body (collective).
 
-    Otherwise a finite rotation would count as strain in the energy of a tangent. The only rigid
-    motion of a body of revolution is that along the axis, which the tangent is exact for.
+    Otherwise a finite rotation would contribute strain to the energy of a tangent. The only rigid
+    motion of a body of revolution is along the axis, for which the tangent is exact.
 
     Args:
         problem: The problem with its bodies.
         u: Displacement, shape (owned dofs,) [length].
 
     Returns:
-        The rest, shape (owned dofs,) [length].
+        The remainder, shape (owned dofs,) [length].
     """
     space, rest = problem.equations.bulk.space, u.copy()
     if space.is_axisymmetric:
@@ -202,12 +199,12 @@ def relative(difference: Any, size: Any) -> float:
 
 
 def largest_strain(problem: ContactProblem) -> tuple[float, float]:
-    """Largest rotation [radian] and principal strain of F = R U, means of cells (collective)."""
+    """Largest rotation [radian] and principal strain of F = R U, cell means (collective)."""
     bulk = problem.equations.bulk
     (a, b), (c, d) = np.moveaxis(bulk.cells.deformation_gradients(bulk.positions()), 0, 2)
     rotation = np.arctan2(c - b, a + d)
     mean, spread = 0.5 * np.hypot(a + d, c - b), 0.5 * np.hypot(a - d, b + c)
-    strains = np.abs(mean - 1.0) + spread  # the larger of the two of mean +- spread
+    strains = np.abs(mean - 1.0) + spread  # the larger of mean +- spread
     if bulk.space.is_axisymmetric:
         strains = np.maximum(strains, np.abs(bulk.cells.hoop_strains(bulk.positions())))
     mine = np.array([np.abs(values).max(initial=0.0) for values in (rotation, strains)])
@@ -226,7 +223,7 @@ def shear_demand(problem: ContactProblem) -> float:
 
 
 def sliding_little(problem: ContactProblem) -> list[Contact]:
-    """The contacts with small sliding, which keep the operators of the undeformed mesh (local)."""
+    """Contacts with small sliding, which use the operators of the undeformed mesh (local)."""
     contacts = [contact for contact in problem.equations.contacts if isinstance(contact, Contact)]
     return [contact for contact in contacts if contact.pair.sliding == "small"]
 

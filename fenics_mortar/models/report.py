@@ -17,8 +17,8 @@ class Assumption:
 
     Attributes:
         name: The assumption.
-        indicator: Deviation of the state from the assumption, in words.
-        errors: Estimated relative error by quantity; nan if unknown.
+        indicator: Deviation of the state from the assumption, as text.
+        errors: Estimated relative error by quantity [1]; nan if unknown.
         mesh: Error of the mesh of the richer model, if known.
     """
 
@@ -33,7 +33,7 @@ class AdequacyReport(Markdown):
     """Estimated errors of the assumptions of a solution; prints as a Markdown table; local.
 
     Attributes:
-        assumptions: Each assumption, and all together as the last where there are several.
+        assumptions: Each assumption; if there are several, the last one is their combination.
         tolerance: Allowed relative error of the quantity.
         quantity: "energy norm", "total force" or "peak pressure".
         discretisation: Relative error of the mesh, if known.
@@ -55,7 +55,7 @@ class AdequacyReport(Markdown):
         return bool(self.error <= self.tolerance)
 
     def verdict(self, assumption: Assumption) -> str:
-        """Verdict on one assumption, in words (local)."""
+        """Verdict on one assumption, as text (local)."""
         error = assumption.errors[self.quantity]
         if np.isnan(error):
             return "unknown"

@@ -2,9 +2,10 @@
 """Damped Newton steps: line search on the residual, or a limit of the surface motion.
 
 Both are off by default, see ``NewtonOptions``. A full step often raises the residual for one
-iteration, as nodes enter the contact, and the next iterate is the solution; a line search then
-changes the active set one node at a time. A limit of the motion splits prescribed displacements of
-many facets into as many iterations. The default limits steps only to keep cells from inverting.
+iteration, when nodes come into contact, and the next iterate is the solution; with a line search
+the active set would change one node at a time. A limit of the motion splits prescribed
+displacements of many facets into as many iterations. By default steps are limited only where cells
+would invert.
 """
 
 from __future__ import annotations
@@ -15,15 +16,15 @@ from typing import Any, Protocol
 from fenics_mortar.newton.loop import Equations, Status, Step
 from fenics_mortar.newton.options import NewtonOptions
 
-# Smallest fraction of a step at which the line search halves it again [1].
-SHORTEST = 0.1
+# Smallest fraction of a step [1] at which the line search halves the step again.
+MIN_HALVED = 0.1
 
 
 class Stateful(Equations, Protocol):
     """Equations whose state can be stored and restored; all methods are collective."""
 
     def state(self) -> Any:
-        """The present state; it has a method ``towards``."""
+        """The present state, an object with a method ``towards``."""
 
     def restore(self, state: Any) -> None:
         """Restore a state."""
@@ -60,10 +61,10 @@ class Damped:
         return step._replace(fraction=fraction * step.fraction)
 
     def evaluate(self, *, start: bool) -> Status:
-        """Evaluate; halve the last step while it raises the residual."""
+        """Evaluate the state; halve the last step while it raises the residual."""
         status, fraction = self._equations.evaluate(start=start), 1.0
         if self._options.line_search and not start:
-            while not status.residual <= self._residual and fraction > SHORTEST:
+            while not status.residual <= self._residual and fraction > MIN_HALVED:
                 fraction *= 0.5
                 self._equations.restore(self._before.towards(self._after, fraction))
                 status = self._equations.evaluate(start=False)

@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from fenics_mortar.newton.options import NewtonOptions
-from fenics_mortar.newton.report import Iteration, NewtonReport, once
+from fenics_mortar.newton.report import Iteration, NewtonReport, merge_repeated
 from fenics_mortar.utils.errors import (
     MortarError,
     NotConvergedError,
@@ -18,12 +18,12 @@ from fenics_mortar.utils.errors import (
     RaisedElsewhereError,
 )
 
-# Successive iterations with changing sets after which a cycle is assumed, unless the residual fell
-# tenfold: on fine meshes a contact shrinks by a node at a time.
+# Number of successive iterations with changing sets after which a cycle is assumed, unless the
+# residual decreased tenfold: on fine meshes a contact zone shrinks by one node per iteration.
 UNSETTLED = 12
-# Largest relative residual of a linear solve [1]; from 1e-4 the additional Newton iterations cost
-# more than the linear ones saved (measured).
-LOOSEST = 5e-6
+# Largest relative residual of a linear solve [1]; at 1e-4 additional Newton iterations cost more
+# than the linear iterations saved (measured).
+MAX_FORCING = 5e-6
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Step(NamedTuple):
 
 
 class Remedies(Protocol):
-    """Remedies of equations whose sets do not settle; all methods are collective."""
+    """Remedies for equations whose sets do not settle; all methods are collective."""
 
     def drifts(self) -> str:
         """Message on bodies that drift along free motions under small forces; "" if none do."""
@@ -70,7 +70,7 @@ class Remedies(Protocol):
 
 
 class Equations(Protocol):
-    """Nonlinear equations: ``evaluate`` measures the present state, ``advance`` updates it."""
+    """Nonlinear equations with the two operations of an iteration, ``evaluate`` and ``advance``."""
 
     @property
     def remedies(self) -> Remedies:
@@ -121,7 +121,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         try:
             status = equations.evaluate(start=number == 0)
         except NotFiniteError as error:
-            if not number:  # the initial state is the user's
+            if not number:  # the initial state is the user's responsibility
                 raise
             raise _failure(equations, report, f"iteration {number}: {error}") from error
         if status.fraction < 1.0:
@@ -156,7 +156,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         period = UNSETTLED if _is_stuck(sets, residuals) else period_of(sets)
         if period:
             note = f"iteration {number}: {equations.remedies.merge_sets(period)}"
-            report.notes[:] = once([*report.notes, note])
+            report.notes[:] = merge_repeated([*report.notes, note])
             sets = []
     failed = "; ".join(_failed_tests(status, step, report.force, options))
     reason = f"not converged in {options.max_iterations} iterations: {failed}"
@@ -174,12 +174,12 @@ def _stagnates(residuals: Sequence[float]) -> bool:
 
 
 def _is_stuck(sets: list[bytes], residuals: list[float]) -> bool:
-    """Whether the sets changed in many iterations without a decrease of the residual."""
+    """Whether the sets changed in many iterations and the residual did not fall tenfold."""
     return len(sets) > UNSETTLED and residuals[-1] > 0.1 * residuals[-1 - UNSETTLED]
 
 
 def period_of(sets: list[bytes]) -> int:
-    """Length of a cycle that the last sets repeated twice, 0 if there is none."""
+    """Length of a cycle that occurs twice at the end of ``sets``; 0 if there is none."""
     for period in range(2, len(sets) // 2 + 1):
         if sets[-period:] == sets[-2 * period : -period]:
             return period if len(set(sets[-period:])) > 1 else 0
@@ -189,17 +189,17 @@ def period_of(sets: list[bytes]) -> int:
 def forcing(residuals: Sequence[float], goal: float) -> float:
     """Relative tolerance of the next linear solve [1] (Eisenstat & Walker 1996).
 
-    The linear residual may be as large as the expected nonlinear one, of second order, or as the
-    tolerance of the iteration.
+    The linear residual may be a tenth of the expected nonlinear residual, of second order, or a
+    hundredth of the tolerance of the iteration.
 
     Args:
         residuals: Residuals of the iterations so far [force].
         goal: Residual at which the iteration ends [force].
     """
     last, before = residuals[-1], residuals[-2] if len(residuals) > 1 else 0.0
-    expected = 0.1 * (last / before) ** 2 if before > 0.0 else LOOSEST
+    expected = 0.1 * (last / before) ** 2 if before > 0.0 else MAX_FORCING
     enough = 0.01 * goal / last if last > goal else 0.01
-    return min(max(expected, enough), LOOSEST)
+    return min(max(expected, enough), MAX_FORCING)
 
 
 def _failure(equations: Equations, report: NewtonReport, reason: str) -> NotConvergedError:
@@ -216,7 +216,7 @@ def _allowed(status: Status, force: float, options: NewtonOptions) -> float:
 def _failed_tests(
     status: Status, step: Step, force: float, options: NewtonOptions
 ) -> Iterator[str]:
-    """Failed tests of convergence, in words."""
+    """Failed convergence tests, as text."""
     allowed = _allowed(status, force, options)
     if status.residual > allowed:
         yield f"residual {status.residual:.2e} (allowed {allowed:.2e})"

@@ -21,8 +21,8 @@ class NewtonOptions:
         line_search: Halve steps that raise the residual; see ``damping``.
         max_motion: Largest motion of a surface in one iteration over its shortest facet [1].
         tentative: Fail at once instead of trying fallbacks; the caller has another initial guess.
-        max_remaining: Largest residual after the first iteration over the initial one [1]; fail
-            above it.
+        max_remaining: Largest residual after the first iteration over the initial one [1]; the
+            solve fails above it.
 
     Raises:
         ValueError: If an option has a value that is not allowed.

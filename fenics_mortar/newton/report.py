@@ -11,7 +11,7 @@ from typing import Any
 from fenics_mortar.utils.errors import NotConvergedError
 from fenics_mortar.utils.markdown import Markdown
 
-# Start of a note, and its end if it stands for several.
+# Start of a note, and end of a note that represents several.
 ITERATION, TIMES = re.compile(r"^iteration \d+: "), re.compile(r" \((\d+) times\)$")
 
 
@@ -46,15 +46,15 @@ class NewtonReport(Markdown):
 
     Attributes:
         iterations: One row per iteration; row 0 is the state before the first linear system.
-        notes: Messages on all deviations from plain Newton steps.
+        notes: Messages on all deviations from full Newton steps.
         certificate: Measured defects of a converged state, a ``Certificate``.
         adequacy: Estimated errors of the model's assumptions, an ``AdequacyReport``, if requested.
         force: Reference force of the residuals, the largest norm of the nodal forces in the
             iteration; not the contact force, see ``PairView.total_force`` [stress length].
         allowed: Residual at which the last iteration converges [stress length].
         converged: Whether the solve converged.
-        reason: Outcome in words.
-        solver: Which linear solver was used and why, in words.
+        reason: Outcome as text.
+        solver: Linear solver and the reason for its choice, as text.
     """
 
     iterations: list[Iteration] = field(default_factory=list)
@@ -82,7 +82,7 @@ class NewtonReport(Markdown):
         return replace(
             other,
             iterations=self.iterations + other.iterations[1:],
-            notes=once([*self.notes, *other.notes]),
+            notes=merge_repeated([*self.notes, *other.notes]),
         )
 
     def total_seconds(self) -> dict[str, float]:
@@ -134,7 +134,7 @@ class NewtonReport(Markdown):
         }
 
     def _judged_by(self) -> str:
-        """Reference force and allowed residual, in words."""
+        """Reference force and allowed residual, as text."""
         if not self.force > 0.0:
             return ""
         scale = f"reference force {self.force:.3e} (norm of the nodal forces)"
@@ -145,8 +145,8 @@ class NewtonReport(Markdown):
         return self.table()
 
 
-def once(notes: Sequence[str]) -> list[str]:
-    """Merge notes that differ in the iteration only; their number is appended."""
+def merge_repeated(notes: Sequence[str]) -> list[str]:
+    """Merge notes that differ only in the iteration; their number is appended."""
     first, counts = dict[str, str](), dict[str, int]()
     for note in notes:
         text, times = ITERATION.sub("", note), 1
@@ -161,8 +161,8 @@ def once(notes: Sequence[str]) -> list[str]:
     ]
 
 
-def after(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonReport:
-    """The record followed by that of one more solve; an error has the joint record as well."""
+def then_solve(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonReport:
+    """The record followed by that of another solve; its error has the joint record, too."""
     try:
         return report.followed_by(solve())
     except NotConvergedError as error:

@@ -2,9 +2,9 @@
 """Rigid obstacles: signed distances, their place, and the forces that drive them.
 
 An obstacle is given by its signed distance phi, positive outside the solid, with gradient and
-Hessian H in the obstacle's own frame. Its rigid motion is q = (x, y, turn), turn = angle times a
-length ``arm``. With V = (e_x, e_y, e_z x r / arm), r from the pivot, the derivatives at a point x
-in space are
+Hessian H in the obstacle's frame. Its rigid motion is q = (x, y, turn), turn = angle times a length
+``arm``. With V = (e_x, e_y, e_z x r / arm), r from the pivot, the derivatives at a point x in space
+are
 
     d phi = grad phi . (dx - V dq),    d grad phi = H (dx - V dq) + e_z x grad phi dq_3 / arm.
 """
@@ -64,7 +64,7 @@ class Obstacle(ABC):
 
         Args:
             x: Translation from the initial position; ``None`` leaves it unchanged [length].
-            y: Likewise.
+            y: Translation along y, likewise [length].
             angle: Counter-clockwise rotation about the pivot; ``None`` leaves it unchanged
                 [radian].
 
@@ -82,7 +82,7 @@ class Obstacle(ABC):
 
         Args:
             x: Force, 0 for a free motion; ``None`` leaves the direction unchanged [stress length].
-            y: Likewise.
+            y: Force along y, likewise [stress length].
             moment: Moment about the pivot; ``None`` leaves the rotation unchanged
                 [stress length^2].
 
@@ -113,11 +113,11 @@ class Obstacle(ABC):
             raise ValueError(
                 f"the distance of '{self.name}' returned shapes {shapes}; expected {expected}"
             )
-        phi, gradient, hessian = map(np.array, fields)  # copies: a function may use them again
+        phi, gradient, hessian = map(np.array, fields)  # copies: the function may reuse its arrays
         kinds = {field.dtype.kind for field in (phi, gradient, hessian)}
         if not kinds <= set("iufc" if np.iscomplexobj(x) else "iuf"):
             raise ValueError(f"the distance of '{self.name}' is not real; expected real numbers")
-        total = phi + gradient.sum(axis=1) + hessian.sum(axis=(1, 2))  # nan and inf stay
+        total = phi + gradient.sum(axis=1) + hessian.sum(axis=(1, 2))  # nan and inf propagate
         bad = ~np.isfinite(total) & np.isfinite(x).all(axis=1)
         if bad.any():
             raise NotFiniteError(
@@ -133,7 +133,7 @@ class Obstacle(ABC):
         return phi, gradient, hessian
 
     def _where(self, x: Array, marked: npt.NDArray[np.bool_]) -> str:
-        """Position in space of the first marked point, in words."""
+        """Position in space of the first marked point, as text for messages."""
         first = int(np.argmax(marked))
         return place(np.real(self.to_space(x[first : first + 1])[0]))
 
@@ -144,11 +144,11 @@ class Obstacle(ABC):
         return np.array([[c, -s], [s, c]])
 
     def to_own_frame(self, x: Array) -> Array:
-        """Points ``x`` (n, 2) [length] in space, transformed to the obstacle's own frame."""
+        """Points ``x`` (n, 2) [length] in space, in the obstacle's frame."""
         return (x - self.pivot - self.place[:2]) @ self.turn + self.pivot
 
     def to_space(self, x: Array) -> Array:
-        """Points ``x`` (n, 2) [length] of the obstacle's own frame, transformed to space."""
+        """Points ``x`` (n, 2) [length] of the obstacle's frame, in space."""
         return (x - self.pivot) @ self.turn.T + self.pivot + self.place[:2]
 
     def motions(self, x: Array, arm: float) -> Array:
@@ -163,7 +163,7 @@ class Obstacle(ABC):
     def shape(self) -> dict[str, Array]:
         """Parameters of the shape by name, arrays of any shape [units of the obstacle].
 
-        None by default.
+        Empty by default.
         """
         return {}
 

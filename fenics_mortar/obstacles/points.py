@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Points and chains of points that describe obstacles: checked, and copied."""
+"""Checked copies of the points and chains of points that describe obstacles."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def check_chain(points: npt.ArrayLike) -> Array:
 
 
 def check_simple(what: str, chain: Array, *, closed: bool) -> None:
-    """Raise if the chain of points (k, 2) intersects itself.
+    """Raise an error if the chain of points (k, 2) intersects itself (local).
 
     Raises:
-        ValueError: If two edges that are not neighbours meet.
+        ValueError: If two edges that are not neighbours intersect.
     """
     start, end = (chain, np.roll(chain, -1, axis=0)) if closed else (chain[:-1], chain[1:])
     pairs = near_pairs(start, end)

@@ -177,7 +177,7 @@ class Spline(Obstacle):
             step = np.clip(slope / np.where(bend > 0.0, bend, square), -longest, longest)
             t = t - step
             if np.abs(step).max(initial=0.0) < ROUNDING * self._end:
-                break  # the error of the last step is of second order
+                break  # the error of the last step is quadratic in the step
         c, d, dd = self._jet(t)
         speed = np.linalg.norm(d, axis=1)
         tangent = d / speed[:, None]
@@ -272,7 +272,7 @@ class Polygon(Obstacle):
         return phi, gradient, np.where(round_[:, None, None], across / size[:, :, None], 0.0)
 
     def _is_inside(self, x: Array) -> npt.NDArray[np.bool_]:
-        """Whether a ray from each point meets the inner polygon an odd number of times."""
+        """Whether a ray from each point intersects the inner polygon an odd number of times."""
         start = self._corners - x[:, None]
         end = np.roll(start, -1, axis=1)
         meets = (start[..., 1] > 0.0) != (end[..., 1] > 0.0)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Load paths and motions: adaptive steps, initial guesses, and why a path ends.
+"""Load paths and motions: adaptive steps, initial guesses, and reasons for the end of a path.
 
-Input are a problem and a function that sets loads for a time. Output are converged states along the
-path, or the reason for its end.
+Input: a problem and a function that sets loads for a time. Output: converged states along the path,
+or the reason for its end.
 """

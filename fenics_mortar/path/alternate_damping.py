@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Solves with full and with damped Newton steps in turn, for contact laws of users."""
+"""Solves with full or damped Newton steps alternately, for contact laws of users."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from typing import Any
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.newton.options import NewtonOptions
-from fenics_mortar.newton.report import NewtonReport, after
+from fenics_mortar.newton.report import NewtonReport, then_solve
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.errors import NotConvergedError
 
 
 class AlternateDamping:
-    """Newton's method with full and with damped steps; the variant that converged last goes first.
+    """Newton's method with full or damped steps; the variant that converged last is tried first.
 
-    Contact laws of users may be steep or not monotonous, and full steps may oscillate about a kink.
-    A line search converges there, where otherwise only shorter load steps would. For the laws of
-    this package, whose branches are known, it does not pay.
+    Users' contact laws may be steep or not monotonic, and full steps may oscillate about a kink. In
+    this case a line search converges, where full steps would need shorter load steps. It does not
+    save iterations for the laws of this package, whose branches are known.
 
     Args:
         problem: The problem.
@@ -30,7 +30,7 @@ class AlternateDamping:
         self._has_choice = any(map(_has_own_law, problem.equations.contacts))
 
     def solve(self) -> NewtonReport:
-        """Solve; on failure, solve once more by the other variant (collective).
+        """Solve; on failure, solve again by the other variant (collective).
 
         Raises:
             NotConvergedError: On all ranks, if both fail.
@@ -46,7 +46,7 @@ class AlternateDamping:
             self._damps_first = not self._damps_first
             lost, how = failure.report, "damped" if self._damps_first else "full"
             lost.notes.append(f"restarted with {how} steps: {failure}")
-        return after(lost, partial(self._solve, options))
+        return then_solve(lost, partial(self._solve, options))
 
     def _solve(self, options: NewtonOptions) -> NewtonReport:
         try:
@@ -57,5 +57,5 @@ class AlternateDamping:
 
 
 def _has_own_law(contact: Any) -> bool:
-    """Whether it is a contact with a law that is not one of this package."""
+    """Whether ``contact`` is a contact with a user's law."""
     return isinstance(contact, Contact) and not contact.pair.law.is_of_package

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Reasons why a path of equilibria ends or turns, from its last state.
 
-Two reasons for an end are certain. Surfaces that slip off each other's edges lose the last of their
-overlap while a force still acts in it. And with large friction the equations of a small step may
-have no solution (Klarbring 1990): near a state in which some nodes slide and no other node is about
-to change, each of these nodes can only stick or continue to slide, so that finitely many linear
-problems are possible. If the solution of each violates its own assumption, no state nearby
-satisfies the law. In both cases a body would accelerate, and only inertia determines its rest.
+Two reasons for an end are certain. First, surfaces that slip off each other's edges lose their last
+common length while a force still acts on it. Second, with large friction the equations of a small
+step may have no solution (Klarbring 1990): near a state in which some nodes slide and no other node
+is about to change, each of these nodes can only stick or continue to slide, so that the number of
+possible linear problems is finite. If the solution of each violates its assumption, no nearby state
+satisfies the law. In both cases a body would accelerate, and the next state of rest depends on
+inertia.
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError, place
 from fenics_mortar.utils.rounding import HALF_FACET
 
-# Largest number n of sliding nodes whose 2^n combinations of stick and slip are all tried.
+# Largest number n of sliding nodes for which all 2^n combinations of stick and slip are tried.
 MAX_SLIDING = 8
 
 # A pair and a slave node of it.
 Place = tuple[Contact, int]
 
 
-def why_path_ends(problem: ContactProblem) -> str:
+def reason_for_end(problem: ContactProblem) -> str:
     """Reason why there is no equilibrium next to a state; "" if uncertain (collective).
 
     Args:
@@ -45,11 +46,11 @@ def why_path_ends(problem: ContactProblem) -> str:
     )
 
 
-def why_path_turns(problem: ContactProblem) -> str:
-    """Describe where the path turns in a step that failed; "" if it does not (collective).
+def describe_path_turn(problem: ContactProblem) -> str:
+    """Describe the turn of the path in a failed step; "" if it does not turn (collective).
 
-    The equations are linearized at the last equilibrium. Not if bodies float: they are moved
-    rigidly before a solve.
+    The equations are linearized at the last equilibrium. The result is "" if bodies float, since
+    these are moved rigidly before a solve.
 
     Args:
         problem: At the last equilibrium, with the loads of the step; its state is restored.
@@ -60,7 +61,7 @@ def why_path_turns(problem: ContactProblem) -> str:
 
 
 def _reason(problem: ContactProblem, find: Callable[[State], str]) -> str:
-    """The reason that ``find`` gives, "" if it fails; the state, its argument, is restored."""
+    """Result of ``find`` for the present state, which is restored; "" if ``find`` fails."""
     start = problem.state()
     try:
         return find(start)
@@ -73,7 +74,7 @@ def _reason(problem: ContactProblem, find: Callable[[State], str]) -> str:
 
 
 def _turn(problem: ContactProblem) -> str:
-    """Where the equations, linearized at the start of the step, turn (collective)."""
+    """Turn of the equations linearized at the start of the step, as text (collective)."""
     equations = problem.equations
     for contact in equations.contacts:
         contact.start_step()
@@ -100,13 +101,13 @@ def _slipping_off(problem: ContactProblem) -> Iterator[str]:
             force = float(np.hypot(*contact.total_force))
             yield (
                 f"'{contact.slave.name}' and '{contact.master.name}' slip off each other at "
-                f"{place(o.x[j])}: their overlap has shrunk to {overlap:.1e} and still transfers a "
-                f"force of {force:.3g}; no equilibrium lies beyond"
+                f"{place(o.x[j])}: their common length has decreased to {overlap:.1e} and still "
+                f"transfers a force of {force:.3g}; there is no equilibrium beyond"
             )
 
 
-def why_it_is_a_jump(problem: ContactProblem, before: State) -> str:
-    """Describe a jump since a state, to where no path of equilibria leads; "" if none (collective).
+def describe_jump(problem: ContactProblem, before: State) -> str:
+    """Describe a jump since a state that no path of equilibria follows; "" if none (collective).
 
     Args:
         problem: The problem at the new state.
@@ -118,8 +119,8 @@ def why_it_is_a_jump(problem: ContactProblem, before: State) -> str:
 def _past_each_other(problem: ContactProblem, before: State) -> str:
     """Describe a jump of two bodies past each other since a state; "" if none (local).
 
-    Points that were in contact at the start of a step are behind each other, and nothing of the
-    contact is left.
+    Points that were in contact at the start of the step are behind each other, and no contact
+    remains.
     """
     for contact, then in zip(problem.equations.contacts, before.interfaces, strict=True):
         active = then.active
@@ -139,9 +140,9 @@ def _past_each_other(problem: ContactProblem, before: State) -> str:
 def _slid_away(problem: ContactProblem, before: State) -> str:
     """Describe a body that slid out of an equilibrium since a state; "" if none (collective).
 
-    Friction supported it, but no contact forces balance its loads now, and so it was moved rigidly.
-    If another pair stops it, as a wall does, the new place is one of rest. If only other nodes of
-    the same pairs support it, it stopped where the nodes of the mesh happen to be.
+    Friction supported the body at that state. Now no contact forces balance its loads, and it was
+    moved rigidly. If another pair stops it, such as a wall, the new position is a state of rest. If
+    only other nodes of the same pairs support it, its new position depends on the mesh.
     """
     equations = problem.equations
     states = dict(zip(map(id, equations.contacts), before.interfaces, strict=True))
@@ -159,8 +160,8 @@ def _slid_away(problem: ContactProblem, before: State) -> str:
             return (
                 "no contact forces at the nodes balance the loads on "
                 f"{equations.floating.name_of(body.label)}, which friction supported before: it "
-                f"slid by {farthest:.2f} facets in one step, and only inertia would stop it; "
-                "finer facets may support more"
+                f"slid by {farthest:.2f} facets in one step, and its rest depends on inertia; "
+                f"finer facets may support more"
             )
     return ""
 
@@ -171,7 +172,7 @@ def _shortest(facets: Indices, x: Array) -> float:
 
 
 def _deadlock(problem: ContactProblem, start: State) -> str:
-    """Describe the case that all combinations of stick and slip violate the friction law."""
+    """Describe the case in which all combinations of stick and slip violate the friction law."""
     if problem.equations.linearization != LINEARIZATIONS["full"]:
         return ""
     sliding = [
@@ -191,13 +192,13 @@ def _deadlock(problem: ContactProblem, start: State) -> str:
     where = ", ".join(f"{place(contact.operators.x[j])}" for contact, j in fewest)
     return (
         f"{len(sliding)} nodes slide, and each of the {2 ** len(sliding)} combinations of stick "
-        f"and slip violates the law of friction, at best only at {where}: no state nearby is in "
-        "equilibrium, and bodies would accelerate; friction is too large for a static solution"
+        f"and slip violates the law of friction, at best only at {where}: no nearby state is in "
+        f"equilibrium, and bodies would accelerate; friction is too large for a static solution"
     )
 
 
 def _violated_by(problem: ContactProblem, start: State, sticking: list[Place]) -> list[Place]:
-    """Nodes that violate the law after a step with fixed branches, ``sticking`` ones changed."""
+    """Nodes that violate the law after a step with fixed branches, nodes in ``sticking`` stick."""
     problem.restore(start)
     for contact in problem.equations.contacts:
         contact.start_step()

@@ -2,11 +2,11 @@
 """Motion of bodies with mass: time steps with contact.
 
 All schemes are the generalized-alpha method with contact at the end of the step. With
-"generalized_alpha" all nodes have their mass: an impact stops the mass of the nodes that meet
-within one step, so that pressures oscillate, and the trapezoidal rule (rho_inf = 1) gains energy.
+"generalized_alpha" all nodes have mass: an impact stops the mass of the nodes in contact within one
+step, so that pressures oscillate, and energy increases with the trapezoidal rule (rho_inf = 1).
 With "massless" slave nodes have no mass, see ``bulk.massless``: pressures are continuous in time,
-impacts are resolved by the waves in the bodies, and errors of energy are of second order. With
-"conserving" these errors are returned, too; see ``energy_return``. Numbers:
+impacts are resolved by waves in the bodies, and errors of the energy are of second order. With
+"conserving" these errors are corrected, too; see ``energy_return``. Measurements are in
 ``demos/studies/dynamics``.
 """
 
@@ -25,12 +25,12 @@ from fenics_mortar.bulk.velocity import Velocity
 from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.state import State
-from fenics_mortar.equations.undo import undone_if_interrupted
+from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.dynamics_input import (
     SCHEMES,
-    check_alike,
     check_dynamics,
+    check_equal_on_ranks,
     check_rates,
     check_step,
     rates_of,
@@ -56,20 +56,21 @@ from fenics_mortar.utils.rounding import TINY
 class Dynamics:
     """Motion of the bodies of a contact problem; all methods are collective.
 
-    The problem becomes that of the end of a time step: its residual, multipliers, results and
+    The problem becomes that of the end of a time step: residual, multipliers, results and
     checkpoints (``save_state``, ``state``) include inertia. Bodies need no supports, since inertia
-    balances their loads. If the problem was solved before, the motion starts at rest from there.
+    balances their loads. If the problem was solved before, the motion starts at rest from its
+    solution.
 
     Args:
         problem: The problem, with the residual f_int - f_ext of statics.
-        density: Mass per area of the mesh [stress time^2 / length^2], a number or a UFL
-            expression; times a thickness or 2 pi R where the residual has them.
+        density: Mass per area of the mesh [stress time^2 / length^2], a number or a UFL expression;
+            times a thickness or 2 pi R if the residual contains them.
         scheme: "conserving" (slave nodes without mass, no gain of energy in impacts), "massless"
-            (the same without the correction of the energy, exact angular momentum) or
+            (without the correction of the energy, with exact angular momentum) or
             "generalized_alpha" (all nodes have mass).
         rho_inf: Spectral radius at infinite frequency, from 0 (most dissipation) to 1 (none).
             Default: 0.8 for "generalized_alpha", else 1.
-        velocity: The ``Velocity`` that the residual contains, for damping.
+        velocity: The ``Velocity`` in the residual, for damping.
         energy: UFL form of the strain energy, such as ``psi * dx``, for the report.
 
     Attributes:
@@ -83,7 +84,7 @@ class Dynamics:
             body has fewer than two layers of nodes behind them.
 
     Example:
-        The block "upper" falls on another one with the velocity 1::
+        The block "upper" hits another one with the velocity 1::
 
             motion = fm.Dynamics(problem, density=1.0, energy=psi * dx)
             cells = blocks.cell_tags.find(blocks.bodies["upper"])
@@ -105,7 +106,7 @@ class Dynamics:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
         with together(problem.comm, "Dynamics"):
             check_dynamics(problem, density, scheme, rho_inf, velocity, energy)
-        check_alike(problem, density, scheme, rho_inf, velocity, energy)
+        check_equal_on_ranks(problem, density, scheme, rho_inf, velocity, energy)
         self.problem, equations = problem, problem.equations
         self._scheme = GeneralizedAlpha(SCHEMES[scheme] if rho_inf is None else float(rho_inf))
         slaves = [c.slave.nodes for c in equations.contacts if not isinstance(c, Tie)]
@@ -138,12 +139,12 @@ class Dynamics:
         """
         with together(self.problem.comm, "step"):
             check_step(dt, self.time)
-        with undone_if_interrupted(self.problem.equations, None):
+        with restored_if_interrupted(self.problem.equations, None):
             self._begin()
             return self._advance(dt, forces_of(self.problem))[0]
 
     def _advance(self, dt: float, forces: Forces) -> tuple[NewtonReport, Forces, Work]:
-        """Take a step; see ``step``.
+        """Advance by one step; see ``step``.
 
         Args:
             dt: The step [time].
@@ -188,19 +189,19 @@ class Dynamics:
         return report, after, work
 
     def _begin(self) -> None:
-        """Set the inertia forces of the present state; at the start find the accelerations."""
+        """Set the inertia forces of the present state; at the start compute the accelerations."""
         inertia, bulk = self._inertia, self.problem.equations.bulk
         check_rates(self.problem)
         if inertia.rates.begun:
-            inertia.take(inertia.rates, bulk.u.x.array)
+            inertia.set_rates(inertia.rates, bulk.u.x.array)
             return
-        if self._rate is not None:  # the velocity as it is
+        if self._rate is not None:  # the velocity at the present time
             self._rate.set(1.0, bulk.u.x.array - self.velocity.x.array)
-        inertia.take(inertia.rates, bulk.u.x.array)  # without acceleration yet
+        inertia.set_rates(inertia.rates, bulk.u.x.array)  # acceleration not included yet
         forces, contact, _ = self.problem.forces()
         w = inertia.acceleration_of(-(forces + contact), bulk.prescribed)
         begun = replace(inertia.rates, acceleration=w, average=w, begun=True)
-        inertia.take(begun, bulk.u.x.array)
+        inertia.set_rates(begun, bulk.u.x.array)
 
     def _refuse_driven_obstacles(self) -> None:
         driven = self.problem.equations.motions.driven.any(axis=1)
@@ -224,15 +225,16 @@ class Dynamics:
     ) -> DynamicsReport:
         """Advance to the time ``stop``.
 
-        A step that fails is taken back and cut. Without ``tolerance`` steps grow back to
-        ``options.step``; with it they follow the estimated error, up to ``options.largest``.
+        A failed step is reverted and cut. Without ``tolerance`` the step size grows back to
+        ``options.step``; with it the size follows from the estimated error, up to
+        ``options.largest``.
 
         Args:
             stop: Final time.
             options: Sizes of the steps; ``easy`` and ``predict`` have no effect.
-            set_loads: Sets loads and prescribed values for a time.
-            tolerance: Allowed error of a step, see ``error``.
-            on_step: Called with time and report after each step.
+            set_loads: Function that sets loads and prescribed values for a time.
+            tolerance: Allowed error of a step [1], see ``error``.
+            on_step: Function called with time and report after each step.
 
         Returns:
             The record of the steps, with energies.
@@ -257,9 +259,9 @@ class Dynamics:
     def error(self, before: State, dt: float) -> float:
         """Estimated error of the velocity in the last step over the largest velocity so far [1].
 
-        dt |w_(n+1) - w_n| / 12 in the norm of the mass: the displacement error dt^2 (w_(n+1) - w_n)
-        / 12 of the trapezoidal rule (Zienkiewicz & Xie 1991) over dt. A mode of angular frequency
-        omega has about (omega dt)^2 / 12.
+        dt |w_(n+1) - w_n| / 12 in the norm of the mass: the displacement error dt^2 (w_(n+1) -
+        w_n) / 12 of the trapezoidal rule (Zienkiewicz & Xie 1991) over dt. For a mode of angular
+        frequency omega it is about (omega dt)^2 / 12.
 
         Args:
             before: State at the start of the step.
@@ -287,10 +289,10 @@ class Dynamics:
         Units [stress length time] and [stress length^2 time].
 
         Args:
-            dt: A later time dt / 2 for the linear extrapolation of displacement and velocity. With
-                rho_inf = 1 and equal steps dt without external forces this is the momentum in the
-                middle of the next step, which is constant to rounding; that of the present time
-                varies by terms of second order.
+            dt: Step [time]: displacement and velocity are extrapolated linearly by dt / 2. With
+                rho_inf = 1 and equal steps dt without external forces the result is the momentum in
+                the middle of the next step, which is constant up to rounding; the momentum at the
+                present time varies by terms of second order.
         """
         check_number("dt", dt, "a finite number", np.isfinite)
         rates, half = self._inertia.rates, 0.5 * dt

@@ -18,18 +18,18 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.errors import MortarError, check_same, check_same_words
 
-# Default spectral radius at infinite frequency by scheme: none of the energy is dissipated, or what
-# an impact excites and the step does not resolve.
+# Default spectral radius at infinite frequency by scheme [1]: no dissipation, or dissipation of the
+# frequencies excited by impacts and not resolved by the time step.
 SCHEMES = {"conserving": 1.0, "massless": 1.0, "generalized_alpha": 0.8}
 
 
 def check_dynamics(
     problem: ContactProblem, density: Any, scheme: Any, rho_inf: Any, velocity: Any, energy: Any
 ) -> None:
-    """Refuse arguments of ``Dynamics`` (local).
+    """Reject arguments of ``Dynamics`` (local).
 
     Raises:
-        ValueError: For such an argument.
+        ValueError: If an argument is not allowed.
     """
     check_choice("scheme", scheme, SCHEMES)
     if rho_inf is not None:
@@ -44,10 +44,10 @@ def check_dynamics(
         raise ValueError("problem has inertia already, from another Dynamics: set up a new problem")
 
 
-def check_alike(
+def check_equal_on_ranks(
     problem: ContactProblem, density: Any, scheme: str, rho_inf: Any, velocity: Any, energy: Any
 ) -> None:
-    """Refuse arguments of ``Dynamics`` that differ between ranks (collective).
+    """Reject arguments of ``Dynamics`` that differ between ranks (collective).
 
     Raises:
         MortarError: On all ranks.
@@ -75,7 +75,7 @@ def _check_density(density: Any, mesh: Any) -> None:
 
 
 def _check_velocity(velocity: Any, problem: ContactProblem) -> None:
-    """Refuse a velocity that the residual does not have, and one in it that is not given."""
+    """Reject a velocity that is not in the residual, and a missing one that is in the residual."""
     bulk = problem.equations.bulk
     if velocity is not None:
         check_kind("velocity", velocity, Velocity, "a Velocity(u)")
@@ -87,7 +87,7 @@ def _check_velocity(velocity: Any, problem: ContactProblem) -> None:
         raise ValueError("velocity has no effect: the residual does not contain its expression")
     if any(origin is not given for origin in used):
         raise ValueError(
-            "the residual contains a Velocity that would stay zero: expected velocity=..., the "
+            "the residual contains a Velocity that would remain zero: expected velocity=..., the "
             "same object"
         )
 
@@ -103,10 +103,10 @@ def _check_energy(energy: Any, mesh: Any) -> None:
 
 
 def check_step(dt: Any, time: float) -> None:
-    """Refuse a step that is not positive, or lost in the rounding of ``time`` (local).
+    """Reject a step that is not positive, or lost in the rounding of ``time`` (local).
 
     Raises:
-        ValueError: For such a step.
+        ValueError: If the step is not allowed.
     """
     check_number("dt", dt, "a positive number", lambda dt: 0.0 < dt < np.inf)
     expected = f"a step that the time {time:g} can resolve"
@@ -114,7 +114,7 @@ def check_step(dt: Any, time: float) -> None:
 
 
 def check_rates(problem: ContactProblem) -> None:
-    """Refuse a velocity that is not finite (collective).
+    """Reject a velocity that is not finite (collective).
 
     Raises:
         MortarError: On all ranks.
@@ -130,7 +130,7 @@ def rates_of(state: Any) -> Rates:
     """Rates of a state of a motion (local).
 
     Raises:
-        ValueError: If it is none.
+        ValueError: If it is not a state of a motion.
     """
     check_kind("before", state, State, "a state of the problem")
     if state.rates is None:

@@ -11,8 +11,8 @@ from fenics_mortar.path.work import Work
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.markdown import Markdown
 
-# Smallest energy added by contact pressures, over the largest kinetic energy [1], that the report
-# remarks on. Without mass at the contact surface it is at most 0.08 in the study of impacts.
+# Smallest energy added by contact pressures, over the largest kinetic energy [1], for a remark in
+# the report. Without mass at the contact surface it is at most 0.08 in the study of impacts.
 ADDED = 0.1
 
 
@@ -40,13 +40,13 @@ class TimeStep:
     """One time step.
 
     Attributes:
-        time: Time at its end.
+        time: Time at the end of the step [time].
         report: Record of its solve.
         failures: Records of failed attempts at larger steps.
-        error: Estimated error; see ``Dynamics.error``.
-        work: Work done in it by the trapezoidal rule; ``work.bulk`` is the change of kinetic and
-            strain energy, minus the work of applied loads.
-        energies: Energies at its end.
+        error: Estimated error [1]; see ``Dynamics.error``.
+        work: Work done in the step by the trapezoidal rule; ``work.bulk`` is the change of kinetic
+            and strain energy, minus the work of applied loads.
+        energies: Energies at the end of the step.
     """
 
     time: float
@@ -62,7 +62,7 @@ class DynamicsReport(Markdown):
     """Record of a motion; prints as a Markdown table; all methods are local.
 
     Attributes:
-        start: Energies at its start.
+        start: Energies at the start of the motion.
         steps: The time steps.
         failures: Records of failed attempts at the step after the last one.
     """
@@ -85,7 +85,7 @@ class DynamicsReport(Markdown):
         return -sum(step.work.pressure for step in self.steps)
 
     def remark(self) -> str:
-        """Remark on energy that contact pressures added or took, "" if it is small."""
+        """Remark on energy added or extracted by contact pressures; "" if it is small."""
         kinetic = max(e.kinetic for e in (self.start, *(s.energies for s in self.steps)))
         share = self.contact_energy / kinetic if kinetic else 0.0
         if abs(share) <= ADDED:

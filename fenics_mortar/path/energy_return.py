@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: MIT
-"""Energy that contact pressures take from the bodies in a time step, returned by their impulse.
+"""Energy extracted by contact pressures in a time step, returned by means of their impulse.
 
-By the trapezoidal rule pressures do the work
+By the trapezoidal rule the work of the pressures is
 
     (f_n + f_(n+1)) . (u_(n+1) - u_n) / 2 = (z_n g_(n+1) - z_(n+1) g_n) / 2
 
-in a step in which a node closes or opens. It should be zero, is small of second order, and has the
-same sign for most nodes of an impact. The sum of all steps is "owed".
-After each step with contact it is returned as far as possible: a fraction t of the impulse of the
-pressures is added to the momentum of the bodies, which changes the energy by
-t v . J + t^2 J . M^-1 J / 2, and leaves the sum of momenta unchanged. (Laursen & Love 2002 correct
-velocities in a similar way for each node.)
+in a step in which a node closes or opens. It should vanish; it is of second order, with the same
+sign for most nodes of an impact. The sum over all steps is stored as ``owed``. After each step with
+contact it is returned as far as possible: a fraction t of the impulse of the pressures is added to
+the momentum of the bodies, which changes the energy by t v . J + t^2 J . M^-1 J / 2, and leaves the
+sum of momenta unchanged. (Laursen & Love 2002 correct velocities in a similar way for each node.)
 """
 
 from __future__ import annotations
@@ -68,7 +67,7 @@ def fraction_of_impulse(energy: float, power: float, square: float) -> float:
         square: The impulse's change of velocity times the impulse [stress length^2].
 
     Returns:
-        t; if no t adds the energy, the one that comes nearest.
+        t; if no t adds the energy, the t that comes closest.
     """
     inside = power**2 + 2.0 * square * energy
     if inside <= 0.0:

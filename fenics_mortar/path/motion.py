@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Many time steps: steps that fail are cut, and steps may follow the estimated error."""
+"""Sequences of time steps: failed steps are cut, and step sizes may follow the estimated error."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from fenics_mortar.equations.state import State
-from fenics_mortar.equations.undo import Before, raise_told
+from fenics_mortar.equations.undo import Snapshot, raise_cause
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.dynamics_report import DynamicsReport, Energies, TimeStep
 from fenics_mortar.path.options import SteppingOptions
@@ -21,7 +21,7 @@ from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.errors import NotConvergedError, call_together
 from fenics_mortar.utils.rounding import ROUNDING, TINY
 
-# Takes a time step from forces at its start: record, forces at the end and work.
+# Function that takes a time step from forces at its start; returns record, forces at the end, work.
 Advance = Callable[[float, Forces], tuple[NewtonReport, Forces, Work]]
 SetLoads = Callable[[float], None]
 OnStep = Callable[[float, NewtonReport], None]
@@ -48,7 +48,7 @@ class Motion:
 
     Args:
         bodies: The bodies.
-        advance: Takes a time step.
+        advance: Function that takes a time step.
         options: Sizes of the steps.
         tolerance: Allowed error of a step, or ``None``.
     """
@@ -72,7 +72,7 @@ class Motion:
             start = bodies.time
             dt = min(size, stop - start)
             dt = stop - start if stop - start - dt < ROUNDING * dt else dt
-            before = Before(problem.equations, None)
+            before = Snapshot(problem.equations, None)
             accepted = problem.state()
             try:
                 if set_loads is not None:
@@ -89,8 +89,8 @@ class Motion:
                 size = max(options.cut * dt, options.smallest)
                 continue
             except BaseException as interruption:
-                before.take_back(renew=True)
-                raise_told(interruption)
+                before.revert(renew=True)
+                raise_cause(interruption)
             forces = after
             done = TimeStep(bodies.time, newton, report.failures, error, work, bodies.energies())
             report.steps.append(done)
@@ -113,7 +113,10 @@ class Motion:
         return error
 
     def _next_size(self, size: float, error: float) -> float:
-        """Size of the next step; the error grows with its square."""
+        """Size of the next step; the error grows with its square.
+
+        Nine tenths of the size at which the error would be the tolerance, or less.
+        """
         options, wanted = self._options, self._options.growth
         if self._tolerance is not None:
             wanted = min(wanted, 0.9 * float(np.sqrt(self._tolerance / max(error, TINY))))
@@ -123,7 +126,7 @@ class Motion:
 def check_run(
     stop: Any, options: Any, set_loads: Any, tolerance: Any, on_step: Any, time: float
 ) -> None:
-    """Refuse arguments of ``Dynamics.run`` (local)."""
+    """Reject arguments of ``Dynamics.run`` (local)."""
     expected = f"a time from the present one, {time:.6g}, on"
     check_number("stop", stop, expected, lambda stop: time <= stop < np.inf)
     expected = "an instance of SteppingOptions, such as SteppingOptions(step=0.1)"

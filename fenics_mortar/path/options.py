@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_mortar.equations.continuation import LONGEST
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.utils.arguments import check_flag, check_number
 
 
@@ -16,12 +16,12 @@ class SteppingOptions:
     """Options of adaptive load steps; times are in units of the path parameter.
 
     Attributes:
-        step: First step [time].
-        smallest: Smallest step: failure of a step of this size ends the path [time].
-        largest: Largest step [time]; ``step`` if ``None``.
+        step: Size of the first step [time].
+        smallest: Smallest step size [time]: failure of such a step ends the path.
+        largest: Largest step size [time]; ``step`` if ``None``.
         easy: Number of Newton iterations up to which the next step grows.
-        growth: Factor by which it grows.
-        cut: Factor by which a failed step is reduced.
+        growth: Factor by which the next step grows [1].
+        cut: Factor by which a failed step is reduced [1].
         predict: Whether initial guesses are extrapolated, see ``predictor``.
 
     Raises:
@@ -32,12 +32,12 @@ class SteppingOptions:
     smallest: float = 1e-6
     largest: float | None = None
     easy: int = 6
-    growth: float = LONGEST
+    growth: float = EQUATIONS.longest
     cut: float = 0.5
     predict: bool = True
 
     def __post_init__(self) -> None:
-        """Refuse values that are not allowed (local)."""
+        """Reject values that are not allowed (local)."""
         expected = "0 < smallest <= step <= largest, growth at least 1, cut between 0 and 1"
         largest = self.step if self.largest is None else self.largest
         for name, value, allows in (

@@ -82,10 +82,10 @@ class Progress:
 
 
 def check_bar(wanted: Any) -> None:
-    """Refuse a bar that cannot be drawn (local).
+    """Reject a bar that cannot be drawn (local).
 
     Raises:
-        ValueError: If ``wanted`` is no flag, or the package tqdm is missing.
+        ValueError: If ``wanted`` is not a flag, or the package tqdm is missing.
     """
     check_flag("progress", wanted)
     if wanted:

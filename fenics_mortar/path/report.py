@@ -15,11 +15,11 @@ class PathStep:
     """One accepted step.
 
     Attributes:
-        time: Time at its end.
-        step: Its size [time].
+        time: Time at the end of the step [time].
+        step: Size of the step [time].
         report: Record of its solve.
         failures: Records of failed attempts at larger steps.
-        work: Work done in it.
+        work: Work done in the step.
     """
 
     time: float
@@ -36,9 +36,9 @@ class PathReport(Markdown):
     All methods are local.
 
     Attributes:
-        steps: The accepted steps: each has ``time``, ``step``, ``report``, ``failures``, ``work``.
+        steps: The accepted steps: see ``PathStep``.
         failures: Records of failed attempts at the step after the last accepted one.
-        finished: Whether the end was reached.
+        finished: Whether the end of the path was reached.
         dead_end: Reason why no equilibrium exists beyond the last step, if this is certain; else
             "".
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Adaptive load steps: a failed step is undone and reduced, steps with few iterations grow."""
+"""Adaptive load steps: failed steps are reverted and reduced, steps with few iterations grow."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from fenics_mortar.bulk.residual import MIN_FRACTION
 from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.equations.general import State
 from fenics_mortar.equations.predictor import Predictor
-from fenics_mortar.equations.undo import Before, as_interruption
+from fenics_mortar.equations.undo import Snapshot, as_interruption
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.alternate_damping import AlternateDamping
-from fenics_mortar.path.dead_end import why_it_is_a_jump, why_path_ends, why_path_turns
+from fenics_mortar.path.dead_end import describe_jump, describe_path_turn, reason_for_end
 from fenics_mortar.path.options import SteppingOptions
 from fenics_mortar.path.progress import Progress, check_bar
 from fenics_mortar.path.report import PathReport, PathStep
@@ -34,7 +34,7 @@ from fenics_mortar.utils.errors import (
 )
 from fenics_mortar.utils.rounding import ROUNDING
 
-# Hint where the reason for the end of a path is not certain.
+# Hint used if the reason for the end of a path is not certain.
 HINT = (
     "If smaller steps do not help, the path may turn or jump here, as where an arch snaps through "
     "or a tip slips off an edge: prescribe another displacement, or start beyond"
@@ -55,12 +55,14 @@ def follow_path(
 
     Args:
         problem: The problem, solved or unloaded at ``start``.
-        set_loads: Sets loads and prescribed values for a time; called again for an earlier time
-            after a failure. It is called on all ranks and has to set equal values.
+        set_loads: Function that sets loads and prescribed values for a time; called again for an
+            earlier time after a failure. It is called on all ranks and must set equal values on all
+            of them.
         options: Options of the steps.
         start: Time of the present state, in units of the path parameter.
         stop: Final time.
-        on_step: Called with time and report after each accepted step, for example to write results.
+        on_step: Function called with time and report after each accepted step, for example to write
+            results.
         progress: Whether rank 0 draws a bar in the terminal, by the package tqdm.
 
     Returns:
@@ -71,12 +73,12 @@ def follow_path(
             its certificate. Displacement and multipliers are those of the last accepted step;
             ``report`` is the ``PathReport``.
         Exception: Any error of ``set_loads`` or ``on_step``; a ``MortarError`` on ranks where they
-            raised none.
+            did not raise.
         BaseException: An interruption, e.g. a KeyboardInterrupt. The state is that of the last
-            accepted step; a note at the error gives its time.
-        ValueError: If an argument is of another type, or ``start`` is beyond ``stop``. If they are
-            equal, as when a finished path is resumed, there is no step.
-        MortarError: On all ranks, if options differ between them.
+            accepted step; a note of the error has its time.
+        ValueError: If an argument is of another type, or ``start`` is beyond ``stop``. If both are
+            equal, for example if a finished path is resumed, no step is taken.
+        MortarError: On all ranks, if options differ between ranks.
 
     Note:
         Rank 0 logs each step and each cut, see ``progress``::
@@ -94,7 +96,10 @@ def follow_path(
     start_clock(problem.equations.contacts, start)
     largest = options.largest or options.step
     predictor = Predictor(problem.equations, start)
-    forces, last = forces_of(problem), _LastStep(start, Before(problem.equations, problem.adequacy))
+    forces, last = (
+        forces_of(problem),
+        _LastStep(start, Snapshot(problem.equations, problem.adequacy)),
+    )
     solver = AlternateDamping(problem)
 
     def load(time: float) -> None:
@@ -119,9 +124,9 @@ def follow_path(
                 problem.restore(accepted)
                 shown.cut(time + step, str(failure), failure.report)
                 if step <= options.smallest:
-                    turns = why_path_turns(problem)
+                    turns = describe_path_turn(problem)
                     load(min(time + MIN_FRACTION * options.step, stop))
-                    path.dead_end = why_path_ends(problem) or turns
+                    path.dead_end = reason_for_end(problem) or turns
                     load(time)
                     words = _last_words(time, step, path.dead_end, failure)
                     raise NotConvergedError(words, path) from failure
@@ -130,7 +135,7 @@ def follow_path(
             before_forces, forces = forces, forces_of(problem)
             work = work_of(problem, accepted, predictor.last, before_forces, forces)
             time = stop if step == stop - time else time + step
-            last.reached = time, Before(problem.equations, problem.adequacy)
+            last.reached = time, Snapshot(problem.equations, problem.adequacy)
             path.steps.append(PathStep(time, step, report, path.failures, work))
             path.failures = []
             shown.accept(time, report)
@@ -143,7 +148,7 @@ def follow_path(
 
 
 def _check_path(set_loads: Any, options: Any, start: Any, stop: Any, on_step: Any) -> None:
-    """Refuse arguments of ``follow_path`` (local)."""
+    """Reject arguments of ``follow_path`` (local)."""
     if not callable(set_loads):
         raise ValueError(f"set_loads={set_loads!r}: expected a function of the time")
     expected = "an instance of SteppingOptions, such as SteppingOptions(step=0.1)"
@@ -152,8 +157,8 @@ def _check_path(set_loads: Any, options: Any, start: Any, stop: Any, on_step: An
         check_number(name, value, "a finite number", np.isfinite)
     if start > stop:
         raise ValueError(
-            f"start={start!r} is beyond stop={stop!r}: times increase; to unload, let set_loads "
-            "reduce the loads with time"
+            f"start={start!r} is beyond stop={stop!r}: times increase; to unload, reduce the "
+            f"loads with time in set_loads"
         )
     if on_step is not None and not callable(on_step):
         raise ValueError(f"on_step={on_step!r}: expected a function of time and report, or None")
@@ -163,10 +168,11 @@ class _LastStep:
     """The last accepted step of a path.
 
     Attributes:
-        reached: Its time, and the snapshot of the problem then; replaced at once.
+        reached: Time of the step, and snapshot of the problem at this time; both are replaced by
+            one assignment.
     """
 
-    def __init__(self, time: float, before: Before) -> None:
+    def __init__(self, time: float, before: Snapshot) -> None:
         self.reached = time, before
 
 
@@ -180,7 +186,7 @@ def _kept(last: _LastStep) -> Iterator[None]:
     except BaseException as error:
         ours = isinstance(error, MortarError) and not isinstance(error, RaisedElsewhereError)
         time, before = last.reached
-        before.take_back(renew=not ours)
+        before.revert(renew=not ours)
         told = as_interruption(error)
         told.add_note(f"the problem is at time {time:.6g} of the path, its last accepted step")
         if told is error:
@@ -200,7 +206,7 @@ def _solve_soundly(
 ) -> NewtonReport:
     """Solve; refuse states that violate their certificate or lie beyond a jump (collective)."""
     report = solver.solve()
-    wrong = "; ".join(report.certificate.violations()) or why_it_is_a_jump(problem, before)
+    wrong = "; ".join(report.certificate.violations()) or describe_jump(problem, before)
     if wrong:
         report.converged, report.reason = False, f"converged to a wrong state: {wrong}"
         raise NotConvergedError(report.reason, report)

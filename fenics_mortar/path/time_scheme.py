@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Generalized-alpha method with all forces at the end of the step (Chung & Hulbert 1993).
 
-Written by Arnold & Bruels (2007): w is the acceleration that balances all forces at the same time,
+In the form of Arnold & Bruels (2007), w is the acceleration that balances all forces at the same
+time,
 
     M w_(n+1) + f_int(u_(n+1)) - f_ext + B^T z_(n+1) = 0,
 
@@ -36,7 +37,7 @@ class Line(NamedTuple):
         return self.factor * (u - self.origin)
 
     def as_line(self, other: Line, dofs: Flags, u: Array) -> Line:
-        """The line with the values of another one at some dofs, whose displacement is known.
+        """This line with the values of another line at dofs of known displacement.
 
         Args:
             other: The other line.
@@ -49,10 +50,10 @@ class Line(NamedTuple):
 
 @dataclass(frozen=True)
 class GeneralizedAlpha:
-    """The method, by the spectral radius rho at infinite frequency, between 0 and 1.
+    """The method for a spectral radius rho at infinite frequency, between 0 and 1.
 
-    rho = 1 is the trapezoidal rule, which conserves the energy of linear bodies; rho = 0 removes
-    what the step does not resolve within one step.
+    rho = 1 is the trapezoidal rule, which conserves the energy of linear bodies; with rho = 0
+    unresolved frequencies are damped within one step.
     """
 
     rho: float
@@ -82,17 +83,17 @@ class GeneralizedAlpha:
     ) -> tuple[Line, Line, Line]:
         """Velocity, acceleration and its average at the end of the step.
 
-        Rates of prescribed motions follow from these alone. Those of rho = 1 would alternate for
-        good after a jump of the velocity, or with a start that does not fit: they are those of rho
-        = 0, of second order as well, which forget in three steps. Energies balance to that order
-        where prescribed motions accelerate.
+        Rates of prescribed motions follow from these motions alone, by the method for rho = 0,
+        which is of second order as well. With rho = 1 they would alternate permanently after a jump
+        of the velocity or for inconsistent initial rates; with rho = 0 such errors vanish in three
+        steps. If prescribed motions accelerate, energies balance up to terms of second order.
 
         Args:
-            u: Displacement at the start of the step.
-            rates: Rates there.
+            u: Displacement at the start of the step, shape (dofs,) [length].
+            rates: Rates at the start of the step.
             dt: The step [time].
-            prescribed: Marks of the prescribed dofs.
-            end: Displacement of these at the end of the step.
+            prescribed: Marks of the prescribed dofs, shape (dofs,), bool.
+            end: Displacement of the prescribed dofs at the end of the step [length].
         """
         damped = GeneralizedAlpha(0.0)
         of_all, of_prescribed = (
@@ -106,7 +107,7 @@ class GeneralizedAlpha:
         return velocity, acceleration, average
 
     def average(self, u: Array, rates: Rates, dt: float) -> Line:
-        """A at the end of the step.
+        """A at the end of the step [length / time^2].
 
         Args:
             u: Displacement at the start of the step, shape (owned dofs,) [length].

@@ -37,9 +37,9 @@ class Work(NamedTuple):
     def pressure(self) -> float:
         """Work of the pressures [stress length^2].
 
-        Closed gaps do no work: this is energy added by the discretization. It vanishes with the
-        size of facets and steps, slowly where a corner slides, since the pressure below a corner
-        is unbounded.
+        Pressures on closed gaps do no work: this is energy added by the discretization. It vanishes
+        with the size of facets and steps, but slowly below a sliding corner, where the pressure is
+        unbounded.
         """
         return self.contact - self.friction
 
@@ -47,9 +47,9 @@ class Work(NamedTuple):
     def defect(self) -> float:
         """Work of the pressures over the largest of all contributions [1].
 
-        Under dead loads and fixed supports ``bulk`` and ``supports`` vanish but for the work of
-        contact. Therefore ``largest`` is part of the comparison: in sliding the ratio is the
-        friction added by the facets.
+        Under dead loads and fixed supports, ``bulk`` and ``supports`` consist of the work of
+        contact alone. Therefore ``largest`` is included in the comparison: in sliding the ratio
+        measures the friction added by the facets.
         """
         return abs(self.pressure) / max(*map(abs, self), TINY)
 
@@ -67,14 +67,14 @@ def forces_of(problem: ContactProblem) -> Forces:
 def work_of(
     problem: ContactProblem, start: State, end: State, before: Forces, after: Forces
 ) -> Work:
-    """Work of the mean forces in a step; obstacles count as supports (collective).
+    """Work of the mean forces in a step; obstacles are treated as supports (collective).
 
     Args:
         problem: The problem.
         start: State at the start of the step.
-        end: State at its end.
-        before: Forces at its start, see ``forces_of``.
-        after: Forces at its end.
+        end: State at the end of the step.
+        before: Forces at the start of the step, see ``forces_of``.
+        after: Forces at the end of the step.
     """
     means = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
     r, contact, on_obstacles, shear, shear_on_obstacles = means

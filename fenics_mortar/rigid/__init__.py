@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Rigid motions: bodies supported by contact alone, obstacles that forces drive.
+"""Rigid motions: bodies supported by contact alone, and obstacles driven by forces.
 
-In flow bodies, loads and the strength of the contacts. Out flow rigid motions before a solve (found
-by limit analysis), springs along motions that contact leaves free, and the equations of obstacles.
+Input: bodies, loads and strength of the contacts. Output: rigid motions before a solve
+(from limit analysis), springs along motions that contact does not resist, and the equations of
+obstacles.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Linearized balance of driven obstacles, the border of the system of u and z.
+"""Linearized balance of driven obstacles: the border of the system of u and z.
 
 The equations of displacement and multipliers, in either form, are extended by the columns C_q of
 the contact law and by a row of balance for each motion,

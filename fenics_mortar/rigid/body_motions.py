@@ -29,7 +29,7 @@ from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
 class BodyMotions:
-    """Bodies that Dirichlet conditions leave free, and their motions; all methods are collective.
+    """Bodies that Dirichlet conditions do not fix, and their motions; all methods are collective.
 
     Args:
         bulk: The bodies.
@@ -50,7 +50,7 @@ class BodyMotions:
         self.labels, count = label_bodies(bulk.V)
         links = [self._links(tie) for tie in contacts if isinstance(tie, Tie)]
         self.labels, self._num_bodies = join_bodies(self.labels, count, links)
-        self._surface_labels.clear()  # labels from before ties joined bodies
+        self._surface_labels.clear()  # these labels do not include joining by ties
         self.bodies: list[FloatingBody] = []
 
     def _links(self, tie: Tie) -> Indices:
@@ -60,7 +60,7 @@ class BodyMotions:
         return np.stack([slave[nodes.row], master[nodes.col]], axis=1).astype(np.int64)
 
     def find(self) -> None:
-        """Find floating bodies, by the assembled ``K``; with inertia none floats."""
+        """Find floating bodies from the assembled ``K``; with inertia no body floats."""
         self.bodies = []
         if self.bulk.inertia is None:
             self.bodies = find_floating_bodies(self.bulk, self.labels, self._num_bodies)
@@ -138,7 +138,7 @@ class BodyMotions:
     def at_body(self, contact: Contact, body: FloatingBody) -> Flags:
         """Whether the force of a slave node may act on a body, shape (slave nodes,).
 
-        A force acts on the slave node's own body and on those that its partners belong to.
+        A force acts on the body of the slave node and on the bodies of its partners.
         """
         on_slave = self.labels_of(contact.slave) == body.label
         on_master = self.labels_of(contact.master) == body.label
@@ -190,11 +190,11 @@ class BodyMotions:
         return f"the body around {place(centre_and_size(X[mine], bulk.comm)[0])}"
 
     def names(self, bodies: Sequence[FloatingBody]) -> str:
-        """Names of bodies in words."""
+        """Names of bodies as text."""
         return " and ".join(sorted({self.name_of(body.label) for body in bodies}))
 
     def describe(self, loose: Sequence[FloatingBody]) -> str:
-        """Loose bodies and their motions, in words."""
+        """Loose bodies and their motions, as text."""
         return ", ".join(
             f"{self.name_of(body.label)} can {body.describe(motion)}"
             for body in loose

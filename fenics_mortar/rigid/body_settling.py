@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Rigid moves of floating bodies before a solve, and a check after it; all collective.
 
-A body that its loads drive and active contact does not support is moved rigidly until contact stops
-it. Each move is the one closest to the drive that lets no node overlap by more than
-``RIGID.overlap``, a quadratic program in the few rigid motions. Limit analysis decides which bodies
-contact may support; see ``limit_analysis``.
+A body that is driven by its loads and not supported by active contact is moved rigidly until
+contact stops it. Each move is the closest one to the direction of the resultant for which no node
+overlaps by more than ``RIGID.overlap``: a quadratic program in the few rigid motions. Bodies that
+contact may support are determined by limit analysis, see ``limit_analysis``.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import MortarError, NotConvergedError
 from fenics_mortar.utils.rounding import SOLVED
 
-# Moving bodies with the coefficients of their motions, (motions,) each [length].
+# Bodies to be moved, with the coefficients of their motions, (motions,) each [length].
 Moves = list[tuple[FloatingBody, Array]]
 
 
 class BodySettling:
-    """Moves floating bodies before a solve, and checks the state after it.
+    """Moves of floating bodies before a solve, and check of the state after it.
 
     Args:
         bodies: The floating bodies.
@@ -58,15 +58,15 @@ class BodySettling:
         """Move the bodies that contact cannot support rigidly until it can.
 
         Args:
-            evaluate: Evaluates the contacts at the present state; returns the forces of the bulk
-                and of contact, shape (owned dofs,) each [stress length].
+            evaluate: Function that evaluates the contacts at the present state and returns the
+                forces of the bulk and of contact, shape (owned dofs,) each [stress length].
             min_drive: Smallest resultant that moves a body, over the forces on it [1].
 
         Returns:
             A sentence for each body that was moved.
 
         Raises:
-            NotConvergedError: On all ranks, if nothing stops a body.
+            NotConvergedError: On all ranks, if no contact stops a body.
         """
         bodies = self._bodies
         self._unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
@@ -91,8 +91,8 @@ class BodySettling:
                 break
         body, move = moves[0]
         words = (
-            f"{bodies.name_of(body.label)} can {body.describe(move, directed=True)} freely: loads "
-            "drive it, and neither Dirichlet conditions nor contact stop it"
+            f"{bodies.name_of(body.label)} can {body.describe(move, directed=True)} freely: it is "
+            f"driven by loads, and neither Dirichlet conditions nor contact stop it"
         )
         raise NotConvergedError(words, NewtonReport(reason=words))
 
@@ -115,8 +115,8 @@ class BodySettling:
             name = bodies.name_of(body.label)
             if not any(is_ahead(bodies, contact, body, motion) for contact in bodies.contacts):
                 raise MortarError(
-                    f"{name} can {body.describe(motion, directed=True)} freely: contact "
-                    "pushed it away, since its Dirichlet conditions do not fix it"
+                    f"{name} can {body.describe(motion, directed=True)} freely: contact pushed it "
+                    f"away, and its Dirichlet conditions do not fix it"
                 )
             notes.append(f"{name} was pushed along by contact without a force")
         return notes
@@ -141,12 +141,12 @@ class BodySettling:
         ]
 
     def _driven(self, bulk: Array, contact: Array, min_drive: float, *, begun: bool) -> Moves:
-        """Bodies that loads drive and contact does not support, with unit directions.
+        """Bodies driven by loads and not supported by contact, with unit directions.
 
         A body with contact force moves only along directions that active contact admits. Without
-        friction and adhesion, the facets of a round body may support it although the smooth body
-        would roll on; limit analysis is then used only for bodies that touch before they have moved
-        or carried any force.
+        friction and adhesion, a round body may rest on its facets although the smooth body would
+        roll on. Limit analysis is therefore used in this case only for bodies that touch before
+        they have moved or carried any force.
         """
         bodies = self._bodies
         total, sizes = bulk + contact, np.abs(bulk) + np.abs(contact)
@@ -196,7 +196,7 @@ class BodySettling:
         return {body.label for body, move in moves if np.abs(move).max() > RIGID.resisted}
 
     def _pull_of_open_nodes(self, size: int) -> Array:
-        """Contact forces of open nodes: adhesion across a gap is a load, shape (size,)."""
+        """Forces of open nodes, (size,) [stress length]: adhesion across a gap is a load."""
         force = np.zeros(size)
         for contact in self._bodies.contacts:
             if contact.pair.law.has_adhesion:
@@ -222,7 +222,7 @@ class BodySettling:
         return Touching(opens, slips, slope[on], (weight * shear)[on], (weight * adhesion)[on])
 
     def _is_gone(self, body: FloatingBody, move: Array) -> bool:
-        """Whether no surface of another body is ahead of a moving body."""
+        """Whether no surface of another body is ahead of a moving body (collective)."""
         bodies = self._bodies
         return not any(is_ahead(bodies, c, body, move) for c in bodies.contacts_of(body))
 

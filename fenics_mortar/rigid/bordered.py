@@ -4,7 +4,7 @@
     A x + C q = b
     G x + E q = c
 
-Block elimination solves A for each column of C and leaves a small dense system for q. The
+Block elimination needs a solve with A for each column of C, and a small dense system for q. The
 transposed system has the same form, with the rows of G as columns.
 """
 

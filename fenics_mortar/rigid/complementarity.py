@@ -10,9 +10,9 @@ y = q + V z. With the shear split into nonnegative parts, z_tau = b+ - b-, and s
     s >= 0,     mu z_n - b+ - b- >= 0,               s (mu z_n - b+ - b-) = 0
 
 (Stewart & Trinkle 1996). The matrix is copositive if the compliance is positive definite; Lemke's
-method (Cottle, Pang & Stone 1992, ch. 4.4) then ends in a solution for any mu. It follows the
-piecewise linear path of solutions of a problem that is relaxed by a scalar z_0 > 0. It cannot
-cycle, unlike an active-set iteration that updates all nodes at once.
+method (Cottle, Pang & Stone 1992, ch. 4.4) then terminates with a solution for any mu. The method
+follows the piecewise linear path of solutions of a problem relaxed by a scalar z_0 > 0. Unlike an
+active-set iteration that updates all nodes at once, it cannot cycle.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
 
 
 def exchange(table: Array, row: int, column: int) -> Array:
-    """Exchange a basic and a nonbasic variable in ``table``, shape (m, n) [any unit]; return it."""
+    """Exchange a basic and a nonbasic variable; return the changed ``table``, (m, n) [any unit]."""
     pivot = table[row, column]
     line, rest = table[row] / -pivot, table[:, column].copy()
     line[column] = 1.0 / pivot

@@ -51,7 +51,7 @@ class DrivenObstacles(ObstacleMotions):
     def solve(
         self, x: Array, system: LinearSystem, stiffness: float, force: float
     ) -> tuple[Array, Array]:
-        """Solve for the motions, too (collective).
+        """Solve for displacements, multipliers and motions (collective).
 
         Args:
             x: Solution of the system for obstacles at rest, see ``LinearSystem.step``.
@@ -78,7 +78,7 @@ class DrivenObstacles(ObstacleMotions):
         return tangent_springs(self, self.residual(), stiffness, force)
 
     def describe(self, force: float) -> str:
-        """Loose motions that are driven by forces, in words; "" if there are none (collective)."""
+        """Description of loose motions driven by forces; "" if there are none (collective)."""
         return describe_loose(self, self.residual(), force)
 
     # Springs, see ``proximal``
@@ -142,7 +142,8 @@ class DrivenObstacles(ObstacleMotions):
         """Move driven obstacles along with prescribed motions; see ``settling`` (collective).
 
         Args:
-            evaluate: Evaluates the operators at the present state, not the sets.
+            evaluate: Function that evaluates the operators at the present state, not the active
+                sets.
         """
         if self.driven.any():
             evaluate()
@@ -156,6 +157,6 @@ class DrivenObstacles(ObstacleMotions):
         self._start = self.motions_of(self.places)
         return moved
 
-    def own_slide(self) -> float:
-        """Slide of obstacles along driven motions in the last solve; see ``settling.own_slide``."""
-        return settling.own_slide(self, self._start)
+    def slide_along_driven(self) -> float:
+        """Slide of obstacles along driven motions in the last solve [1]; see ``settling``."""
+        return settling.slide_along_driven(self, self._start)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Bodies without sufficient Dirichlet conditions, supported by contact alone.
 
-Before a solve bodies that contact cannot support are moved until it stops them, see
-``body_settling``. While Newton iterates, tangent springs regularize the motions that active contact
-leaves loose, see ``springs``. If Newton's method fails, springs anchor the bodies, see
+Before a solve, bodies that contact cannot support are moved until contact stops them, see
+``body_settling``. In Newton's method, tangent springs regularize loose motions, which active
+contact does not resist, see ``springs``. If Newton's method fails, springs anchor the bodies, see
 ``proximal``.
 """
 
@@ -50,7 +50,7 @@ class FloatingBodies(BodyMotions):
 
     @property
     def supported_by_contact(self) -> bool:
-        """Whether active contact loads and supports all of them."""
+        """Whether active contact loads and supports all floating bodies."""
         return all(map(self.is_loaded, self.bodies)) and not self.loose()
 
     def loose(self) -> list[FloatingBody]:
@@ -85,8 +85,8 @@ class FloatingBodies(BodyMotions):
     def add_springs(self, loose: Sequence[FloatingBody], total: Array, force: float) -> None:
         """Add springs to the diagonal of ``K`` that limit a step to elastic strains.
 
-        Bodies that are not loose get weak springs: nodes may resist each motion but not all motions
-        together, as for polygons that turn in one another.
+        Bodies that are not loose have weak springs: nodes may resist each motion but not all
+        motions together, for example if polygons turn inside one another.
 
         Args:
             loose: The result of ``loose``.
@@ -105,7 +105,7 @@ class FloatingBodies(BodyMotions):
     def drop_undriven(
         self, loose: Sequence[FloatingBody], step: Array, total: Array, force: float
     ) -> None:
-        """Remove loose motions that are driven by roundoff only from a step.
+        """Remove from a step the loose motions that are driven by roundoff only.
 
         Args:
             loose: The result of ``loose``.

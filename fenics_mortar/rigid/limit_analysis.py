@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Whether contact can support rigid bodies: limit analysis by linear programming.
+"""Limit analysis by linear programming: whether contact can support rigid bodies.
 
 Loads with resultants w on the rigid motions v of all bodies are in equilibrium with contact forces
 that the law admits if and only if they do no work on any motion that these forces cannot resist
@@ -8,9 +8,9 @@ u_j of each touching node, and admissible forces p_j >= -a_j, |s_j| <= s_j0 + mu
 
     maximize  (w - sum_j a_j g_j) . v - sum_j s_j0 |u_j|,    g_j >= mu_j |u_j|,    |v| <= 1.
 
-If the maximum is positive, the bodies move. If it is zero, contact may support them; the solution
-of the contact problem decides. The condition is only necessary, since Coulomb's law is not
-associated: a motion does not open by as much as g_j >= mu_j |u_j| requires.
+If the maximum is positive, the bodies move. If it is zero, contact may support them; the condition
+is necessary but not sufficient, since Coulomb's law is not associated: gaps do not open by as much
+as g_j >= mu_j |u_j| requires. The solution of the contact problem then decides.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ def unresisted_motion(loads: Array, touching: Touching) -> Array:
         touching: The touching nodes.
 
     Returns:
-        Coefficients of the motions, shape (m,), at most one in size [length]; zero if contact may
-        support the bodies.
+        Coefficients of the motions, shape (m,), of absolute value at most one [length]; zero if
+        contact may support the bodies.
 
     Raises:
         ArithmeticError: If the linear program fails.
@@ -77,7 +77,7 @@ def unresisted_motion(loads: Array, touching: Touching) -> Array:
     rows = vstack(
         [hstack([csr_array(row), -by_rate * _unit(len(row), count)]) for row, by_rate in resisted]
     )
-    from scipy.optimize import linprog  # loaded where it is needed: it takes long
+    from scipy.optimize import linprog  # imported on first use: the import is slow
 
     costs = np.concatenate([-work, touching.shear[bounded] / size])
     bounds = [(-1.0, 1.0)] * loads.size + [(0.0, None)] * count
@@ -87,7 +87,7 @@ def unresisted_motion(loads: Array, touching: Touching) -> Array:
         b_ub=np.zeros(rows.shape[0]),
         bounds=bounds,
         method="highs",
-        options={"presolve": False},  # in scipy 1.10 it declares feasible programs infeasible
+        options={"presolve": False},  # in scipy 1.10 it reports feasible programs as infeasible
     )
     if not found.success:
         raise ArithmeticError(f"linear program of rigid bodies: {found.message}")

@@ -1,19 +1,20 @@
 # SPDX-License-Identifier: MIT
 """Linearized contact with friction along a load path: a parametric complementarity problem.
 
-With friction the linearized problem may have several solutions. The one sought is that at the end
-of the path of solutions from the last accepted state, s = 0, to the present loads, s = 1:
+With friction the linearized problem may have several solutions. This module computes the one at the
+end of the path of solutions from the last accepted state, s = 0, to the present loads, s = 1:
 
     w = (1 - s) q_0 + s q + M z >= 0,    z >= 0,    w . z = 0,
 
 with q_0 such that the accepted multipliers solve the problem at s = 0. The path is piecewise
 linear, and is followed by pivoting (Cottle, Pang & Stone 1992, ch. 4.5).
 
-Where s would have to decrease the path turns: there is no solution nearby for larger loads, and
-that at s = 1 is at the end of a jump. The start of a step is a corner of the path, because all
-slips are zero: a node at its friction limit may stick or slide on, and of two surfaces that just
-touch all gaps and pressures are zero. How these go on is a complementarity problem of the rates. If
-it has no solution there is no equilibrium next to the accepted state (Klarbring 1990).
+Where s would have to decrease, the path turns: there is no solution nearby for larger loads, and
+the solution at s = 1 is reached by a jump. The start of a step is a corner of the path, because all
+slips are zero: a node at its friction limit may stick or slide on, and all gaps and pressures of
+two surfaces that just touch are zero. The directions of the path follow from a complementarity
+problem of the rates. If it has no solution, there is no equilibrium next to the accepted state
+(Klarbring 1990).
 """
 
 from __future__ import annotations
@@ -38,11 +39,11 @@ Flags = npt.NDArray[np.bool_]
 
 
 class Turn(NamedTuple):
-    """Where a path turns.
+    """Turn of a path.
 
     Attributes:
-        part: Part s of the loads up to there [1].
-        node: Number of the node whose gap or slip would have to change its branch, -1 if unknown.
+        part: Load parameter s at the turn [1].
+        node: Number of the node whose gap or slip would have to change its branch; -1 if unknown.
     """
 
     part: float
@@ -52,23 +53,26 @@ class Turn(NamedTuple):
 def follow_loads(problem: FrictionProblem, start: Sets, gap: Array) -> Sets | Turn:
     """Solve the linearized problem along the path from the accepted state (local).
 
-    Zeros at the start are numbers up to ``SOLVED`` times the largest change; they are replaced by
-    random numbers of that size, so that ties in the ratio test do not occur.
+    Values at the start up to ``SOLVED`` times the largest change are considered zero and replaced
+    by random numbers of that size, so that ties in the ratio test do not occur.
 
     Args:
         problem: The problem at the present loads.
         start: Sets and multipliers of the accepted state.
-        gap: Its gaps, zero or positive, shape (n,) [length].
+        gap: Gaps of the accepted state, zero or positive, shape (n,) [length].
 
     Returns:
-        Sets and multipliers, or where the path turns before the present loads.
+        Sets and multipliers, or the turn of the path before the present loads; ``start`` if the
+        problem has no nodes.
     """
+    if not problem.slope.size:
+        return start
     M, q = as_complementarity(problem)
     z, w = _unknowns(problem, start, gap)
     change = np.abs(q - (w - M @ z)).max()
     n = problem.slope.size
     forces = np.arange(q.size) < n + 2 * np.count_nonzero(problem.slope > 0.0)
-    # Gaps and slips change by ``change``, multipliers by this over the compliance or more.
+    # Gaps and slips change by ``change``, multipliers at least by this over the compliance.
     lengths, multipliers = SOLVED * change, SOLVED * change / np.abs(problem.V).max()
     z_zero, w_zero = np.where(forces, [[multipliers], [lengths]], [[lengths], [multipliers]])
     z, w = np.where(z > z_zero, z, 0.0), np.where(w > w_zero, w, 0.0)
@@ -96,7 +100,7 @@ def _unknowns(problem: FrictionProblem, start: Sets, gap: Array) -> tuple[Array,
 
 
 def _basic_of_rates(M: Array, rate: Array, z: Array, w: Array) -> Flags | None:
-    """Basic z next to z, w at s = 0, for a change of q by ``rate``; ``None`` if there are none."""
+    """Basic z near z, w at s = 0 for a change of q by ``rate``; ``None`` if there is none."""
     a, d = np.flatnonzero(z > 0.0), np.flatnonzero((z == 0.0) & (w == 0.0))
     try:
         known = np.column_stack([M[np.ix_(a, d)], rate[a]])
@@ -113,9 +117,9 @@ def _basic_of_rates(M: Array, rate: Array, z: Array, w: Array) -> Flags | None:
 
 
 def _follow(M: Array, q_0: Array, q: Array, basic: Flags) -> Flags | Turn:
-    """Basic z at s = 1, from those at s = 0, or where s would have to decrease (local).
+    """Basic z at s = 1, from those at s = 0, or the turn where s would have to decrease (local).
 
-    The node of the turn is the number of its unknown in z.
+    The ``node`` of the turn is the number of an unknown in z.
     """
     n = q.size
     # Tableau: basic = table @ (nonbasic, 1). Numbers: w_i is i, z_i is n + i, s is 2 n.

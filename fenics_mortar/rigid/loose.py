@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Driven motions of obstacles that active contact does not resist.
+"""Loose motions of obstacles: driven motions that active contact does not resist.
 
 Tangent springs regularize them, see ``springs``.
 """
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from fenics_mortar.contact.rows import gap_by_motions
-from fenics_mortar.rigid.motions import ObstacleMotions, in_words
+from fenics_mortar.rigid.motions import ObstacleMotions, describe_motion
 from fenics_mortar.rigid.springs import tangent_stiffness, unresisted
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.rounding import SUM_ROUNDING
@@ -48,7 +48,7 @@ def tangent_springs(
 
 
 def describe_loose(motions: ObstacleMotions, residual: Array, force: float) -> str:
-    """Loose motions that are driven by forces, in words; "" if there are none (local).
+    """Description of loose motions driven by forces; "" if there are none (local).
 
     Args:
         motions: The obstacles.
@@ -61,5 +61,5 @@ def describe_loose(motions: ObstacleMotions, residual: Array, force: float) -> s
     ):
         drive = loose @ rest
         if np.linalg.norm(drive) > SUM_ROUNDING * force:
-            found.append(f"obstacle '{obstacle.name}' can {in_words(drive @ loose)}")
+            found.append(f"obstacle '{obstacle.name}' can {describe_motion(drive @ loose)}")
     return ", ".join(found)

@@ -87,7 +87,7 @@ class ObstacleMotions:
         """f_q of the last evaluated state, shape (obstacles, 3) [stress length] (collective).
 
         Args:
-            part: Multipliers that count: all ("z") or their tangential part ("shear").
+            part: Multipliers included: all ("z") or their tangential part ("shear").
         """
         total = np.zeros(self.scales.shape)
         for number, contact in self.pairs:
@@ -137,14 +137,14 @@ def slip_by_motions(contact: Contact, nodes: npt.NDArray[np.bool_]) -> Array:
 
 
 def _moved(where: Array) -> str:
-    """Words for the place of an obstacle, shape (3,); none at the initial position."""
+    """Description of an obstacle's position, shape (3,); "" at the initial position."""
     words = [f"moved by {place(where)}"] if where[:2].any() else []
     words += [f"turned by {where[2]:.4g}"] if where[2] else []
     return ", " + " and ".join(words) if words else ""
 
 
-def in_words(motion: Array) -> str:
-    """Words for a ``motion`` x, y, turn, shape (3,) [length] (local)."""
+def describe_motion(motion: Array) -> str:
+    """Description of a ``motion`` x, y, turn, shape (3,) [length] (local)."""
     x, y, turn = motion / np.abs(motion).max()
     if abs(turn) < 0.1:
         return f"move along {place((x + 0.0, y + 0.0))}"

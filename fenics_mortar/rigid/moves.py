@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Rigid move towards contact: closest to a given move, limited by the gaps of all nodes."""
+"""Rigid moves towards contact: closest to a given move, limited by the gaps of all nodes."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from fenics_mortar.utils.arrays import Array
 def closest_move(
     wanted: Array, closing: Sequence[Array], contacts: Sequence[Contact], back: Array | None = None
 ) -> Array:
-    """The move closest to ``wanted`` that lets no node overlap by more than a little (local).
+    """The move closest to ``wanted`` without overlaps above ``RIGID.overlap`` (local).
 
     Args:
         wanted: Coefficients of the motions, shape (n,) [length].
         closing: Closing rates of the gaps of each contact, shape (slave nodes, n) each [1].
-        contacts: The contacts, evaluated; overlaps up to ``RIGID.overlap`` are admitted.
+        contacts: The contacts, evaluated.
         back: Direction in which the move may have no component, shape (n,); none by default.
 
     Returns:
@@ -52,7 +52,7 @@ def closest_below(wanted: Array, rows: Array, room: Array) -> Array:
     excess = rows @ wanted - room
     if not (excess > 0.0).any():
         return wanted
-    from scipy.optimize import nnls  # a tenth of the time of the package's import
+    from scipy.optimize import nnls  # imported on first use: a tenth of the package's import time
 
     system = np.vstack([-rows.T, excess])
     target = np.zeros(wanted.size + 1)

@@ -10,7 +10,7 @@ from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING
 
 @dataclass(frozen=True)
 class RigidOptions:
-    """Thresholds that floating bodies and driven obstacles share.
+    """Thresholds common to floating bodies and driven obstacles.
 
     Attributes:
         resisted: Contact resists a motion if it changes gaps, or the slip of sticking nodes, by
@@ -20,24 +20,33 @@ class RigidOptions:
         stiffness_rounding: Resultants over stiffness times size that are roundoff of the bulk
             residual [1].
         negligible: Resultants below this fraction of the forces are within the error of the
-            discretization [1]: 0.5 %. Springs may carry them; obstacles, whose normals are exact,
-            feel such an error of the slave's facets.
-        slight: Resultants below this fraction of the forces are small beside the error of contact
-            forces along averaged normals, and beside ``negligible`` [1]. Springs may not carry more
-            on a body that slides at its friction limit: nothing else would stop it.
+            discretization [1]: 0.5 %. Springs may carry them. Obstacles, whose normals are exact,
+            are subject to such an error of the slave's facets.
+        slight: Resultants below this fraction of the forces are small compared with the error of
+            contact forces along averaged normals, and with ``negligible`` [1]. Springs may not
+            carry more on a body that slides at its friction limit, since they alone would stop it.
         normals_err: Error of contact forces along averaged normals of two meshes [1].
-        overlap: Motions before a solve end with nodes this deep inside, over their length [1], so
-            that they are active. Bodies that move by less are at rest, with springs as well.
+        overlap: Overlap of nodes over their length at the end of motions before a solve [1], so
+            that the nodes are active. Bodies that move by less are considered at rest, also with
+            springs.
         largest_move: Largest motion in one move over the size of the body [1]: gaps are linear in
-            smaller ones.
-        max_moves: Moves before a solve.
-        max_creeping: Moves in a row, all shorter than ``overlap``, after which contact has stopped
-            the bodies but for a creep, as of a disk in a ring, which Newton's method does better.
+            smaller motions.
+        max_moves: Largest number of moves before a solve.
+        max_creeping: Number of successive moves, all shorter than ``overlap``, after which the
+            bodies are considered stopped. A remaining creep, such as that of a disk in a ring, is
+            left to Newton's method.
         followed: Relative singular-value cutoff of the least-squares fit to nodes that stick [1]:
-            combinations of motions that move them less than others, as rolling, are left to the
-            solve.
-        sliver: Length over the shortest facet that counts as zero [1]: the advance of an obstacle
-            in a move, or the overlap of surfaces that slip off each other.
+            combinations of motions with small slip, such as rolling, are left to the solve.
+        elongation: Elongation of anchored springs per solve [shortest facets].
+        recovery: Factor by which a smaller elongation grows after a solve [1]; after a failure it
+            shrinks by the cube of this factor.
+        max_solves: Largest number of solves with springs.
+        max_failures: Number of failures in a row after which the solve fails: the elongation is
+            below 1e-4 facets then.
+        repeats: Number of solves with springs that remain: contact forces then are as large as
+            possible.
+        sliver: Length over the shortest facet that is considered zero [1]: the advance of an
+            obstacle in a move, or the overlap of surfaces that slip off each other.
     """
 
     resisted: float = 1e-3
@@ -51,6 +60,11 @@ class RigidOptions:
     max_moves: int = 200
     max_creeping: int = 10
     followed: float = 0.5
+    elongation: float = 0.25
+    recovery: float = 2.0
+    max_solves: int = 24
+    max_failures: int = 5
+    repeats: int = 3
     sliver: float = 1e-3
 
 

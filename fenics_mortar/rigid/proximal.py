@@ -2,15 +2,15 @@
 """The proximal point method for bodies and obstacles that roll or slide, with anchored springs.
 
 If contact hardly resists a rigid motion, for instance of a polygon that rolls from facet to facet,
-a Newton step along it is far too long. Anchored springs limit it: a solve with springs converges,
-the springs are anchored at the new positions, and so on until the bodies stay (proximal point
-method, Rockafellar 1976). For conservative forces each solve lowers the potential, so the method
-ends in a minimum. The last solve is without springs.
+a Newton step along it is far too long. Anchored springs limit the step: a solve with springs
+converges, the springs are anchored at the new positions, and so on until the bodies come to rest
+(proximal point method, Rockafellar 1976). With conservative forces each solve decreases the
+potential, and the method converges to a minimum. The last solve is without springs.
 
 Contact forces on facets are not exactly conservative, since they act along averaged normals. The
-error may drive a rolling disk, which then has no equilibrium near by. In this case weak springs
-remain, and the report states their force. They may not remain on a body that slides on all of its
-nodes with friction, since they would stop a steady slide.
+error may drive a rolling disk, which then has no equilibrium nearby. In this case weak springs
+remain, and the report states their force. Springs may not remain on a body whose nodes with
+friction all slide, since they would stop a steady slide.
 """
 
 from __future__ import annotations
@@ -21,18 +21,10 @@ from typing import Any, NamedTuple, Protocol
 
 from fenics_mortar.newton.loop import Equations, solve
 from fenics_mortar.newton.options import NewtonOptions
-from fenics_mortar.newton.report import NewtonReport, after
+from fenics_mortar.newton.report import NewtonReport, then_solve
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.errors import NotConvergedError
 from fenics_mortar.utils.rounding import SOLVED
-
-# Elongation of the springs per solve [shortest facets].
-ELONGATION = 0.25
-# Factors of the elongation after a failed and after a successful solve.
-BACK_OFF, GROWTH = 0.125, 2.0
-MAX_SOLVES, MAX_FAILURES = 24, 5
-# Number of solves with springs that remain: contact then carries all that it can.
-REPEATS = 3
 
 
 class Remaining(NamedTuple):
@@ -40,8 +32,8 @@ class Remaining(NamedTuple):
 
     Attributes:
         fraction: Largest force of springs over the contact force on a body or obstacle [1].
-        sliding: The largest on bodies that slide on all of their nodes with friction [1].
-        words: A sentence that names all of them.
+        sliding: Largest such force on bodies whose nodes with friction all slide [1].
+        words: A sentence with the names of all these bodies and obstacles.
     """
 
     fraction: float
@@ -103,11 +95,11 @@ def solve_with_springs(
     arrived = equations.state()
     equations.springs.remove_springs()
     try:
-        return after(report, partial(solve, equations, options))
+        return then_solve(report, partial(solve, equations, options))
     except NotConvergedError as error:
         equations.restore(arrived)
         again = NotConvergedError(failed.report.reason, error.report)
-        return solve_with_weak_springs(equations, options, again, repeats=REPEATS)
+        return solve_with_weak_springs(equations, options, again, repeats=RIGID.repeats)
 
 
 def solve_with_weak_springs(
@@ -126,18 +118,18 @@ def solve_with_weak_springs(
         failed: Error of the solve without springs.
         repeats: Number of solves, each with springs anchored at the result of the last one.
         max_fraction: Largest force of springs over the contact force on a body [1];
-            ``RIGID.slight`` on bodies that slide on all of their nodes with friction.
+            ``RIGID.slight`` on bodies whose nodes with friction all slide.
 
     Returns:
         The record of all iterations, including those of ``failed``.
 
     Raises:
-        NotConvergedError: On all ranks, if a solve fails or springs carry more.
+        NotConvergedError: On all ranks, if a solve fails or the force of springs is larger.
     """
     report = failed.report
     for _ in range(repeats):
-        equations.springs.anchor(ELONGATION)
-        report = after(report, partial(solve, equations, options))
+        equations.springs.anchor(RIGID.elongation)
+        report = then_solve(report, partial(solve, equations, options))
     carried = equations.springs.remaining()
     if carried.fraction > max_fraction:
         raise NotConvergedError(f"{failed}; {carried.words}", report) from failed
@@ -151,22 +143,22 @@ def solve_with_weak_springs(
 def _move_on_springs(
     equations: WithSprings, options: NewtonOptions, failed: NotConvergedError
 ) -> NewtonReport:
-    """Solve with springs until their elongation vanishes, at most ``MAX_SOLVES`` times."""
-    # the last solve, without springs, has the tolerance of the user
+    """Solve with springs until their elongation vanishes, at most ``RIGID.max_solves`` times."""
+    # the last solve, without springs, uses the user's tolerance
     rough = replace(options, residual_tolerance=max(SOLVED, options.residual_tolerance))
-    report, aim, failures = failed.report, ELONGATION, 0
-    for _ in range(MAX_SOLVES):
+    report, aim, failures = failed.report, RIGID.elongation, 0
+    for _ in range(RIGID.max_solves):
         start = equations.state()
         equations.springs.anchor(aim)
         try:
-            report = after(report, partial(solve, equations, rough))
+            report = then_solve(report, partial(solve, equations, rough))
         except NotConvergedError as error:
-            report, aim, failures = error.report, BACK_OFF * aim, failures + 1
+            report, aim, failures = error.report, aim / RIGID.recovery**3, failures + 1
             equations.restore(start)
-            if failures == MAX_FAILURES:
+            if failures == RIGID.max_failures:
                 raise NotConvergedError(failed.report.reason, report) from error
             continue
-        if equations.springs.max_motion() < RIGID.overlap * aim / ELONGATION:
+        if equations.springs.max_motion() < RIGID.overlap * aim / RIGID.elongation:
             break
-        aim, failures = min(GROWTH * aim, ELONGATION), 0
+        aim, failures = min(RIGID.recovery * aim, RIGID.elongation), 0
     return report

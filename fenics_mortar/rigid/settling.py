@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Moves of driven obstacles before a solve, and their slide in a solve.
+"""Moves of driven obstacles before a solve, and their slide during a solve.
 
 An obstacle without contact is moved until contact stops it. An obstacle on sticking nodes follows
 the prescribed motions, for instance a wheel that is turned.
@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from fenics_mortar.contact.rows import gap_by_motions
-from fenics_mortar.rigid.motions import ObstacleMotions, in_words, slip_by_motions
+from fenics_mortar.rigid.motions import ObstacleMotions, describe_motion, slip_by_motions
 from fenics_mortar.rigid.moves import closest_move
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array
@@ -21,11 +21,11 @@ from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
 def follow(motions: ObstacleMotions) -> Array:
-    """Moves of driven obstacles that follow prescribed motions, so that nodes stick (local).
+    """Moves of driven obstacles with prescribed motions, such that nodes stick (local).
 
-    Otherwise all nodes would slide by an undetermined distance. The move minimizes slip and opening
-    of the sticking nodes; slip alone would not determine a motion along their normals. Operators
-    are those of the present state.
+    Without these moves all nodes would slide by an undetermined distance. A move minimizes slip and
+    opening of the sticking nodes; slip alone would not determine a motion along their normals.
+    Operators are those of the present state.
 
     Returns:
         Shape (obstacles, 3) [length].
@@ -37,7 +37,7 @@ def follow(motions: ObstacleMotions) -> Array:
         along = np.concatenate([slip_by_motions(c, c.sticking) for c in mine])
         across = np.concatenate([gap_by_motions(c.now)[c.sticking] for c in mine])
         rows = np.concatenate([along, across])[:, driven]
-        sizes = np.linalg.norm(rows, axis=0)  # a turn has other units than a translation
+        sizes = np.linalg.norm(rows, axis=0)  # units of turn and translation differ
         sizes[sizes == 0.0] = 1.0
         wanted = np.concatenate([-slip, np.zeros(slip.size)])
         moves[number, driven] = (
@@ -51,13 +51,13 @@ def settle(motions: ObstacleMotions, evaluate: Callable[[], object]) -> list[str
 
     Args:
         motions: The obstacles.
-        evaluate: Evaluates the contacts at the present state.
+        evaluate: Function that evaluates the contacts at the present state.
 
     Returns:
         A sentence for each obstacle that was moved.
 
     Raises:
-        MortarError: On all ranks, if nothing stops an obstacle.
+        MortarError: On all ranks, if no contact stops an obstacle.
     """
     moved = dict[str, None]()
     for _ in range(RIGID.max_moves):
@@ -70,7 +70,7 @@ def settle(motions: ObstacleMotions, evaluate: Callable[[], object]) -> list[str
         motions.move(moves)
     free = moving[0]
     raise MortarError(
-        f"obstacle '{motions.obstacles[free].name}' can {in_words(moves[free])} freely: its "
+        f"obstacle '{motions.obstacles[free].name}' can {describe_motion(moves[free])} freely: its "
         "push drives it, and no contact stops it; prescribe that motion by move()"
     )
 
@@ -78,8 +78,9 @@ def settle(motions: ObstacleMotions, evaluate: Callable[[], object]) -> list[str
 def _next_move(motions: ObstacleMotions, number: int) -> Array:
     """Motion of an obstacle towards contact, (3,) [length]; zero if loaded or not driven.
 
-    The motion closest to the push that lets no node overlap by more than ``RIGID.overlap`` and on
-    which the push does positive work. Its potential is linear, so no move is ever reversed.
+    The motion closest to the push for which no node overlaps by more than ``RIGID.overlap`` and the
+    push does positive work. The potential of the push is linear; therefore no move is reversed
+    later.
     """
     contacts = motions.contacts_of(number)
     driven, push = motions.driven[number], motions.push()[number]
@@ -96,10 +97,10 @@ def _next_move(motions: ObstacleMotions, number: int) -> Array:
     return np.zeros(3)
 
 
-def own_slide(motions: ObstacleMotions, start: Array) -> float:
-    """Slide of obstacles along driven motions, over the width of their contact [1] (local).
+def slide_along_driven(motions: ObstacleMotions, start: Array) -> float:
+    """Largest slide of obstacles along driven motions, over their contact width [1] (local).
 
-    The largest of all obstacles; zero for obstacles with a node that sticks or has no friction.
+    Zero for obstacles with a node that sticks or has no friction.
 
     Args:
         motions: The obstacles.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Springs on bodies and obstacles: anchored springs of ``proximal``, and tangent springs.
 
-An anchored spring is part of the residual until it is taken away. A tangent spring regularizes a
+An anchored spring is part of the residual until it is removed. A tangent spring regularizes a
 motion that active contact does not resist. Its stiffness is in proportion to the force that drives
 the motion, so it vanishes at equilibrium (Levenberg-Marquardt), and the converged solution is
 unaffected.
@@ -20,6 +20,7 @@ from fenics_mortar.bulk.bodies import resistance
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array, Flags, Value
+from fenics_mortar.utils.rounding import TINY
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Springs(Value):
 
 
 def anchored_stiffness(drive: Array, err: Array, length: float, stiffness: Array) -> Array:
-    """Stiffness of springs that given forces elongate by a given length, (n,) [stress] (local).
+    """Stiffness of springs with a given elongation under given forces, (n,) [stress] (local).
 
     Args:
         drive: Forces that drive the motions, shape (n,) [stress length].
@@ -70,7 +71,7 @@ def tangent_stiffness(drive: Array, force: float) -> float:
         drive: Resultant along the regularized motions, shape (n,) [stress length].
         force: Size of all forces [stress length].
     """
-    relative = float(np.linalg.norm(drive)) / max(force, 1e-300)
+    relative = float(np.linalg.norm(drive)) / max(force, TINY)
     return float(np.clip(relative, RIGID.weakest_spring, 1.0))
 
 
@@ -85,7 +86,7 @@ def unresisted(responses: Array) -> Array:
 
 
 def slides(nodes: Sequence[tuple[Contact, Flags]]) -> bool:
-    """Whether a body slides on all of its nodes with friction (local).
+    """Whether all nodes of a body with friction slide (local).
 
     Args:
         nodes: Contacts of the body, each with the slave nodes that act on it, (slave nodes,).

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Derivatives of solutions by loads, material, laws and shapes, through the steps of a path.
+"""Sensitivities of solutions to loads, material, laws and shapes, through the steps of a path.
 
-Input are a solved problem or a recorded path, an objective and controls. Output are the derivatives
-of the objective by the controls, exact at the active sets and branches of the states: by the
-adjoint method (``fm.gradient``) or in one direction (``fm.tangent_linear``). Controls, quantities
-and functions of the values of all steps are attributes of this package.
+Input: a solved problem or a recorded path, an objective and controls. Output: the derivatives of
+the objective with respect to the controls, exact at the active sets and branches of the states: by
+the adjoint method (``fm.gradient``) or in one direction (``fm.tangent_linear``). Controls,
+quantities and functions of the values of all steps are attributes of this package.
 """
 
 from fenics_mortar.sensitivity.controls import (

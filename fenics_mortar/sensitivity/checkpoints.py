@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Displacements of the steps of a path: all of them, or some from which others are computed again.
+"""Displacements of the steps of a path: all, or some from which the others are recomputed.
 
-With a spacing n, those of the steps 0, n, 2n, ... are kept, in memory or in files. The steps
-between two of them are solved again when one is visited, so that a sweep through a path of N steps
-solves each step once more and holds N / n + n displacements. Interface states are small and always
-kept.
+With a spacing n, the displacements of the steps 0, n, 2n, ... are stored, in memory or in files.
+The steps between two stored ones are solved again when one of them is visited. A sweep through a
+path of N steps therefore solves each step once more and stores N / n + n displacements. Interface
+states are small and always stored.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ class Checkpoints:
 
     Args:
         comm: Communicator.
-        every: Spacing of the kept steps, at least 1.
-        folder: Folder of the files, one per kept step and rank; ``None``: in memory.
+        every: Spacing of the stored steps, at least 1.
+        folder: Folder of the files, one per stored step and rank; ``None``: in memory.
 
     Raises:
-        ValueError: If ``every`` is no such number, or ``folder`` no name.
+        ValueError: If ``every`` is not such a number, or ``folder`` is no name.
         MortarError: On all ranks, if the folder cannot be created.
     """
 
@@ -49,11 +49,11 @@ class Checkpoints:
 
     @property
     def drops(self) -> bool:
-        """Whether records go without their displacement."""
+        """Whether records are stored without their displacement."""
         return self.every > 1 or self._folder is not None
 
     def put(self, number: int, u: Array) -> None:
-        """Keep the displacement of a step if it is one of those kept.
+        """Store the displacement of a step if its number is a multiple of the spacing.
 
         Raises:
             MortarError: On all ranks, if the file cannot be written.
@@ -76,7 +76,7 @@ class Checkpoints:
         Args:
             number: Number of the step.
             count: Number of steps.
-            again: Solves a step again from the displacement of the step before it.
+            again: Function that solves a step again from the displacement of the previous step.
 
         Raises:
             MortarError: On all ranks, if a file cannot be read; or any error of ``again``.

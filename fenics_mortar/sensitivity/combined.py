@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Base of the quantities of contact, and functions of quantities."""
+"""Base class of the quantities of contact, and functions of quantities."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from fenics_mortar.utils.arrays import Array
 
 
 class ContactQuantity(ABC):
-    """Base of the quantities of contact; all methods are collective.
+    """Base class of the quantities of contact; all methods are collective.
 
-    They take a ``problem`` at the end of a step, evaluated with ``EXACT``, and the state
-    ``before``, at the start of the step: a ``State``, or its ``History``.
+    Arguments of the methods are a ``problem`` at the end of a step, evaluated with ``EXACT``, and
+    the state ``before``, at the start of the step: a ``State``, or its ``History``.
     """
 
     @abstractmethod
     def value(self, problem: ContactProblem, before: Before = None) -> float:
-        """Value at the present state [own unit]."""
+        """Value at the present state [unit of the quantity]."""
 
     @abstractmethod
     def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
-        """Derivative by the present state."""
+        """Derivative with respect to the present state."""
 
     def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
-        """Derivative by the state before; ``None`` if it is zero."""
+        """Derivative with respect to the state before; ``None`` if it is zero."""
         return None
 
     def by_control(
         self, problem: ContactProblem, control: Any, before: Before = None
     ) -> Array | float:
-        """Derivative by a ``control`` at fixed states; 0.0 where the quantity does not contain it.
+        """Derivative with respect to a ``control`` at fixed states; 0.0 if it is not contained.
 
         Shape of the control's values [unit of the quantity over theirs].
         """
@@ -70,8 +70,8 @@ class Combined(ContactQuantity):
 
     Args:
         parts: The quantities.
-        function: Maps their values (n,) to a number.
-        derivative: Maps their values to the partial derivatives of the function, (n,).
+        function: Function from their values (n,) to a number.
+        derivative: Function from their values to the partial derivatives of ``function``, (n,).
     """
 
     def __init__(

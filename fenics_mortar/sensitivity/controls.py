@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Controls of contact: parameters of laws, offsets, obstacles, nodal positions.
 
-Each gives the derivative of the residuals of one step, of the rows and units of
-``equations.linearized``, at the present state: at fixed displacement, multipliers, sets, and state
-before.
+A control computes the derivative of the residuals of one step, with the rows and units of
+``equations.linearized``, at the present state: at fixed displacement, multipliers, active sets, and
+state before.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ from fenics_mortar.utils.arguments import check_choice, check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
-# The state at the start of the step, or its ``History``, which saves to evaluate it again.
+# The state at the start of the step, or its ``History``, to avoid a second evaluation.
 Before = State | History | None
 
 
 class Control(Protocol):
-    """Values that a solution depends on.
+    """Values on which a solution depends.
 
     Methods take a ``problem`` at the end of a step, evaluated with ``EXACT``, and the state
-    ``before``, at the start of the step, which is needed where slip depends on the control through
-    it: a ``State``, or its ``History``. Values have a shape of their own and are replicated, or are
-    those of the owned dofs of a function if an attribute ``is_distributed`` is true.
+    ``before``, at the start of the step, which is needed if slip depends on the control through
+    this state: a ``State``, or its ``History``. Values are replicated arrays of any shape, or those
+    of the owned dofs of a function if an attribute ``is_distributed`` is true.
 
     Attributes:
         name: Name for messages.
@@ -53,7 +53,7 @@ class Control(Protocol):
     name: str
 
     def get(self, problem: ContactProblem) -> Array:
-        """Present values (local), of shape () if it is one number [their unit]."""
+        """Present values (local), of shape () for a single number [their unit]."""
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """Set the ``values``, equal on all ranks (local)."""
@@ -71,8 +71,8 @@ class Control(Protocol):
 class LawParameter(Control):
     """A parameter of the law of a pair, see ``Law.parameters``.
 
-    A parameter that varies in space, see ``Law.fields``, has its values at the slave nodes at the
-    last solve; ``set`` replaces a function by such values.
+    The values of a parameter that varies in space, see ``Law.fields``, are those at the slave nodes
+    at the last solve; ``set`` replaces a function by such values.
 
     Args:
         pair: Number of the pair.
@@ -139,7 +139,7 @@ class Offset(Control):
 
 
 class Interference(Control):
-    """Mean offset of a pair, which shifts the offsets of all nodes alike.
+    """Mean offset of a pair; a change shifts the offsets of all nodes equally.
 
     Args:
         pair: Number of the pair.
@@ -206,7 +206,7 @@ class _OfObstacle(Control):
 
 
 class ObstaclePlace(_OfObstacle):
-    """Prescribed place (x, y, angle) of an obstacle in this step [length, length, radian].
+    """Prescribed position (x, y, angle) of an obstacle in this step [length, length, radian].
 
     Values of driven motions have no effect.
     """
@@ -218,7 +218,7 @@ class ObstaclePlace(_OfObstacle):
         return self.obstacle.place.copy()
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``; driven motions stay."""
+        """See ``Control``; driven motions are unchanged."""
         self.obstacle.place = np.where(self._mine(problem), values, self.obstacle.place)
 
     def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:
@@ -238,7 +238,7 @@ class ObstacleLoad(_OfObstacle):
         return np.nan_to_num(self.obstacle.load)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``; prescribed motions stay so."""
+        """See ``Control``; prescribed motions remain prescribed."""
         self.obstacle.load = np.where(self._mine(problem), values, np.nan)
 
     def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:

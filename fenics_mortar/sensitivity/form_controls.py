@@ -6,8 +6,8 @@ prescribed values g. A control m may occur in both:
 
     (dR/dm) dm = dr/dm dm  at free dofs,    -dg/dm dm  at prescribed dofs.
 
-g copies numbers of m. Which ones is found by numbering the entries of m: later conditions on a dof
-then overwrite earlier ones as in a solve.
+g contains copies of entries of m. They are identified by numbering the entries of m: later
+conditions on a dof then overwrite earlier ones as in a solve.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class FormControl:
 
     @cached_property
     def _copied(self) -> tuple[Indices, Indices]:
-        """Owned prescribed dofs that copy a number, and the numbers' places; each (k,)."""
+        """Owned prescribed dofs with a copied number, and indices of these numbers; each (k,)."""
         before, found = self._numbers.copy(), []
         for numbers in (np.arange(1.0, before.size + 1.0), np.zeros(before.size)):
             self._numbers[:] = numbers
@@ -79,7 +79,7 @@ class FormControl:
 
     @cached_property
     def occurs(self) -> bool:
-        """Whether residual or prescribed values depend on it."""
+        """Whether residual or prescribed values depend on the control."""
         return self._comm.allreduce(self.is_in_residual or self._copied[0].size > 0)
 
     def get(self, problem: ContactProblem) -> Array:

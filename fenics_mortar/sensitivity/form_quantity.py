@@ -48,11 +48,11 @@ class FormQuantity:
         return self._value.scalar()
 
     def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
-        """Derivative by the state."""
+        """Derivative with respect to the state."""
         return LinearVector(u=self._by_u.transposed())
 
     def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
-        """Derivative by the state before: none."""
+        """Derivative with respect to the state before, which is zero: ``None``."""
         return None
 
     def depends_on(self, control: Any) -> bool:
@@ -63,7 +63,7 @@ class FormQuantity:
     def by_control(
         self, problem: ContactProblem, control: Any, before: Before = None
     ) -> Array | float:
-        """Explicit derivative by a control; zero if the form does not contain it."""
+        """Explicit derivative with respect to a control; zero if the form does not contain it."""
         if not self.depends_on(control):
             return 0.0
         if control.data not in self._by_controls:

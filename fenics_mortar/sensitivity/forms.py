@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Derivatives of UFL forms by the constants and functions in them, assembled.
+"""Derivatives of UFL forms with respect to the constants and functions in them, assembled.
 
-The derivative by a constant c in the direction d is the integral of d(integrand)/dc . d, by a
-function that of UFL's Gateaux derivative. The transposed derivative by a function f is the linear
-form of test functions of the space of f.
+The derivative with respect to a constant c in the direction d is the integral of d(integrand)/dc .
+d, by a function that of UFL's Gateaux derivative. The transposed derivative with respect to a
+function f is the linear form of test functions of the space of f.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class AssembledForm:
 
 
 class FormDerivative(ABC):
-    """Derivative of a form by a constant or a function; all methods are collective.
+    """Derivative of a form with respect to a constant or a function; all methods are collective.
 
     Args:
         mesh: The mesh.
@@ -89,7 +89,7 @@ class FormDerivative(ABC):
 
     @abstractmethod
     def transposed(self, weights: Array | None = None) -> Array:
-        """Derivatives by all numbers of the control.
+        """Derivatives with respect to all numbers of the control.
 
         Args:
             weights: Weights of the values of the test function, shape (owned dofs,), of a form of
@@ -102,7 +102,7 @@ class FormDerivative(ABC):
 
 
 class DerivativeByConstant(FormDerivative):
-    """Derivative by a ``fem.Constant``; see ``FormDerivative``."""
+    """Derivative with respect to a ``fem.Constant``; see ``FormDerivative``."""
 
     @cached_property
     def _direction(self) -> fem.Constant:
@@ -134,7 +134,7 @@ class DerivativeByConstant(FormDerivative):
 
 
 class DerivativeByFunction(FormDerivative):
-    """Derivative by a ``fem.Function``; see ``FormDerivative``."""
+    """Derivative with respect to a ``fem.Function``; see ``FormDerivative``."""
 
     @cached_property
     def _direction(self) -> fem.Function:
@@ -171,7 +171,7 @@ class DerivativeByFunction(FormDerivative):
 
 
 def derivative_by(mesh: Any, form: ufl.Form, control: Any, space: Any = None) -> FormDerivative:
-    """Derivative of a form by a constant or function; see ``FormDerivative``."""
+    """Derivative of a form with respect to a constant or function; see ``FormDerivative``."""
     kind = DerivativeByConstant if isinstance(control, fem.Constant) else DerivativeByFunction
     return kind(mesh, form, control, space)
 

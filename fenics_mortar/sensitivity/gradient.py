@@ -7,10 +7,10 @@ objective f(J_1, ..., J_N), w_k = df/dJ_k,
     A_k^T y_k = w_k dJ_k/ds_k + w_{k+1} dJ_{k+1}/ds_k - (dR_{k+1}/ds_k)^T y_{k+1},
     df/dm = sum_k [w_k dJ_k/dm - (dR_k/dm)^T y_k],             A_k = dR_k/ds_k.
 
-Memories of laws are carried along with the states, see ``memory``. One solve with the transposed
-tangent per step gives the derivatives by all controls. dR_{k+1}/ds_k
-is the history: partners, slip and shear of the accepted state; without friction it vanishes, and
-steps without weight are left out.
+Memories of laws are propagated with the states, see ``memory``. One solve with the transposed
+tangent per step gives the derivatives with respect to all controls. dR_{k+1}/ds_k is the history:
+partners, slip and shear of the accepted state; without friction it vanishes, and steps without
+weight are left out.
 """
 
 from __future__ import annotations
@@ -46,27 +46,25 @@ from fenics_mortar.sensitivity.protocols import (
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import together
 
-# Number of values up to which a derivative is printed.
-PRINTED = 8
-
 
 @dataclass(frozen=True)
 class Gradient:
-    """Derivatives of an objective by controls.
+    """Derivatives of an objective with respect to controls.
 
-    ``gradient[control]`` is the derivative by a control: an array of the shape of a constant, the
-    derivatives by all nodal values of a function as a function of its space (the dual vector; for
-    the gradient in L2 solve with the mass matrix), and an array for controls of contact.
+    ``gradient[control]`` is the derivative with respect to a control: an array of the shape of a
+    constant, the derivatives with respect to all nodal values of a function as a function of its
+    space (the dual vector; for the gradient in L2 solve with the mass matrix), and an array for
+    controls of contact.
 
     Attributes:
         value: The objective.
         values: Values of the quantities, shape (steps, quantities); nan in steps that the objective
             does not depend on.
         controls: The controls as given.
-        by_step: Contributions of the steps: for each control a list of arrays, the derivatives by
-            the value in this step alone. Their sum is the derivative by a value of all steps.
-            Functions: values of the owned dofs.
-        kinks: Undecided nodes and the nodes nearest to a change of set; see ``kinks``.
+        by_step: Contributions of the steps: for each control a list of arrays, the derivatives with
+            respect to the value in this step alone. Their sum is the derivative with respect to a
+            value of all steps. Functions: values of the owned dofs.
+        kinks: Undecided nodes and the nodes closest to a change of set; see ``kinks``.
     """
 
     value: float
@@ -76,22 +74,25 @@ class Gradient:
     kinks: tuple[Kink, ...]
 
     def __getitem__(self, control: Any) -> Any:
-        """Derivative by a control (collective for functions).
+        """Derivative with respect to a control (collective for functions).
 
         Raises:
-            KeyError: If it is none of ``controls``.
+            KeyError: If it is not one of ``controls``.
         """
         for given, parts in zip(self.controls, self.by_step, strict=True):
             if given is control:
                 return in_own_space(control, sum(parts[1:], parts[0]))
-        raise KeyError(f"{control!r} is none of the controls of this gradient")
+        raise KeyError(f"{control!r} is not one of the controls of this gradient")
 
     def __str__(self) -> str:
-        """Objective and a line for each control (local); fields are not printed."""
+        """Objective and a line for each control (local).
+
+        Fields, and derivatives of more than 8 values, are not printed.
+        """
         lines = [f"objective {self.value:.6g}"]
         for number, (control, parts) in enumerate(zip(self.controls, self.by_step, strict=True)):
             derivative = np.asarray(sum(parts[1:], parts[0]))
-            is_field = isinstance(control, fem.Function) or derivative.size > PRINTED
+            is_field = isinstance(control, fem.Function) or derivative.size > 8
             text = f"{derivative.size} values" if is_field else np.array2string(derivative)
             name = getattr(control, "name", type(control).__name__)
             lines.append(f"by control {number}, {name}: {text}")
@@ -99,7 +100,7 @@ class Gradient:
 
     @property
     def undecided(self) -> tuple[Kink, ...]:
-        """Nodes on a kink, where the gradient is one of several."""
+        """Nodes on a kink, where the gradient is not unique."""
         return tuple(kink for kink in self.kinks if kink.is_undecided)
 
     @property
@@ -124,25 +125,25 @@ def gradient(
     *,
     over_steps: OverSteps = last,
 ) -> Gradient:
-    """Derivatives of an objective by controls (collective).
+    """Derivatives of an objective with respect to controls (collective).
 
     Args:
         objective: A scalar UFL form of the displacement and other fields, or a quantity of contact
             such as ``TotalForce``; or a list of them.
         controls: A control or a list of them: constants and functions of the residual and of
             Dirichlet conditions, and parameters of contact such as ``LawParameter``.
-        path: A recorded path, or a solved problem: then the objective is that of its present state,
-            and the state that slip counts from is given.
+        path: A recorded path, or a solved problem. For a problem the objective is that of its
+            present state, and the state from which slip is counted is fixed.
         over_steps: The objective as a function of the quantities' values in the steps; the sum of
             the quantities in the last step by default. See ``over_steps``.
 
     Returns:
-        Objective and derivatives. The problem is in its present state again.
+        Objective and derivatives. The state of the problem is restored.
 
     Raises:
         ValueError: If an argument is of another type, or nothing depends on a control.
         MortarError: On all ranks, if the path has no steps, a tangent is singular, or rigid moves
-            between steps changed the state that slip counts from.
+            between steps changed the state from which slip is counted.
     """
     path = recorded(path)
     problem = path.problem
@@ -173,7 +174,7 @@ def recorded(path: Any) -> RecordedPath:
 def _backwards(
     path: RecordedPath, quantities: Sequence[Quantity], weights: Array, controls: Sequence[Control]
 ) -> tuple[list[list[Array]], list[Kink]]:
-    """Contributions of the steps to the derivatives by each control, and kinks (collective)."""
+    """Contributions of the steps to the derivatives, for each control, and kinks (collective)."""
     problem = path.problem
     by_step: list[list[Array]] = [[] for _ in controls]
     kinks: list[Kink] = []

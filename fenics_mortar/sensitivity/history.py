@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Derivative of a step's residuals by the state at its start, that slip is counted from."""
+"""Derivative of a step's residuals with respect to the state at the start of the step."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from fenics_mortar.utils.rounding import ROUNDING
 
 
 class History:
-    """Derivative of the residuals of the present state by the state before; collective methods.
+    """Derivative of the present residuals with respect to the state before; collective methods.
 
     Rows and units are those of ``equations.linearized``. Only rows of multipliers of pairs with
     friction depend on the state before: through their partners, and through the shear of redundant
-    sticks. Sets are fixed, and the memory of laws, see ``memory``.
+    sticks. Active sets are fixed, and so is the memory of laws, see ``memory``.
 
     Args:
         problem: The problem, at the end of a step, with operators of the linearization ``EXACT``.
@@ -41,13 +41,13 @@ class History:
 
     Attributes:
         any: Whether any row depends on the state before.
-        pairs: Derivatives of the pairs, by their numbers.
+        pairs: Derivatives of the pairs, with respect to their numbers.
         earlier: States before of the pairs, by their numbers.
 
     Raises:
-        MortarError: On all ranks, if slip does not count from that state, as after a rigid move of
-            a body or of an obstacle before the solve; if operators lack derivatives; or for laws
-            without sensitivities, see ``check_law``.
+        MortarError: On all ranks, if slip is not counted from that state, for example after a rigid
+            move of a body or of an obstacle before the solve; if operators lack derivatives; or for
+            laws without sensitivities, see ``check_law``.
     """
 
     def __init__(self, problem: ContactProblem, before: State) -> None:
@@ -82,21 +82,21 @@ def has_history(contact: Any) -> bool:
     if not isinstance(contact, Contact):
         return False
     law = contact.pair.law
-    return bool(law.has_friction or law.memory or law.sees_nodes)
+    return bool(law.has_friction or law.memory or law.needs_nodal_state)
 
 
 def earlier_of(e: ContactEquations, i: int, contact: Contact, before: State) -> Earlier:
     """State before of pair ``i``; its partners have to be those of the step (collective).
 
     Raises:
-        MortarError: On all ranks, if slip counts from another state.
+        MortarError: On all ranks, if slip is counted from another state.
     """
     place = None
     if contact.obstacle is not None:
         place = before.places[e.motions.obstacles.index(contact.obstacle)]
     earlier = Earlier(contact, before.u, before.interfaces[i], place)
     measure = contact.slip_measure
-    with earlier.at_its_place():
+    with earlier.at_earlier_position():
         found = find_partners(
             earlier.operators, earlier.fields.covered, earlier.touches, measure,
             master_planes=contact.master_planes,
@@ -106,7 +106,7 @@ def earlier_of(e: ContactEquations, i: int, contact: Contact, before: State) -> 
     apart = max(apart, np.abs(found.start - given.start).max())
     if not apart <= ROUNDING * contact.slave.extent:
         raise MortarError(
-            f"the slip of {contact.pair!r} does not count from the state before, but from one that "
-            f"differs by {apart:.3g}: bodies or obstacles were moved before the solve"
+            f"the slip of {contact.pair!r} is not counted from the state before, but from one "
+            f"that differs by {apart:.3g}: bodies or obstacles were moved before the solve"
         )
     return earlier

@@ -36,7 +36,7 @@ Change = Literal["opens", "closes", "slides", "sticks", "cover"]
 
 @dataclass(frozen=True)
 class Kink:
-    """The node of a pair and step that is nearest to a change of a set.
+    """The node of a pair and step closest to a change of a set.
 
     Attributes:
         distance: Distance from the change [1], see ``kinks``.
@@ -60,7 +60,7 @@ class Kink:
         return self.distance <= KINK
 
     def __str__(self) -> str:
-        """Node, change and distance in words."""
+        """Node, change and distance as text."""
         x, y = self.place
         return (
             f"step {self.step}, pair {self.pair}: node {self.node} at ({x:.4g}, {y:.4g}) "

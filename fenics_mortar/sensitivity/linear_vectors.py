@@ -13,7 +13,7 @@ Term = tuple[float, LinearVector]
 
 
 def combine(terms: Iterable[Term]) -> LinearVector:
-    """The sum of factor times vector; parts that are zero in all vectors stay ``None`` (local)."""
+    """Sum of factor times vector; parts that are ``None`` in all vectors are ``None`` (local)."""
     u: Array | None = None
     z: list[Array] | None = None
     q: Array | None = None

@@ -8,7 +8,7 @@ from fenics_mortar.problem import ContactProblem
 
 
 def linearize(problem: ContactProblem) -> LinearizedEquations:
-    """A = dR/ds at the present state, which has to be evaluated; factored once (collective)."""
+    """A = dR/ds at the present, evaluated state; factorized once (collective)."""
     e = problem.equations
     e.bulk.free_garbage()
     return LinearizedEquations(e.bulk, e.contacts, e.motions, e.system)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Memory of the laws along a path: its derivatives, carried from step to step.
+"""Derivatives of the memory of laws, propagated from step to step of a path.
 
 With the memory h_k at the end of step k, the equations are R_k(s_k, s_{k-1}, h_{k-1}, m) = 0 and
-h_k = H_k(s_k, s_{k-1}, h_{k-1}, m). Changes dh_k of the memory are carried forwards, gradients c_k
-by it backwards. Both are dictionaries of arrays (names, slave nodes) by the number of the pair,
-replicated; without laws with memory they are empty, and all results zero.
+h_k = H_k(s_k, s_{k-1}, h_{k-1}, m). Changes dh_k of the memory are propagated forwards, gradients
+c_k with respect to the memory backwards. Both are dictionaries of replicated arrays
+(names, slave nodes) by the number of the pair; without laws with memory they are empty, and all
+results are zero.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
 Memories = dict[int, Array]
-# Controls that act on the memory through the state alone.
+# Controls that affect the memory through the state only.
 WITHOUT_MEMORY = (FormControl, ObstaclePlace, ObstacleLoad)
 
 
@@ -43,7 +44,7 @@ class StepMemory:
 
     Args:
         problem: The problem, at the end of a step, evaluated with ``EXACT``.
-        before: ``History`` of the step; another value if the state before is given.
+        before: ``History`` of the step; any other value if the state before is fixed.
     """
 
     def __init__(self, problem: ContactProblem, before: Before) -> None:
@@ -62,7 +63,7 @@ class StepMemory:
         """Change of the memory at the end of the step.
 
         Args:
-            dh: Change of the memory before, empty if it is given.
+            dh: Change of the memory before, empty if it is fixed.
             ds: Change of the state.
             earlier: Change of the state before.
             by_controls: Results of ``along_control``.
@@ -83,11 +84,11 @@ class StepMemory:
         return from_rows(self._equations, rows)
 
     def state_back(self, c: Memories) -> LinearVector:
-        """Gradient by the state at the end of the step."""
+        """Gradient with respect to the state at the end of the step."""
         return self._vector({i: self._pairs[i].state_back(values) for i, values in c.items()})
 
     def before_back(self, c: Memories) -> LinearVector:
-        """Gradient by the state before."""
+        """Gradient with respect to the state before."""
         made = {i: self._pairs[i].before_back(values) for i, values in c.items()}
         return self._vector({i: pair for i, pair in made.items() if pair is not None})
 
@@ -100,7 +101,7 @@ class StepMemory:
         return total
 
     def memory_back(self, c: Memories, y: LinearVector) -> Memories:
-        """Gradient by the memory before, less that of the residuals times ``y``."""
+        """Gradient with respect to the memory before, minus that of the residuals times ``y``."""
         found = {}
         for i, pair in self._pairs.items():
             found[i] = -pair.rows_back(rows_at(y, i, self._equations.contacts[i]))
@@ -160,10 +161,11 @@ def has_memory(contact: object) -> bool:
 
 
 def check_memory_control(contacts: object, control: Control) -> None:
-    """Refuse controls whose effect on the memory of a law is not known (local).
+    """Reject controls whose effect on the memory of a law is not known (local).
 
     Raises:
-        MortarError: If a law has memory, and the control is none of the package or moves nodes.
+        MortarError: If a law has memory, and the control is not one of the package's or moves
+            nodes.
     """
     known = (*WITHOUT_MEMORY, LawParameter, Offset, Interference, ObstacleShape)
     if isinstance(control, known):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Positions of the nodes of the mesh as a control: shape derivatives.
+"""Nodal positions of the mesh as a control: shape derivatives.
 
-Values at the nodes stay while the nodes move. Residual and UFL objectives are differentiated by
-UFL's coordinate derivative; contact depends on the positions x = X + u alone, in the step and in
-the state that slip counts from.
+Nodal values are constant while the nodes move. Residual and UFL objectives are differentiated by
+UFL's coordinate derivative. Contact depends only on the positions x = X + u, at the end of the step
+and in the state from which slip is counted.
 """
 
 from __future__ import annotations
@@ -26,15 +26,13 @@ from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
-NUM_VERTICES = {"triangle": 3, "quadrilateral": 4}
-
 
 class NodalPositions:
     """Positions X of the nodes; all methods are collective.
 
     Values are those of a displacement of the mesh at the owned dofs of ``u``, [length]. Prescribed
     values, loads, offsets, thickness and the choices at set-up do not move with the mesh. The
-    displacement has to be of degree 1, without further unknowns, on straight cells.
+    displacement must be of degree 1, without further unknowns, on straight cells.
     """
 
     name, is_distributed = "nodal positions", True
@@ -48,7 +46,7 @@ class NodalPositions:
         return space.positions()[: space.num_owned].copy()
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """Refused: surfaces and integrals belong to the mesh at set-up.
+        """Raise an error: surfaces and integrals belong to the mesh at set-up.
 
         Raises:
             MortarError: Always.
@@ -88,7 +86,7 @@ class NodalPositions:
 
 
 class _Derivatives:
-    """Derivatives of the residual of the bodies by positions, and of forms of rank 0.
+    """Derivatives, with respect to positions, of the bodies' residual and of forms of rank 0.
 
     Args:
         bulk: The bodies.
@@ -100,7 +98,7 @@ class _Derivatives:
     def __init__(self, bulk: Bulk) -> None:
         space, mesh = bulk.space, bulk.V.mesh
         nodes = compat.dofmap(space.V).shape[1], compat.geometry_dofmap(mesh).shape[1]
-        if space.is_mixed or nodes != 2 * (NUM_VERTICES[compat.cell_name(mesh)],):
+        if space.is_mixed or nodes != 2 * (compat.num_corners(mesh),):
             raise MortarError(
                 "nodal positions as control need displacements of degree 1 on straight cells"
             )

@@ -2,8 +2,8 @@
 """Objectives of a path as functions of the values of quantities in its steps.
 
 Such a function takes the values, shape (steps, quantities), and returns the objective and its
-derivatives by the values, of the same shape. It is local and has to return equal numbers on all
-ranks.
+derivatives with respect to the values, of the same shape. It is local and must return equal numbers
+on all ranks.
 """
 
 from __future__ import annotations
@@ -92,10 +92,10 @@ def evaluate(
 
 
 def _called(over_steps: Any, values: Array) -> tuple[Any, Array]:
-    """Objective and derivatives by the values, as a function of the user returns them (local).
+    """Objective and its derivatives with respect to the values, from a user's function (local).
 
     Raises:
-        ValueError: If it is no such function, or its numbers are not finite.
+        ValueError: If it is not such a function, or its numbers are not finite.
     """
     expected = "expected a function of the values that returns a number and an array"
     if not callable(over_steps):
@@ -110,14 +110,14 @@ def _called(over_steps: Any, values: Array) -> tuple[Any, Array]:
 
 
 def state_before(path: RecordedPath, number: int) -> Before:
-    """The state that step ``number`` starts from, for partial derivatives (collective).
+    """The state from which step ``number`` starts, for partial derivatives (collective).
 
     Args:
         path: The path, at this step.
         number: Number of the step.
 
     Returns:
-        Derivatives by the state, where residuals depend on it and it is a step of the path;
+        The ``History`` of the state, if residuals depend on it and it is a step of the path;
         otherwise the state.
     """
     state = path.before(number)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Base of the quantities of one pair: chain rules from nodal fields to state and controls."""
+"""Base class of the quantities of one pair: chain rules from nodal fields to state and controls."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from fenics_mortar.utils.arrays import Array
 
 
 class PairQuantity(ContactQuantity):
-    """Base of the quantities of one pair, functions of its nodal fields.
+    """Base class of the quantities of one pair, functions of its nodal fields.
 
     Args:
         pair: Number of the pair.
@@ -51,7 +51,7 @@ class PairQuantity(ContactQuantity):
 
     @abstractmethod
     def _by_fields(self, contact: Any) -> ByFields:
-        """Derivative by nodal fields."""
+        """Derivative with respect to nodal fields."""
 
     def value(self, problem: ContactProblem, before: Before = None) -> float:
         """See ``ContactQuantity``."""
@@ -63,7 +63,7 @@ class PairQuantity(ContactQuantity):
         return self._vector(problem, self._by_state(contact))
 
     def _by_state(self, contact: Interface) -> PairVector:
-        """Derivative by the present state at the pair."""
+        """Derivative with respect to the present state at the pair."""
         if isinstance(contact, Contact):
             check_exact(contact)
         return self._by_fields(contact).gradient(contact)
@@ -87,7 +87,7 @@ class PairQuantity(ContactQuantity):
     def by_control(
         self, problem: ContactProblem, control: Any, before: Before = None
     ) -> Array | float:
-        """See ``ContactQuantity``; offsets and shapes of obstacles."""
+        """See ``ContactQuantity``; for offsets and shapes of obstacles."""
         contact = interface_of(problem.equations, self.pair)
         by = self._by_fields(contact)
         if isinstance(control, (Offset, Interference)) and control.pair == self.pair:

@@ -72,10 +72,10 @@ def rows_at(x: LinearVector, i: int, contact: Any) -> Array:
 
 
 def check_pair(pair: Any) -> int:
-    """The number of a pair, refused if it is none (local).
+    """Check the number of a pair and return it (local).
 
     Raises:
-        ValueError: For another value.
+        ValueError: If it is not a number of a pair.
     """
     check_number("pair", pair, "the number of a pair, from 0 on", lambda i: i >= 0, whole=True)
     return int(pair)
@@ -98,7 +98,7 @@ def contact_of(equations: ContactEquations, i: int) -> Contact:
 
     Raises:
         ValueError: If there is no such pair, or it is a tie.
-        MortarError: If derivatives by the state of its law are not implemented.
+        MortarError: If derivatives with respect to the state of its law are not implemented.
     """
     contact = interface_of(equations, i)
     if not isinstance(contact, Contact):
@@ -108,13 +108,13 @@ def contact_of(equations: ContactEquations, i: int) -> Contact:
 
 
 def check_law(contact: Any) -> None:
-    """Raise if a law has an adhesion of more than the gap, or shear of open nodes (local).
+    """Reject laws with an adhesion of more than the gap, or with shear at open nodes (local).
 
     Raises:
         MortarError: For such a law.
     """
     law = contact.pair.law if isinstance(contact, Contact) else None
-    if law is not None and (law.bridges_gap or law.pulls_by_node):
+    if law is not None and (law.bridges_gap or law.has_nodal_adhesion):
         raise MortarError(
             f"{law!r} has an adhesion that depends on more than the gap, or shear at open nodes "
             "(adhesion_at, bridges_gap), which have no sensitivities: expected a law with "
@@ -123,16 +123,17 @@ def check_law(contact: Any) -> None:
 
 
 def check_exact(contact: Any) -> None:
-    """Raise if the operators of a contact lack derivatives (local, equal on all ranks).
+    """Raise an error if the operators of a contact lack derivatives (local, equal on all ranks).
 
     Raises:
         MortarError: If terms of the linearization are left out.
     """
     terms = contact.operators.linearization
     if isinstance(contact, Contact) and contact.pair.sliding == "small":
-        if (contact.now.fades_fast & contact.attracted).any():
+        if (contact.now.decreases_fast & contact.attracted).any():
             raise MortarError(
-                "adhesion that fades fast with sliding='small' has no derivative: expected "
+                "adhesion that decreases fast with the gap has no derivative with "
+                "sliding='small': expected "
                 "sliding='finite'"
             )
     elif terms != EXACT:

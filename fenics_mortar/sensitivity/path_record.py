@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The accepted states of a path, with the values that its solves were given."""
+"""Accepted states of a path, with the loads and data of the solves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dolfinx import fem
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.equations.general import State
-from fenics_mortar.equations.undo import Before, raise_told
+from fenics_mortar.equations.undo import Snapshot, raise_cause
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.checkpoints import Checkpoints
@@ -27,14 +27,14 @@ from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
 
-# Largest difference of multipliers of a step solved twice, over the largest one [1]: errors of
-# solves are far below it, differences from other solutions far above.
-ALIKE = 1e-5
+# Largest difference of the multipliers of a step solved twice, over the largest multiplier [1]:
+# errors of solves are far below, differences from other solutions far above.
+SAME_SOLUTION = 1e-5
 
 
 @dataclass(frozen=True)
 class Step:
-    """An accepted state.
+    """An accepted state with its data.
 
     Attributes:
         state: The state.
@@ -52,7 +52,7 @@ class Step:
 
 
 class Data:
-    """Constants and functions of residual, conditions and laws but the displacement; local.
+    """Constants and functions of residual, conditions and laws except the displacement; local.
 
     Args:
         problem: The problem.
@@ -100,26 +100,25 @@ def _array_of(data: Any) -> Array:
 class RecordedPath:
     """Accepted states of a problem, in the order of their load steps; all methods are collective.
 
-    Slip counts from the state before, so that a path with friction has to be recorded without gaps,
-    one call of ``record`` after each solve::
+    Slip is counted from the state before. A path with friction must therefore be recorded without
+    gaps, with one call of ``record`` after each solve::
 
-        path = fm.RecordedPath(problem)  # at the state that the path begins with
+        path = fm.RecordedPath(problem)  # at the initial state of the path
         fm.follow_path(problem, set_loads, options, on_step=path.record)
         mu = fm.sensitivity.LawParameter(0, "mu")
         gradient = fm.gradient(fm.sensitivity.TotalForce(0, (1.0, 0.0)), [E, mu], path)
 
-    The state at the start is given: derivatives do not go beyond it. Each record contains the
-    displacement, the interface states and the values of all constants and functions of the
-    residual.
+    The initial state is fixed: it has no derivatives. Each record contains the displacement, the
+    interface states and the values of all constants and functions of the residual.
 
     Args:
         problem: The problem, at the start of the path.
-        also: Constants and functions that only the objective depends on and that change between
-            steps.
-        every: Spacing of the displacements that are kept; a visit to a step in between solves the
-            steps since the last one kept again, see ``checkpoints``. All by default.
-        folder: Folder of files for the displacements, one for each step kept and rank, which belong
-            to this run; in memory by default.
+        also: Constants and functions that change between steps and on which only the objective
+            depends.
+        every: Spacing of the stored displacements; at a visit to a step in between, the steps since
+            the last stored one are solved again, see ``checkpoints``. By default all are stored.
+        folder: Folder of files for the displacements, one for each stored step and rank, which
+            belong to this run; by default displacements are stored in memory.
 
     Attributes:
         problem: The problem.
@@ -128,7 +127,7 @@ class RecordedPath:
 
     Raises:
         ValueError: If ``problem`` is of another type, or ``every`` is not at least 1.
-        MortarError: If the problem has inertia, or a law no sensitivities; see ``check_law``.
+        MortarError: If the problem has inertia, or a law has no sensitivities; see ``check_law``.
     """
 
     def __init__(
@@ -154,11 +153,11 @@ class RecordedPath:
         """Add the present state.
 
         Args:
-            arguments: Ignored, so that ``follow_path`` may call this method as its ``on_step``.
+            arguments: Ignored; ``follow_path`` may therefore call this method as its ``on_step``.
 
         Raises:
-            MortarError: On all ranks, if the present state is no solution for the present values of
-                loads, material and laws.
+            MortarError: On all ranks, if the present state is not a solution for the present values
+                of loads, material and laws.
         """
         check_solved(self.problem)
         step = self.present()
@@ -175,10 +174,10 @@ class RecordedPath:
         return Step(self.problem.state(), self._data.values(), laws, shapes, loads)
 
     def state_of(self, number: int) -> State:
-        """State of the step ``number``; moves the problem if it has to be computed again.
+        """State of the step ``number``; changes the state of the problem if it must be recomputed.
 
         Raises:
-            MortarError: On all ranks, if it is another one than that recorded, or not found.
+            MortarError: On all ranks, if it differs from the recorded one, or is not found.
         """
         state = self.steps[number].state
         if not self._checkpoints.drops:
@@ -187,7 +186,7 @@ class RecordedPath:
         return replace(state, u=u)
 
     def before(self, number: int) -> State | None:
-        """State before the step ``number``, see ``state_of``; solves nothing after ``go_to``."""
+        """State before the step ``number``, see ``state_of``; needs no solve after ``go_to``."""
         return self.state_of(number - 1) if number else self.start
 
     def go_to(self, number: int) -> None:
@@ -201,7 +200,7 @@ class RecordedPath:
         """Displacement of a step, solved from that of the step before.
 
         Raises:
-            MortarError: On all ranks, if the interfaces are not those recorded.
+            MortarError: On all ranks, if the interface states differ from the recorded ones.
         """
         problem, step, equations = self.problem, self.steps[number], self.problem.equations
         problem.restore(replace(self.steps[number - 1].state, u=u))
@@ -218,7 +217,8 @@ class RecordedPath:
         found = problem.state()
         if not all(map(_alike, found.interfaces, step.state.interfaces)):
             raise MortarError(
-                f"step {number} was solved again and ended in another state than that recorded: "
+                f"step {number} was solved again and ended in a state that differs from the "
+                f"recorded one: "
                 "record all steps (every=1), or take smaller steps"
             )
         return found.u
@@ -227,7 +227,7 @@ class RecordedPath:
         self._data.put(step.data)
         for contact, law in zip(_with_law(self.problem), step.laws, strict=True):
             vars(contact.pair.law).update(law)
-            contact.take_law()
+            contact.adopt_law()
         for obstacle, load in zip(self.problem.obstacles, step.loads, strict=True):
             if not np.array_equal(obstacle.load, load, equal_nan=True):
                 obstacle.load = load
@@ -238,9 +238,9 @@ class RecordedPath:
 
     @contextmanager
     def visited(self) -> Iterator[None]:
-        """Context of visits to steps, with exact derivatives; it restores all at its end."""
+        """Context of visits to steps, with exact derivatives; changes are reverted at the end."""
         equations = self.problem.equations
-        present, before = self.present(), Before(equations, self.problem.adequacy)
+        present, before = self.present(), Snapshot(equations, self.problem.adequacy)
         residual, linearization = equations.bulk.r.array_r.copy(), equations.linearization
         self._linearization = linearization
         equations.linearization, renew = EXACT, True
@@ -251,15 +251,15 @@ class RecordedPath:
             renew = isinstance(error, RaisedElsewhereError)
             raise
         except BaseException as error:
-            raise_told(error)
+            raise_cause(error)
         finally:
             equations.linearization = linearization
             self._put_values(present)
-            before.take_back(renew=renew)
+            before.revert(renew=renew)
             equations.bulk.r.array[:] = residual
 
     def check(self) -> None:
-        """Refuse a path without steps (local).
+        """Reject a path without steps (local).
 
         Raises:
             MortarError: If nothing was recorded.
@@ -269,14 +269,14 @@ class RecordedPath:
 
 
 def _alike(one: InterfaceState, other: InterfaceState) -> bool:
-    """Whether two states of an interface have the same sets and, to the tolerance, forces."""
+    """Whether two states of an interface have equal sets and, up to a tolerance, equal forces."""
     size = np.abs(other.z).max(initial=0.0)
     sets = np.array_equal(one.active, other.active) and np.array_equal(one.branch, other.branch)
-    return sets and bool((np.abs(one.z - other.z) <= ALIKE * size).all())
+    return sets and bool((np.abs(one.z - other.z) <= SAME_SOLUTION * size).all())
 
 
 def path_of_state(problem: ContactProblem) -> RecordedPath:
-    """Path of the present state alone; the state that slip counts from is given (collective)."""
+    """Path of the present state alone; the state at the start of the step is fixed (collective)."""
     path = RecordedPath(problem)
     path.start = None
     path.record()

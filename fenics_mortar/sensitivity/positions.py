@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Reference positions of the nodes as a control: the part of the contacts."""
+"""Reference positions of the nodes as a control: contributions of the contacts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fenics_mortar.utils.arrays import Array
 
 
 class ContactPositions:
-    """Derivative of the residuals by the positions of the nodes, contacts only.
+    """Derivative of the residuals with respect to the positions of the nodes, contacts only.
 
     Positions are values at the dofs of the displacement. The residuals of the bodies depend on them
     as well; their derivative is not included. See ``sensitivity.partials.positions``.
@@ -25,7 +25,7 @@ class ContactPositions:
         before: State at the start of the step, with friction.
 
     Raises:
-        MortarError: On all ranks, if contact depends on the undeformed mesh otherwise.
+        MortarError: On all ranks, if contact depends on the undeformed mesh in other ways.
     """
 
     def __init__(self, problem: ContactProblem, before: Before = None) -> None:
@@ -53,7 +53,7 @@ class ContactPositions:
         return change
 
     def vjp(self, y: LinearVector) -> Array:
-        """Gradient of the residuals times ``y`` by the positions, (owned dofs,) (collective)."""
+        """Gradient, by the positions, of the residuals times ``y``, (owned dofs,) (collective)."""
         e, gradient = self._equations, zeros(self._equations)
         given = LinearVector(
             None if y.u is None else y.u.copy(), y.z, None if y.q is None else y.q.copy()
@@ -74,7 +74,7 @@ class ContactPositions:
 
 
 def _drop_prescribed(e: ContactEquations, x: LinearVector) -> None:
-    """Set the entries of prescribed dofs and motions to zero: their rows have no forces (local)."""
+    """Set entries of prescribed dofs and motions to zero: their rows contain no forces (local)."""
     if x.u is not None:
         x.u[e.bulk.prescribed_dofs] = 0.0
     if x.q is not None:

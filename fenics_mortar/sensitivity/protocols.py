@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Protocols of controls and quantities, and both from the arguments of users.
+"""Protocols of controls and quantities, and their creation from users' arguments.
 
 R_k(s_k, s_{k-1}, m) = 0 are the equations of step k for its state s_k = (u, z, q), rows and units
-as in ``equations.linearized``; all derivatives are those at fixed active sets and branches, at the
-present state of the problem, which has to be evaluated. All methods are collective.
+as in ``equations.linearized``; all derivatives are taken at fixed active sets and branches, at the
+present, evaluated state of the problem. All methods are collective.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from fenics_mortar.utils.errors import check_same_words
 
 
 class Quantity(Protocol):
-    """A number J(s_k, s_{k-1}, m) that a state has."""
+    """A scalar function J(s_k, s_{k-1}, m) of a state."""
 
     def value(self, problem: ContactProblem, before: Before = None) -> float:
-        """Value at the present state, equal on all ranks."""
+        """Value at the present state [unit of the quantity], equal on all ranks."""
 
     def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
         """dJ/ds_k."""
@@ -46,21 +46,21 @@ class Quantity(Protocol):
 
 
 T = TypeVar("T")
-# Controls and quantities with compiled forms, by bulk and by the UFL object.
+# Cache of controls and quantities with compiled forms, by bulk and UFL object.
 _kept: WeakKeyDictionary[Any, dict[Any, Any]] = WeakKeyDictionary()
 
 
 def controls_of(problem: ContactProblem, given: Any) -> list[Control]:
-    """Controls, made from constants and functions where these are given (local).
+    """Controls; constants and functions are converted (local).
 
     Raises:
-        ValueError: If an object is no control.
+        ValueError: If an object is not a control.
     """
     return [_control_of(problem, control) for control in as_list(given)]
 
 
 def quantities_of(problem: ContactProblem, given: Any) -> list[Quantity]:
-    """Quantities, made from UFL forms where these are given (local).
+    """Quantities; UFL forms are converted (local).
 
     Raises:
         ValueError: If an object is neither a quantity nor a form of rank 0.
@@ -69,7 +69,7 @@ def quantities_of(problem: ContactProblem, given: Any) -> list[Quantity]:
 
 
 def as_list(given: Any) -> list[Any]:
-    """A list of at least one object from one or several of them (local).
+    """A list of at least one object from one object or several (local).
 
     Raises:
         ValueError: If the list is empty.
@@ -83,7 +83,7 @@ def as_list(given: Any) -> list[Any]:
 def check_dependence(
     problem: ContactProblem, quantities: Sequence[Quantity], controls: Sequence[Control]
 ) -> None:
-    """Refuse controls that nothing depends on, or that differ between ranks (collective).
+    """Reject controls without influence, or that differ between ranks (collective).
 
     Raises:
         ValueError: On all ranks.
@@ -114,7 +114,7 @@ def explicit(
 
 
 def dot(problem: ContactProblem, control: Control, one: Array, other: Array) -> float:
-    """Sum of the products of two sets of numbers of a control, equal on all ranks (collective).
+    """Scalar product of two sets of values of a control, equal on all ranks (collective).
 
     Values of controls with a true ``is_distributed`` are those of the owned dofs, others are
     replicated.
@@ -126,13 +126,13 @@ def dot(problem: ContactProblem, control: Control, one: Array, other: Array) -> 
 def _control_of(problem: ContactProblem, control: Any) -> Control:
     bulk = problem.equations.bulk
     if control is bulk.u:
-        raise ValueError("the displacement is an unknown: expected a control that it depends on")
+        raise ValueError("the displacement is an unknown: expected a control on which it depends")
     if isinstance(control, (fem.Constant, fem.Function)):
         return _keep(bulk, control, lambda: FormControl(bulk, control))
     if not hasattr(control, "jvp") or not hasattr(control, "vjp"):
         raise ValueError(
             f"control {control!r}: expected a fem.Constant, a fem.Function or a control of the "
-            "package, as LawParameter(0, 'mu')"
+            f"package, e.g. LawParameter(0, 'mu')"
         )
     return control
 
@@ -148,8 +148,8 @@ def _quantity_of(problem: ContactProblem, quantity: Any) -> Quantity:
         return _keep(bulk, quantity, lambda: FormQuantity(bulk, quantity))
     if not hasattr(quantity, "value") or not hasattr(quantity, "gradient"):
         raise ValueError(
-            f"objective {quantity!r}: expected a scalar UFL form or a quantity of the package, as "
-            "TotalForce(0, (0.0, 1.0))"
+            f"objective {quantity!r}: expected a scalar UFL form or a quantity of the package, "
+            f"e.g. TotalForce(0, (0.0, 1.0))"
         )
     return quantity
 

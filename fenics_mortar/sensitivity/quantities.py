@@ -3,7 +3,7 @@
 
 Nodal quadrature with the weights w_j, the integrals of the multiplier functions over the current
 surface and the thickness, gives int f(p) = sum_j w_j f(p_j); it is exact for f = p. Derivatives are
-those at fixed sets, at the present state of the problem, which has to be evaluated with ``EXACT``.
+taken at fixed sets, at the present state of the problem, which must be evaluated with ``EXACT``.
 All values are equal on all ranks; all methods but constructors and operators are collective.
 
 Sums, products with numbers, and powers of quantities are quantities:
@@ -81,8 +81,9 @@ class PressureFunctional(PairQuantity):
 
     Args:
         pair: Number of the pair.
-        function: Maps the pressures of all slave nodes (slave nodes,) to values, (slave nodes,).
-        derivative: Maps them to the derivatives.
+        function: Function from the pressures of all slave nodes, (slave nodes,) [stress], to values
+            (slave nodes,).
+        derivative: Function from the pressures to the derivatives, (slave nodes,).
     """
 
     def __init__(
@@ -106,7 +107,7 @@ class PressureIntegral(PressureFunctional):
 
     Args:
         pair: Number of the pair.
-        power: A whole number, at least 1.
+        power: Power, a whole number, at least 1.
     """
 
     def __init__(self, pair: int, power: int = 1) -> None:
@@ -117,11 +118,11 @@ class PressureIntegral(PressureFunctional):
 class PeakPressure(PairQuantity):
     """Smooth maximum of the pressure, the norm (sum_j w_j p_j^P / sum_j w_j)^(1/P) [stress].
 
-    Tensile pressures, as under adhesion, count as zero.
+    Tensile pressures, as under adhesion, are replaced by zero.
 
     Args:
         pair: Number of the pair.
-        power: P; the norm is below the maximum and tends to it.
+        power: Exponent P [1]; the norm is below the maximum and tends to it as P increases.
     """
 
     def __init__(self, pair: int, power: float = 8.0) -> None:
@@ -130,7 +131,7 @@ class PeakPressure(PairQuantity):
         self.power = power
 
     def _parts(self, contact: Contact) -> tuple[Array, float, float, float]:
-        """Pressures over the largest, the largest, the sum of weights, mean of the powers."""
+        """Pressures over the largest one, largest pressure, sum of weights, mean of the powers."""
         weight, p = contact.operators.weight, np.maximum(contact.now.z_n, 0.0)
         largest = float(p.max()) or 1.0
         total = float(weight.sum())
@@ -156,7 +157,7 @@ def _checked_nodes(nodes: Any) -> Indices:
     """Numbers of slave nodes as an array (local).
 
     Raises:
-        ValueError: If they are no numbers from 0 on.
+        ValueError: If they are not numbers from 0 on.
     """
     numbers = np.asarray(nodes)
     if numbers.dtype.kind not in "iu" or numbers.ndim != 1 or not numbers.size or numbers.min() < 0:
@@ -165,7 +166,7 @@ def _checked_nodes(nodes: Any) -> Indices:
 
 
 class MeanGap(PairQuantity):
-    """Mean gap of nodes, the sum of their weighted gaps over that of their weights [length].
+    """Mean gap of nodes, the sum of weighted gaps over the sum of weights [length].
 
     Args:
         pair: Number of the pair.
@@ -224,8 +225,8 @@ class FrictionWork(PairQuantity):
 class ContactLength(PairQuantity):
     """Length of the surface in contact, the sum of w_j over active nodes [length].
 
-    It jumps where the active set changes; the derivative at a fixed set is the stretch of the
-    active nodes only. ``effective_length`` is smooth.
+    The length jumps if the active set changes; the derivative at a fixed set is only the stretch of
+    the surface at active nodes. ``effective_length`` is smooth.
 
     Args:
         pair: Number of the pair.
@@ -243,8 +244,8 @@ class ContactLength(PairQuantity):
 def effective_length(pair: int) -> ContactQuantity:
     """Length over which the mean pressure acts, (int p)^2 / int p^2 [length].
 
-    The length in contact if the pressure is uniform, 3 pi^2 / 32 = 0.925 of it if the pressure is
-    Hertz's. It changes continuously with the active set.
+    This is the length in contact for a uniform pressure, and 3 pi^2 / 32 = 0.925 of it for a
+    Hertzian pressure. It changes continuously with the active set.
 
     Args:
         pair: Number of the pair.

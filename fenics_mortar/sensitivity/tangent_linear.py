@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Derivatives in one direction of the controls, forwards through the steps of a path.
+"""Derivatives in one direction of the controls, propagated forwards through the steps of a path.
 
 The derivatives s'_k of the states and f' of the objective along dm are, see ``gradient``,
 
@@ -47,12 +47,12 @@ class TangentLinear:
 
     Attributes:
         value: The objective.
-        derivative: Its derivative.
+        derivative: Derivative of the objective.
         values: Values of the quantities, shape (steps, quantities).
         derivatives: Derivatives of the values, shape (steps, quantities).
         states: Derivatives of the states of all steps, units as in ``equations.linearized`` over
             that of the direction's factor.
-        kinks: Undecided nodes and the nodes nearest to a change of set; see ``kinks``.
+        kinks: Undecided nodes and the nodes closest to a change of set; see ``kinks``.
     """
 
     value: float
@@ -76,15 +76,15 @@ def tangent_linear(
     Args:
         objective: See ``gradient``.
         controls: See ``gradient``.
-        directions: Direction of the control, or for a list of controls a list with that of each:
+        directions: Direction of the control, or for a list of controls a list of directions:
             numbers in the shape of its derivative, a function of the space of a function; or a
             function of the number of the step that returns one of these.
         path: See ``gradient``.
         over_steps: See ``gradient``.
 
     Returns:
-        Derivatives of the objective, the quantities and the states. The problem is in its present
-        state again.
+        Derivatives of the objective, the quantities and the states. The state of the problem is
+        restored.
 
     Raises:
         ValueError: If an argument is of another type or shape, or nothing depends on a control.

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 
 def check_choice(name: str, value: Any, allowed: Iterable[str]) -> None:
-    """Refuse all but the allowed words (local).
+    """Reject all but the allowed words (local).
 
     Raises:
         ValueError: For another value.
@@ -23,13 +23,13 @@ def check_choice(name: str, value: Any, allowed: Iterable[str]) -> None:
 def check_number(
     name: str, value: Any, expected: str, allows: Callable[[Any], bool], *, whole: bool = False
 ) -> None:
-    """Refuse values that are not real numbers, not integers or not allowed (local).
+    """Reject values that are not real numbers, not integers or not allowed (local).
 
     Args:
         name: Name of the option.
         value: Its value.
         expected: Description of an allowed value.
-        allows: Whether a number is allowed; has to be false for nan.
+        allows: Function that tells whether a number is allowed; must return false for nan.
         whole: Whether it has to be an integer.
 
     Raises:
@@ -41,7 +41,7 @@ def check_number(
 
 
 def check_lengths(name: str, values: Any, count: int) -> npt.NDArray[np.float64]:
-    """Refuse all but finite numbers of shape (count,); return them, not copied (local).
+    """Reject all but finite lengths; return them, shape (count,) [length], not copied (local).
 
     Raises:
         ValueError: For other values.
@@ -57,7 +57,7 @@ def check_lengths(name: str, values: Any, count: int) -> npt.NDArray[np.float64]
 
 
 def check_flag(name: str, value: Any) -> None:
-    """Refuse all but ``True`` and ``False`` (local).
+    """Reject all but ``True`` and ``False`` (local).
 
     Raises:
         ValueError: For another value.
@@ -67,7 +67,7 @@ def check_flag(name: str, value: Any) -> None:
 
 
 def check_kind(name: str, value: Any, kind: type | tuple[type, ...], expected: str) -> None:
-    """Refuse objects of another type (local).
+    """Reject objects of another type (local).
 
     Args:
         name: Name of the option.

@@ -15,7 +15,7 @@ class Value:
     """Base of frozen dataclasses whose arrays are read-only."""
 
     def __post_init__(self) -> None:
-        """Replace arrays that can be written to by copies that can not."""
+        """Replace writable arrays by read-only copies."""
         for name, array in vars(self).items():
             if isinstance(array, np.ndarray) and array.flags.writeable:
                 array = array.copy()

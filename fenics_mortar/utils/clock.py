@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Seconds by phase: at any time the innermost entered phase is running."""
+"""Wall time by phase: time is counted for the innermost phase that was entered."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PHASES = ("residual", "tangent", "search", "integrals", "assembly", "solve", OTH
 
 
 class Clock:
-    """Distributes wall time over phases; time in a nested phase counts for that phase only."""
+    """Distribution of wall time over phases; time in a nested phase counts for that phase only."""
 
     def __init__(self) -> None:
         self._seconds = dict.fromkeys(PHASES, 0.0)
@@ -38,7 +38,7 @@ class Clock:
         return len(self._running)
 
     def leave(self, depth: int) -> None:
-        """Leave all but the outer ``depth`` phases, as after an interruption."""
+        """Leave all but the outer ``depth`` phases, for example after an interruption."""
         del self._running[depth:]
 
     def read(self) -> dict[str, float]:
@@ -60,7 +60,8 @@ class Clock:
 class Phase:
     """A phase of a clock, as context or decorator.
 
-    Entering and leaving are written out in both: they surround functions of microseconds.
+    The code for entering and leaving is repeated in both for speed: timed functions may take
+    microseconds.
     """
 
     def __init__(self, clock: Clock, phase: str) -> None:

@@ -37,14 +37,14 @@ class NotConvergedError(MortarError):
 
 
 class RaisedElsewhereError(MortarError):
-    """A function of the user raised on another rank.
+    """A user's function raised an error on another rank.
 
-    That rank leaves the call, so this error must not be caught to continue.
+    That rank has left the call; this error must therefore not be caught to continue.
     """
 
 
 class NotFiniteError(MortarError):
-    """A law or a distance of the user returned nan or infinity for finite arguments."""
+    """A user's law or signed distance returned nan or infinity for finite arguments."""
 
 
 def raise_together(comm: MPI.Comm, error: MortarError | None) -> None:
@@ -62,21 +62,22 @@ def raise_together(comm: MPI.Comm, error: MortarError | None) -> None:
 
 
 def call_together(comm: MPI.Comm, what: str, call: Callable[[], T]) -> T:
-    """Call a function of the user; if it raises on any rank, raise on all (collective).
+    """Call a user's function; an error on any rank is raised on all ranks (collective).
 
     Args:
         comm: Communicator of the call.
         what: Description of the function.
-        call: The function. It must not raise on one rank only before a collective call in it.
+        call: The function. If it contains collective calls, it must not raise on some ranks only
+            before these.
 
     Raises:
         Exception: The error of ``call``, on the ranks where it raised.
-        MortarError: On the other ranks; gives rank and error.
+        MortarError: On the other ranks; the message has rank and error.
     """
     error = None
     try:
         result = call()
-    except Exception as exception:  # any error: no rank may leave alone
+    except Exception as exception:  # any error: it must be raised on all ranks
         error = exception
     leave_together(comm, what, error)
     return result
@@ -93,7 +94,7 @@ def leave_together(comm: MPI.Comm, what: str, error: Exception | None) -> None:
     Raises:
         Exception: ``error``, on ranks that have one.
         MortarError: On the other ranks; the same error if it is one of the package, otherwise a
-            ``RaisedElsewhereError`` that gives rank and error.
+            ``RaisedElsewhereError`` whose message has rank and error.
     """
     ours = isinstance(error, MortarError) and not isinstance(error, NotConvergedError)
     words = f"{what} raised on rank {comm.rank}: {type(error).__name__}: {error}"
@@ -125,7 +126,7 @@ def together(comm: MPI.Comm, what: str) -> Iterator[None]:
 
 
 @contextmanager
-def going_on() -> Iterator[None]:
+def suppressed_failures() -> Iterator[None]:
     """Context that suppresses ``MortarError``, except a ``RaisedElsewhereError``."""
     try:
         yield
@@ -136,7 +137,7 @@ def going_on() -> Iterator[None]:
 
 
 def check_same(comm: MPI.Comm, values: Iterable[tuple[str, npt.ArrayLike]]) -> None:
-    """Refuse numbers that are not equal on all ranks (collective).
+    """Reject numbers that are not equal on all ranks (collective).
 
     Args:
         comm: Communicator of the call.
@@ -158,7 +159,7 @@ def check_same(comm: MPI.Comm, values: Iterable[tuple[str, npt.ArrayLike]]) -> N
 
 
 def check_same_words(comm: MPI.Comm, what: str, values: Mapping[str, Any]) -> None:
-    """Refuse options of any type that are not equal on all ranks (collective).
+    """Reject options of any type that are not equal on all ranks (collective).
 
     Args:
         comm: Communicator of the call.
@@ -168,7 +169,7 @@ def check_same_words(comm: MPI.Comm, what: str, values: Mapping[str, Any]) -> No
     Raises:
         MortarError: On all ranks.
     """
-    mine, error = [(name, in_words(value)) for name, value in values.items()], None
+    mine, error = [(name, as_text(value)) for name, value in values.items()], None
     first = comm.bcast(mine)
     for (name, here), (_, there) in zip(mine, first, strict=False):
         if here != there and error is None:
@@ -179,7 +180,7 @@ def check_same_words(comm: MPI.Comm, what: str, values: Mapping[str, Any]) -> No
     raise_together(comm, error)
 
 
-def in_words(value: Any) -> str:
+def as_text(value: Any) -> str:
     """Describe a value, equal for equal values and without addresses in memory (local)."""
     if isinstance(value, np.generic):
         value = value.item()
@@ -189,22 +190,22 @@ def in_words(value: Any) -> str:
         numbers = ", ".join(map(str, value.ravel()[:6].tolist()))
         return f"[{numbers}] of shape {value.shape}, with a sum of {value.sum():.17g}"
     if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{in_words(k)}: {in_words(v)}' for k, v in value.items())}}}"
+        return f"{{{', '.join(f'{as_text(k)}: {as_text(v)}' for k, v in value.items())}}}"
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(in_words, value))}]"
+        return f"[{', '.join(map(as_text, value))}]"
     plain = (bool, int, float, str, np.generic, type(None))
     shown = {k: v for k, v in getattr(value, "__dict__", {}).items() if isinstance(v, plain)}
-    numbers = ", ".join(f"{k}={in_words(v)}" for k, v in shown.items() if not k.startswith("_"))
+    numbers = ", ".join(f"{k}={as_text(v)}" for k, v in shown.items() if not k.startswith("_"))
     return f"{type(value).__name__}({numbers})"
 
 
 def place(x: npt.NDArray[np.float64] | tuple[float, ...]) -> str:
-    """Format a position (2,) (local)."""
+    """Format a position (2,) [length] for messages (local)."""
     return f"({x[0]:.4g}, {x[1]:.4g})"
 
 
 def count_places(comm: MPI.Comm, places: npt.NDArray[np.float64]) -> tuple[int, str]:
-    """Count the positions (n, 2) of all ranks, and format the smallest of them (collective)."""
+    """Count the positions (n, 2) of all ranks, and format the smallest one (collective)."""
     mine = [tuple(map(float, x)) for x in places]
     everything = [x for lowest in comm.allgather(sorted(mine)[:1]) for x in lowest]
     return comm.allreduce(len(mine)), place(min(everything)) if everything else "nowhere"

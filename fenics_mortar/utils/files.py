@@ -21,13 +21,13 @@ def without_suffix(comm: MPI.Comm, path: str | Path, suffix: str) -> Path:
     """The path of the first rank without its suffix, if present (collective).
 
     Raises:
-        ValueError: On all ranks, if the path is neither a text nor path-like.
+        ValueError: On all ranks, if the path is neither a string nor path-like.
         MortarError: On all ranks, if the path has no file name.
     """
     check_kind("path", comm.bcast(path), (str, os.PathLike), "the name of a file")
     path = Path(str(comm.bcast(path)).removesuffix(suffix))
     if not path.name:
-        raise MortarError(f"'{path}' is no name of a file; expected e.g. 'results/name{suffix}'")
+        raise MortarError(f"'{path}' is not a file name; expected e.g. 'results/name{suffix}'")
     return path
 
 
@@ -42,7 +42,7 @@ def make_folder(comm: MPI.Comm, folder: Path) -> None:
 
 
 def try_together(comm: MPI.Comm, here: bool, work: Callable[[], T], message: str) -> T | None:
-    """Do ``work`` on ranks with ``here``; raise on all ranks if it fails on one (collective).
+    """Call ``work`` on ranks with ``here``; an error is raised on all ranks (collective).
 
     Raises:
         MortarError: On all ranks; ``message`` and the error.
@@ -51,7 +51,7 @@ def try_together(comm: MPI.Comm, here: bool, work: Callable[[], T], message: str
     try:
         if here:
             done = work()
-    except Exception as exception:  # any error: no rank may leave alone
+    except Exception as exception:  # any error: it must be raised on all ranks
         error = MortarError(f"{message}: {exception}")
         error.__cause__ = exception
     raise_together(comm, error)
@@ -65,7 +65,7 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
 
     Args:
         path: Path of the file; links are followed.
-        write: Writes to a path, which has the suffix of ``path``.
+        write: Function that writes to a path, which has the suffix of ``path``.
 
     Raises:
         OSError: If it cannot be written.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Memory of PETSc objects without references, which only collective calls can free."""
+"""Release of unreferenced PETSc objects, which only collective calls can free."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-# Communicators of the last few problems whose garbage is freed, by their ranks.
+# Number of communicators of earlier problems that are kept to free their garbage.
 MAX_KEPT = 8
 _kept: dict[tuple[int, ...], deque[list[PETSc.IS]]] = {}
 
@@ -19,9 +19,10 @@ _kept: dict[tuple[int, ...], deque[list[PETSc.IS]]] = {}
 def free_garbage(comm: MPI.Comm, *objects: Any) -> None:
     """Free the PETSc objects without references on all ranks (collective).
 
-    petsc4py keeps them until then, since their destruction is collective: some vectors in each
-    iteration, matrices and factors with each problem. They are kept by communicator, and each
-    vector and matrix of dolfinx has its own communicator, shared by its duplicates.
+    petsc4py stores such objects until this call, since their destruction is collective: some
+    vectors in each iteration, matrices and factors of each problem. They are stored by
+    communicator, and each vector and matrix of dolfinx has its own communicator, shared by its
+    duplicates.
 
     Args:
         comm: A communicator whose garbage is freed.

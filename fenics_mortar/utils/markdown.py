@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Objects that print as Markdown, which notebooks render."""
+"""Objects that are printed as Markdown, which notebooks render."""
 
 from __future__ import annotations
 

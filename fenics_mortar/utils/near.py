@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Pairs of points near each other, by bins as wide as the distance."""
+"""Pairs of nearby points, found with bins as wide as the distance."""
 
 from __future__ import annotations
 

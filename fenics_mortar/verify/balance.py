@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Balance of forces and moments: of the bodies and obstacles, and of the two sides of a pair."""
+"""Balance of forces and moments of bodies and obstacles, and of the two sides of a pair."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from fenics_mortar.verify.limits import LIMITS
 def balance_of_bodies(
     bulk: Bulk, contacts: Sequence[Contact | Tie], labels: Indices, unbalanced: Array
 ) -> float:
-    """Largest sum of reactions, loads and contact forces of a body or obstacle (collective).
+    """Largest relative sum of reactions, loads and contact forces of a body or obstacle [1].
 
-    With axisymmetry the axial one: hoop stresses bear radial forces.
+    Collective. With axisymmetry only axial forces are summed: hoop stresses balance radial forces.
 
     Internal forces sum to zero, so the sum of r over a body is minus the load applied to it; the
     reaction at a prescribed dof is the remainder of r and contact forces.
@@ -36,7 +36,7 @@ def balance_of_bodies(
         unbalanced: Sums of all forces on the obstacles, equal on all ranks [stress length].
 
     Returns:
-        The sum over the sum of the norms of all forces.
+        Norm of the sum over the sum of the norms of all forces [1].
     """
     r = bulk.r.array_r[: bulk.num_owned]
     total = r.copy()

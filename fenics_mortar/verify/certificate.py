@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""The certificate of a solved state: conditions of contact, measured independently of the solver.
+"""Certificate of a solved state: contact conditions, measured independently of the solver.
 
-Newton's method says that the discrete equations are solved. Whether these describe contact is
-measured here from the state alone: balance of slave and master and of reactions and loads, signs,
-complementarity, penetration between the nodes, nodes inside another body without a partner, and
-crossing outlines, whether or not a pair covers them. Errors at corners, which all these conditions
-may miss, are estimated in ``corners``.
+Convergence of Newton's method means that the discrete equations are solved. Whether the state
+satisfies the conditions of contact is measured here from the state alone: balance of slave and
+master and of reactions and loads, signs, complementarity, penetration between the nodes, nodes
+inside another body without a partner, and crossing outlines, whether or not a pair covers them.
+Errors at corners, which all these conditions may miss, are estimated in ``corners``.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.law_calls import raise_stored
+from fenics_mortar.contact.messages import describe_reach
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.contact.words import describe_reach
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import place
 from fenics_mortar.utils.markdown import Markdown
@@ -44,12 +44,12 @@ class Certificate(Markdown):
         inverted: Number of inverted cells.
         springs: Largest sum of the forces of springs on a body over the contact force on it; zero
             unless the report of the solve records springs.
-        drift: From the report of a solve: sliding distance of an obstacle driven by forces, of all
-            its nodes and beyond the prescribed motion, over the width of its contact. The state is
-            in equilibrium; whether a path leads to it is unknown.
+        drift: From the report of a solve: sliding distance of an obstacle driven by forces over its
+            contact width, common to all its nodes and beyond the prescribed motion. The state is in
+            equilibrium, but may not be reached by a path of equilibria.
         crossings: Crossings of outlines.
-        passages: Bodies that passed through each other during the step, in words.
-        tipping: Bodies that pressures on the covered surfaces cannot balance, in words.
+        passages: Bodies that passed through each other during the step, as messages.
+        tipping: Bodies that pressures on the covered surfaces cannot balance, as messages.
     """
 
     pairs: list[PairCertificate]
@@ -70,7 +70,7 @@ class Certificate(Markdown):
         """Describe violated conditions; empty for a sound state (local).
 
         Args:
-            tolerance: Limit for quantities that the equations make zero.
+            tolerance: Limit for quantities that vanish in a solution of the equations [1].
             penetration: Limit for penetration, distance and crossings [facet lengths].
             springs: Limit for the force of springs over the contact force, see ``proximal``.
         """
@@ -134,7 +134,7 @@ def certify(
         _certify_tie(c) if isinstance(c, Tie) else _certify_pair(bulk, c, labels, paired)
         for c in contacts
     ]
-    raise_noted(bulk.comm, contacts)
+    raise_stored(bulk.comm, contacts)
     balance = balance_of_bodies(bulk, contacts, labels, unbalanced)
     return Certificate(pairs, balance, inverted)
 

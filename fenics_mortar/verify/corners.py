@@ -2,14 +2,15 @@
 """Errors of the contact direction at corners, and pressure beside clamped slave nodes.
 
 The force on a corner of the slave acts along its averaged normal, not along the normal of the
-smooth surface it presses on: an error like friction, and so it is compared with the friction. With
-the smooth surface as slave the direction is correct, but the position of a master's corner between
-two slave nodes is uncertain by up to a tenth of the facet. Neither error decreases with the facet
-length, measured in facets. Both are detected by normals of the two sides that are not opposite.
+smooth surface on which it presses. The error has the effect of friction and is compared with the
+friction. With the smooth surface as slave the direction is correct, but the position of a master's
+corner between two slave nodes is uncertain by up to a tenth of the facet. Relative to the facet
+length, neither error decreases with refinement. Both are detected by normals of the two sides that
+are not opposite.
 
 A clamped slave node carries no multiplier; its neighbours carry its force. If a body presses on the
-very end of a clamped surface, all its force is at that neighbour, which moves: the force is far too
-small on any mesh. This is detected by a peak of pressure there.
+very end of a clamped surface, its whole force acts on that neighbour, which can move: the force is
+far too small on any mesh. This is detected by a pressure peak at the neighbour.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def oblique_forces(contact: Contact, pressure: Array) -> dict[str, Any]:
     """Fraction of the normal forces along the master's facets, and its position (collective).
 
     Args:
-        contact: The pair; an obstacle has no facets, the result is empty.
+        contact: The pair. For an obstacle, which has no facets, the result is empty.
         pressure: Normal multipliers, shape (slave nodes,) [stress].
     """
     o, s = contact.operators, contact.operators.segments
@@ -55,7 +56,7 @@ def oblique_forces(contact: Contact, pressure: Array) -> dict[str, Any]:
 
 
 def mean_friction(limit: Array, pressure: Array) -> float:
-    """Sum of the friction limits over the sum of the pressures, of nodes under pressure (local).
+    """Sum of friction limits over sum of pressures, of nodes under pressure [1] (local).
 
     Args:
         limit: Friction limit of each node, shape (slave nodes,) [stress].
@@ -68,10 +69,10 @@ def mean_friction(limit: Array, pressure: Array) -> float:
 def _at_corners(contact: Contact, forces: Array, total: float) -> dict[str, Any]:
     """Force along the surface due to averaged normals at corners of the slave (collective).
 
-    The force on a node acts along its averaged normal. Where the normal of the master nearby lies
+    The force on a node acts along its averaged normal. If the normal of the nearby master lies
     between those of the two slave facets at the node, a corner of the slave presses on the master,
-    and the normal of the master is the correct direction; where it lies beyond, the normal of the
-    nearer slave facet. Beyond the end of a slave surface its body may continue at any angle.
+    and the correct direction is the normal of the master. Otherwise it is the normal of the nearer
+    slave facet. Beyond the end of a slave surface the body may continue at any angle.
 
     Args:
         contact: The pair.
@@ -111,12 +112,12 @@ def _at_corners(contact: Contact, forces: Array, total: float) -> dict[str, Any]
 
 
 def _excess_shear(contact: Contact, run: Flags, across: Array) -> float:
-    """Shear force of a run over the friction limit at its pressures, less one (local).
+    """Shear force of a run over the friction limit at its pressures, minus one [1] (local).
 
     Args:
         contact: The pair.
-        run: Its nodes, shape (slave nodes,), bool.
-        across: Direction that pressures are taken along, a unit vector out of the slave.
+        run: Nodes of the run, shape (slave nodes,), bool.
+        across: Direction of the pressures, a unit vector pointing out of the slave, shape (2,).
     """
     pressure = np.where(run, contact.z @ across, 0.0)
     limit = contact.now.friction_limit(pressure)
@@ -127,16 +128,16 @@ def _excess_shear(contact: Contact, run: Flags, across: Array) -> float:
 
 
 def _rotated(a: Array, angle: float) -> Array:
-    """The vector ``a`` (2,), rotated to the left."""
+    """The vector ``a`` (2,), rotated to the left by ``angle`` [radian]."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([c * a[0] - s * a[1], s * a[0] + c * a[1]])
 
 
 def _master_around(contact: Contact, run: Flags) -> tuple[Array, bool]:
-    """Normal of the master opposite to some slave nodes; whether it is flat (collective).
+    """Normal of the master opposite to slave nodes, and whether it is flat (collective).
 
-    The normal, shape (2,), is not scaled. It belongs to a chord that extends beyond them by some
-    facets: beneath a corner these are dented.
+    The normal, shape (2,), is not scaled. It is that of a chord that extends beyond the nodes by
+    some facets, since facets below a corner are indented.
 
     Args:
         contact: The pair.
@@ -169,18 +170,18 @@ def _angle(a: Array, b: Array) -> Array:
 
 
 def runs_of(contact: Contact) -> Indices:
-    """Number the runs of neighbouring active nodes: shape (slave nodes,)."""
+    """Numbers of the runs of neighbouring active nodes, shape (slave nodes,)."""
     active, before = contact.active, contact.slave.previous
     own = np.arange(active.size)
     back = np.where(active & (before >= 0) & active[before], before, own)
-    least = own  # smallest number among the nodes passed on the way back
+    least = own  # smallest number of the nodes passed backwards
     for _ in range(active.size.bit_length()):
         least, back = np.minimum(least, least[back]), back[back]
-    return least[back]  # of the first node, or of a whole closed curve
+    return least[back]  # that of the first node, or of a whole closed curve
 
 
 def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
-    """Largest pressure beside a clamped slave node over that of the next nodes (local).
+    """Largest ratio of the pressure beside a clamped slave node to that of the next nodes (local).
 
     Args:
         contact: The pair.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Crossed surfaces: overlapping outlines in a state, and passages of nodes in a step.
 
-All exterior facets of the bodies in pairs are checked once after each solve, with other bodies and
-with their own, independently of the search for partners.
+After each solve all exterior facets of the bodies in pairs are checked, against other bodies and
+their own body, independently of the search for partners.
 
 **State**: depth of two outlines in each other where they cross, in facets. Faceted curves in
 contact overlap by their sagitta, and between nodes dual multipliers admit overlaps of this size;
@@ -11,9 +11,9 @@ the limits are those of the penetration of a pair.
 **Step**: paths of nodes are straight from the last accepted state to the present one, including
 rigid moves before the solve. Since straight paths would shrink a rotating body, paths relative to
 it are computed in the frame that rotates with it, in several sections. A path passes through a body
-if the outward normals at entry and exit are opposed. It slides along the body if it leaves where it
-entered, as chords of a curve do, or if the outline between entry and exit stays within a facet of
-the path, as at a tip. Paths that end deep inside another body are reported as well.
+if the outward normals at entry and exit are opposed. It slides along the body if exit and entry
+coincide, as for chords of a curve, or if the outline between them is within a facet of the path, as
+at a tip. Paths that end deep inside another body are reported as well.
 
 Cost on two blocks (``demos.studies.performance.crossing``): 0.9 ms with 10,500 unknowns (1.9 % of a
 Newton iteration), 2.6 ms with 161,000 (0.4 %). Rotating bodies cost more: 30 bricks with 1,200
@@ -42,18 +42,18 @@ from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together, place
 from fenics_mortar.utils.rounding import HALF_FACET
+from fenics_mortar.verify.node_paths import Motions, own_frame, passed_through
 from fenics_mortar.verify.outline_names import OutlineNames
-from fenics_mortar.verify.ways import Motions, own_frame, passed_through
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """The deepest crossing of the outlines of two bodies, or of one.
+    """Deepest crossing of the outlines of two bodies, or of one outline with itself.
 
     Attributes:
         sides: Names of the surfaces, or of the bodies outside surfaces of pairs.
-        where: Position, in words.
-        depth: Depth of one in the other [length].
+        where: Position, as text.
+        depth: Depth of one body in the other [length].
         facets: Depth over the facet's length [1].
     """
 
@@ -63,19 +63,19 @@ class Crossing:
     facets: float
 
     def __str__(self) -> str:
-        """In words."""
+        """The crossing as text."""
         first, second = self.sides
         who = f"{first} crosses itself" if first == second else f"{first} and {second} cross"
         return f"{who} at {self.where}, {self.depth:.3g} deep ({self.facets:.1f} facets)"
 
 
 @dataclass(frozen=True)
-class Standing:
+class AcceptedPositions:
     """Positions of outlines and obstacles at the last accepted state.
 
     Attributes:
         x: Positions of the outlines' nodes, shape (n, 2) [length].
-        places: Places of the obstacles, shape (obstacles, 3).
+        places: Positions (x, y, angle) of the obstacles, shape (obstacles, 3).
     """
 
     x: Array
@@ -83,7 +83,7 @@ class Standing:
 
 
 class Crossings:
-    """Finds crossings and passages; all methods are collective.
+    """Detection of crossings and passages; all methods are collective.
 
     Args:
         bulk: The bulk equations.
@@ -117,14 +117,14 @@ class Crossings:
         self._names = OutlineNames(self.outline, contacts, name_of_body)
         self._excused: dict[tuple[int, int], float] = {}
         self._excused = self._as_meshed()
-        self.accepted = Standing(self._positions(), np.zeros((0, 3)))
+        self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)))
         self._left: Array = self.accepted.x
         self._restored: Array | None = None
 
     # A state
 
     def find(self) -> list[Crossing]:
-        """Deepest crossing of each two outlines at the present displacement."""
+        """Deepest crossing of each pair of outlines at the present displacement."""
         rows, found = self._crossings(self._positions(), self._allowed()), []
         for pair, row in self._deepest(rows).items():
             facets = float(row[2]) - self._excused.get(pair, 0.0)
@@ -141,7 +141,7 @@ class Crossings:
         )
 
     def _deepest(self, rows: Array) -> dict[tuple[int, int], Array]:
-        """Deepest row of each two bodies, in order of decreasing depth."""
+        """Deepest row for each pair of bodies, in order of decreasing depth."""
         rows = rows[np.argsort(-rows[:, 2], kind="stable")]
         pairs = np.sort(self._segment_bodies[rows[:, :2].astype(np.int64)], axis=1)
         _, first = np.unique(pairs @ np.array([self._bound, 1]), return_index=True)
@@ -150,8 +150,8 @@ class Crossings:
     def _as_meshed(self) -> dict[tuple[int, int], float]:
         """Overlap of unpaired bodies in the mesh [facets], inf if it is deep.
 
-        Offsets are zero then. The overlap of a body with itself, as of a closed ring, is its value
-        in the mesh.
+        Offsets are zero at this time. The overlap of a body with itself, such as a closed ring, is
+        its value in the mesh.
         """
         found, X = {}, self.outline.X
         for pair, row in self._deepest(self._crossings(X, np.zeros(len(X)))).items():
@@ -185,10 +185,10 @@ class Crossings:
         Args:
             places: Positions of the obstacles, shape (obstacles, 3).
         """
-        self.accepted = Standing(self._positions(), places.copy())
+        self.accepted = AcceptedPositions(self._positions(), places.copy())
         self._left, self._restored = self.accepted.x, None
 
-    def restore(self, accepted: Standing, u: Array) -> None:
+    def restore(self, accepted: AcceptedPositions, u: Array) -> None:
         """Restore the start of a step at the displacement ``u``, shape (local dofs,) [length]."""
         self.accepted, self._restored = accepted, u
 
@@ -219,12 +219,12 @@ class Crossings:
             found = []
         elif motions.are_small:
             found = self._through_bodies(np.array([x0, x1]), OTHERS)
-            found += self._through_bodies(np.array([motions.carried(), x1]), OWN)
+            found += self._through_bodies(np.array([motions.moved_with_own_body(), x1]), OWN)
         else:
             found = []
             for i, body in enumerate(motions.labels):
-                seen = Motions(motions.seen_from(i), x1, self.outline.bodies)
-                found += self._through_bodies(seen.ways(), ALL, self._segment_bodies == body)
+                seen = Motions(motions.moved_with(i), x1, self.outline.bodies)
+                found += self._through_bodies(seen.node_paths(), ALL, self._segment_bodies == body)
         return found + self._through_obstacles(x1, places)
 
     def _through_bodies(
@@ -249,7 +249,7 @@ class Crossings:
         return self._messages(rows, lengths, along[-1]) if len(rows) else []
 
     def _messages(self, rows: Array, lengths: Array, x1: Array) -> list[str]:
-        """Messages on rows of ``find_passages``, one for each two bodies."""
+        """Messages on rows of ``find_passages``, one for each pair of bodies."""
         node, entry, leaves = (rows[:, k].astype(np.int64) for k in range(3))
         messages, through, depth = list[str](), leaves >= 0, rows[:, 3]
         pairs = np.stack([self.outline.bodies[node], self._segment_bodies[entry]], axis=1)
@@ -289,7 +289,7 @@ class Crossings:
             number = obstacles.index(obstacle)
             start = own_frame(obstacle, self.accepted.x, self.accepted.places[number])
             end = own_frame(obstacle, x1, places[number])
-            knots = Motions(start, end, self.outline.bodies).ways()[:, there]
+            knots = Motions(start, end, self.outline.bodies).node_paths()[:, there]
             given = knots, contact.now.offset, contact.slave.nodal_lengths
             depth = call_together(
                 self.outline.comm,

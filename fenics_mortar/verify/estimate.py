@@ -2,30 +2,30 @@
 """A posteriori error estimate from the residual of equilibrium between the nodes, for each cell.
 
 The exact stress satisfies div P + f = 0 in the bodies and has equal tractions on both sides of
-every line; on the boundary the traction is the given one or that of contact. The defects of the
-discrete solution in the energy norm are
+every line; on the boundary the traction is given, or that of contact. The defects of the discrete
+solution in the energy norm are
 
     eta_T^2 = b h^2 |div P + f|^2 / Q + sum over sides of c h [P N - t] . Q^-1 [P N - t] + gap,
 
 with Q_ik = dP_iJ / dF_kL N_J N_L, the stiffness of a layer across N (for linear elasticity
-lambda + 2 mu along N and mu across it), in the cell its mean over N; t is the mean traction of the
-two cells of an inner side, on the boundary the given one, on contact surfaces that of the
-multipliers. The discrete gap is closed in the mean only: penetration g contributes (Q_nn / 2 h)
-g^2, the work of pressing it into the layers on both sides, and so does opening where all nodes of a
-facet are active; otherwise the gap contributes the work z_n g. Likewise for the slip s of a step:
-with Q along the facet where all its nodes stick, otherwise the work b |s| - z_tau s that friction
-with the limit b would dissipate and the multiplier does not. The jump of tied surfaces contributes
-with the full Q. Straight facets of a curved surface cause gaps and overlaps that the exact surface
-does not have: the estimate is too high there. Residuals of the constraints of mixed functions, as
-of incompressibility, contribute the energy of the smallest change of grad u that removes them.
+lambda + 2 mu along N and mu across it); in a cell Q is averaged over N. t is the mean traction of
+the two cells of an inner side, the given traction on the boundary, and the multiplier on contact
+surfaces. The discrete gap is closed only in the mean: penetration g contributes (Q_nn / 2 h) g^2,
+the work of pressing it into the layers on both sides, and so does opening if all nodes of a facet
+are active; otherwise the gap contributes the work z_n g. The slip s of a step contributes with Q
+along the facet if all its nodes stick, otherwise by the work b |s| - z_tau s that friction with the
+limit b would dissipate in excess of the multiplier. The jump of tied surfaces contributes with the
+full Q. Straight facets of a curved surface cause gaps and overlaps that the exact surface does not
+have; the estimate is then too high. Residuals of the constraints of mixed functions, such as
+incompressibility, contribute the energy of the smallest change of grad u that removes them.
 
 The terms are those of Hild and Nicaise (Numer. Math. 101, 2005) and of Krause, Veeser and Walloth
 (Numer. Math. 130, 2015), who prove them for linear elasticity on a rigid obstacle.
 
-Averaging of stresses (Zienkiewicz and Zhu) is not used: it smears stresses over interfaces of
-materials, ignores loads and contact, and gains less with degree 2. Residual estimates lack sharp
-constants; b and c are those with which each term alone is exact for a layer of cells under a stress
-that varies across it by one degree more than the cells can represent.
+Averaging of stresses (Zienkiewicz and Zhu) is not used: it averages stresses across interfaces of
+materials, ignores loads and contact, and is less accurate with degree 2. Residual estimates have no
+sharp constants; with b and c as chosen, each term alone is exact for a layer of cells under a
+stress that varies across it with one degree more than the cells can represent.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ from fenics_mortar.utils.errors import together
 from fenics_mortar.utils.markdown import Markdown
 from fenics_mortar.utils.rounding import ROUNDING, TINY
 from fenics_mortar.verify.interface_defects import interface_defects
-from fenics_mortar.verify.sides import Sides
+from fenics_mortar.verify.sides import CellSides
 from fenics_mortar.verify.tractions import interface_tractions
 
-# The factors b and c of the terms in cells and on sides, by degree.
+# Factors b and c of the terms in cells and on sides, by degree [1].
 CELL_FACTOR = {1: 1 / 12, 2: 1 / 60}
 SIDE_FACTOR = {1: 1 / 6, 2: 1 / 10}
 
@@ -106,10 +106,10 @@ class ErrorEstimate(Markdown):
     def mark(self, fraction: float = 0.5) -> Indices:
         """Mark the fewest cells with a fraction of the squared estimate (collective).
 
-        The rule is that of Doerfler (SIAM J. Numer. Anal. 33, 1996).
+        Bulk criterion of Doerfler (SIAM J. Numer. Anal. 33, 1996).
 
         Args:
-            fraction: Fraction of the squared estimate.
+            fraction: Fraction of the squared estimate [1].
 
         Returns:
             Local cells, shape (n,). Cells with equal indicators are marked together.
@@ -128,7 +128,7 @@ class ErrorEstimate(Markdown):
 
 
 class Estimator:
-    """The error indicator of some bodies, compiled once.
+    """Error indicator of bodies, compiled once.
 
     The constructor is collective.
 
@@ -142,7 +142,7 @@ class Estimator:
     def __init__(self, bulk: Bulk) -> None:
         self._mesh = bulk.V.mesh
         self._fluxes = Fluxes(bulk.residual, bulk.u, bulk.space)
-        self._sides = Sides(bulk, self._fluxes.cell.sides)
+        self._sides = CellSides(bulk, self._fluxes.cell.sides)
         self._degree = self._sides.nodes.shape[2] - 1
         self._prescribed = bulk.prescribed.astype(float)
 
@@ -180,7 +180,7 @@ class Estimator:
         parts |= {name: np.zeros(len(work)) for name in ("gap", "slip")}
         for pair in interfaces:
             t, s, facet = sides.of_surface(pair.slave)
-            share = 0.5 if pair.master.num_nodes else 1.0  # two layers, one behind the other
+            share = 0.5 if pair.master.num_nodes else 1.0  # two layers in series
             for name, (dyads, lost) in interface_defects(pair).items():
                 work = share * np.einsum("tik,tik->t", layer[t, s], dyads[facet]) + lost[facet]
                 np.add.at(parts[name], t, work)
@@ -230,7 +230,7 @@ def _work_of_constraints(A: Array, C: Array, c: Array) -> Array:
 
     Args:
         A: Moduli at fixed other unknowns [stress], shape (cells, 2, 2, 2, 2).
-        C: Derivative of the constraints by grad u, shape (cells, constraints, 2, 2).
+        C: Derivative of the constraints with respect to grad u, shape (cells, constraints, 2, 2).
         c: Values of the constraints, shape (cells, p, constraints).
     """
     flat = C.reshape(*C.shape[:2], 4)

@@ -12,7 +12,7 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.nodal import at_points
 from fenics_mortar.interface.facing import GAUSS, Points, face, points_of
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
@@ -34,7 +34,7 @@ def interface_defects(pair: Interface) -> dict[str, Defects]:
     """
     if isinstance(pair, Contact):
         return {"gap": gap_defects(pair), "slip": slip_defects(pair)}
-    o, facing = pair.operators, face(pair.as_faced, pair.intersections())
+    o, facing = pair.operators, face(pair.partner_operators, pair.intersections())
     jump = facing.apart(o.x - pair.slave.X, o.m - pair.master.X)
     return {"gap": _on_facets(pair, facing, jump, 0.0 * facing.s)}
 
@@ -67,9 +67,9 @@ def _adhesion(contact: Contact, here: Points, opening: Array) -> Array:
 def _gaps(contact: Contact, segments: Segments) -> Array:
     """Gaps minus the offset at points of segments, shape (n, q) [length] (collective).
 
-    With small sliding they are linear in the motion, as nodal gaps are.
+    With small sliding gaps are linear in the motion, like nodal gaps.
     """
-    o, first = contact.operators, contact.as_faced
+    o, first = contact.operators, contact.partner_operators
     gap = first.sample_gaps(first.x + contact.now.offset[:, None] * o.n, segments, GAUSS[0])
     if isinstance(first, ObstacleOperators) and isinstance(o, ObstacleOperators):
         return gap + points_of(segments).of(o.phi - first.phi)
@@ -81,9 +81,9 @@ def _gaps(contact: Contact, segments: Segments) -> Array:
 def slip_defects(contact: Contact) -> Defects:
     """Slip where all nodes stick; otherwise the missing work of friction (collective).
 
-    That is the work of the friction limit minus the work of the shear. The slip is that of the last
-    step, of points that faced each other at its start; along obstacles, whose surface has no mesh,
-    that of the nodes.
+    The missing work is that of the friction limit minus that of the shear. The slip is that of the
+    last step between points that faced each other at its start, or nodal slip on obstacles, whose
+    surface has no mesh.
     """
     o, facing = contact.operators, contact.partners.facing
     here = points_of(o.segments) if facing is None else facing
@@ -92,7 +92,7 @@ def slip_defects(contact: Contact) -> Defects:
     sticking = contact.sticking[ends]
     sticks = ((sticking | prescribed[ends]).all(axis=1) & sticking.any(axis=1))[:, None]
     node, bound = contact.nodal, contact.now.friction_limit(contact.pressure)
-    raise_noted(contact.slave.comm, [contact])
+    raise_stored(contact.slave.comm, [contact])
     shear, bound = (here.of(np.where(contact.active, a, 0.0)) for a in (node.z_tau, bound))
     lost = np.maximum(bound * np.abs(slip) - shear * slip, 0.0)
     work = np.where(sticks | (bound <= 0.0), 0.0, lost)
@@ -112,7 +112,7 @@ def _on_facets(pair: Interface, here: Points, wrong: Array, work: Array) -> Defe
     measure = here.measure(pair.operators.x)
     dyads = np.einsum("nq,nqi,nqk->nik", measure, wrong, wrong).reshape(-1, 4)
     sums, thickness = np.zeros((len(pair.slave.facets), 5)), pair.slave.thickness
-    if thickness is not None:  # the stiffness of the layer has it
+    if thickness is not None:  # the stiffness of the layer includes the thickness
         work = work * here.of(thickness.at(pair.operators.x))
     np.add.at(sums, here.facet, np.column_stack([dyads, (measure * work).sum(axis=1)]))
     pair.slave.comm.Allreduce(MPI.IN_PLACE, sums)

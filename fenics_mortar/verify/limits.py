@@ -5,7 +5,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fenics_mortar.interface.segments import POINTS
+import numpy as np
+
+from fenics_mortar.interface.measures import POINTS
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.rounding import HALF_FACET, SOLVED
 
@@ -15,29 +17,37 @@ class Limits:
     """Thresholds of the certificate.
 
     Attributes:
-        tolerance: For quantities that the equations make zero [1].
-        penetration: For penetration and distance between the nodes [facet lengths].
+        tolerance: Limit for quantities that vanish in a solution of the equations [1].
+        penetration: Limit for penetration and distance between the nodes [facet lengths].
         negligible: Force over the contact force below which it is smaller than the error of the
             discretization: 0.5 %, for springs and for shear caused by corners.
-        min_pressure: Pressures are compared at least with this fraction of the stiffness:
-            smaller ones may be rounding.
-        min_force: Forces are compared at least with this fraction of stiffness times
-            displacement.
-        coarse_penetration: Remark on penetration from here on [facet lengths]; curved bodies on
+        min_pressure: Smallest reference of pressures, as a fraction of the stiffness [1]: smaller
+            pressures may be rounding.
+        min_force: Smallest reference of forces, as a fraction of stiffness times displacement [1].
+        coarse_penetration: Smallest penetration with a remark [facet lengths]; curved bodies on
             coarse meshes overlap by less.
-        coarse_distance: Remark on distance from here on [facet lengths].
-        at_corners: Fraction that matters at corners and ends [1], above the error of estimates
-            there (a few per cent): sine of forces that are oblique; excess of the shear of a
-            sticking corner over the friction limit; pressure over the largest pressure.
-        of_friction: With friction, remark on forces misdirected at corners from this fraction of
-            the friction on. Measured on wedges of 90 to 150 degrees: where the error of the ratio
-            of shear and normal force is 5 %, the estimate is 3.5 to 6 %. Also the sine of the angle
-            by which a user's gradient may misdirect contact forces.
-        corner: Turn of the facets at a node above which it is a corner, not a curve [radian].
-        around_corner: Facets beside a corner that define the direction of the opposite surface.
-        end_pressure: Remark where the pressure beside clamped slave nodes is this multiple of that
-            of the next nodes.
-        samples: Points on a segment at which gaps are evaluated.
+        coarse_distance: Smallest distance with a remark [facet lengths].
+        at_corners: Threshold at corners and ends [1], above the error of estimates at these places
+            (a few per cent), for the sine of the angle of oblique forces, the excess of the shear
+            of a sticking corner over the friction limit, and the pressure over the largest
+            pressure.
+        of_friction: With friction, smallest fraction of the friction for a remark on misdirected
+            forces at corners [1]. Measured on wedges of 90 to 150 degrees: if the error of the
+            ratio of shear and normal force is 5 %, the estimate is 3.5 to 6 %. Also the largest
+            admissible sine of the angle between a user's gradient and difference quotients.
+        corner: Angle between the facets at a node above which it is a corner, not part of a curve
+            [radian].
+        around_corner: Number of facets beside a corner that define the direction of the opposite
+            surface.
+        end_pressure: Smallest ratio of the pressure beside clamped slave nodes to that of the next
+            nodes for a remark [1].
+        section_turn: Largest rotation of a body in one straight section of its path [radian], which
+            shrinks it by 8 %. A path did not pass through an obstacle if the normals at its ends
+            differ by less.
+        max_points: Largest number of points on a path.
+        bare: Covered length of a facet, of length 2 in the reference element, below which it is
+            uncovered [1].
+        samples: Number of points on a segment at which gaps are evaluated.
     """
 
     tolerance: float = SOLVED
@@ -52,6 +62,9 @@ class Limits:
     corner: float = 0.3
     around_corner: int = 3
     end_pressure: float = 2.0
+    section_turn: float = np.pi / 4
+    max_points: int = 400
+    bare: float = 0.02
     samples: int = POINTS
 
 

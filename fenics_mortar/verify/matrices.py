@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Mortar operators of the present state as PETSc objects, for block solvers and studies of users.
+"""Mortar operators of the present state as PETSc objects, for users' block solvers and studies.
 
 Rows of D, M, gap and normals are slave nodes in their order along the surface, distributed evenly
 over the ranks; columns of D and M are slave and master nodes likewise. Columns of derivatives are
@@ -23,7 +23,7 @@ from fenics_mortar.utils.arrays import Array, Indices
 
 
 class OperatorMatrices:
-    """Creates PETSc objects from the operators of each pair on demand (all methods collective)."""
+    """PETSc objects, created on demand from the operators of a pair (all methods collective)."""
 
     def __init__(self, bulk: Bulk, contacts: Sequence[Interface]) -> None:
         self._bulk, self._contacts = bulk, contacts

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Gradients of users' signed distances against difference quotients.
+"""Comparison of gradients of users' signed distances with difference quotients.
 
-Contact forces act along the gradient of an obstacle's distance. A gradient that is not that of the
-distance would turn them without a violation of any other condition.
+Contact forces act along the gradient of an obstacle's distance. A wrong gradient would change the
+direction of these forces without violating any other condition.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ from fenics_mortar.utils.rounding import TINY
 
 
 def gradient_error(contact: Contact) -> tuple[float, str]:
-    """Error of the direction of a user's gradient at active nodes (collective).
+    """Directional error of a user's gradient at active nodes, and its position (collective).
 
     Returns:
-        Sine of the angle between gradient and difference quotients, the median since a node may lie
-        on a kink, one where they are opposed; the position of the node with the largest one. Zero
-        for the obstacles of the package and without active nodes.
+        Median of the sine of the angle between gradient and difference quotients (the median, since
+        a node may lie on a kink; the sine is set to one if they are opposed), and the position of
+        the node with the largest value. Zero for the obstacles of the package and without active
+        nodes.
 
     Raises:
         Exception: An error of the user's function, on all ranks.
@@ -49,7 +50,7 @@ def _errors(obstacle: Obstacle, contact: Contact) -> Array:
         np.stack([obstacle.evaluate(x + sign * moves[:, axis])[0] for axis in (0, 1)], axis=1)
         for sign in (1.0, -1.0)
     )
-    quotients = ahead - behind  # only their direction matters
+    quotients = ahead - behind  # only the direction matters
     across = gradient[:, 0] * quotients[:, 1] - gradient[:, 1] * quotients[:, 0]
     along = (gradient * quotients).sum(axis=1)
     sine = np.abs(across) / np.maximum(np.hypot(across, along), TINY)

@@ -18,7 +18,7 @@ class OutlineNames:
     Args:
         outline: The outlines of the bodies.
         contacts: All pairs, whose surfaces have names.
-        name_of_body: Returns the name of a body by its number (collective).
+        name_of_body: Function that returns the name of a body by its number (collective).
     """
 
     def __init__(

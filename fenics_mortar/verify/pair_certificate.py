@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The certificate of one pair: measured defects, violations and remarks in words."""
+"""Certificate of one pair: measured defects, violations and remarks."""
 
 from __future__ import annotations
 
@@ -13,25 +13,26 @@ from fenics_mortar.verify.limits import LIMITS
 
 @dataclass(frozen=True)
 class PairCertificate:
-    """Measured defects of one pair; dimensionless, zero is perfect.
+    """Measured defects of one pair; dimensionless, zero for an exact solution.
 
     For a tied pair, tension and shear (allowed) and penetration (impossible) are zero.
 
     Attributes:
         pair: Names of slave and master.
-        force: Sum of all contact forces over the sum of their norms; rounding.
+        force: Sum of all contact forces over the sum of their norms; zero up to rounding.
         moment: Sum of their moments over forces times lever arms; of third order in the facet
-            length, rounding for a tied pair without gap.
+            length, zero up to rounding for a tied pair without gap.
         tension: Excess of the tension -z_n over the adhesion of the contact law, over the largest
             pressure or tension.
         shear: Excess of the tangential multiplier over the friction limit, over the largest
             pressure (or the friction limit, if larger).
         overlap: Largest negative mean gap of a slave node over its length; for a tied pair the
             largest distance of the sides.
-        overlap_at: Its position.
-        reach: Distance within which partners are searched, in words.
-        complementarity: Largest |(z_n + a) g|, a: the adhesion, over largest pressure and length.
-        penetration: Largest penetration of a segment over the length of its facet: allowed by the
+        overlap_at: Position of the largest overlap.
+        reach: Distance within which partners are searched, as text.
+        complementarity: Largest |(z_n + a) g| with the adhesion a, over largest pressure times
+            length.
+        penetration: Largest penetration of a segment over the length of its facet: admitted by the
             discretization between the nodes, of second order in the facet length.
         distance: Smallest distance of slave and master over the facet length if a force acts.
         where: Position of the largest penetration.
@@ -43,12 +44,12 @@ class PairCertificate:
             Contributions of neighbouring active nodes are added with their signs.
         excess_shear: Where corners of the slave stick on a flat master: excess of the shear along
             the master over the friction limit at the pressure on it, over that limit.
-        excess_shear_at: Its position.
-        friction: Friction limit over pressure, mean of all nodes under pressure; inf where the law
-            is to stick.
+        excess_shear_at: Position of the largest excess.
+        friction: Friction limit over pressure, mean of all nodes under pressure; inf for the law
+            ``Stick``.
         end_pressure: Largest ratio of the pressure beside a clamped slave node to that of the next
             nodes.
-        end_pressure_at: Its position.
+        end_pressure_at: Position of the largest ratio.
         outside: Largest distance of the resultant of neighbouring pressures from the part of the
             slave that the master covers [facet lengths].
         outside_at: Position of that resultant.
@@ -99,7 +100,7 @@ class PairCertificate:
         """Describe violated conditions; empty for a sound state (local).
 
         Args:
-            tolerance: Limit for quantities that the equations make zero.
+            tolerance: Limit for quantities that vanish in a solution of the equations [1].
             penetration: Limit for penetration and distance [facet lengths].
         """
         return list(self._violations(tolerance, penetration))
@@ -156,14 +157,14 @@ class PairCertificate:
         if self.redundant:
             yield (
                 f"{self.pair}: {self.redundant} sticking nodes are constrained by other pairs as "
-                f"well, one at {self.redundant_at}: their shear is not unique; it stays as close "
-                "as possible to that of the last state"
+                f"well, one at {self.redundant_at}: their shear is not unique; it is as close as "
+                f"possible to that of the last state"
             )
         if self.undecided_at:
             yield (
                 f"{self.pair}: the master ends just beside the node at {self.undecided_at}, where "
-                "the multiplier is passed to or from the neighbouring node: there may be two "
-                "solutions, with and without it; other steps may find the other one"
+                f"the multiplier is handed over to or from the neighbouring node: there may be "
+                f"two solutions, with and without it; other steps may lead to the other one"
             )
 
     def _sticking_corner(self) -> str:
@@ -182,20 +183,20 @@ class PairCertificate:
         return f"take '{master}' as slave and '{slave}' as master, or " * (slave != master)
 
     def _wrong_gradient(self) -> str:
-        """Describe the gradient of a distance that is not its derivative."""
+        """Describe a gradient that is not the derivative of the distance."""
         return (
             f"{self.pair}: the gradient of the obstacle's distance is turned by "
             f"{np.degrees(np.arcsin(min(self.gradient, 1.0))):.1f} degrees from difference "
-            f"quotients at {self.gradient_at}, the direction of the contact forces with it; "
-            "correct the function of the obstacle"
+            f"quotients at {self.gradient_at}, and so is the direction of the contact forces; "
+            f"correct the function of the obstacle"
         )
 
     def _resultant_outside(self) -> str:
-        """Describe a resultant outside of the part where the sides meet."""
+        """Describe a resultant outside the part of the slave that is covered."""
         return (
             f"{self.pair}: the resultant of the pressures acts at {self.outside_at}, "
             f"{self.outside:.2f} facets outside of the part of the slave that the master covers: "
-            "this mesh may bear more load than a finer one"
+            "the limit load of this mesh may be above that of a finer one"
         )
 
     def _remarks_on_corners(self) -> Iterator[str]:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Position of the normal resultant of a run of slave nodes, relative to the covered surface.
 
-The resultant of the pressure lies on the covered part of the surface. A node at the uncovered end
-of a partly covered facet carries a fraction of the pressure on the covered part, in balance of
-forces and moments. If such a facet is the only active one, as under a body about to tip over an
-edge, the whole force may move to that node, beyond the edge. The limit load is then larger than in
+The resultant of the pressure lies on the covered part of the surface. By balance of forces and
+moments, a node at the uncovered end of a partly covered facet carries a fraction of the force on
+the covered part. If such a facet is the only active one, as under a body about to tip over an edge,
+the whole force may be carried by that node, beyond the edge. The limit load is then larger than in
 the limit of fine meshes.
 """
 
@@ -24,12 +24,12 @@ from fenics_mortar.utils.errors import place
 def beyond_cover(contact: Contact, runs: Indices) -> dict[str, Any]:
     """Largest distance of a resultant beyond the cover, over the longest facet (collective).
 
-    Runs with tensile nodes are excluded, since their resultant may be anywhere, and obstacles,
+    Runs with tensile nodes are excluded, since their resultant may lie anywhere; so are obstacles,
     which have no ends.
 
     Args:
         contact: The pair.
-        runs: Number of the run of active nodes that each slave node is in, shape (slave nodes,).
+        runs: Number of the run of active nodes of each slave node, shape (slave nodes,).
 
     Returns:
         "outside" [1] and "outside_at" of ``PairCertificate``; empty if no resultant lies beyond.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The sides of the cells of a rank and their neighbours on all ranks."""
+"""CellSides of the cells of a rank and their neighbours on all ranks."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
-class Sides:
-    """The sides of the owned cells: their facets, nodes, neighbours and prescribed components.
+class CellSides:
+    """CellSides of the owned cells: facets, nodes, neighbours and prescribed components.
 
     The constructor is collective.
 

@@ -63,7 +63,7 @@ class TangentCheck(Markdown):
         return {name: self._slope(values) for name, values in self.remainders.items()}
 
     def _slope(self, values: Array) -> float:
-        seen = values > ASSEMBLY_ROUNDING  # smaller ones define no slope
+        seen = values > ASSEMBLY_ROUNDING  # smaller ones do not define a slope
         if seen.sum() < 2:
             return np.inf
         return float(np.polyfit(np.log(self.steps[seen]), np.log(values[seen]), 1)[0])
@@ -85,8 +85,8 @@ def check_tangent(
 ) -> TangentCheck:
     """Taylor test at the present displacement, multipliers and active set (collective).
 
-    The state is restored. Multipliers that are zero are replaced by random ones of the size of the
-    largest, or of 1 % of the stiffness, so that the derivatives of D and M contribute.
+    The state is restored. Zero multipliers are replaced by random ones of the size of the largest,
+    or of 1 % of the stiffness, so that the derivatives of D and M contribute.
 
     Args:
         problem: A ``ContactProblem``.
@@ -128,7 +128,7 @@ def _check(probe: _Probe, steps: Array) -> TangentCheck:
 
 
 class _Probe:
-    """The functions of a problem along one random direction, and their derivatives."""
+    """Functions of a problem along one random direction, and their derivatives."""
 
     def __init__(self, problem: Any, seed: int) -> None:
         self.problem, self.bulk, self.contacts = (
@@ -153,6 +153,7 @@ class _Probe:
         self._frames: list[Any] = [contact.rows.frame() for contact in self.contacts]
 
     def _fill(self, contact: Contact | Tie, rng: np.random.Generator) -> Array:
+        """Multipliers, random where zero: of the size of others, else of strains of 1 %."""
         size = np.abs(contact.z).max() or 0.01 * contact.modulus.max()
         random = size * rng.uniform(0.5, 1.0, contact.z.shape)
         return np.where(contact.z == 0.0, random, contact.z)
@@ -171,7 +172,7 @@ class _Probe:
             contact.evaluate(u.x.array, self.problem.linearization)
 
     def values(self, step: float) -> dict[str, Array]:
-        """All functions at the step; of distributed arrays the owned entries (collective)."""
+        """All functions at the step; owned entries of distributed arrays (collective)."""
         self._move(step)
         found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
         force = self.bulk.r.array_r[: self.bulk.num_owned].copy()
@@ -186,7 +187,7 @@ class _Probe:
             contact.master.scatter_add(on_master, force)
             laws.append(contact.rows.weighted(frame)[contact.slave.owned].ravel())
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
-        for contact in self.contacts:  # as in the system
+        for contact in self.contacts:  # normalized as in the system
             contact.change(z=np.where(contact.acts[:, None], contact.z, 0.0))
         pushed = self._mine(self.motions.forces().ravel())
         force = self.bulk.to_force * force
@@ -222,7 +223,7 @@ class _Probe:
 
     def _whole(self) -> Array:
         """The four blocks of the saddle-point system times (du, dz), with motions of obstacles."""
-        for contact in self.contacts:  # as in the system
+        for contact in self.contacts:  # normalized as in the system
             contact.change(z=np.where(contact.acts[:, None], contact.z, 0.0))
         system = SaddleSystem(self.bulk, self.contacts, "fenics_mortar_check_tangent_", {})
         K, B_T, C, A_z = system.blocks()

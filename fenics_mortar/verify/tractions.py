@@ -16,9 +16,7 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.facing import Points, Rule, points_behind, points_of
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags
-
-# Covered length of a facet, of its length 2 in the reference element, below which it is bare.
-MIN_COVER = 0.02
+from fenics_mortar.verify.limits import LIMITS
 
 
 def interface_tractions(
@@ -45,15 +43,15 @@ def facet_tractions(
 ) -> Array:
     """Traction with given nodal forces, at points of all facets (collective).
 
-    Where the surface is covered, the traction is in the span of the displacement's functions (a
-    projection), elsewhere it is zero: a pressure may end in a jump. On partly covered facets the
-    moments are equal up to the number of points.
+    On the covered surface the traction is a projection on the span of the displacement's shape
+    functions, elsewhere it is zero: a pressure may end in a jump. On partly covered facets moments
+    are reproduced up to the order of the quadrature points.
 
     Args:
         surface: The surface.
         forces: Nodal forces, shape (nodes, 2) [stress length].
-        clamped: Clamped nodes, whose forces are not used, shape (nodes,): at the end of a surface
-            the traction is extrapolated there from the next two nodes.
+        clamped: Clamped nodes, shape (nodes,), bool. Their forces are not used; at a clamped end of
+            a surface the traction is extrapolated from the next two nodes.
         here: Points on the covered parts, this rank's share.
         rule: Gauss rule with q points on a facet.
 
@@ -67,7 +65,7 @@ def facet_tractions(
     mass = np.einsum("np,npj,npk->njk", here.measure(surface.X), here.shape, here.shape)
     cover = here.weights.sum(axis=1)
     cover, at_points, mass = (_sum_over_facets(surface, here, a) for a in (cover, at_points, mass))
-    bare = cover < MIN_COVER
+    bare = cover < LIMITS.bare
     at_points[bare] = mass[bare] = 0.0
     nodal = _solve_on_covered(surface, mass, forces, clamped)
     return np.asarray(np.einsum("fqk,fkc->fqc", at_points, nodal[surface.facets]))
@@ -100,7 +98,7 @@ def _solve_on_covered(surface: Surface, blocks: Array, forces: Array, clamped: F
 
 def _covers(pair: Interface) -> list[Points]:
     """Points on the parts of slave and master that face each other (local)."""
-    o, segments = pair.as_faced, pair.intersections()
+    o, segments = pair.partner_operators, pair.intersections()
     behind = [points_behind(o, segments)] if pair.master.num_nodes else []
     return [points_of(segments), *behind]
 

@@ -66,7 +66,7 @@ def problem_on_folded(kind):
 @pytest.mark.parametrize(
     "kind, words",
     [
-        ("a second copy", "fills a place twice"),
+        ("a second copy", "covers an area twice"),
         ("an inclusion without a hole", r"body around \(0.5, 0.5\) lies inside the one around"),
         ("a turned cell", r"1 cells are twisted, one at \(0.6875, 0.125\)"),
         ("a node too far", "cells are twisted"),

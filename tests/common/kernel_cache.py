@@ -37,3 +37,7 @@ def folder_of_kernels(root=ROOT):
         if other != folder and time.time() - other.stat().st_mtime > KEPT:
             shutil.rmtree(other, ignore_errors=True)
     return str(folder)
+
+
+if __name__ == "__main__":
+    print(folder_of_kernels())

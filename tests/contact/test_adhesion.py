@@ -72,6 +72,7 @@ def traction(stretch: float) -> float:
     return mu * (stretch - 1.0 / stretch) + lmbda * np.log(stretch) / stretch
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "law, options",
     [
@@ -111,6 +112,7 @@ def balance(gap: float, up: float, height: float) -> float:
     return traction(1.0 + (up - gap) / height) - STRESS * np.exp(-gap / RANGE)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("law", [Sticky(0.3), Glued(0.3)])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_tangent_has_slope_two(degree, law):
@@ -131,6 +133,7 @@ def test_tangent_has_slope_two(degree, law):
         )
 
 
+@pytest.mark.once
 def test_tangent_at_an_obstacle_that_pulls_has_slope_two():
     """Its motions are directions of the test, too."""
     circle = fm.Circle((0.5, -2.0), 2.01)
@@ -142,6 +145,7 @@ def test_tangent_at_an_obstacle_that_pulls_has_slope_two():
     assert problem.check_tangent(print_table=False).slopes["whole"] == pytest.approx(2.0, abs=0.02)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "options",
     [{"algorithm": "saddle"}, {"solver": "iterative"}, {"linear_bulk": True}],
@@ -164,6 +168,7 @@ def test_all_ways_to_solve_agree(pair, options):
         assert np.abs(one - other).max() < 1e-9 * np.abs(one).max()
 
 
+@pytest.mark.once
 def test_friction_by_what_presses_adhesion_included():
     """Blocks that pull at each other rub all the same."""
     scene = pressed_blocks(pair={"law": Glued(0.3)}, **MESH)

@@ -27,7 +27,7 @@ WRONG_ANSWERS = [
         NotFiniteError,
         "limit returned .* not finite at 5",
     ),
-    ("limit", lambda b: b[0], ValueError, "limit returned array.*; expected a Row, or three"),
+    ("limit", lambda b: b[0], ValueError, "limit returned array.*; expected a Row, or the limit"),
     ("tangential", spoil_row("residual"), NotFiniteError, r"not finite at 5 nodes .* one at \("),
     ("tangential", spoil_row("by_slip"), NotFiniteError, "tangential returned numbers"),
     ("tangential", lambda row: None, ValueError, "tangential returned None; expected a Row"),

@@ -10,6 +10,7 @@ import fenics_mortar as fm
 MESH = {"n_upper": 7, "n_lower": 9, "layers_upper": 3, "layers_lower": 3}
 
 
+@pytest.mark.once
 def test_touching_nodes_are_active_at_the_start_and_open_ones_are_not():
     touching = pressed_blocks(**MESH)
     touching.problem.equations.evaluate(start=True)
@@ -40,6 +41,7 @@ def test_complementarity_holds_node_by_node():
     assert np.abs(contact.pressure * contact.gap).max() < 1e-10 * contact.pressure.max()
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("c_n", [1e-8, 1e-5, 1.0, 1e3, 1e8])
 def test_result_does_not_depend_on_the_weight_of_the_gap(c_n):
     """Too large a weight makes the set cycle: the cycle is left and recorded."""
@@ -80,6 +82,7 @@ def test_total_force_is_what_the_nodes_carry():
     assert scene.contact.total_force[1] > 0.0  # the upper block is pushed up
 
 
+@pytest.mark.once
 def test_node_whose_cover_grows_presses_on(monkeypatch):
     """An edge slides a facet on: of the node under it much more is covered then.
 
@@ -93,14 +96,14 @@ def test_node_whose_cover_grows_presses_on(monkeypatch):
         scene.problem.solve()
     edge = contact.active_nodes[0]
     before = contact.operators.cover[edge]
-    look, active = scene.problem.equations.look, []
+    look, active = scene.problem.equations.evaluate_without_bulk, []
 
     def note(*, start):
         status = look(start=start)
         active.append(contact.active[edge])
         return status
 
-    monkeypatch.setattr(scene.problem.equations, "look", note)
+    monkeypatch.setattr(scene.problem.equations, "evaluate_without_bulk", note)
     scene.loads["push"].value[:] = (0.04 + 0.9 * facet, -0.1)
     scene.problem.solve()
     assert contact.operators.cover[edge] > 3.0 * before
@@ -125,8 +128,10 @@ def test_force_of_a_node_whose_cover_grows_is_w_z_to_first_order(monkeypatch):
     def note(z, fraction, step):
         old, weight = contact.z.copy(), contact.operators.weight.copy()
         move(z, fraction, step)
-        if contact.state.borne is not None:
-            moved.append((begun[-1], old, weight, fraction * step, contact.z, contact.state.borne))
+        if contact.state.force_decided is not None:
+            moved.append(
+                (begun[-1], old, weight, fraction * step, contact.z, contact.state.force_decided)
+            )
 
     monkeypatch.setattr(contact, "move", note)
     monkeypatch.setattr(equations, "linearize", begin)
@@ -141,6 +146,7 @@ def test_force_of_a_node_whose_cover_grows_is_w_z_to_first_order(monkeypatch):
     assert force[presses] == pytest.approx(expected[presses], rel=1e-4)
 
 
+@pytest.mark.once
 def test_operators_are_those_of_the_nodes_that_carry_multipliers(monkeypatch):
     """Where a node hands its function over, or takes it back, all is integrated again."""
     scene = pressed_blocks(gap=0.01, **{**MESH, "layers_lower": 1})

@@ -44,6 +44,7 @@ def slopes(problem, branches=None):
     return problem.check_tangent(print_table=False).slopes["whole"]
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "law, pair",
     [
@@ -61,6 +62,7 @@ def test_tangent_has_slope_two(law, pair, degree):
         assert slopes(scene.problem, branches) == pytest.approx(2.0, abs=0.02)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 def test_tangent_on_an_obstacle_has_slope_two(degree):
     """The obstacle's motions take part: they are directions of the test."""
@@ -102,6 +104,7 @@ def test_sticking_blocks_are_one(algorithm, degree):
     assert np.abs(contact.z[on] - exact).max() < 1e-10 * np.abs(exact).max()
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("law", ["coulomb", "tresca"])
 def test_sliding_block_drags_with_the_whole_bound(law):
     scene = blocks(LAWS[law])
@@ -114,6 +117,7 @@ def test_sliding_block_drags_with_the_whole_bound(law):
     assert max(record.num_iterations for record in records) <= 8
 
 
+@pytest.mark.once
 def test_shear_outside_the_cone_is_told():
     scene = blocks(fm.Coulomb(0.3))
     drive(scene, (0.0, -0.1), (0.1, -0.1))
@@ -139,6 +143,7 @@ def test_wedge_takes_the_closed_form():
     assert force == pytest.approx([-H, W], rel=1e-8)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("pair", MEASURES)
 def test_both_algorithms_and_contact_dofs_agree(pair):
     """Condensed, saddle point, and reduced to the contact dofs of a linear bulk."""
@@ -203,6 +208,7 @@ def test_edge_that_shear_peels_off_is_named_with_a_law_that_has_a_solution():
     assert 0.0 < contact.pressure[edge] < 0.1 * law.stress
 
 
+@pytest.mark.once
 @pytest.mark.each
 @pytest.mark.parametrize(
     "law, slope, shear",

@@ -19,6 +19,7 @@ from meshes import indenter_on_block
 WORKS = "contact", "friction"
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_reversal_closes_a_loop():
     """Forth and back twice: the second loop is the first, and friction takes up its area."""
@@ -78,6 +79,7 @@ def ironing(cells: int):
     return fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.25), start=1.5, stop=2.5)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_ironing_in_long_steps_balances_its_work():
     """What contact takes up is the work of friction, but for what vanishes with the facets."""
@@ -145,8 +147,9 @@ def test_ranks_agree(pair):
 
 
 @pytest.mark.serial
+@pytest.mark.long
 def test_four_ranks_agree(tmp_path):
-    """The test above on more ranks than the others run on."""
+    """The test above on more ranks than the others run on, and than there may be cores."""
     test = f"{__file__}::test_ranks_agree[pair0]"
     finished = run(tmp_path, 4, "-m", "pytest", "-q", "-p", "no:cacheprovider", test)
     assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-2000:]

@@ -52,6 +52,7 @@ def lame_pressure(interference):
     return interference / per_pressure
 
 
+@pytest.mark.once
 def test_overlap_of_polygons_is_interference_and_is_told():
     problem = press_fit()
     report = problem.solve()
@@ -76,6 +77,7 @@ def test_pair_that_never_faces_is_told():
     assert "faced" not in problem.solve().table()
 
 
+@pytest.mark.once
 def test_closed_gaps_leave_polygons_without_stress():
     problem = press_fit(initial_gap=0.0)
     assert np.abs(problem.equations.contacts[0].gap).max() < 1e-15
@@ -85,6 +87,7 @@ def test_closed_gaps_leave_polygons_without_stress():
     assert np.abs(problem.equations.contacts[0].z).max() < 1e-12 * E
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("n, uneven", [(24, 0.003), (48, 0.001)])
 def test_interference_of_polygons_gives_the_pressure_of_circles(n, uneven):
     """Three layers of cells cost 0.6 % on either mesh; what is uneven are the facets alone."""
@@ -95,6 +98,7 @@ def test_interference_of_polygons_gives_the_pressure_of_circles(n, uneven):
     assert np.ptp(pressure) < uneven * pressure.mean()
 
 
+@pytest.mark.once
 def test_ramped_overlap_ends_in_the_same_state():
     direct, ramped = (press_fit(fixed=("inner/inside",)) for _ in range(2))
     direct.solve()
@@ -110,6 +114,7 @@ def test_ramped_overlap_ends_in_the_same_state():
     assert np.abs(z - exact).max() < 1e-12 * np.abs(exact).max()  # both to rounding
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("basis", ["dual", "standard"])
 def test_derivatives_with_an_offset(basis):
     """Blocks that stand off their edges, so that facets are partly covered, too."""
@@ -124,6 +129,7 @@ def test_derivatives_with_an_offset(basis):
     assert all(slope > 1.9 for slope in check.slopes.values()), check.table()
 
 
+@pytest.mark.once
 def test_offset_moves_the_surface_by_as_much():
     """An offset of -d is a block that starts higher by d, but for the arm of tilted facets."""
     mesh = {"n_upper": 5, "n_lower": 7, "layers_upper": 3, "layers_lower": 3}

@@ -46,6 +46,7 @@ def test_wear_under_a_held_top_is_implicit_euler(degree):
         assert contact.gap == pytest.approx(-depth, abs=1e-12)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("m", [1.0, 2.0])
 def test_soft_layer_bears_what_its_overlap_says(m):
     k, depth = 400.0, 0.04
@@ -86,6 +87,7 @@ def test_cohesive_zone_is_loaded_unloaded_and_broken():
     assert np.abs(contact.pressure).max() < 1e-10
 
 
+@pytest.mark.once
 def test_rate_and_state_becomes_steady():
     """After a slip of 30 L all nodes slide at the rate of the plane, in the steady state."""
     law = RateAndState(0.4, 0.02, 0.03, 0.01, 0.01)
@@ -105,6 +107,7 @@ def test_rate_and_state_becomes_steady():
         assert theta == pytest.approx(law.L / v, rel=1e-9)
 
 
+@pytest.mark.once
 def test_stribeck_falls_with_the_rate():
     law = Stribeck(0.4, 0.2, 0.05, 0.1)
     problem, push, plane = block_on_plane(law)
@@ -148,6 +151,7 @@ def test_coefficient_of_friction_is_a_field(kind):
     assert -contact.shear == pytest.approx(mu(X.T) * contact.pressure, rel=1e-10)
 
 
+@pytest.mark.once
 @pytest.mark.each
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("name", LAWS)
@@ -163,6 +167,7 @@ def test_tangent_has_slope_two(name, degree):
     assert problem.check_tangent(print_table=False).slopes["whole"] == pytest.approx(2.0, abs=0.02)
 
 
+@pytest.mark.once
 @pytest.mark.each
 @pytest.mark.parametrize("kind", ["vector", "discontinuous", "another mesh"])
 def test_functions_that_are_no_field_of_a_law_are_refused(kind):

@@ -4,7 +4,9 @@
 import numpy as np
 import pytest
 import supported
+from small_scenes import small_blocks
 
+import fenics_mortar as fm
 from fenics_mortar.contact.redundancy import dependent, repeating
 
 
@@ -37,6 +39,7 @@ def test_uniform_pressure_across_a_joint_is_exact(cells, slave):
     assert scene.wrong(scene) == ""
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("mu, cells", [(0.2, (4,)), (0.6, (4, 6, 2)), (0.4, (3, 5))])
 def test_walls_take_few_iterations_and_tell_of_shears_that_are_not_unique(mu, cells):
     """Running bond, weight, then a quarter of the push that it bears; 68 to 78 before or none."""
@@ -51,6 +54,7 @@ def test_walls_take_few_iterations_and_tell_of_shears_that_are_not_unique(mu, ce
         assert redundant > 0
 
 
+@pytest.mark.once
 def test_state_of_redundant_shears_is_kept_by_a_further_solve():
     scene = supported.wall(2, 2, 0.6, push=0.25)
     list(scene.solve())
@@ -60,3 +64,13 @@ def test_state_of_redundant_shears_is_kept_by_a_further_solve():
     for contact, z in zip(scene.problem.equations.contacts, before, strict=True):
         # As exact as the residual's tolerance, over the compliance of the elastic stick.
         assert np.abs(contact.z - z).max() < 1e-5 * largest
+
+
+def test_marks_of_the_last_solve_are_cleared_where_the_next_begins():
+    """A mark is kept while the node sticks: within a solve."""
+    problem = small_blocks(pair={"law": fm.Coulomb(0.5)}).problem
+    contact = problem.equations.contacts[0]
+    for start in (False, True):
+        contact.change(redundant=np.ones(contact.slave.num_nodes, bool))
+        problem.equations.evaluate(start=start)
+        assert contact.redundant.any() != start

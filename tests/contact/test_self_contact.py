@@ -45,6 +45,7 @@ def test_ends_of_a_ring_as_with_chosen_sides(law):
     assert imbalance(found) < 1e-12
 
 
+@pytest.mark.once
 def test_whole_outline_of_a_ring_as_with_chosen_sides():
     """Corners of the ends are inside of the surface; sides may be chosen either way."""
     both = [close(lambda data, e=e: [fm.ContactPair(data, *e)]) for e in (ENDS, ENDS[::-1])]
@@ -56,6 +57,7 @@ def test_whole_outline_of_a_ring_as_with_chosen_sides():
     assert slopes["whole"] == pytest.approx(2.0, abs=0.05)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("order", [1, 2])
 def test_strip_folded_into_an_s_touches_on_both_sides(order):
     """The middle arm is a master of the lower one and a slave of, or a master of, the upper one."""
@@ -70,6 +72,7 @@ def test_strip_folded_into_an_s_touches_on_both_sides(order):
     assert slopes["whole"] == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.once
 def test_no_facet_is_a_master_of_its_neighbours_or_of_those_before():
     surface = strip_in_s(with_itself("strip/outline")).contact.slave
     count = len(surface.facets)
@@ -81,6 +84,7 @@ def test_no_facet_is_a_master_of_its_neighbours_or_of_those_before():
     assert not either[near <= 1].any() and either[near > 5].all()
 
 
+@pytest.mark.once
 def test_numbers_of_nodes_do_not_matter():
     one, other = (close(with_itself(RING), reverse=reverse) for reverse in (False, True))
     assert np.allclose(one.contact.slave.X, other.contact.slave.X, atol=1e-14)
@@ -101,6 +105,7 @@ def held(contact):
     return int((contact.free == 0.0).all(axis=1).sum())
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("upright", [True, False])
 def test_tube_pinched_until_its_inside_touches(upright):
     """With the tube on its side, the roles change in the middle of the contact."""

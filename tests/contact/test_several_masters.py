@@ -47,6 +47,7 @@ def disk(half, depth=None, **options):
     return problem_on(data, "disk/bottom", sides, **middle, **options), sides
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("half", [np.pi / 4, np.pi / 3])
 @pytest.mark.parametrize("depth", [None, 0.02])
 def test_flanks_of_a_groove_share_the_load_of_a_disk(half, depth):
@@ -65,6 +66,7 @@ def test_flanks_of_a_groove_share_the_load_of_a_disk(half, depth):
         assert weight == pytest.approx(0.5 * (outer - inner), rel=1e-9)
 
 
+@pytest.mark.once
 def test_nearest_of_two_is_the_same_where_no_node_sees_both():
     """The distance to the nearer flank as a single obstacle: another formula, the same disk."""
     problem, sides = disk(np.pi / 4, 0.02)
@@ -87,6 +89,7 @@ def test_nearest_of_two_is_the_same_where_no_node_sees_both():
     assert np.abs(u - w).max() < 1e-10 * np.abs(u).max()
 
 
+@pytest.mark.once
 def test_tangent_and_the_form_of_the_system():
     """Taylor slopes with nodes active against both; what cannot be condensed says why."""
     problem, _ = disk(np.pi / 3, 0.02)
@@ -114,6 +117,7 @@ def tip(strain, part=0.02, **options):
     return problem_on(data, "low", flanks(np.pi / 4), strain=strain, bcs=smaller, **options)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("sliding", ["finite", "small"])
 @pytest.mark.parametrize("strain", ["linear", "finite"])
 def test_corner_in_the_tip_of_a_groove_is_pressed_evenly(strain, sliding):
@@ -139,6 +143,7 @@ def test_corner_in_the_tip_of_a_groove_is_pressed_evenly(strain, sliding):
         assert np.allclose(contact.pressure[on] * length[sliding], stress[strain], rtol=1e-9)
 
 
+@pytest.mark.once
 def test_driven_separately():
     """Two walls of a channel press a disk that they alone support: each with its own force."""
     walls = (
@@ -155,6 +160,7 @@ def test_driven_separately():
     assert walls[0].place[0] > 0.05
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("law", [None, fm.Coulomb(0.2)])
 def test_two_bodies_side_by_side_as_masters(law):
     """A block on two supports, a gap between them: equal and opposite forces, by symmetry."""

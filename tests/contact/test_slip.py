@@ -13,6 +13,7 @@ from meshes import mapped_grids
 from meshes.mapped_grids import Grid, mapped
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("pair", MEASURES)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_slip_by_operators_is_the_usual_one(degree, pair):
@@ -35,6 +36,7 @@ def test_slip_by_operators_is_the_usual_one(degree, pair):
     assert off < 1e-13 if pair["slip"] == "operators" else 1e-6 < off < 1e-2
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("pair", MEASURES)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_rigid_rotation_is_no_slip(degree, pair):
@@ -149,6 +151,7 @@ def bowed_block_under_a_tool(half, degree):
     return contact.z_tau[order], contact.pressure[order], contact.slip[order]
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 def test_half_of_a_symmetric_scene_has_the_shears_and_slips_of_the_whole(degree):
     """What is left is the solver's tolerance."""

@@ -11,6 +11,7 @@ import ufl
 import fenics_mortar as fm
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "angle, counts", [(0, (4, 4)), (0, (2, 34)), (30, (3, 10)), (90, (4, 4)), (90, (2, 34))]
 )
@@ -52,6 +53,7 @@ def test_uniaxial_tension_passes_with_its_traction(degree, counts, basis):
     assert problem.estimate().relative < 1e-9  # the exact solution is told as such
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("sides", [("inner/bottom", "outer/top"), ("outer/top", "inner/bottom")])
 @pytest.mark.parametrize("degree", [1, 2])

@@ -47,6 +47,7 @@ def test_saddle_matrix_is_symmetric():
     assert np.abs(B_T - C.T).max() < 1e-14 * np.abs(C).max() and np.abs(C).max() > 1.0
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 def test_conjugate_gradients_with_multigrid_solve_the_reduced_system(degree):
     """As many iterations on a mesh of half the size, and what a direct solver finds."""

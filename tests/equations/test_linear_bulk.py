@@ -37,6 +37,7 @@ def bent(u, E, nu):
     return ufl.conditional(ufl.lt(ufl.div(u), 0.0), 2.0, 1.0) * stress
 
 
+@pytest.mark.once
 def test_first_solve_is_on_the_contact_dofs_and_says_why():
     scene, report = solved(linear_elastic)
     dofs = 2 * (scene.contact.slave.num_nodes + scene.contact.master.num_nodes)
@@ -65,6 +66,7 @@ def test_dense_matrices_that_cost_more_are_not_made(monkeypatch, options, words)
     assert scene.problem._solver.linear_bulk.choose()[0] is None
 
 
+@pytest.mark.once
 def test_many_solves_pay_for_dense_matrices(monkeypatch):
     """The general path was predicted to be cheaper for one solve; it has been taken too often."""
     unknowns = pressed_blocks(material=linear_elastic, **MESH).problem.equations.bulk.r.getSize()
@@ -93,6 +95,7 @@ def disc_on_block(reduced):
     )
 
 
+@pytest.mark.once
 def test_steps_that_would_invert_cells_are_shortened_as_on_all_dofs():
     """One node touches at first, and would hold the disc's cells."""
     one, other = (disc_on_block(reduced) for reduced in (False, True))

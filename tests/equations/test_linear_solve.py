@@ -123,6 +123,7 @@ def rubbing(algorithm, *, pair=None, degree=1, **options):
     return scene.problem
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_friction(algorithm):
     problem = rubbing(algorithm)
@@ -131,6 +132,7 @@ def test_friction(algorithm):
     check(problem)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "pair, options",
     [
@@ -161,6 +163,7 @@ def test_slave_node_on_a_symmetry_plane(algorithm):
     check(problem)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("kind", ["open", "plane"])
 def test_driven_obstacle(algorithm, kind):
@@ -173,6 +176,7 @@ def test_driven_obstacle(algorithm, kind):
     check(problem)
 
 
+@pytest.mark.once
 def test_two_obstacles_on_one_body():
     """One at rest, one driven, each with a border of its own."""
     problem, _ = test_several_masters.disk(np.pi / 3, 0.02)
@@ -204,6 +208,7 @@ def test_several_pairs_and_ties(algorithm):
     check(problem)
 
 
+@pytest.mark.once
 def test_ties_with_a_crosspoint():
     data, pairs = tied_scenes.four_blocks()
     around = ["c/bottom", "d/bottom", "a/top", "b/top"]
@@ -212,6 +217,7 @@ def test_ties_with_a_crosspoint():
     check(problem)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_mixed_function(algorithm):
     residual = partial(test_mixed.neo_hookean, nu=0.4999)
@@ -219,6 +225,7 @@ def test_mixed_function(algorithm):
     check(scene.problem, 1e-9)  # the pressure and its equation have other units
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_multigrid(algorithm):
     problem = rubbing(algorithm, solver="iterative", petsc_options={"ksp_rtol": 1e-13})
@@ -239,6 +246,7 @@ def test_multigrid_of_tied_bodies():
     assert problem.equations.system.ksp.getType() == "gmres"
 
 
+@pytest.mark.once
 def test_transposed_iterations_are_about_as_many():
     problem = rubbing("condensed", solver="iterative")
     b, counts = random_vector(problem, 0, (1.0, 1.0, 1.0)), []
@@ -248,6 +256,7 @@ def test_transposed_iterations_are_about_as_many():
     assert counts[1] <= 1.5 * counts[0]
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_sensitivities_are_those_of_the_solution():
     """By the push and by a prescribed motion, against central differences of solves."""

@@ -47,6 +47,7 @@ def test_too_few_iterations_say_what_is_missing_and_can_be_continued():
     assert scene.problem.solve().converged
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("material", [neo_hookean, "no logarithm"])
 @pytest.mark.parametrize("first", [-0.05, None])

@@ -35,6 +35,7 @@ def pair_of(**options):
     ]
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("linearization", ["full", "frozen"])
@@ -61,6 +62,7 @@ def test_iterates_are_those_of_the_general_path(slave, algorithm, linearization)
             assert largest(u - w) < 1e-9 * largest(u)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize(
     "path, scene",
@@ -83,6 +85,7 @@ def test_load_steps_take_the_same_iterations(path, scene, algorithm):
         assert other.certificate.balance < 1e-9
 
 
+@pytest.mark.once
 def test_a_step_on_all_dofs_in_between_changes_nothing():
     """It adds contact to K, which the next one, along a new direction, has to have without.
 
@@ -120,6 +123,7 @@ def loaded_blocks(reduced, *, fixed="both"):
     return problem, loads
 
 
+@pytest.mark.once
 def test_loads_that_change_with_time():
     both = [loaded_blocks(reduced) for reduced in (False, True)]
     for time in (0.3, 0.6, 1.0, 0.1):
@@ -132,6 +136,7 @@ def test_loads_that_change_with_time():
         assert largest(u - w) < 1e-9 * largest(u)
 
 
+@pytest.mark.once
 def test_new_stiffness_is_factored_anew():
     both = [loaded_blocks(reduced) for reduced in (False, True)]
     for E in (100.0, 50.0):
@@ -155,6 +160,7 @@ def test_body_supported_by_contact_alone_takes_the_general_path_and_says_so():
     assert not any("free to move" in note for note in problem.solve().notes)  # said once
 
 
+@pytest.mark.once
 def test_choice_follows_from_the_form():
     def takes(material, **options):
         scene = pressed_blocks(material=material, problem=options, **MESH)
@@ -167,6 +173,7 @@ def test_choice_follows_from_the_form():
     assert not takes(linear_elastic, solver="iterative")
 
 
+@pytest.mark.once
 def test_forced_where_the_bulk_is_not_linear_it_notices():
     """The residual that the linear bulk would leave is looked at in the end."""
     scenes = [

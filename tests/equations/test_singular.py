@@ -14,6 +14,7 @@ import fenics_mortar as fm
 from meshes import two_blocks
 
 
+@pytest.mark.once
 def test_body_that_loads_pull_off_is_named_with_its_motion():
     problem = pushed_block(load=1.0)
     with refused(fm.NotConvergedError, r"body 'upper' can (move|rotate) .* freely", "stop"):

@@ -96,6 +96,7 @@ def test_law_is_symmetric_and_conserves():
     assert np.abs(on_slave.sum(axis=0) + on_master.sum(axis=0)).max() < 1e-12 * total
 
 
+@pytest.mark.once
 def test_differs_from_finite_sliding_in_second_order():
     """Flat bodies that touch: halved loads leave a quarter of the difference."""
     differences = []
@@ -110,6 +111,7 @@ def test_differs_from_finite_sliding_in_second_order():
     assert 3.0 < differences[0] / differences[1] < 5.0
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("obstacle", ["plane", "circle"])
 def test_obstacles(obstacle):
     """An obstacle that moves: on all dofs and on the pressures; exact tangent with its motions."""
@@ -137,6 +139,7 @@ def test_obstacles(obstacle):
     assert largest(found[0] - found[1]) < 1e-9 * largest(found[0])
 
 
+@pytest.mark.once
 def test_friction_on_undeformed_operators():
     """On the contact dofs and on all dofs; the pressures alone would not do."""
     law = {"law": fm.Coulomb(0.2)}

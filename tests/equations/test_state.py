@@ -16,8 +16,8 @@ from fenics_mortar.equations.state import State
 PACKAGE = Path(fm.__file__).parent
 PARTS = {field.name for field in fields(InterfaceState)}
 # Parts that may be set, and those that an interface shows by its state only.
-NOT_SHOWN = {"offset", "c_n", "reference", "borne", "load_time", "past"}
-# Of an interface, beside its state: replaced by ``show`` and ``set_stiffness``.
+NOT_SHOWN = {"offset", "c_n", "reference", "force_decided", "load_time", "past"}
+# Of an interface, beside its state: replaced by ``set_operators`` and ``set_stiffness``.
 OTHERS = {"now", "operators", "stiffness", "state", "_state"}
 
 
@@ -39,6 +39,7 @@ def assignments(module):
                         yield part.attr, node.lineno
 
 
+@pytest.mark.once
 def test_no_module_assigns_to_the_state_of_an_interface():
     found = [
         f"{module.relative_to(PACKAGE)}:{line}: {name}"
@@ -86,7 +87,7 @@ def numbers(value, name="", seen=None):
 
 def everything(problem):
     """Status, state, operators, fields and rows of a problem, evaluated at its present state."""
-    status = problem.equations.look(start=False)
+    status = problem.equations.evaluate_without_bulk(start=False)
     found = dict(numbers(status, "status")) | dict(numbers(problem.state(), "state"))
     for contact in problem.equations.contacts:
         rows, f = contact.rows.linearized(), contact.now
@@ -96,6 +97,7 @@ def everything(problem):
     return found
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("pair", [{}, {"law": fm.Coulomb(0.3)}, {"sliding": "small"}])
 def test_restored_state_gives_back_every_number(pair):
     """After other loads, another offset, a cycle's weight of the gap and a failed solve."""

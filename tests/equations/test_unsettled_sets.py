@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from scenes import internal, neo_hookean, read
+from scenes import internal, linear_elastic, neo_hookean, read, rectangles
 from small_scenes import small_blocks
 
 from dolfinx import fem
@@ -39,6 +39,7 @@ def plates(cell, law):
     return problem, push
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("mu", [0.0, 0.3, 2.0])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_thin_plates_that_touch_settle(cell, mu):
@@ -61,3 +62,37 @@ def test_nothing_is_linearized_where_nothing_may_touch():
     scene.problem.solve()
     e = scene.problem.equations
     assert not LinearizedContact(e.bulk, e.floating, e.system, e.motions).applies
+
+
+def test_multipliers_of_the_linearized_problem_are_those_of_small_loads():
+    """A block of two tied parts pushed onto another, both parts held."""
+    data = read(
+        rectangles,
+        size=0.21,
+        lower=(-0.5, 0.0, 1.0, 1.0),
+        middle=(-0.4, 1.0, 0.8, 0.5),
+        upper=(-0.4, 1.5, 0.8, 0.5),
+    )
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, -1e-5))
+    bcs = [fm.dirichlet(V, data, name, push) for name in ("middle/left", "upper/top")]
+    bcs.append(fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0)))
+    pairs = [
+        fm.ContactPair(data, "middle/bottom", "lower/top", law=fm.Coulomb(0.3)),
+        fm.TiedPair(data, "middle/top", "upper/bottom"),
+    ]
+    problem = fm.ContactProblem(
+        internal(u, linear_elastic(u, 100.0, 0.3)), u, pairs, bcs=bcs, petsc_options_prefix="tie_"
+    )
+    equations = problem.equations
+    contact = equations.contacts[0]
+    equations.evaluate(start=True)
+    equations.bulk.assemble_tangent()
+    linearized = LinearizedContact(
+        equations.bulk, equations.floating, equations.system, equations.motions
+    )
+    assert linearized.choose_sets(lambda: None)
+    z = contact.z.copy()
+    problem.solve()
+    assert np.abs(contact.z).max() > 1e-4
+    assert np.abs(contact.z - z).max() < 1e-4 * np.abs(z).max()

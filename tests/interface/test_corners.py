@@ -34,6 +34,7 @@ def chosen(scene, x=None):
     return {tuple(np.round(c.slave.X[j], 6)): int(f) for j, f in zip(corners, facets, strict=True)}
 
 
+@pytest.mark.once
 @pytest.mark.ranks
 def test_corners_that_lie_flat_take_the_normal_of_the_flat_facet():
     """The outline goes counter-clockwise: the lower side comes after the left end's corner."""
@@ -87,6 +88,7 @@ def test_a_corner_between_two_walls_keeps_its_averaged_normal():
     assert choose_facets(c.slave, j, x, walls[:1])[0] == 1
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["left", "right"])
 @pytest.mark.parametrize("mu", [0.0, 0.2])
 @pytest.mark.parametrize("cells", [9, 12])

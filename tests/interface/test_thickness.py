@@ -38,6 +38,7 @@ def frustums(x):
     return np.pi * (x[:-1, 0] + x[1:, 0]) @ np.hypot(*np.diff(x, axis=0).T)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("basis", ["dual", "standard"])
 def test_D_and_M_are_areas_of_frustums(slave, basis):
@@ -73,6 +74,7 @@ OPTIONS = [
 ]
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("axis", [True, False])
 @pytest.mark.parametrize("degree, cell", DEGREES)
 def test_tangent_is_exact(degree, cell, axis):
@@ -124,6 +126,7 @@ def test_tangent_is_exact_on_obstacles(law, degree):
         assert min(slopes.values()) > 1.9, (tool.name, slopes)
 
 
+@pytest.mark.once
 def test_tangent_is_exact_with_a_thickness_of_the_material():
     for degree, slave in product([1, 2], ["upper", "lower"]):
         scene = pressed_blocks(
@@ -180,6 +183,7 @@ def test_uniform_stress_passes_where_the_thickness_varies(degree):
     assert pressure.max() == pytest.approx(50.0 * (1 / 0.9 - 0.9), rel=1e-11)
 
 
+@pytest.mark.once
 def test_ways_to_solve_agree():
     found = []
     for options in (
@@ -198,6 +202,7 @@ def test_ways_to_solve_agree():
         assert np.abs(z - found[0]).max() < 1e-7 * np.abs(found[0]).max()
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("sliding", ["finite", "small"])
 def test_linear_bulk_is_factored_once(sliding):
     found = []
@@ -225,6 +230,7 @@ def test_estimate_is_finite_and_falls_with_the_mesh(degree):
     assert totals[1] < 0.8 * totals[0]
 
 
+@pytest.mark.once
 def test_a_body_free_along_the_axis_is_found_and_pressed_by_a_total_force():
     """The only rigid motion of a body of revolution is along the axis."""
     data = cylinders((5, 7), bulge=False)

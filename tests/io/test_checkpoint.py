@@ -137,8 +137,8 @@ def test_numbers_that_are_not_finite_are_refused(shared_path):
 @pytest.mark.parametrize(
     "mesh, message",
     [
-        ({"width_upper": 1.01}, "away in it"),
-        ({"height_lower": 1.01}, "away in it"),
+        ({"width_upper": 1.01}, "away from this position"),
+        ({"height_lower": 1.01}, "away from this position"),
     ],
 )
 def test_a_mesh_with_as_many_nodes_in_other_places_is_refused(shared_path, mesh, message):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fenics_mortar.kernels.sight import (
-    is_way_out,
+    is_nearer_exit,
     length_inside,
     overlaps_point,
     tabulate_lengths,
@@ -106,11 +106,11 @@ def test_of_two_ways_out_the_shorter_one_counts(thick, other, overlap):
     down = np.array([1.0, thick, 0.0, thick, 0.0, 1.0, 0.0, 1.0])
     low = np.array([0.0, overlap - other, 1.0, overlap - other])
     through = thick + other - overlap
-    assert not is_way_out(np.concatenate([down, low]), N, 0.1, through, shape, (0, 1), LEAST)
+    assert not is_nearer_exit(np.concatenate([down, low]), N, 0.1, through, shape, (0, 1), LEAST)
     if overlap > 0.0:
         up = np.array([0.0, 0.0, 1.0, 0.0, 0.0, -1.0, 0.0, -1.0])
         top = np.array([1.0, overlap, 0.0, overlap])
-        assert is_way_out(np.concatenate([up, top]), N, 0.1, overlap, shape, (0, 1), LEAST)
+        assert is_nearer_exit(np.concatenate([up, top]), N, 0.1, overlap, shape, (0, 1), LEAST)
 
 
 @pytest.mark.parametrize("angle", np.linspace(0.05, 6.2, 24))
@@ -125,7 +125,7 @@ def test_the_back_of_a_strip_is_no_way_out_of_itself(angle):
     N = np.empty((3, 2))
     for xi in np.linspace(-0.9, 0.9, 7):
         depth = 0.5 * ((0.13 + 0.02) * (1.0 - xi) + 0.1 * (1.0 + xi))
-        assert not is_way_out(y, N, xi, depth, shape, (0, 0), LEAST)
+        assert not is_nearer_exit(y, N, xi, depth, shape, (0, 0), LEAST)
 
 
 @pytest.mark.parametrize("overlap", [-1e-3, 1e-3, 0.05])

@@ -47,6 +47,7 @@ def test_misspelt_option_is_told_where_the_linear_bulk_is_factored_once(sliding)
     assert not any("did not use" in note for note in scene.problem.solve().notes)
 
 
+@pytest.mark.once
 def test_options_that_petsc_uses_are_not_told_of():
     problem = solved_with({"ksp_type": "gmres", "ksp_rtol": 1e-9, "pc_type": "lu"})
     assert not any("PETSc" in note for note in problem.solve().notes)
@@ -102,7 +103,18 @@ print(problem.equations.system.ksp.getType(), *report.notes)
 """
 
 
+@pytest.mark.once
 @pytest.mark.serial
+@pytest.mark.serial
+@pytest.mark.parametrize("options", [{}, {"ksp_type": "gmres", "ksp_monitor": ""}], ids=str)
+def test_solver_is_shown_after_each_solve(options, capfd):
+    """PETSc forgets it where a solver is made anew for another pattern."""
+    report = solved_with({"ksp_view": "", **options}).solve()
+    shown = capfd.readouterr().out
+    assert shown.count("KSP Object: (test_)") == report.num_iterations > 0
+    assert shown.count("  0 KSP Residual norm") == (report.num_iterations if options else 0)
+
+
 def test_options_of_the_command_line_are_read():
     given = ["-test_ksp_type", "gmres", "-test_ksp_rtoll", "1e-3"]
     code = f"import sys; sys.path[:0] = {sys.path!r}\n{SCRIPT}"

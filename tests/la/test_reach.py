@@ -12,7 +12,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.bulk.residual import MAX_GROWTHS
-from fenics_mortar.la.reach import MARGIN
+from fenics_mortar.la.reach import MARGIN, _faced
 from meshes import half_cylinder_on_block
 
 comm = MPI.COMM_WORLD
@@ -29,6 +29,7 @@ def slide(scene, facets):
     assert scene.problem.solve().converged
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_pattern_stays_while_contact_slides_over_fewer_facets_than_the_margin(degree, algorithm):
@@ -43,6 +44,7 @@ def test_pattern_stays_while_contact_slides_over_fewer_facets_than_the_margin(de
     assert entries(scene) > before
 
 
+@pytest.mark.once
 def test_zeros_that_contact_left_behind_go():
     scene = pressed_blocks(**MESH)
     scene.loads["push"].value[:] = (-1.2, -0.01)
@@ -55,6 +57,7 @@ def test_zeros_that_contact_left_behind_go():
     assert np.diff(sizes).min() < 0.0 and sizes[-1] < 1.2 * sizes[0]
 
 
+@pytest.mark.once
 def test_pattern_stays_where_other_nodes_come_to_carry_multipliers():
     """A short block slides along a long one, the slave: by facets, others are covered each step."""
     scene = pressed_blocks(slave="lower", **MESH)
@@ -88,6 +91,7 @@ def pressed_cylinder(degree, algorithm):
     return problem, push
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_pattern_is_made_once_while_contact_grows(degree, algorithm, monkeypatch):
@@ -121,3 +125,14 @@ def test_multiplier_of_a_node_that_has_just_left_needs_room(monkeypatch):
     assert not system._update_pattern()
     contact.change(z=z)
     assert system._update_pattern()
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_pairs_of_nodes_are_numbered_by_facet_and_master_node(degree):
+    o = pressed_blocks(degree=degree, **MESH).contact.operators
+    first, count = o.facet_nodes[:, 0], o.master.num_nodes + 1
+    slave, master = np.repeat(o.facet_nodes[:, -1], 2), np.tile([0, 3], len(first))
+    numbers = _faced(o, slave, master)
+    assert np.array_equal(numbers % count, master)
+    held = [nodes[first == i // count] for nodes, i in ((o.facet_nodes, n) for n in numbers)]
+    assert all(len(facet) == 1 and node in facet for facet, node in zip(held, slave, strict=True))

@@ -26,6 +26,7 @@ def largest(values):
     return comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("linearization", ["full", "no_normals", "no_segments", "frozen"])
 def test_saddle_and_condensed_system_have_the_same_iterates(slave, linearization):
@@ -47,6 +48,7 @@ def test_saddle_and_condensed_system_have_the_same_iterates(slave, linearization
         assert np.array_equal(one.contact.active, other.contact.active)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["saddle", "condensed"])
 def test_symmetry_plane_through_the_surface_gives_half_of_the_whole(algorithm):
     """Half of a symmetric scene with u_x = 0 on the plane has the pressures of the whole."""
@@ -85,6 +87,7 @@ HALF = {
 }
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["saddle", "condensed"])
 def test_node_with_prescribed_displacement_has_no_multiplier(algorithm):
     scene = pressed_blocks(problem={"algorithm": algorithm}, **MESH)
@@ -155,6 +158,7 @@ def test_body_that_moves_only_vertically_feels_the_oblique_normal(algorithm):
         )
 
 
+@pytest.mark.once
 def test_options_of_one_problem_do_not_reach_the_next():
     first = pressed_blocks(problem={"petsc_options": {"ksp_type": "gmres"}}, **MESH)
     second = pressed_blocks(**MESH)
@@ -162,6 +166,7 @@ def test_options_of_one_problem_do_not_reach_the_next():
     assert second.problem.equations.system.ksp.getType() == "preonly"
 
 
+@pytest.mark.once
 def test_problem_without_pairs_is_that_of_the_bulk():
     scene = pressed_blocks(**MESH)
     u = scene.u
@@ -194,6 +199,7 @@ def three_blocks():
     return generate(bodies, boundaries)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["saddle", "condensed"])
 def test_three_bodies_in_two_pairs_carry_the_same_force(algorithm):
     data = read(three_blocks)
@@ -252,6 +258,7 @@ def test_standard_multipliers_are_not_condensed(basis):
         pressed_blocks(pair={"basis": basis}, problem={"algorithm": "condensed"}, **MESH)
 
 
+@pytest.mark.once
 def test_petsc_options_of_the_prefix_reach_the_solver():
     options = {"petsc_options": {"pc_type": "lu", "ksp_type": "gmres", "ksp_rtol": 1e-12}}
     scene = pressed_blocks(problem={**options, "petsc_options_prefix": "mine_"}, **MESH)
@@ -261,6 +268,7 @@ def test_petsc_options_of_the_prefix_reach_the_solver():
     assert scene.problem.solve().converged
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_problems_that_are_gone_leave_no_memory_behind():
     """Matrices and factors of one take 5 MB here; the pages in use hardly grow."""

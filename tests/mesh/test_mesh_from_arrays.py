@@ -131,7 +131,7 @@ def test_flags_of_cells_and_a_constant_third_coordinate_are_taken():
         ({"boundaries": {"a": [0, 1]}}, r"boundary 'a' has shape \(2,\); expected \(f, 2\)"),
         (
             {"boundaries": {"a": [(0, 2)]}},
-            "'a': 1 facets are no edges of cells, one from node 0 to",
+            "'a': 1 facets are not edges of cells, one from node 0 to",
         ),
         ({"boundaries": {"a": [(2, 4)]}}, "one from node 2 to node 4"),
         (

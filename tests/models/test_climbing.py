@@ -9,7 +9,7 @@ from scenes import TIGHT, internal, neo_hookean, nodal, pressed_blocks
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.models.model_error import ENERGY, QUANTITIES, Snapshot, differences
+from fenics_mortar.models.model_error import ENERGY, QUANTITIES, SolutionQuantities, differences
 
 STRICT = {"tolerance": 1e-6, "discretisation": 1e-6}
 PATH = [(0.0, -0.02), (0.05, -0.1), (0.1, -0.1)]
@@ -59,7 +59,7 @@ def test_climb_stays_where_it_is_enough():
         (assumption,) = report.adequacy.assumptions
         assert assumption.name == "linear strain and small sliding" and report.adequacy.suffices
         assert report.certificate.violations() == []
-        true = differences(problem, Snapshot.of(problem), Snapshot.of(full))
+        true = differences(problem, SolutionQuantities.of(problem), SolutionQuantities.of(full))
         for name in QUANTITIES:  # of the rung's own forces, not of its pressures on moved segments
             assert 0.9 < assumption.errors[name] / true[name] < 1.1, (name, true)
     assert len(few) == 2 and len(steps) >= 8
@@ -73,13 +73,14 @@ def test_climb_ends_on_a_rung_between():
     names = [a.name for a in problem.solve().adequacy.assumptions]
     assert names == ["linear strain"]
     full.solve()
-    true = differences(problem, Snapshot.of(problem), Snapshot.of(full))
+    true = differences(problem, SolutionQuantities.of(problem), SolutionQuantities.of(full))
     assert 1e-5 < true[ENERGY] < 0.02
     del steps[:]
     problem.solve()
     assert not steps  # the rung below is not tried again, nor this one checked where it was
 
 
+@pytest.mark.once
 def test_climb_stops_at_the_error_of_the_mesh():
     """Known or estimated; the table says so."""
     for known in ({}, {"discretisation": 0.5}):
@@ -91,6 +92,7 @@ def test_climb_stops_at_the_error_of_the_mesh():
         assert adequacy.verdict(assumption) == "refine the mesh first"
 
 
+@pytest.mark.once
 def test_the_error_of_the_mesh_is_not_that_of_the_model():
     """Slip of facets with small sliding leaves residuals that are no fault of the mesh."""
     problem, push, _ = climbing(tolerance=1e-4)
@@ -99,10 +101,11 @@ def test_the_error_of_the_mesh_is_not_that_of_the_model():
     adequacy = problem.solve().adequacy
     full.solve()
     assert adequacy.discretisation == pytest.approx(full.estimate().relative, rel=0.2)
-    true = differences(problem, Snapshot.of(problem), Snapshot.of(full))[ENERGY]
+    true = differences(problem, SolutionQuantities.of(problem), SolutionQuantities.of(full))[ENERGY]
     assert true < adequacy.discretisation
 
 
+@pytest.mark.once
 def test_climb_goes_on_where_a_rung_fails(monkeypatch):
     """A cheap model that has no solution leaves no trace."""
     (full, push, _), (problem, same_push, _) = climbing(), climbing(tolerance=0.5)

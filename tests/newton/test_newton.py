@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import fenics_mortar as fm
-from fenics_mortar.newton.loop import LOOSEST, Status, Step, forcing, period_of, solve
-from fenics_mortar.newton.report import Iteration, NewtonReport, once
+from fenics_mortar.newton.loop import MAX_FORCING, Status, Step, forcing, period_of, solve
+from fenics_mortar.newton.report import Iteration, NewtonReport, merge_repeated
 from fenics_mortar.rigid import proximal
 
 
@@ -156,7 +156,7 @@ def test_table_is_markdown_with_a_row_per_iteration():
 @pytest.mark.parametrize("goal", [0.0, 1e-12])
 def test_linear_solves_are_asked_for_something_whatever_the_residuals(residuals, goal):
     """Without loads all is zero; between two iterations contact may begin."""
-    assert 0.0 < forcing(residuals, goal) <= LOOSEST
+    assert 0.0 < forcing(residuals, goal) <= MAX_FORCING
 
 
 class Springs:
@@ -204,8 +204,10 @@ def test_record_of_a_failed_solve_with_springs_has_all_iterations(monkeypatch):
 def test_notes_that_say_the_same_stand_once():
     notes = ["iteration 1: a spring", "other", "iteration 3: a spring", "iteration 1: a spring"]
     expected = ["iteration 1: a spring (3 times)", "other"]
-    assert once(notes) == expected
-    assert once([*expected, "iteration 7: a spring"])[0] == "iteration 1: a spring (4 times)"
+    assert merge_repeated(notes) == expected
+    assert (
+        merge_repeated([*expected, "iteration 7: a spring"])[0] == "iteration 1: a spring (4 times)"
+    )
     one, two = (NewtonReport(notes=some) for some in (notes[:2], notes[2:]))
     assert one.followed_by(two).notes == expected
 

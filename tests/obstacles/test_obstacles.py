@@ -134,6 +134,7 @@ PAIRS = {
 }
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "kind, degree, pair",
     [
@@ -154,6 +155,7 @@ def test_tangent(kind, degree, pair):
     assert all(slope > 1.9 for slope in check.slopes.values()), check.slopes
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("kind", KINDS)
 def test_balance_and_algorithms(kind):
     """Condensed and saddle agree to the solver's rounding; the certificate finds nothing."""

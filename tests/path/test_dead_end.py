@@ -2,6 +2,7 @@
 """Why paths end: surfaces that slip off each other, and friction that leaves no equilibrium."""
 
 from dataclasses import fields
+from types import SimpleNamespace
 
 from mpi4py import MPI
 
@@ -10,7 +11,7 @@ import pytest
 
 from demos.studies.stability import family
 from demos.studies.stability.model import Body, Grid, Scene, Support, block, fm, legs, pose_problem
-from fenics_mortar.path.dead_end import why_path_ends
+from fenics_mortar.path.dead_end import _slid_away, reason_for_end
 
 # A little load beyond a state, as a part of the whole.
 ONWARD = 1e-4
@@ -88,7 +89,7 @@ def test_no_end_is_seen_where_the_path_goes_on(end):
     assert end == "slip off" or at.problem.equations.contacts[0].sliding.any()
     before = at.problem.state()
     at.set_loads(7 / 18 + ONWARD)
-    assert why_path_ends(at.problem) == ""
+    assert reason_for_end(at.problem) == ""
     after = at.problem.state()
     assert np.array_equal(before.u, after.u)
     for one, other in zip(before.interfaces, after.interfaces, strict=True):
@@ -106,3 +107,29 @@ def test_cantilevers_have_an_equilibrium_beyond_their_dead_end():
     fm.follow_path(at.problem, at.set_loads, fm.SteppingOptions(1 / 12))
     assert not at.forces.any()
     assert not at.problem.certificate().violations()
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("stopped_by", "told"), [("wall", False), ("friction", True), ("", True)])
+def test_a_body_that_slid_to_a_wall_is_at_rest_and_one_that_only_stopped_is_not(stopped_by, told):
+    """Its friction carried force before the step; the wall did not."""
+
+    def pair(name, slip, force):
+        state = SimpleNamespace(z=np.full((2, 2), force), active=np.array([True, False]))
+        law = SimpleNamespace(has_friction=name == "friction")
+        slave = SimpleNamespace(nodal_lengths=np.array([0.5, 0.5]))
+        active = np.array([False, name == stopped_by])
+        now = SimpleNamespace(
+            pair=SimpleNamespace(law=law), slip=np.array([slip, 0.0]), slave=slave, active=active
+        )
+        return now, state
+
+    contacts, states = zip(pair("friction", 2.0, 1.0), pair("wall", 0.0, 0.0), strict=True)
+    floating = SimpleNamespace(
+        moved=[SimpleNamespace(label=0)],
+        contacts_of=lambda body: contacts,
+        name_of=lambda label: "the block",
+    )
+    equations = SimpleNamespace(contacts=contacts, floating=floating)
+    reason = _slid_away(SimpleNamespace(equations=equations), SimpleNamespace(interfaces=states))
+    assert ("slid by 4.00 facets" in reason) == told

@@ -19,7 +19,7 @@ def moving(**options):
 def test_damping_that_would_have_no_effect_is_refused():
     """A ``Velocity`` in the residual stays zero unless it is given, and has to be that one."""
     made, other = free_block(cells=3), free_block(cells=3)
-    with refused(ValueError, "contains a Velocity that would stay zero"):
+    with refused(ValueError, "contains a Velocity that would remain zero"):
         fm.Dynamics(made.problem, RHO)
     with refused(ValueError, "velocity has no effect"):
         fm.Dynamics(made.problem, RHO, velocity=fm.Velocity(made.u))

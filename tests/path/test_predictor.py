@@ -33,6 +33,7 @@ def counts(path):
     return np.array([step.report.num_iterations for step in path.steps])
 
 
+@pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize("facets, law", [(1.0, None), (1.7, ROUGH), (3.0, ROUGH)])
 def test_sliding_by_facets_takes_fewer_iterations(law, facets):
@@ -94,6 +95,7 @@ def test_states_travel_with_the_contact(degree):
     assert frame.guess(last, before, np.nan * moved, 2.0) is None
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_path_that_turns_begins_at_its_last_state():
     """The tool goes down, and then along; before and after that guesses are far better."""
@@ -118,6 +120,7 @@ def blocks_with_two_states():
     return scene.problem, predictor, press
 
 
+@pytest.mark.once
 def test_guess_is_where_the_last_two_states_lead():
     problem, predictor, press = blocks_with_two_states()
     last, before = predictor.last, predictor._before[1]
@@ -133,6 +136,7 @@ def test_guess_is_where_the_last_two_states_lead():
     assert np.abs(z - (1.5 * z_last - 0.5 * z_before)).max() < 1e-12
 
 
+@pytest.mark.once
 def test_guess_in_vain_is_taken_back_and_then_made_more_rarely():
     """The solves fail wherever they are tentative: what is found is what is found without."""
     problem, predictor, press = blocks_with_two_states()
@@ -160,6 +164,7 @@ def test_guess_in_vain_is_taken_back_and_then_made_more_rarely():
     assert report.num_iterations > iterations[0]
 
 
+@pytest.mark.once
 def test_step_that_fails_from_both_starts_tells_of_both():
     problem, _, press = blocks_with_two_states()
     problem.newton = replace(problem.newton, max_iterations=2, residual_tolerance=1e-14)
@@ -168,6 +173,7 @@ def test_step_that_fails_from_both_starts_tells_of_both():
     assert failure.value.report.num_iterations > 2
 
 
+@pytest.mark.once
 def test_obstacle_is_where_the_loads_put_it():
     """Its motion turns, from down to along: a guess must not take it further down."""
     tool = KINDS["circle"]()
@@ -188,6 +194,7 @@ def test_obstacle_is_where_the_loads_put_it():
     assert np.abs(places - np.array(exact)).max() < 1e-15
 
 
+@pytest.mark.once
 def test_no_guess_takes_the_pressure_away():
     """A solve would first move the lid until it touches, and count slip from there."""
     lid = fm.Plane((1.5, 1.0), (0.0, -1.0))

@@ -31,6 +31,7 @@ def follow(fails_at=None, **options):
     return fm.follow_path(scene.problem, set_loads, fm.SteppingOptions(step=0.5), **options)
 
 
+@pytest.mark.once
 def test_path_is_silent_by_default(capfd):
     follow()
     assert capfd.readouterr() == ("", "")

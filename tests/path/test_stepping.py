@@ -45,6 +45,7 @@ def ironing(on=comm, law=None):
     return problem, set_loads
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_path_that_fails_in_one_step_is_finished_in_several():
     problem, set_loads = ironing()
@@ -131,6 +132,7 @@ def test_state_of_another_degree_is_refused(shared_path):
         fm.load_state(pressed_blocks(degree=2, **MESH).problem, file)
 
 
+@pytest.mark.once
 def test_state_of_another_mesh_is_refused(shared_path):
     file = str(shared_path / "state.npz")
     fm.save_state(pressed_blocks(**MESH).problem, file)
@@ -209,6 +211,7 @@ def test_error_of_a_function_of_the_user_on_one_rank_raises_on_all(name):
     assert scene.problem.solve().converged
 
 
+@pytest.mark.once
 def test_work_adds_up_and_contact_does_little_of_it():
     """Frictionless contact stores nothing: its work is the error of facets and steps."""
     defects = []

@@ -22,7 +22,7 @@ def test_the_same_two_sides_paired_both_ways_are_refused(kinds):
     sides = ("slave", "master"), ("master", "slave")
     pairs = [kind(data, *names) for kind, names in zip(kinds, sides, strict=True)]
     tied = fm.TiedPair in kinds
-    words = "cannot be tied" if tied else "same two sides with exchanged roles"
+    words = "cannot be tied" if tied else "same two surfaces with exchanged roles"
     with refused(fm.SurfaceError if tied else fm.MortarError, words):
         problem_on(data, pairs)
 

@@ -128,6 +128,7 @@ def test_a_solve_may_be_interrupted_anywhere(name):
     interrupt_at_random(scene.problem, scene.problem.solve, seed=len(name), times=12)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_a_solve_with_springs_may_be_interrupted_anywhere():
     """A disk that may roll, by the proximal point method with springs."""
@@ -135,6 +136,7 @@ def test_a_solve_with_springs_may_be_interrupted_anywhere():
     interrupt_at_random(problem, problem.solve, seed=3, times=2)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_a_driven_obstacle_may_be_interrupted_anywhere():
     lid = fm.Plane((1.0, 1.02), (0.0, -1.0), name="lid")
@@ -143,6 +145,7 @@ def test_a_driven_obstacle_may_be_interrupted_anywhere():
     interrupt_at_random(problem, problem.solve, seed=4, times=8)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_a_path_may_be_interrupted_anywhere():
     """It goes on from the last accepted step, whose time is in a note at the error."""
@@ -182,6 +185,7 @@ def test_a_path_may_be_interrupted_anywhere():
         assert np.abs(problem.state().u - end.u).max() < 1e-9 * np.abs(end.u).max(), line
 
 
+@pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize("check", [{"tolerance": 0.05}, {"tolerance": 0.02, "friction": 0.3}])
 def test_a_climb_may_be_interrupted_anywhere(check):
@@ -193,6 +197,7 @@ def test_a_climb_may_be_interrupted_anywhere(check):
     interrupt_at_random(problem, lambda: (start(), problem.solve()), seed=1, times=6)
 
 
+@pytest.mark.once
 def test_an_error_of_a_law_of_the_user_leaves_the_problem_as_it_was():
     class Law(fm.Coulomb):
         fails = False

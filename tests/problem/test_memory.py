@@ -37,6 +37,7 @@ def iterate(scene, least):
     return done
 
 
+@pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize(
     "material, options",
@@ -56,6 +57,7 @@ def test_iterations_take_no_memory(material, options):
     assert grown < ALLOWED * scene.problem.equations.bulk.r.getSize() * done
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_what_is_asked_of_a_state_takes_no_memory():
     """Estimates, matrices and the check of the tangent make vectors and matrices of their own."""

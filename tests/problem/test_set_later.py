@@ -87,6 +87,7 @@ def test_variant_by_an_unknown_option_is_refused():
         small_blocks().problem.variant(slidin="small")
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("part", [0.0, 2.0, "half"])
 def test_part_of_the_error_to_mark_is_checked(part):
     scene = small_blocks()

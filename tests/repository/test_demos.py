@@ -1,18 +1,27 @@
 # SPDX-License-Identifier: MIT
-"""Every demo as its own process, in serial or on several ranks; each ends in assertions."""
+"""Every demo as its own process, in serial or on several ranks; each ends in assertions.
+
+Numbers in the gallery are lines that the demo prints.
+"""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from printed_lines import missing
 
+GALLERY = Path(__file__).resolve().parents[2] / "demos" / "README.md"
 DEMOS = sorted((Path(__file__).resolve().parents[2] / "demos").glob("demo_*.py"))
 # two_blocks runs on two ranks in the set-up of each machine; many steps take long on busy cores
-ON_RANKS = {"demo_tied": 3}
-# four to sixteen seconds each: of many steps or meshes
-LONG = ("demo_ball", "demo_identify", "demo_ironing", "demo_seal", "demo_snap_fit")
+ON_RANKS = {"demo_tied": 2}
+# four to thirty seconds each: of many steps, solves or meshes
+LONG = (
+    "demo_ball", "demo_identify", "demo_interference", "demo_ironing", "demo_profile",
+    "demo_rollers", "demo_seal", "demo_snap_fit", "demo_tied", "demo_wear",
+)  # fmt: skip
 # a demo promises a minute; a loaded machine gets four
 LIMIT = 240
 # what MPI leaves in the environment: a process that mpirun starts would take it for its own
@@ -38,6 +47,16 @@ def _case(demo):
     return pytest.param(demo, marks=pytest.mark.long) if demo.stem in LONG else demo
 
 
+def shown(demo):
+    """Lines of text blocks and rows of tables that follow the name of a demo in the gallery."""
+    lines, named = [], None
+    names = r"`(demo_\w+)\.py`|^```text\n(.*?)\n```$|^(\|[^\n]*)$"
+    for name, block, row in re.findall(names, GALLERY.read_text(), re.MULTILINE | re.DOTALL):
+        named = name or named
+        lines += (block or row).splitlines() if named == demo.stem else []
+    return lines
+
+
 def code_lines(demo):
     lines = [line.strip() for line in demo.read_text().splitlines()]
     return [line for line in lines if line and not line.startswith("#")]
@@ -50,6 +69,12 @@ def code_lines(demo):
 def test_demo_runs(demo, tmp_path):
     finished = run(tmp_path, ON_RANKS.get(demo.stem, 1), demo)
     assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-4000:]
+    assert missing(shown(demo), finished.stdout.splitlines()) == [], finished.stdout
+
+
+@pytest.mark.parametrize("demo", DEMOS, ids=_stem)
+def test_demo_is_in_the_gallery_with_what_it_prints(demo):
+    assert shown(demo)
 
 
 @pytest.mark.parametrize("demo", DEMOS, ids=_stem)

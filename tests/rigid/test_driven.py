@@ -27,6 +27,7 @@ SCENES = {
 }
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "kind, degree, algorithm",
     [
@@ -55,6 +56,7 @@ def test_force_leads_to_where_displacement_did(kind, degree, algorithm):
     assert np.abs(driven.reaction - moved.reaction).max() < 1e-12 * np.abs(moved.reaction).max()
 
 
+@pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_egg_rolls_until_it_lies(degree):
@@ -77,6 +79,7 @@ def test_egg_rolls_until_it_lies(degree):
     assert egg.place[2] == pytest.approx(-slope, abs=1e-3 + tolerance)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "kind, solver", [("plane", "direct"), ("open", "direct"), ("plane", "iterative")]
 )
@@ -105,6 +108,7 @@ def columns(obstacle, **heights):
     )
 
 
+@pytest.mark.once
 def test_lid_on_two_columns_finds_its_tilt():
     """It touches the higher column first, turns, and then lies on both."""
     lid = fm.Plane((1.5, 1.3), (0.0, -1.0))
@@ -120,6 +124,7 @@ def test_lid_on_two_columns_finds_its_tilt():
     assert min(left[1], right[1]) < 0.0
 
 
+@pytest.mark.once
 def test_path_rolls_back_and_restarts(shared_path):
     """The state comes back exactly, from memory and from a file."""
     obstacle = KINDS["open"]()
@@ -146,6 +151,7 @@ def test_path_rolls_back_and_restarts(shared_path):
     assert np.abs(other.place - end).max() < 1e-12
 
 
+@pytest.mark.once
 def test_obstacle_that_is_dragged_sideways_does_not_leave_the_nodes_that_stick():
     """Its driven motions are about normal to them: no multiple of these makes up for the drag."""
     lid = KINDS["plane"]()
@@ -162,6 +168,7 @@ def test_obstacle_that_is_dragged_sideways_does_not_leave_the_nodes_that_stick()
     assert problem.equations.contacts[0].sticking.any()
 
 
+@pytest.mark.once
 def test_contact_adds_no_energy():
     """What pushes the lid works on the block: the rest falls with the square of the steps."""
     rests = []
@@ -223,6 +230,7 @@ def test_body_falls_on_a_rigid_floor(algorithm):
     assert moment == pytest.approx(-0.25, rel=0.01)  # it hardly moves sideways
 
 
+@pytest.mark.once
 def test_block_between_a_floor_and_a_lid():
     """Nothing supports the block but two planes: one at rest, one driven."""
     data = read(rectangles, size=0.25, block=(0.0, 0.0, 1.0, 1.0))

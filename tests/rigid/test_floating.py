@@ -20,6 +20,7 @@ from fenics_mortar.rigid.moves import closest_below
 comm = MPI.COMM_WORLD
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("gap", [0.1, 3.0])
 def test_body_free_to_slide_falls_straight_and_leaves_no_trace_of_the_spring(gap, algorithm):
@@ -36,6 +37,7 @@ def test_body_free_to_slide_falls_straight_and_leaves_no_trace_of_the_spring(gap
     assert any("spring" in note for note in report.notes)
 
 
+@pytest.mark.once
 def test_pinned_body_turns_until_it_touches():
     problem = pushed_block(gap=0.1, pin=(0, 1))
     problem.solve()
@@ -43,6 +45,7 @@ def test_pinned_body_turns_until_it_touches():
     assert problem.certificate().pairs[0].violations() == []
 
 
+@pytest.mark.once
 def test_block_between_two_plates_is_pressed_evenly():
     """Three bodies one above the other; the middle one has no Dirichlet condition at all."""
     scene = stack(gap=0.02)
@@ -74,6 +77,7 @@ def disk_in_ring():
     return model
 
 
+@pytest.mark.once
 def test_disk_falls_in_a_ring_to_where_newton_finds_its_rest():
     """Moved rigidly it creeps there, each time by as little as its facets may overlap."""
     data = read(disk_in_ring)
@@ -203,6 +207,7 @@ def test_closest_vector_below_planes():
         assert np.abs(found - exact).max() < 1e-7  # SLSQP's: it ends where the sum changes by 1e-14
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("base", ["plane", "body"])
 def test_block_that_friction_supports_stays_and_one_that_slides_keeps_its_friction(base):
     """Limit analysis decides before the solve; see also ``test_supported``, in serial."""
@@ -212,3 +217,20 @@ def test_block_that_friction_supports_stays_and_one_that_slides_keeps_its_fricti
         assert reports[-1].num_iterations <= 5
         assert scene.motion("block")[0] == pytest.approx(0.3 if reaches else 0.0, abs=2e-3)
         assert -scene.force(1)[0] == pytest.approx(reaches, abs=1e-3)
+
+
+def test_adhesion_across_a_gap_carries_weight():
+    """Half of the ceiling's pull could be across gaps: what touches carries the rest alone."""
+    scene = supported.hanging(weight=0.9, pull=1.0)
+    list(scene.solve())
+    equations = scene.problem.equations
+    contact, bulk = equations.contacts[0], equations.bulk
+    assert contact.active.all() and contact.pressure.max() < 0.0
+    bulk.assemble_residual()
+    loads = bulk.r.array_r[: bulk.num_owned].copy()
+    weight, total = contact.operators.weight, contact.operators.weight.sum()
+    inner = weight > 0.2 * total
+    for touching, pull in ((inner, contact.z), (~inner, contact.z), (inner, 0.0 * contact.z)):
+        contact.change(active=touching, z=pull)
+        unsupported = equations.floating._settling._unsupported(loads)
+        assert (unsupported == set()) == pull.any()

@@ -29,6 +29,12 @@ def test_surfaces_that_just_touch_are_loaded(seed, mu):
     assert violation(p, follow_loads(p, *unloaded(12))) < 1e-5
 
 
+def test_without_nodes_there_is_nothing_to_follow():
+    """As where a path ends while all surfaces are apart."""
+    p = FrictionProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0))
+    assert follow_loads(p, *unloaded(0)).active.size == 0
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_a_loaded_state_goes_on(seed):
     """From one solution to another one, without friction: both are unique."""

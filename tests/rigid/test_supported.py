@@ -56,6 +56,7 @@ def gives_way(scene):
 # One body
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("mu, base", [(0.2, "body"), (0.9, "plane")])
 def test_block_on_an_incline_sticks_up_to_the_angle_of_friction(mu, base):
     """The contact force is the weight, upright; the shear strains the block a little downhill."""
@@ -110,6 +111,7 @@ def test_block_pushed_by_more_than_friction_bears_ends_at_the_wall_if_anywhere(b
     assert scene.force(1)[0] == pytest.approx(-0.1, rel=0.02)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("groove", ["planes", "body"])
 def test_wheel_in_a_groove_sticks_under_less_than_the_torque_that_friction_bears(groove):
     for part in (0.01, 0.9):
@@ -118,6 +120,7 @@ def test_wheel_in_a_groove_sticks_under_less_than_the_torque_that_friction_bears
         assert abs(scene.motion("wheel")[2]) < 1e-3
 
 
+@pytest.mark.once
 @BASES
 def test_ladder_stands_above_its_critical_angle(base):
     """Of the thin ladder tan = 1 / (2 mu); limit analysis knows the thick one's."""
@@ -150,6 +153,7 @@ def test_corner_that_sticks_within_the_cone_of_friction_is_told_of_only():
     assert any("act along the surface" in note for note in report.notes)
 
 
+@pytest.mark.once
 @BASES
 def test_block_hangs_from_an_adhesive_ceiling_as_long_as_it_pulls_enough(base):
     for weight in (0.1, 0.8):
@@ -166,6 +170,7 @@ def test_block_pressed_to_a_ceiling_stays_sideways_by_friction(base):
     assert scene.force(0) == pytest.approx([-0.1, -0.5], abs=1e-7)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("kind", ["planes", "bodies"])
 def test_block_between_jaws_is_supported_by_friction(kind):
     """Two jaws bear 2 mu P."""
@@ -183,6 +188,7 @@ def test_row_of_three_blocks_between_jaws(kind):
     stays(jaws(0.1, 2.0, 0.8, kind, blocks=3), most=MOST)
 
 
+@pytest.mark.once
 @BASES
 def test_block_that_a_prescribed_motion_presses_moves_along_by_friction(base):
     scene = pressed(0.0, base=base)
@@ -214,6 +220,7 @@ def bears(scene, number):
     assert left[1] == pytest.approx(0.5, rel=0.005)
 
 
+@pytest.mark.once
 def test_arch_of_stiff_voussoirs_stands_if_it_is_thick_enough():
     """Milankovitch: t/R = 0.1075 for many; for few limit analysis knows."""
     scene = arch(0.15, 7)
@@ -244,6 +251,7 @@ def test_arch_of_stiff_voussoirs_takes_few_iterations(thickness, number, options
     bears(scene, number)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "options",
     [
@@ -258,6 +266,7 @@ def test_walls_whose_sets_would_go_in_circles(options):
     stays(wall(**options), most=MOST)
 
 
+@pytest.mark.once
 def test_bricks_that_tilt_on_their_edges_do_so_elastically():
     """Half a brick at the end rocks on two nodes: by far, but in proportion to 1 / E."""
     moved = {}
@@ -318,11 +327,13 @@ def test_other_walls_of_five_bricks(options):
     stays(wall(2, 2, 0.6, **options), most=MOST)
 
 
+@pytest.mark.once
 @pytest.mark.slow
 def test_wall_pushed_by_more_than_friction_bears_gives_way():
     gives_way(wall(2, 1, 0.4, push=1.2))
 
 
+@pytest.mark.once
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "rows, cols, mu", [(4, 3, 0.3), pytest.param(3, 9, 0.5, marks=pytest.mark.long)]
@@ -336,6 +347,7 @@ def test_random_tower_bears_half_of_the_lateral_force_that_limit_analysis_allows
     stays(tower(seed), most=MOST)
 
 
+@pytest.mark.once
 def test_random_tower_gives_way_beyond_it():
     gives_way(tower(1, part=1.2))
 

@@ -102,6 +102,7 @@ LAWS = [
 ]
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("law, name", LAWS)
 def test_parameters_of_laws(law, name):
     scene, _, _ = scenes.two_steps(law)
@@ -133,13 +134,14 @@ def test_parameters_of_a_layer_and_fields():
     assert friction.vjp(problem, y) @ dm == pytest.approx(y.dot(change, comm), rel=DOT)
     value = scenes.rows(problem, frames)
     friction.set(problem, start + dm)
-    scene.contact.take_law()
+    scene.contact.adopt_law()
     problem.equations.evaluate_operators()
     moved = scenes.rows(problem, frames)  # linear in the coefficient
     assert np.abs(moved - value - change.z[0].ravel()).max() < 1e-12
     assert np.abs(change.z[0]).max() > 1e-4
 
 
+@pytest.mark.once
 def test_rows_of_sticking_nodes_do_not_depend_on_the_limit():
     scene, _, _ = scenes.two_steps(fm.Coulomb(2.0))
     assert scene.contact.sticking.sum() == scene.contact.active.sum()
@@ -154,6 +156,7 @@ def test_parameters_that_are_unknown_or_not_analytic_are_refused():
         LawParameter(0, "length").jvp(scene.problem, np.array(1.0))
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("sliding", ["finite", "small"])
 def test_offset_and_interference(sliding, degree):
@@ -171,6 +174,7 @@ class Fading(Sticky):
         return pull, -pull / 0.1
 
 
+@pytest.mark.once
 def test_adhesion_of_open_nodes():
     """The parameter of a law with adhesion, and the offset, in rows of open nodes."""
     problem, lift = columns(Fading(0.3))

@@ -33,6 +33,7 @@ def between_blocks(law, parameter, **options):
     return scene
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("name", [name for name in QUANTITIES if name != "gap"])
 def test_quantities_by_friction_and_offset(name):
     scene = between_blocks(fm.Coulomb(0.3), "mu")
@@ -41,6 +42,7 @@ def test_quantities_by_friction_and_offset(name):
     check(scene, QUANTITIES[name], ["law", "offset", "E"], sizes, over_steps=over_steps, step=STEP)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "law, parameter",
     [
@@ -63,6 +65,7 @@ def test_laws(law, parameter, degree):
     check(scene, QUANTITIES["function"], names, sizes, step=STEP)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slip", ["partners", "operators"])
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_measures_of_slip_and_algorithms(algorithm, slip):
@@ -97,6 +100,7 @@ def test_place_and_radius_of_an_obstacle(degree, law):
     check(scene, objective, names, sizes, step=STEP)
 
 
+@pytest.mark.once
 def test_points_of_a_spline():
     x = np.linspace(-1.0, 2.0, 9)
     spline = fm.Spline(np.stack([x, 0.015 - 0.1 * (x - 0.5) ** 2], axis=1)[::-1])

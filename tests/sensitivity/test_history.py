@@ -50,6 +50,7 @@ def check(problem, before, sizes=(0.005, 1.0, 0.005), *, sticks=True):
     return history
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slip", ["partners", "operators"])
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize(
@@ -79,6 +80,7 @@ def test_open_and_uncovered_nodes(slip, cell):
     check(scene.problem, before)
 
 
+@pytest.mark.once
 def test_nodes_that_were_open():
     """No node touches at the start of the step: slip counts from tangents of both sides."""
     scene, before, _ = scenes.two_steps(
@@ -93,12 +95,14 @@ def test_small_sliding():
     check(scene.problem, before)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("basis", ["standard", "vertices"])
 def test_other_bases(basis):
     scene, before, _ = scenes.two_steps(fm.Coulomb(0.3), degree=2, pair={"basis": basis})
     check(scene.problem, before)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("law", [fm.Coulomb(0.3), fm.Coulomb(3.0)], ids=["mixed", "stick"])
 def test_obstacle_that_moves_and_turns(law, degree):
@@ -116,9 +120,10 @@ def test_obstacle_that_moves_and_turns(law, degree):
     assert (circle.place == states[1].places[0]).all()
 
 
+@pytest.mark.once
 def test_another_state_before_is_refused():
     scene, before, now = scenes.two_steps(fm.Coulomb(0.3))
-    with pytest.raises(fm.MortarError, match="does not count from the state before"):
+    with pytest.raises(fm.MortarError, match="is not counted from the state before"):
         History(scene.problem, now)
     assert History(scene.problem, before).any
 
@@ -138,6 +143,7 @@ def test_without_friction_there_is_no_history():
     assert not history.any and not any(z.any() for z in history.jvp(d).z)
 
 
+@pytest.mark.once
 def test_a_surface_in_contact_with_itself():
     """Slave and master are one surface, with nodes that are both."""
     law = fm.Coulomb(0.3)

@@ -90,6 +90,7 @@ def blocks():
     return of
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("name", QUANTITIES)
 def test_on_an_obstacle(name):
     check(*slid_block(fm.Circle((0.4, -1.5), 1.515), fm.Coulomb(0.3)), QUANTITIES[name])

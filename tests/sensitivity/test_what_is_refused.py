@@ -37,7 +37,7 @@ def test_a_state_of_other_loads_is_no_solution(changed):
         scene.loads["push"].value[1] *= 1.01
     else:
         scene.problem.contacts[0].pair.law.mu = 0.2
-    with refused(fm.MortarError, "the present state is no solution"):
+    with refused(fm.MortarError, "the present state is not a solution"):
         fm.gradient(FORCE, MU, scene.problem)
     with refused(fm.MortarError, "record before changing them"):
         path.record()

@@ -40,6 +40,8 @@ OTHER_SEEDS = (
 AGAIN_SEEDS = (4_000_016, 5_000_004)
 # The last one on a coarse ground, near its limit.
 HANGING_SEEDS = (2, 3, 5, 19)
+# Cases of each family: each of its scenes, but for a bar that another test takes.
+COUNTS = {"revolved": 5, "moving": 2, "memory": 5, "itself": 2}
 # Solutions on several ranks differ by what Newton leaves.
 SAME = 1e-8
 
@@ -56,10 +58,11 @@ def test_random_cases_converge_and_none_is_wrong():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("family", DRAWS)
-def test_random_cases_beyond_plane_statics_have_known_solutions(family):
-    records = [run_physics(family, number) for number in range(5)]
-    assert [record["outcome"] for record in records] == ["converged"] * 5, summary(records)
+@pytest.mark.parametrize(("family", "count"), COUNTS.items())
+def test_random_cases_beyond_plane_statics_have_known_solutions(family, count):
+    records = [run_physics(family, number) for number in range(count)]
+    assert [record["outcome"] for record in records] == ["converged"] * count, summary(records)
+    assert set(COUNTS) == set(DRAWS)
 
 
 @pytest.mark.serial
@@ -78,6 +81,7 @@ def test_impacts_that_gain_energy_are_judged_wrong(monkeypatch):
     assert run_physics("moving", 5)["outcome"] == "wrong"
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_bodies_supported_by_friction_stay_or_reach_a_dead_end_that_limit_analysis_confirms():
     records = [run(supported_case(seed))[0] for seed in SUPPORTED_SEEDS]
@@ -89,6 +93,7 @@ def test_bodies_supported_by_friction_stay_or_reach_a_dead_end_that_limit_analys
     assert {record["scene"] for record in records} == scenes
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_folded_and_thin_bodies_and_pads_end_where_they_should():
     records = [run(case_of(seed))[0] for seed in OTHER_SEEDS]
@@ -96,6 +101,7 @@ def test_folded_and_thin_bodies_and_pads_end_where_they_should():
     assert {record["family"] for record in records} == {"own", "thin", "laws"}
 
 
+@pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", AGAIN_SEEDS)
 def test_exchanged_roles_of_thin_bodies_and_pads_give_the_same(seed):
@@ -106,6 +112,7 @@ def test_exchanged_roles_of_thin_bodies_and_pads_give_the_same(seed):
     assert record["exchanged roles: difference"] < 1e-2
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_blocks_hang_by_adhesion():
     records = [run(hanging_case(seed))[0] for seed in HANGING_SEEDS]
@@ -118,7 +125,7 @@ def test_block_that_gives_way_does_not_slide_to_the_next_node_of_its_ground():
     """Beyond its limit forces at the nodes hold it again where its edge has passed one of them."""
     record, _ = run(hanging_case(18))
     assert record["outcome"] == "dead end", record["reason"]
-    assert "slid by 0.4" in record["reason"] and "only inertia" in record["reason"]
+    assert "slid by 0.4" in record["reason"] and "depends on inertia" in record["reason"]
     assert record["time"] == pytest.approx(end_of_mesh(hanging_case(18)), rel=0.01)
 
 
@@ -168,6 +175,7 @@ def test_judge_sees_arms_of_one_body_that_cross():
     assert depth == pytest.approx(0.1 * np.linalg.norm(arms[1] - arms[0]), rel=0.1)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_judge_sees_forces_off_the_law_wrong_pressures_and_strained_bodies():
     case = case_of(5_000_002)
@@ -208,6 +216,7 @@ def test_shears_of_a_law_are_those_of_its_residual():
             assert np.allclose(np.where(slip > 0, high, -low), bound, rtol=1e-12)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_limit_analysis_of_a_case_is_the_same_in_its_units_and_where_it_is_turned():
     """The load of each case is a part of what it allows: its factor in real units is known."""
@@ -221,8 +230,9 @@ def test_limit_analysis_of_a_case_is_the_same_in_its_units_and_where_it_is_turne
 
 @pytest.mark.serial
 def test_confirmed_are_dead_ends_where_bodies_give_way_alone():
-    """Not earlier, not beyond, and none that slid."""
-    case = next(c for c in map(supported_case, range(1, 60)) if 1.2 < c.end < 2.0)
+    """Not earlier, not beyond, and none that slid; of few nodes, for which the program is small."""
+    case = supported_case(10)
+    assert 1.2 < case.end < 2.0
     late, early = case.end + 0.2, 0.5 * case.end
     for given, outcome in (
         ({"outcome": "failed", "time": case.end}, "dead end"),
@@ -268,6 +278,7 @@ def test_refined_case_has_the_same_outline():
             assert np.array_equal(finer.x[finer.nodes_of(prescribed.boundary)][::2], coarse)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_judge_sees_what_is_wrong():
     case = random_case(2)
@@ -297,6 +308,7 @@ def judged(scene):
     return list(wrongs(scene, measure(scene)))
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_second_solution_that_differs_is_wrong():
     case = random_case(12)
@@ -310,6 +322,7 @@ def test_second_solution_that_differs_is_wrong():
     json.dumps(record)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_process_that_does_not_answer_or_dies_is_replaced():
     worker = Worker()

@@ -9,6 +9,7 @@ from demos.studies.accuracy.effectivity import ESTIMATE, PROBLEMS
 pytestmark = pytest.mark.serial
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "name, elements",
     [
@@ -31,6 +32,7 @@ def test_estimate_is_of_the_size_of_the_error(name, elements):
         assert found[1] < 2**0.25 * found[0], (element, found)
 
 
+@pytest.mark.once
 @pytest.mark.slow
 def test_graded_meshes_take_a_fraction_of_the_unknowns():
     """A third on meshes this coarse; adapt.py shows it on finer ones."""

@@ -23,6 +23,7 @@ def test_press_fit_by_interference():
     assert by_gap == pytest.approx(lame_pressure() / INTERFERENCE, rel=1e-6)
 
 
+@pytest.mark.once
 def test_wedge_by_friction():
     """H = W (tan a + mu) / (1 - mu tan a): dH/dmu = W (1 + tan^2 a) / (1 - mu tan a)^2."""
     angle, mu, weight = 0.2, 0.3, 4.0

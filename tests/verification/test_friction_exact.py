@@ -183,6 +183,7 @@ def draw(scene, steps):
     return supports - (energy() - start) - friction - pressure, by_slip - friction, friction
 
 
+@pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize("scene", ["plane", "blocks"])
 def test_friction_takes_up_what_is_done_and_not_stored(scene):
@@ -198,6 +199,7 @@ def test_friction_takes_up_what_is_done_and_not_stored(scene):
     assert abs(2.0 * by_slip[2] - by_slip[1]) < 2e-4 * friction[2]  # what is of second order
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_block_pushed_into_a_narrower_channel():
     """The walls close by 1 % over a slope of 1 : 60, with mu = 0.1.
@@ -253,6 +255,7 @@ def test_block_pushed_into_a_narrower_channel():
     assert done == pytest.approx(2.0 * pushes[inside].mean() * 2 * way / steps, rel=1e-3)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize("mu, nu, sliding", [(1.0, 0.3, 1), (0.3, 0.45, 2)])
 def test_wheel_that_friction_drives_rolls(mu, nu, sliding):

@@ -62,6 +62,7 @@ def test_points_per_facet_pass_a_uniform_pressure_as_well_as_they_resolve_the_ma
     assert load_error(*counts, integration="nodes", basis=basis.STANDARD) > 0.1
 
 
+@pytest.mark.once
 def test_segments_pass_the_patch_test_and_nodes_fail_it():
     scene, pressure = patch((5, 7), {})
     assert_uniform(scene, pressure)
@@ -70,6 +71,7 @@ def test_segments_pass_the_patch_test_and_nodes_fail_it():
     assert np.abs(contact.pressure / pressure - 1).max() > 0.05
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 def test_more_points_per_facet_pass_the_patch_test_better(degree):
     errors = []
@@ -87,6 +89,7 @@ def test_default_points_per_facet_pass_the_patch_test_to_half_a_percent(degree):
     assert 5e-4 < np.abs(scene.contact.pressure / pressure - 1).max() < 5e-3
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("pair", FIXED)
 def test_matching_nodes_pass_a_uniform_pressure(pair, degree):
@@ -102,6 +105,7 @@ def test_matching_nodes_pass_a_uniform_pressure(pair, degree):
     assert np.abs(scene.contact.pressure / pressure - 1).max() < 10 * EXACT
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("slave", ["upper", "lower"])
@@ -124,6 +128,7 @@ def test_forces_of_both_sides_cancel_and_newton_is_quadratic(pair, slave, degree
     assert r[k] < 1e-5 and r[k + 1 :].min() < max(100 * r[k] ** 2, 1e-12)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("pair", [*FIXED, {"integration": "elements", "basis": "standard"}])

@@ -69,6 +69,7 @@ def test_ranks_without_contact_nodes_and_cuts_through_the_interface_occur():
         assert scene.problem.solve().converged
 
 
+@pytest.mark.once
 def test_units_do_not_matter():
     """m and Pa against mm and MPa: the same iterations, residuals relative to the force."""
     histories = []
@@ -88,6 +89,7 @@ def test_units_do_not_matter():
             assert np.allclose(norms[seen], other[seen], rtol=1e-5)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("angle, degree", [(30.0, 1), (90.0, 1), (163.0, 1), (30.0, 2)])
 def test_rigid_motion_of_everything_leaves_the_pressures(angle, degree):
     """The whole solved scene is turned by its Dirichlet conditions and a start from there."""
@@ -114,6 +116,7 @@ def test_rigid_motion_of_everything_leaves_the_pressures(angle, degree):
     assert np.abs(problem.equations.contacts[0].pressure - pressure).max() < 1e-10 * pressure.max()
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 def test_contact_forces_of_both_sides_cancel(slave, degree):
@@ -136,6 +139,7 @@ def test_contact_force_is_the_reaction_of_the_fixed_boundary():
     assert np.abs(contact.total_force + reaction).max() < 1e-10 * np.abs(reaction).max()
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_newton_is_quadratic_to_rounding(algorithm, degree):
@@ -150,6 +154,7 @@ def test_newton_is_quadratic_to_rounding(algorithm, degree):
     assert len(constants) >= 2 and constants.max() < 10 * constants.min()
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("basis", ["dual", "standard"])
 @pytest.mark.parametrize("normals", ["opposite", "unit", "own"])
@@ -183,6 +188,7 @@ def test_tangent_is_right_where_nodes_lie_upon_nodes():
     assert min(slopes.values()) > 1.95
 
 
+@pytest.mark.once
 def test_fixed_point_is_linear_and_needs_twice_the_iterations():
     counts = {}
     for linearization in ("full", "frozen"):

@@ -15,6 +15,7 @@ def test_order_is_that_of_three_errors():
         assert ironing.rate(coarse - finest, middle - finest) == pytest.approx(order)
 
 
+@pytest.mark.once
 def test_force_pressed_in_with_friction_lies_between_published_ones():
     found, _ = ironing.forces("P2", 40, (0.5, 1.0), fm.Coulomb(ironing.FRICTION), 0.05)
     (_, early), (along, up) = found

@@ -95,6 +95,7 @@ TURNED = [
 ]
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("counts", RATIOS)
 @pytest.mark.parametrize("material, angle", TURNED)
 def test_uniaxial_pressure_is_uniform(material, angle, counts):
@@ -116,6 +117,7 @@ def test_uniaxial_pressure_is_uniform(material, angle, counts):
 
 
 # one facet has no node inside, and the nodes at its ends are prescribed: two of them
+@pytest.mark.once
 @pytest.mark.parametrize("counts", [*RATIOS[:3], (2, 34)])
 @pytest.mark.parametrize("material, angle", TURNED)
 def test_all_round_pressure_passes_an_inclined_interface(material, counts, angle):

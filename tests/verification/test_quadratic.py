@@ -40,6 +40,7 @@ BASES = ["dual", "standard", "vertices", "linear"]
 ANGLES = [30, pytest.param(0, marks=pytest.mark.serial)]
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("basis", BASES)
 @pytest.mark.parametrize("material, angle", [(neo_hookean, 30), (linear_elastic, 0)])
 def test_uniaxial_pressure_is_uniform(material, angle, basis):
@@ -63,6 +64,7 @@ def test_uniaxial_pressure_is_uniform(material, angle, basis):
         assert_uniform(scene, pressure)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("basis", BASES)
 @pytest.mark.parametrize("angle", ANGLES)
 def test_all_round_pressure_passes_an_inclined_interface(angle, basis):
@@ -90,6 +92,7 @@ def test_all_round_pressure_passes_an_inclined_interface(angle, basis):
         assert_uniform(scene, pressure)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("basis", BASES)
 @pytest.mark.parametrize("angle", ANGLES)
 def test_linear_pressure_passes_a_flat_interface(angle, basis):
@@ -193,6 +196,7 @@ def press_fit_pressure():
     return -traction(INNER, radius, u) * radius / (radius + u)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave, cell", [*product(("inner", "outer"), CELLS)])
 def test_press_fit_of_curved_cells_converges_to_the_exact_pressure(slave, cell):
     """At least second order; straight cells do not converge at all, their corners carry all."""
@@ -207,6 +211,7 @@ def test_press_fit_of_curved_cells_converges_to_the_exact_pressure(slave, cell):
     assert errors[1] < 0.02
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("cell", CELLS)
 @pytest.mark.parametrize("basis", BASES)
 def test_tangent_of_curved_cells_has_second_order_remainder(cell, basis):

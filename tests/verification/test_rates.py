@@ -32,6 +32,7 @@ def rates(scene, element, sizes, basis="dual"):
         return {name: np.log(ratio) / factor for name, ratio in ratios.items()}
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "scene, element",
     [
@@ -50,6 +51,7 @@ def test_smooth_solutions_have_full_rates(scene, element):
     assert found["displacement"] == pytest.approx(degree + 1, abs=0.15)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("element", ["P1", "Q2"])
 def test_press_fit_on_a_curved_interface_has_full_rates_of_energy(element):
     degree = ELEMENTS[element][1]
@@ -57,6 +59,7 @@ def test_press_fit_on_a_curved_interface_has_full_rates_of_energy(element):
     assert found["energy"] == pytest.approx(degree, abs=0.15)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "element, basis, rate", [("Q1", "dual", 1.0), ("P2", "dual", 1.5), ("Q2", "vertices", 1.5)]
 )
@@ -71,6 +74,7 @@ def test_hertz_has_the_rates_that_the_ends_of_the_contact_allow(element, basis, 
     assert found["pressure max"] == pytest.approx(0.5, abs=0.15)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("element, rate, most", [("P1", 1.39, 0.034), ("P2", 1.72, 0.015)])
 def test_shear_is_cattaneos_and_mindlins(element, rate, most):
     """On meshes fine at the ends of contact and stick; rates and errors as in ``cattaneo.py``."""
@@ -91,6 +95,7 @@ def test_wheel_rolls_as_carters():
     assert max(found.iterations) <= 6
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree, h", [(1, 0.05), (2, 0.1)])
 def test_cylinder_on_cylinder_is_hertzs(degree, h):
     """Within the error of the theory, (a / R)^2 = 0.7 %; force up to what Newton leaves."""

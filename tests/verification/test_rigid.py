@@ -28,6 +28,7 @@ def curved(degree, **options):
     return model
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.serial)])
 def test_half_cylinder_on_a_plane_and_cylinder_on_a_block(degree):
     """Both in one problem: the first is pressed by displacement, the second by the same force."""

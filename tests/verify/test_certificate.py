@@ -20,6 +20,7 @@ def solved(**options):
     return scene
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("basis", ["dual", "standard"])
 @pytest.mark.parametrize("degree", [1, 2])
@@ -75,6 +76,7 @@ def test_what_the_mesh_leaves_between_the_nodes_is_told():
     assert list(pair.remarks()) == []
 
 
+@pytest.mark.once
 def test_contact_that_was_missed_is_seen():
     """An indenter in the middle of the block with a search radius too short to find its surface."""
     data = read(
@@ -115,6 +117,7 @@ def test_lost_balance_is_seen():
     assert any("balance" in v for v in scene.problem.certificate().violations())
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("unit", [1.0, 1e-3])
 def test_state_without_load_is_sound(unit):
     """All forces are rounding; compared with each other they would not balance."""
@@ -125,6 +128,7 @@ def test_state_without_load_is_sound(unit):
     assert scene.problem.certificate().violations() == []
 
 
+@pytest.mark.once
 def test_nodes_that_belong_to_another_pair_are_not_missed():
     """Two tools on one block: under the other tool its nodes have no partner in this pair."""
     boxes = {"left": (0.2, 1.0, 0.6, 0.4), "right": (1.2, 1.0, 0.6, 0.4)}
@@ -206,6 +210,7 @@ def dragged_wedge(slave, half, tilt, mu):
     return problem.equations.contacts[0], report
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "half, tilt, mu",
     [

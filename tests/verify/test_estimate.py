@@ -95,6 +95,7 @@ def test_no_error_is_seen_in_what_the_cells_can_follow(law, degree, weight, cell
     assert estimate.size > 0.0
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_no_error_is_seen_where_a_pressure_ends_in_the_middle_of_a_surface(degree, slave):
@@ -129,6 +130,7 @@ def test_facets_that_are_covered_in_part_bear_the_force_on_that_part(degree, sla
         assert np.abs(force - sign * covered * [1.0, -3.0]).max() < 1e-13
 
 
+@pytest.mark.once
 def test_every_term_sees_what_is_wrong():
     """A multiplier, a load, and a displacement that do not fit."""
     problem = column(scenes.linear_elastic, 1, 0.0)
@@ -152,6 +154,7 @@ def test_every_term_sees_what_is_wrong():
         assert wrong.parts[part] > 0.01 * wrong.size, part
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("sliding, gap", [("small", 0.0), ("finite", 0.1 * 0.01)])
 def test_gap_is_that_of_the_model(sliding, gap, degree):
@@ -182,6 +185,7 @@ def test_sliding_of_what_sticks_is_seen(pair, part, degree):
     assert wrong.parts[part] == pytest.approx(np.sqrt(0.5 * 50.0 / 0.5) * 0.01, rel=1e-9)
 
 
+@pytest.mark.once
 def test_shear_below_the_bound_in_sliding_is_seen():
     """The bound 0.3 x 3 would take up work on the slip 0.01 that no shear does."""
     problem = column(scenes.linear_elastic, 1, 0.0, pair=rubbing)
@@ -241,6 +245,7 @@ def block_under_pressure(extra=None):
     return fm.ContactProblem(residual, w, [pair], bcs=bcs, petsc_options_prefix="mixed_")
 
 
+@pytest.mark.once
 def test_mixed_functions_have_the_stress_and_the_constraint_of_their_pressure():
     """A stretch by 0.01 leaves div u = 0.01; half of it in each direction has 0.01^2 on area 2."""
     problem = block_under_pressure()
@@ -271,6 +276,7 @@ def test_integrals_over_inner_facets_are_refused():
         problem.estimate()
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_forms_are_read_after_the_first_compilation_on_a_mesh_as_before_it(tmp_path):
     # dolfinx 0.5 gives the mesh's element a variant as it compiles: test functions and normals made

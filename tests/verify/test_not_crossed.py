@@ -26,6 +26,7 @@ def test_what_users_set_begins_a_step_of_its_own():
     assert is_silent(problem.solve(accept_violations=True))
 
 
+@pytest.mark.once
 def test_hertz_is_silent():
     data = read(half_cylinder_on_block.build, h=0.05)
     V = fm.vector_space(data.mesh, 1)
@@ -56,6 +57,7 @@ def test_ironing_by_many_facets_a_step_is_silent(degree):
         assert is_silent(problem.solve(accept_violations=True))
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("half", [np.pi / 6, np.pi / 3])
 def test_disk_in_a_groove_of_plates_is_silent(half):
     """Two plates that overlap at the tip, as is meant: they are no pair."""
@@ -83,12 +85,14 @@ def test_disk_in_a_groove_of_plates_is_silent(half):
         )
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["tool", "ground"])
 def test_tool_over_the_joint_of_tied_bodies_is_silent(slave):
     _, reports = tool_on_halves(slave=slave)
     assert all(is_silent(report) for report in reports)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("interference", [0.0, 0.02])
 def test_press_fit_is_silent(interference):
     data = read(rings.build, interference=interference, n_inner=40, n_outer=48)
@@ -99,6 +103,7 @@ def test_press_fit_is_silent(interference):
     assert is_silent(problem.solve(accept_violations=True))
 
 
+@pytest.mark.once
 def test_press_fit_by_offsets_is_silent():
     """A deep interference, many facets, that is worked in little by little."""
     data = read(rings.build, interference=0.3, n_inner=80, n_outer=88)
@@ -114,6 +119,7 @@ def test_press_fit_by_offsets_is_silent():
         assert is_silent(problem.solve(accept_violations=True))
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("angle", [10.0, 100.0, 180.0, 300.0])
 def test_pressed_blocks_that_turn_together_are_silent(angle):
     """However far, in one step, and about a far point."""

@@ -6,7 +6,7 @@ import re
 import sys
 from pathlib import Path
 
-os.environ["NUMBA_DISABLE_JIT"] = "1"  # kernels are documented as the functions that they are
+os.environ["NUMBA_DISABLE_JIT"] = "1"  # kernels are documented as plain functions
 root = Path(__file__).resolve().parents[3]
 sys.path[:0] = [str(root)]
 
@@ -80,7 +80,7 @@ def visit_math(translator, node):
 
 
 def visit_display(translator, node):
-    """Write a formula on lines of its own, in a box that scrolls on narrow screens."""
+    """Write a displayed formula, in a box that scrolls on narrow screens."""
     translator.body.append('<div class="formula">')
     translator.body.append(formula(node.astext(), display=True))
     translator.body.append("</div>")
@@ -102,7 +102,7 @@ def link(match):
 
 
 def edit_docstring(app, what, name, obj, options, lines):
-    """Link modules; show |x| as it is, which reStructuredText takes for a substitution."""
+    """Link modules; escape |x|, which reStructuredText would treat as a substitution."""
     pieces = TABLES.split("\n".join(lines).replace("|", "\N{DIVIDES}"))
     pieces[::2] = [SEE.sub(link, piece) for piece in pieces[::2]]
     lines[:] = "".join(pieces).split("\n")
@@ -114,7 +114,7 @@ def skip_fields(app, what, name, obj, skip, options):
 
 
 def setup(app):
-    """Register the renderer of formulas, and the treatment of docstrings."""
+    """Register the renderer of formulas and the editing of docstrings."""
     app.add_html_math_renderer("mathml", (visit_math, None), (visit_display, None))
     app.connect("autodoc-process-docstring", edit_docstring)
     app.connect("autodoc-skip-member", skip_fields)

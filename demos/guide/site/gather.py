@@ -4,7 +4,7 @@
 Pages are the Markdown files of this folder, Markdown files elsewhere in the repository, and
 literate scripts: the demos, and the tutorial with a page for each of its steps and a notebook.
 Links between files are rewritten: to the page of a file if it has one, to the reference if it is a
-module of the package, otherwise to a copy of the file. A link that leads nowhere is an error.
+module of the package, otherwise to a copy of the file. A broken link is an error.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[2]
 LINK = re.compile(r"(!?)\[((?:`[^`]*`|[^\]`])*)\]\(([^()#\s:]+)(#[^()\s]*)?\)")
 FENCE = re.compile(r"^(```.*?^```$)", re.MULTILINE | re.DOTALL)
-# Pages of the reference: title, and the folders of the package whose public names they have.
+# Pages of the reference: title, and folders of the package whose public names they contain.
 GROUPS = {
     "problem": ("The problem and its results", ("problem", "equations", "newton")),
     "meshes": ("Meshes, spaces and supports", ("mesh", "utils.compat")),
@@ -45,9 +45,11 @@ GROUPS = {
     "errors": ("Errors", ("utils",)),
     "further": ("Further names", ()),
 }
-# Classes that users meet and do not make.
+# Classes whose instances are created by the package, not by users.
 MET = (Iteration, InterfaceState, PairView, State, PathStep, OperatorMatrices)
-OF_CLASSES = ("   :members:", "   :inherited-members: ABC, BaseException, Exception, tuple")
+# Members of laws and obstacles are described once, at their base classes.
+NOT_REPEATED = "ABC, BaseException, Exception, tuple, Law, Obstacle"
+OF_CLASSES = ("   :members:", "   :show-inheritance:", f"   :inherited-members: {NOT_REPEATED}")
 STEPS = ("two_blocks", "finite_strain", "friction", "enough", "research")
 
 
@@ -63,7 +65,7 @@ def pages_of_files() -> dict[str, str]:
         "demos/studies/README.md": "studies/index.md",
         "demos/studies": "studies/index.md",
     }
-    for name in ("installation", "features", "laws", "limits"):
+    for name in ("installation", "features", "laws", "limits", "thresholds"):
         pages[f"demos/guide/{name}.md"] = f"{name}.md"
     for file in sorted((ROOT / "demos" / "studies").glob("*/*.md")):
         study = file.parent.name
@@ -78,7 +80,7 @@ def pages_of_files() -> dict[str, str]:
 
 
 def demos() -> list[Path]:
-    """All demos, the one to read first at the beginning."""
+    """All demos, starting with the one to be read first."""
     return sorted(
         (ROOT / "demos").glob("demo_*.py"), key=lambda demo: (demo.stem != "demo_two_blocks", demo)
     )
@@ -88,7 +90,7 @@ class Gathered:
     """The folder of the collected pages.
 
     Args:
-        folder: Where to write; it is emptied first.
+        folder: Output folder; it is emptied first.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -102,7 +104,7 @@ class Gathered:
         """Write all pages.
 
         Raises:
-            SystemExit: If links lead nowhere.
+            SystemExit: If links are broken.
         """
         for file, page in self._pages.items():
             if file.endswith(".md") and file != "README.md" and (ROOT / file).exists():
@@ -122,7 +124,7 @@ class Gathered:
         path.parent.mkdir(parents=True, exist_ok=True)
         if not text.startswith(("# ", "---")):
             text = f"# {path.stem.replace('_', ' ').capitalize()}\n\n{text}"
-        pieces = FENCE.split(text)  # links only outside of code
+        pieces = FENCE.split(text)  # links are rewritten only outside code
         pieces[::2] = [self._relink(piece, page, origin) for piece in pieces[::2]]
         path.write_text("".join(pieces))
 
@@ -182,7 +184,8 @@ class Gathered:
         script = SITE.parent / "tutorial.py"
         notebook = jupytext.read(script)
         (self._folder / "tutorial").mkdir(exist_ok=True)
-        jupytext.write(notebook, self._folder / "tutorial" / "tutorial.ipynb", fmt="ipynb")
+        alone = standing_alone(jupytext.read(script))
+        jupytext.write(alone, self._folder / "tutorial" / "tutorial.ipynb", fmt="ipynb")
         steps: list[list] = []
         for cell in notebook.cells:
             if cell.cell_type == "markdown" and cell.source.startswith("# "):
@@ -261,7 +264,7 @@ class Gathered:
 
 
 def in_reference() -> dict[str, Any]:
-    """All that the reference describes, by full names."""
+    """All objects of the reference by full names."""
     package = fenics_mortar
     public = {f"fenics_mortar.{name}": getattr(package, name) for name in package.__all__}
     known = set(map(id, public.values()))
@@ -304,6 +307,15 @@ def pictures_of(demo: str) -> list[Path]:
     folder = ROOT / "demos" / "pictures"
     return [path for path in (folder / f"{demo}.png", *sorted(folder.glob(f"{demo}_*.png")))
             if path.exists()]  # fmt: skip
+
+
+def standing_alone(notebook: Any) -> Any:
+    """The notebook with pictures that it draws itself, and without links to pages of the site."""
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            cell.source = cell.source.replace("](../pictures/", "](results/")
+            cell.source = LINK.sub(lambda m: m[0] if m[1] else m[2], cell.source)
+    return notebook
 
 
 def as_markdown(cells: list) -> str:

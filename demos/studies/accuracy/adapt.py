@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Meshes that refine themselves where the estimate of the error is large, against uniform ones.
+"""Adaptive refinement by the error estimate, compared with uniform meshes.
 
     python3 -m demos.studies.accuracy.adapt            degree 1 and 2
     python3 -m demos.studies.accuracy.adapt --quick    fewer levels
 
-The exact problem of Hertz: solve, estimate, mark, make a new mesh with smaller sizes in the
-marked cells, until the pressure is as exact as on the finest uniform mesh. Writes ``adapt.md`` and
-``adapt.png`` to ``results/accuracy``.
+Problem of Hertz with exact solution: solve, estimate, mark, create a new mesh with smaller cells in
+place of the marked ones, until the error of the pressure is that of the finest uniform mesh. Writes
+``adapt.md`` and ``adapt.png`` to ``results/accuracy``.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from meshes._shared import add_lines, add_points, add_surface, generate
 Row = dict[str, Any]
 Size = Callable[[float, float], float]
 SIDE = HALF_SIDE * HalfPlanes().a
-# Growth of the size of cells per distance
+# Growth of the cell size with distance [1]
 GROWTH = 0.4
-# Part of the squared estimate that is in the marked cells, and what becomes of their size: in small
-# steps, so that the last mesh is not much finer than it need be
+# Fraction of the squared estimate in the marked cells, and factor of their size [1]: in small
+# steps, so that the last mesh is not much finer than necessary
 PART, FACTOR = 0.3, 0.6
 COLOURS = {"P1": "#0072b2", "P2": "#d55e00"}
 
@@ -71,7 +71,7 @@ def corners_of(mesh: Any) -> np.ndarray:
 
 
 def refined(mesh: Any, marked: np.ndarray) -> Size:
-    """Smaller sizes in the marked cells, the same elsewhere, growing from cell to cell."""
+    """Smaller sizes in the marked cells, unchanged elsewhere, with limited growth."""
     corners = corners_of(mesh)
     edges = corners[:, 1:] - corners[:, :1]
     sizes = np.sqrt(2 * np.abs(np.linalg.det(edges)) / np.sqrt(3))
@@ -101,7 +101,7 @@ def uniform(element: str, sizes: Sequence[float]) -> list[Row]:
 
 
 def adaptive(element: str, size: float, goal: float, most: int = 60) -> tuple[list[Row], Any]:
-    """Solve, mark, refine until the pressure is as exact as ``goal``; all rows, the last mesh."""
+    """Solve, mark, refine until the pressure error is ``goal``; return all rows and the mesh."""
     rows, field = [], lambda x, y: size
     for _ in range(most):
         row, estimate, mesh = solve(field, element)
@@ -125,7 +125,7 @@ def table(runs: dict[tuple[str, str], list[Row]]) -> str:
 
 
 def saved(runs: dict[tuple[str, str], list[Row]], element: str) -> float:
-    """Unknowns of the finest uniform mesh over those of the first graded one that is as exact."""
+    """Unknowns of the finest uniform mesh over those of the first graded mesh of equal accuracy."""
     return runs[element, "uniform"][-1]["dofs"] / runs[element, "graded"][-1]["dofs"]
 
 

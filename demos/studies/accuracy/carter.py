@@ -10,25 +10,26 @@ contact |x| < a, and slides behind (Carter 1926; Johnson, Contact Mechanics, 8.3
     a^2 = 4 P R / (pi E*),    p0 = 2 P / (pi a),    c = a sqrt(1 - Q / (mu P)),    d = a - c,
     q = mu p0 (sqrt(1 - (x/a)^2) - (c/a) sqrt(1 - (x - d)^2 / c^2)),
 
-the second root within the stick only. Each part of q strains the surface in proportion to x, by
-2 mu p0 x / (E* a) and 2 mu p0 (x - d) / (E* a): their difference, 2 mu p0 d / (E* a), is what the
-wheel turns too far, the creepage. With p0 = E* a / (2 R) it is
+the second root within the stick only. Each part of q strains the surface in proportion to x, by 2
+mu p0 x / (E* a) and 2 mu p0 (x - d) / (E* a). Their difference, 2 mu p0 d / (E* a), is the
+creepage, the excess rotation of the wheel. With p0 = E* a / (2 R) it is
 
     xi = mu d / R = (mu a / R) (1 - sqrt(1 - Q / (mu P))).
 
-That holds where pressure does not move the surface sideways: for bodies of one material, and for a
-rigid one on an incompressible one, E* = E / (1 - nu^2) = 4 E / 3, here of Taylor-Hood elements.
+This is valid if pressure does not move the surface tangentially: for bodies of one material, and
+for a rigid body on an incompressible one, E* = E / (1 - nu^2) = 4 E / 3, here of Taylor-Hood
+elements.
 
-Errors of the scene: R = 1000 a, for those of small strain and small angles are of the order
-a / (mu R). The half plane is a block, fixed at its bottom and sides, ``SIZE`` half-widths away. It
-yields sideways as the load travels, by the order of P / (E* SIZE) for a unit of the way: that is a
-part of the creepage of the order a / (mu SIZE): by the last table, 0.5 %.
+Errors of the scene: errors of small strain and small angles are of the order a / (mu R), therefore
+R = 1000 a. The half plane is a block, fixed at its bottom and sides, ``SIZE`` half-widths away. As
+the load travels, the block is displaced sideways by about P / (E* SIZE) per unit of distance, a
+fraction of the creepage of the order a / (mu SIZE): 0.5 % by the last table.
 
-The wheel is pressed by P and pulled by Q, both as forces. Then all its motions are prescribed, for
-the stiffness is factored but once so: as it turns its place goes on by what is found to keep Q. The
-creepage is that of the last half-width of the way; a, c and xi of the theory are those of the
-forces measured at its end. The shear has roots at the ends of contact and stick: on uniform facets
-its error in L2 is of order h.
+The wheel is pressed by P and pulled by Q, both as forces. Then all its motions are prescribed, so
+that the stiffness is factorized only once: as the wheel turns, it is advanced by the distance for
+which Q is constant. The creepage is that of the last half-width of the distance; a, c and xi of the
+theory are those of the final forces. The shear has roots at the ends of contact and stick: on
+uniform facets its error in L2 is of order h.
 
 Writes the tables and a picture to ``results/accuracy/carter.md`` and ``.png``.
 """
@@ -51,7 +52,7 @@ from demos.studies.accuracy.posed import Posed, read
 from demos.studies.accuracy.report import FOLDER, markdown
 from meshes.mapped_grids import Grid
 
-# Lengths by the half-width of the contact, stresses by E*
+# Lengths over the half-width of the contact, stresses over E*
 R, FRICTION, PART = 1000.0, 0.3, 0.5  # Q by mu P
 FORCE = np.pi / (4 * R)
 FINE, SIZE, GROWTH = 3.5, 1000.0, 1.4
@@ -66,11 +67,11 @@ class Rolled:
     """A wheel that has rolled.
 
     Attributes:
-        posed: The problem; the pressure told is the shear of the theory.
-        ways: What it has turned, as a length, after each step.
-        places: Where it was then, from the middle of the block.
-        pulls: Q / (mu P) then.
-        iterations: Of each step.
+        posed: The problem; its exact pressure is the shear of the theory.
+        ways: Rotation as a length after each step.
+        places: Position after each step, from the middle of the block.
+        pulls: Q / (mu P) after each step.
+        iterations: Iterations of each step.
     """
 
     posed: Posed
@@ -81,57 +82,57 @@ class Rolled:
 
     @property
     def half_widths(self) -> tuple[float, float]:
-        """Of contact and stick, by the theory and the measured forces."""
+        """Half-widths of contact and stick, by the theory for the measured forces."""
         a = half_width(self.posed.problem.equations.contacts[0])
         return a, a * np.sqrt(1 - self.pulls[-1])
 
     @property
     def shear(self) -> np.ndarray:
-        """At the nodes of the slave."""
+        """Shear at the nodes of the slave."""
         return np.abs(self.posed.problem.equations.contacts[0].nodal.z_tau)
 
     @property
     def error(self) -> float:
-        """Of the shear in L2."""
+        """Error of the shear in L2."""
         return contact_errors(self.posed, self.shear)["pressure"]
 
     @property
     def stuck(self) -> float:
-        """Half-width that sticks, by that of the theory."""
+        """Sticking half-width over that of the theory."""
         (contact,) = self.posed.problem.equations.contacts
         return contact.slave.nodal_lengths[contact.sticking].sum() / 2 / self.half_widths[1]
 
     @property
     def creepage(self) -> float:
-        """By that of the theory."""
+        """Creepage over that of the theory."""
         start = np.searchsorted(self.ways, self.ways[-1] - 1 - 1e-9)
         gone, turned = (np.ptp(values[start:]) for values in (self.places, self.ways))
         return (1 - gone / turned) / creepage(self.half_widths[0], self.pulls[-1])
 
 
 def creepage(a: float, part: float) -> float:
-    """By half-width and Q / (mu P)."""
+    """Creepage for a half-width and Q / (mu P)."""
     return FRICTION * a / R * (1 - np.sqrt(1 - part))
 
 
 def half_width(contact: Any) -> float:
-    """By the force on the wheel."""
+    """Half-width of the contact for the force on the wheel."""
     return np.sqrt(4 * R * abs(contact.total_force[1]) / np.pi)
 
 
 def pull(contact: Any) -> float:
-    """Q / (mu P) by the forces on the wheel."""
+    """Q / (mu P) from the forces on the wheel."""
     return abs(contact.total_force[0] / contact.total_force[1]) / FRICTION
 
 
 def shear_by_theory(x: np.ndarray, a: float, c: float) -> np.ndarray:
-    """At x from the middle of a contact that moves to the right."""
+    """Shear at distances x from the middle of a contact that moves to the right."""
     outer, inner = (np.maximum(b**2 - y**2, 0.0) for b, y in ((a, x), (c, x - (a - c))))
     return FRICTION / (2 * R) * (np.sqrt(outer) - np.sqrt(inner))  # p0 / a = 1 / (2 R)
 
 
 def line(h: float, fine: float, size: float) -> np.ndarray:
-    """Vertices and middles from 0 to ``size``: of spacing h up to ``fine``, then growing."""
+    """Vertices and midpoints from 0 to ``size``, with spacing h up to ``fine``, then growing."""
     inner = np.linspace(0.0, fine, round(fine / h) + 1)
     count = np.log1p((size - fine) * (GROWTH - 1) / (h * GROWTH)) / np.log(GROWTH)
     beyond = np.cumsum(GROWTH ** np.arange(1, round(count) + 1))
@@ -200,7 +201,7 @@ HEAD = (
 
 
 def table(runs: Sequence[tuple[int, float, float]], known: dict[Any, Rolled]) -> str:
-    """A row for each mesh, step and size of the block: what was found by the theory."""
+    """A row for each mesh, step and block size: computed values over those of the theory."""
     lines = []
     for run in runs:
         found = known[run] = known.get(run) or roll(*run)
@@ -212,7 +213,7 @@ def table(runs: Sequence[tuple[int, float, float]], known: dict[Any, Rolled]) ->
 
 
 def draw(found: Rolled) -> Figure:
-    """The shear and that of the theory, and the creepage along the way."""
+    """Computed and theoretical shear, and creepage over the distance."""
     figure = Figure((8, 3.2), layout="constrained")
     left, right = figure.subplots(1, 2, gridspec_kw={"width_ratios": (3, 2)})
     a, c = found.half_widths

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The shear of Cattaneo and Mindlin: error and rates of elements and meshes, and two cylinders.
+"""Shear of Cattaneo and Mindlin: errors and rates of elements and meshes, and two cylinders.
 
     python3 -m demos.studies.accuracy.cattaneo
 
@@ -8,20 +8,21 @@ the rest of the contact slides:
 
     c = a sqrt(1 - Q / (mu P)),    q = mu p0 (sqrt(1 - (x/a)^2) - (c/a) sqrt(1 - (x/c)^2)),
 
-the second root within c only. The first table is of two half planes: boxes with the exact
-displacement on their outer sides, so that nothing but the mesh makes errors. The shear has roots at
-+-a and +-c: its error in L2 is of order h on uniform meshes, whatever the element; where facets are
-like the root of the distance from these places it falls faster, with P2 about like h^2.
+the second root within c only. The first table is for two half planes: boxes with the exact
+displacement on their outer sides, so that all errors are those of the mesh. The shear has roots at
++-a and +-c: its error in L2 is of order h on uniform meshes for any element. With facets
+proportional to the root of the distance from these points it decreases faster, with P2 about like
+h^2.
 
 The second table is of two half cylinders of radius 8, E = 200, nu = 0.3, mu = 0.2, with facets of
-the second degree, fine at the same places. The flat sides do not turn: they are moved until the
-force is P, and the shear, along the place of contact that turns a little, Q = 0.468 mu P. P = 10 is
-the usual benchmark: a = 0.680778, c = 0.496511, peak of the shear 1.279571. The theory is for half
-planes; with less force, on the same mesh by a, its error is less. As in ``cylinders``, forces are
-per undeformed length.
+the second degree, fine at the same places. The flat sides do not rotate: they are moved until the
+force is P, and the shear force along the contact, which rotates slightly, is Q = 0.468 mu P. P = 10
+is the usual benchmark: a = 0.680778, c = 0.496511, peak of the shear 1.279571. The theory is for
+half planes; its error decreases with the force, on a mesh scaled with a. As in ``cylinders``,
+forces are per undeformed length.
 
-The third table is of P = 10, pressed in one step without and with friction. In theory that is the
-same, since equal bodies do not slip; see ``contact.slip`` for what makes the difference.
+The third table is for P = 10, pressed in one step without and with friction. In theory both are
+equal, since equal bodies do not slip; ``contact.slip`` explains the difference.
 
 Writes the tables and a picture to ``results/accuracy/cattaneo.md`` and ``.png``.
 """
@@ -47,25 +48,25 @@ from demos.studies.accuracy.scenes_exact import cattaneo
 from demos.studies.common import linear_elastic
 from fenics_mortar.contact.slip import Measure
 
-FRICTION, PART = 0.2, 0.468080  # Q by mu P
+FRICTION, PART = 0.2, 0.468080  # Q over mu P
 SIZES, LOADS, FACET = (32, 64, 128), (10.0, 2.5, 0.625), 0.15
 
 
 def half_planes(n: int, element: str, *, graded: bool, **options: str) -> tuple[float, int]:
-    """Error of the shear in L2, and the iterations that the shearing takes."""
+    """Error of the shear in L2, and number of iterations of the shear step."""
     posed = cattaneo(n, Choice(element), graded=graded, **options)
     report = posed.problem.solve()
     return errors(posed)["shear"], report.num_iterations
 
 
 class Sheared(NamedTuple):
-    """Two sheared cylinders, lengths by a and shears by mu p0.
+    """Two sheared cylinders, lengths over a and shears over mu p0.
 
     Attributes:
-        x: Places of the slave's nodes, shape (n,).
-        length: What belongs to each, shape (n,).
-        shear: Shear there, shape (n,).
-        stuck: Half-width that sticks.
+        x: Positions of the slave's nodes, shape (n,).
+        length: Tributary length of each node, shape (n,).
+        shear: Shear at the nodes, shape (n,).
+        stuck: Sticking half-width.
     """
 
     x: np.ndarray
@@ -80,13 +81,13 @@ class Sheared(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Of the shear in L2."""
+        """Error of the shear in L2."""
         off = self.length @ (self.shear - self.exact) ** 2
         return float(np.sqrt(off / (self.length @ self.exact**2)))
 
 
 def theory(x: np.ndarray) -> np.ndarray:
-    """Shear by mu p0 at x by a."""
+    """Shear over mu p0 at x over a."""
     c2 = 1 - PART
     return np.sqrt(np.maximum(1 - x**2, 0.0)) - np.sqrt(np.maximum(c2 - x**2, 0.0))
 
@@ -94,7 +95,7 @@ def theory(x: np.ndarray) -> np.ndarray:
 def two_cylinders(
     force: float, h: float, *, has_friction: bool = False, slip: Measure = "partners"
 ) -> Sheared:
-    """Press by ``force`` in one step and shear; ``h`` is the length of facets by the half-width.
+    """Press by ``force`` in one step and shear; ``h`` is the facet length over the half-width.
 
     ``has_friction``: with friction from the start, not only after the pressing.
     """
@@ -115,7 +116,7 @@ def two_cylinders(
     residual = ufl.inner(stress, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 4})
     problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="cattaneo_")
     (contact,) = problem.equations.contacts
-    stiffness = np.pi * E / (4 * (1 - NU**2) * np.log(4 * RADIUS / a))  # about
+    stiffness = np.pi * E / (4 * (1 - NU**2) * np.log(4 * RADIUS / a))  # approximately
     if not has_friction:
         pair.law = fm.Frictionless()
     move_until(problem, push, 1, -force / stiffness, force, lambda: contact.total_force[1])
@@ -136,7 +137,7 @@ def move_until(
     force: float,
     found: Callable[[], float],
 ) -> None:
-    """Move the flat side until the force found is as wanted, by secants from one state."""
+    """Move the flat side until the force is as prescribed, by the secant method from one state."""
     start, before, last = problem.state(), 0.0, found()
     move = guess
     while abs(last / force - 1) > 1e-6:
@@ -163,7 +164,7 @@ def rate_table() -> str:
 
 
 def cylinder_table(all_sheared: dict[float, Sheared]) -> str:
-    """The cylinders by the theory."""
+    """Results of the cylinders over those of the theory."""
     lines = ["| P | a / R | half-width that sticks, c / a | peak | error in L2 |"]
     lines.append("|---:|" + "---:|" * 4)
     for force, found in all_sheared.items():
@@ -175,7 +176,7 @@ def cylinder_table(all_sheared: dict[float, Sheared]) -> str:
 
 
 def pressing_table() -> str:
-    """What the pressing leaves behind, by what it is done with."""
+    """Results after pressing without and with friction."""
     lines = ["| friction while pressed | slip by | error in L2 |", "|---|---|---:|"]
     for has_friction, slip in ((False, "partners"), (True, "partners"), (True, "operators")):
         found = two_cylinders(LOADS[0], FACET, has_friction=has_friction, slip=slip)
@@ -184,7 +185,7 @@ def pressing_table() -> str:
 
 
 def draw(found: Sheared) -> Figure:
-    """The shear of one pair of cylinders and that of the theory."""
+    """Computed and theoretical shear of one pair of cylinders."""
     figure = Figure((6, 3.2), layout="constrained")
     axes = figure.add_subplot(xlabel="x / a", ylabel="traction / (mu p0)", xlim=(-1.3, 1.3))
     x = np.linspace(-1.3, 1.3, 2001)

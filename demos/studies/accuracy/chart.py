@@ -3,15 +3,14 @@
 
     python3 -m demos.studies.accuracy.chart            all choices of element, basis, rule, tangent
     python3 -m demos.studies.accuracy.chart --quick    the four elements with the default choices
-    python3 -m demos.studies.accuracy.chart --redraw   what was measured, and the peers
+    python3 -m demos.studies.accuracy.chart --redraw   stored measurements, and other codes
 
-Writes to ``results/accuracy``: ``summary.md`` and ``chart.png``, for a glance, ``rates.md`` and
-``choices.png``, which have all choices. Other codes on the same meshes are drawn if ``peer_*.py``
-have been run. Times are medians of repeated runs in one process after a warm-up, each from the
-arrays of the mesh to the answer. ``seconds`` are those of the processor, with one thread, which a
-busy machine changes little: source ``.ci/env.sh`` first. Bulk, contact and solve are the phases of
-Newton's method by the clocks of its report, set-up is what comes before it, by the clock on the
-wall.
+Writes to ``results/accuracy``: ``summary.md`` and ``chart.png``, the short version, ``rates.md``
+and ``choices.png``, with all choices. Other codes on the same meshes are drawn if ``peer_*.py``
+have been run. Times are medians of repeated runs in one process after a warm-up, each from the mesh
+arrays to the solution. ``seconds`` are CPU times with one thread, which depend little on the load
+of the machine: source ``.ci/env.sh`` first. Bulk, contact and solve are phases of Newton's method
+by the clocks of its report; set-up is the wall time before it.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from demos.studies.accuracy.posed import ELEMENTS, Choice
 from demos.studies.accuracy.report import DEFAULT, OURS, PHASES, SIZES, Row, read, report, write
 from demos.studies.accuracy.scenes_exact import hertz
 
-# What the clocks of the report of Newton's method count to each phase but the set-up
+# Clocks of Newton's report that belong to each phase except the set-up
 CLOCKS = (("residual", "tangent"), ("search", "integrals", "assembly"), ("solve",), ("other",))
 
 
@@ -57,7 +56,7 @@ def measure(n: int, choice: Choice, graded: bool, repeats: int) -> Row:
 
 
 def forget_peak() -> None:
-    """Let the peak of memory start anew, where the system can (Linux)."""
+    """Reset the peak of memory if the system supports it (Linux)."""
     try:
         Path("/proc/self/clear_refs").write_text("5")
     except OSError:
@@ -65,7 +64,7 @@ def forget_peak() -> None:
 
 
 def memory(what: str) -> float:
-    """Memory of this process, "VmRSS" now or "VmHWM" at its peak [MB]; nan if not told."""
+    """Memory of this process, "VmRSS" now or "VmHWM" at its peak [MB]; nan if unknown."""
     try:
         lines = Path("/proc/self/status").read_text().splitlines()
     except OSError:
@@ -76,7 +75,7 @@ def memory(what: str) -> float:
 def measure_all(
     choices: Sequence[Choice], sizes: Sequence[int], gradings: Sequence[bool], repeats: int
 ) -> list[Row]:
-    """All rows; what fails is said and left out."""
+    """All rows; failures are printed and omitted."""
     rows = []
     for choice, graded in product(choices, gradings):
         measure(sizes[0], choice, graded, 1)  # compiles
@@ -89,7 +88,7 @@ def measure_all(
 
 
 def all_choices() -> list[Choice]:
-    """Everything that can be chosen; multipliers at vertices are for quadratic facets."""
+    """All combinations of choices; multipliers at vertices are for quadratic facets only."""
     bases = {1: ("dual", "standard"), 2: ("dual", "standard", "vertices")}
     return [
         Choice(element, *names)

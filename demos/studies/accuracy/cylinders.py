@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Cylinder on cylinder against the theory of Hertz, without friction.
+"""Cylinder on cylinder without friction, compared with the theory of Hertz.
 
     python3 -m demos.studies.accuracy.cylinders
 
@@ -9,9 +9,9 @@ Two half cylinders of radius 8 and of one material (E = 200, nu = 0.3), plane st
 
     a = sqrt(4 P R / (pi E*)) = 0.680778,    p0 = 2 P / (pi a) = 9.351351.
 
-The theory is for half planes at small strain; its own error is of order (a / 8)^2, 0.7 %. It does
-not tell deformed from undeformed length, which differ by (1 + nu) (1 - 2 nu) p0 / E = 2.4 % where
-the pressure is largest: forces are compared per undeformed length, the measure of linear stress.
+The theory is for half planes at small strain; its error is of order (a / 8)^2, 0.7 %. It does not
+distinguish deformed and undeformed length, which differ by (1 + nu) (1 - 2 nu) p0 / E = 2.4 % at
+the largest pressure. Forces are compared per undeformed length, the measure of linear stress.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ def half_cylinder(side: int) -> tuple[int, dict[str, list[int]]]:
 def mesh(h: float, degree: int, half_width: float = HALF_WIDTH, kinks: Sequence[float] = ()) -> Any:
     """Both halves, with facets of length ``h`` at the contact, 0.7 ``h`` on the lower one.
 
-    They are less within a half-width of x = +- a kink: like the root of the distance from there.
+    Within a half-width of x = +- a kink, facets are shorter, proportional to the root of the
+    distance.
     """
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
@@ -78,7 +79,7 @@ def mesh(h: float, degree: int, half_width: float = HALF_WIDTH, kinks: Sequence[
 
 
 def pose(h: float, degree: int) -> fm.ContactProblem:
-    """The problem, to be solved."""
+    """The unsolved problem."""
     data = mesh(h, degree)
     V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V), ufl.TestFunction(V)
@@ -96,7 +97,7 @@ def pose(h: float, degree: int) -> fm.ContactProblem:
 
 
 def compare(problem: fm.ContactProblem) -> dict[str, float]:
-    """Force, half-width (by the second moment of the pressure) and peak by those of the theory."""
+    """Force, half-width (from the second moment of pressure) and peak over those of the theory."""
     (contact,) = problem.equations.contacts
     x, force = contact.slave.X[:, 0], contact.pressure * contact.operators.weight
     return {

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: MIT
-"""Rates of all exact problems and all elements, and the error that is estimated by the true one.
+"""Rates of all exact problems and elements, and ratio of estimated and true error.
 
     python3 -m demos.studies.accuracy.effectivity            three meshes each
     python3 -m demos.studies.accuracy.effectivity --quick    the two coarser ones
     python3 -m demos.studies.accuracy.effectivity flat Hertz    names with one of these words
 
-Rates are those to the finest mesh, over the last halving; where contact ends, over both, after
-which the ends are at the same place of a facet again. In brackets is what theory says: a smooth
-solution has the rates of the element, and of pressure and shear in L2 at least half an order less
-than of the energy; the ends of a contact allow 3/2 of the energy and 1 of pressure and shear. With
-straight facets the rings of the press fit overlap by too little: that error, of order 3/2, comes
-on top, and is small on fine meshes only. Writes ``effectivity.md`` to ``results/accuracy``.
+Rates are those of the last halving; for contact that ends, over both halvings, after which the ends
+have the same position in a facet again. Theoretical rates are in brackets. A smooth solution has
+the rates of the element, and those of pressure and shear in L2 are at least half an order below
+that of the energy; ends of a contact limit the rates to 3/2 for the energy and 1 for pressure and
+shear. With straight facets the rings of the press fit overlap by too little; this additional error,
+of order 3/2, is small on fine meshes only. Writes ``effectivity.md`` to ``results/accuracy``.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from demos.studies.accuracy.posed import ELEMENTS, Choice, Posed
 from demos.studies.accuracy.report import FOLDER, PREDICTED, markdown
 from demos.studies.accuracy.scenes_exact import cattaneo, curved, flat, hertz, press_fit
 
-# Errors, and what the estimate is called beside them
+# Names of errors and of the estimate
 NAMES = ("energy", "displacement", "pressure", "shear")
 ESTIMATE = "estimate"
 
@@ -36,9 +36,9 @@ class Problem(NamedTuple):
     """An exact problem.
 
     Attributes:
-        pose: Makes it.
+        pose: Function that creates it.
         n: Facets of degree 1 of the slave on the coarsest mesh.
-        smooth: Whether the solution is; else contact ends somewhere.
+        smooth: Whether the solution is smooth; otherwise contact has ends.
     """
 
     pose: Callable[[int, Choice], Posed]
@@ -46,7 +46,7 @@ class Problem(NamedTuple):
     smooth: bool = True
 
     def predicted(self, element: str) -> dict[str, str]:
-        """Rates by name, if theory knows them."""
+        """Theoretical rates by name, if known."""
         degree = ELEMENTS[element][1]
         if self.smooth:
             least = f">= {degree - 0.5:g}"
@@ -56,7 +56,7 @@ class Problem(NamedTuple):
         return rates | {"shear": rates["pressure"]}
 
     def measure(self, n: int, element: str) -> dict[str, float]:
-        """All errors, and the estimate of the energy's error by the true one."""
+        """All errors, and the ratio of estimated and true error of the energy."""
         posed = self.pose(n, Choice(element))
         posed.problem.solve()
         found = errors(posed)
@@ -77,7 +77,7 @@ PROBLEMS = {
 
 
 def row(name: str, element: str, levels: int) -> list[str]:
-    """Cells of the table: rates, and estimate by error of each mesh."""
+    """Cells of the table: rates, and ratio of estimate and error on each mesh."""
     problem = PROBLEMS[name]
     found = [problem.measure(problem.n * 2**k, element) for k in range(levels)]
     predicted = problem.predicted(element)
@@ -94,7 +94,7 @@ def row(name: str, element: str, levels: int) -> list[str]:
 
 
 def table(names: Sequence[str], levels: int) -> str:
-    """The table of some problems, in Markdown."""
+    """Markdown table of the named problems."""
     lines = [row(name, element, levels) for name in names for element in ELEMENTS]
     sizes = ["n", "2 n", "4 n"][:levels]
     return markdown(" | ".join(["problem", "element", *NAMES, *sizes]), 2, lines)

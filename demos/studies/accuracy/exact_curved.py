@@ -2,8 +2,8 @@
 """A smooth manufactured solution across a curved interface that sticks, at finite strain.
 
 Two quarter rings meet on a circle. Both move by one smooth deformation, so that nothing slips or
-opens; body forces keep the balance. What passes through the interface is pressure everywhere, and
-shear, which a large friction limit admits.
+opens; body forces keep the balance. The traction at the interface is a pressure everywhere, and a
+shear below a large friction limit.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class CurvedInterface:
         E: Young's modulus [stress].
         nu: Poisson's ratio.
         squeeze: Uniform compression.
-        wave: Amplitude of what varies [length].
+        wave: Amplitude of the nonuniform part [length].
     """
 
     radii: tuple[float, float, float] = (1.0, 2.0, 3.0)
@@ -45,7 +45,7 @@ class CurvedInterface:
     def pressure(self, x: np.ndarray, *, tied: bool = False) -> np.ndarray:
         """Contact pressure at the reference places x (2, n), force over deformed length.
 
-        That of ``tied`` surfaces is over undeformed length, as their multipliers are.
+        For ``tied`` surfaces over undeformed length, like their multipliers.
         """
         mu = self.E / (2 * (1 + self.nu))
         lmbda = 2 * mu * self.nu / (1 - 2 * self.nu)

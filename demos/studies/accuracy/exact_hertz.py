@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Two half planes under the pressure of Hertz, and the shear of Cattaneo and Mindlin upon it.
+"""Two half planes under the pressure of Hertz, and the shear of Cattaneo and Mindlin.
 
 With z = x + i y, y <= 0 in the lower body, and
 
@@ -13,10 +13,10 @@ and of the shear q = q0 (sqrt(1 - (x/a)^2) - (c/a) sqrt(1 - (x/c)^2)), q0 = fric
 
     phi' = i q0 (f_a - (c/a) f_c),    psi' = -2 phi' - z phi''.
 
-sigma_x + sigma_y = 4 Re phi', sigma_y - sigma_x + 2 i tau = 2 (conj(z) phi'' + psi') and
-2 mu (u + i v) = kappa phi - z conj(phi') - conj(psi), kappa = 3 - 4 nu. The upper body, of the same
-material, is the mirror image, under shear with the sign of u, sigma_x and sigma_y changed. It moves
-as a whole, too, so that |x| < c sticks. The theory is linear: its error is of order a / R.
+sigma_x + sigma_y = 4 Re phi', sigma_y - sigma_x + 2 i tau = 2 (conj(z) phi'' + psi') and 2 mu
+(u + i v) = kappa phi - z conj(phi') - conj(psi), kappa = 3 - 4 nu. The upper body, of the same
+material, is the mirror image, under shear with the sign of u, sigma_x and sigma_y changed. A rigid
+motion is added such that |x| < c sticks. The theory is linear: its error is of order a / R.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ import ufl
 
 
 class Load(NamedTuple):
-    """One part of the traction: phi' = factor f_b, psi' = -z phi'' or, of a shear, less 2 phi'."""
+    """One part of the traction: phi' = factor f_b, psi' = -z phi'', minus 2 phi' for shear."""
 
     factor: complex
     b: float
@@ -39,7 +39,7 @@ class Load(NamedTuple):
     def potential(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Phi and its first two derivatives.
 
-        The root is like z far away, and continuous below the real axis, not on it.
+        The root tends to z far away; it is continuous below the real axis, not on it.
         """
         b, factor = self.b, 0.5j * self.factor / self.b
         root = -1j * np.sqrt(b - z) * np.sqrt(b + z)
@@ -92,7 +92,7 @@ class HalfPlanes:
         return self.friction * self.peak / self.a * (outer - inner)
 
     def displacement(self, x: np.ndarray) -> np.ndarray:
-        """Displacement at ``x``, shape (2, ...), of the body on whose side of y = 0 they are."""
+        """Displacement at ``x``, shape (2, ...), of the body on the respective side of y = 0."""
         side, z = self._place(x)
         total = np.zeros(x.shape)
         for load in self._loads:
@@ -122,7 +122,7 @@ class HalfPlanes:
         return total
 
     def ufl_stress(self, x: ufl.core.expr.Expr) -> ufl.core.expr.Expr:
-        """The same as a UFL tensor, away from y = 0 (McEwen's form)."""
+        """Stress as a UFL tensor, away from y = 0 (McEwen's form)."""
         a, depth = self.a, abs(x[1])
         A = a**2 - x[0] ** 2 + depth**2
         S = ufl.sqrt(A**2 + 4 * x[0] ** 2 * depth**2)

@@ -29,7 +29,7 @@ def neo_hookean(radial: Any, hoop: Any, mu: float, lmbda: float) -> tuple[Any, A
 
 
 def linear(radial: Any, hoop: Any, mu: float, lmbda: float) -> tuple[Any, Any]:
-    """The same of linear elasticity."""
+    """Radial and hoop stress of linear elasticity for two stretches."""
     volume = lmbda * (radial + hoop - 2)
     return 2 * mu * (radial - 1) + volume, 2 * mu * (hoop - 1) + volume
 
@@ -41,7 +41,7 @@ class PressFit:
     Attributes:
         law: Stresses by stretches: ``neo_hookean`` or ``linear``.
         radii: a, b and c [length].
-        interference: How much larger than b the inner ring is [length].
+        interference: Excess of the inner ring's outer radius over b [length].
         E: Young's modulus [stress].
         nu: Poisson's ratio.
     """
@@ -65,7 +65,7 @@ class PressFit:
         return (a, b + self.interference), (b, c)
 
     def stretch(self, hoop: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """Radial stretch that goes with a radial stress."""
+        """Radial stretch for a given radial stress."""
 
         def excess(radial: np.ndarray) -> np.ndarray:
             return self.law(radial, hoop, *self.lame)[0] - stress
@@ -118,7 +118,7 @@ class PressFit:
         return np.where(inner, both[0][0], both[1][0]), np.where(inner, both[0][1], both[1][1])
 
     def displacement(self, x: np.ndarray, inner: np.ndarray) -> np.ndarray:
-        """Displacement at ``x``, shape (2, n), of the ring that ``inner`` (n,) says."""
+        """Displacement at ``x``, shape (2, n), of the ring given by ``inner`` (n,)."""
         R = np.hypot(*x)
         return (self._radial(R, inner)[0] / R - 1) * x
 

@@ -1,21 +1,22 @@
 # SPDX-License-Identifier: MIT
-"""Shallow ironing on three meshes: the force against that of the finest one, and in print.
+"""Shallow ironing on three meshes: forces compared with the finest mesh and published values.
 
     python3 -m demos.studies.accuracy.ironing            P1, Q1 and P2, with and without friction
     python3 -m demos.studies.accuracy.ironing --quick    one mesh each, no orders
 
 A round indenter goes 1 mm down, 0.8 mm of it into a block ten times softer, and 5 mm along it
-(geometry and material after Yastrebov 2011). No exact solution is known. Without friction the
-force at a place does not depend on the way there: it is compared with that of the finest mesh, at
-places of which none is at the same point of a facet as another. An error C h^p of three meshes,
-each of half the size h, leaves differences from the finest whose ratio is 2^p + 1: so p is found.
+(geometry and material after Yastrebov 2011). No exact solution is known. Without friction the force
+at a position does not depend on the path: it is compared with that of the finest mesh, at positions
+that correspond to different points of a facet. With an error C h^p on three meshes, each with half
+the size h of the previous one, the ratio of the differences from the finest mesh is 2^p + 1, which
+determines p.
 
 With Coulomb's friction, mu = 0.3, there are published curves: Fischer and Wriggers (2006), Hartmann
 et al. (2009), Yastrebov (2011), Poulios and Renard (2015), Code_Aster and solids4foam, collected
 with the tutorial "shallowIroning" of solids4foam. They differ by a quarter in the vertical and by
-more in the horizontal force, so that all that can be asked is to lie between them; the vertical
-force without friction does so, too. Writes
-``ironing.md`` to ``results/accuracy``.
+more in the horizontal force. The only requirement is therefore that computed forces lie between
+them; the vertical force without friction does so, too. Writes ``ironing.md`` to
+``results/accuracy``.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ SIZES = (40, 80, 160)
 FIXED = (1.0, 1.11, 1.23, 1.37, 1.5)
 PUBLISHED_AT = (0.5, 1.0, 1.5)
 STEP = 0.02
-# Least and largest published force at these times [N]: vertical, horizontal
+# Smallest and largest published force at these times [N]: vertical, horizontal
 BAND = {
     "V(0.5)": (81.5, 96.2),
     "V(1)": (267.9, 332.0),
@@ -105,7 +106,7 @@ def forces(
 
 
 def rate(coarse: float, middle: float) -> float:
-    """Order of an error by the differences of two meshes from the finest of three."""
+    """Order of an error from the differences of two meshes from the finest of three."""
     ratio = coarse / middle - 1.0
     return float(np.log2(ratio)) if ratio > 0.0 else np.nan
 
@@ -126,7 +127,7 @@ def self_convergence(elements: Sequence[str], sizes: Sequence[int]) -> str:
 
 
 def against_print(elements: Sequence[str], sizes: Sequence[int], step: float) -> str:
-    """Forces with friction beside the least and the largest published ones."""
+    """Forces with friction, and the smallest and largest published ones."""
     lines = [["published", "", "", *(f"{least:g} to {most:g}" for least, most in BAND.values())]]
     for element in elements:
         for n in sizes:

@@ -13,13 +13,13 @@ import ufl
 from demos.studies.accuracy.posed import Posed
 from fenics_mortar.utils import compat
 
-# Values (n,) at reference places (2, n)
+# Values (n,) at reference positions (2, n)
 Traction = Callable[[np.ndarray], np.ndarray]
 # Gauss points per direction of a cell and of a facet
 POINTS = 4
 FACET_POINTS = 12
-# Where the largest error on a facet is looked for: at its nodes and between them, for the pressure
-# is steep at the end of the contact, and the nodes are better than what lies between
+# Points of a facet at which the largest error is searched: nodes and points between them. The
+# pressure is steep at the end of the contact, and errors are smaller at nodes than between them.
 LOOKED_AT = np.linspace(-1.0, 1.0, 25)
 
 
@@ -35,7 +35,7 @@ def errors(posed: Posed) -> dict[str, float]:
 
 @lru_cache
 def cell_rule(triangle: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Points and weights on the reference cell, of Gauss or made of it by collapsing a side."""
+    """Points and weights on the reference cell: a Gauss rule, collapsed for triangles."""
     x, w = np.polynomial.legendre.leggauss(POINTS)
     x, w = (x + 1) / 2, w / 2
     s, t = (a.ravel() for a in np.meshgrid(x, x, indexing="ij"))
@@ -76,7 +76,7 @@ def bulk_errors(posed: Posed) -> dict[str, float]:
 
 
 def contact_errors(posed: Posed, pressure: np.ndarray) -> dict[str, float]:
-    """Errors of the pressure, as drawn through its values at the slave's nodes (n,)."""
+    """Errors of the pressure interpolated between its values at the slave's nodes (n,)."""
     points, weights = np.polynomial.legendre.leggauss(FACET_POINTS)
     x, measure, found, exact = drawn(posed, pressure, posed.pressure, points)
     measure = weights * measure
@@ -95,7 +95,7 @@ def contact_errors(posed: Posed, pressure: np.ndarray) -> dict[str, float]:
 
 
 def traction_error(posed: Posed, nodal: np.ndarray, exact: Traction) -> float:
-    """Error in L2 of a pressure or shear that is drawn through values at the slave's nodes (n,)."""
+    """Error in L2 of a pressure or shear interpolated between values at the slave's nodes (n,)."""
     points, weights = np.polynomial.legendre.leggauss(FACET_POINTS)
     _, measure, found, right = drawn(posed, nodal, exact, points)
     measure = weights * measure
@@ -103,10 +103,10 @@ def traction_error(posed: Posed, nodal: np.ndarray, exact: Traction) -> float:
 
 
 def drawn(posed: Posed, nodal: np.ndarray, exact: Traction, s: np.ndarray) -> tuple:
-    """What is drawn through nodal values (n,), at points s (q,) of all m facets that carry them.
+    """Interpolated nodal values (n,) at points s (q,) of all m facets that carry them.
 
     Returns:
-        Reference places, shape (2, m, q), length by s, found and exact value, shape (m, q).
+        Reference positions, shape (2, m, q), d(length)/ds, computed and exact value, shape (m, q).
     """
     (contact,) = posed.problem.equations.contacts
     nodes = contact.slave.facets

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""What another code is given of the problem of Hertz, and what is asked of its answer.
+"""Input of the problem of Hertz for another code, and evaluation of its results.
 
-The nodes, the cells, the prescribed displacements and the nodal loads are those of our own
-problem, as arrays; the errors are those of ``norms.py``, of the peer's displacement and pressure at
-the same nodes. Each ``peer_*.py`` beside this file solves it with one code.
+The nodes, the cells, the prescribed displacements and the nodal loads are those of our own problem,
+as arrays; the errors are those of ``norms.py``, of the peer's displacement and pressure at the same
+nodes. Each ``peer_*.py`` in this folder solves it with one code.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from demos.studies.accuracy.report import SIZES, Row, peer_table, write
 from demos.studies.accuracy.scenes_exact import hertz
 from fenics_mortar.utils import compat
 
-# Nodes of a cell as most codes count them: corners counterclockwise, then the middles of the sides
+# Nodes of a cell in the order of most codes: corners counterclockwise, then the middles of the
+# sides
 AROUND = {3: [0, 1, 2], 4: [0, 1, 3, 2], 6: [0, 1, 2, 5, 3, 4], 9: [0, 1, 3, 2, 4, 6, 7, 5, 8]}
 
 
@@ -38,7 +39,7 @@ class Given:
         facets: Nodes of its facets, by their numbers in ``slave``, middle last, shape (f, 2 or 3).
         master: Nodes of the facets of the master surface, middle last, shape (g, 2 or 3).
         prescribed: Whether a component is prescribed, shape (n, 2).
-        values: Its value, shape (n, 2) [length].
+        values: Prescribed values, shape (n, 2) [length].
         load: Nodal loads per thickness, shape (n, 2) [stress length].
         E: Young's modulus [stress].
         nu: Poisson's ratio.
@@ -59,7 +60,7 @@ class Given:
 
 @dataclass
 class Answer:
-    """What a peer found: displacement (n, 2), pressure at the slave's nodes (k,), iterations."""
+    """Result of a code: displacement (n, 2), pressure at the slave's nodes (k,), iterations."""
 
     u: np.ndarray
     pressure: np.ndarray
@@ -67,7 +68,7 @@ class Answer:
 
 
 def given(posed: Posed) -> Given:
-    """Take the arrays out of our own problem, unsolved."""
+    """Arrays of our own, unsolved problem."""
     bulk, (contact,) = posed.problem.equations.bulk, posed.problem.equations.contacts
     cells = compat.dofmap(bulk.V)
     cells = cells[:, AROUND[cells.shape[1]]]

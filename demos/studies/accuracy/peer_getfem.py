@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""The problem of Hertz, solved by GetFEM's integral contact between meshes that do not match.
+"""The problem of Hertz, solved by GetFEM's integral contact between nonmatching meshes.
 
     apt install python3-getfem
     python3 -m demos.studies.accuracy.peer_getfem
 
 The multiplier is of degree 1, continuous, on the slave surface; the formulation is the symmetric
-augmented Lagrangian one, its parameter Young's modulus, the range that GetFEM's manual names.
+augmented Lagrangian one, its parameter Young's modulus, the range recommended by GetFEM's manual.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from demos.studies.accuracy.peer import Answer, Given, run
 
 SIDES, CONTACT, PRESCRIBED = 1, 2, 3
 SYMMETRIC = 2
-# By nodes of a cell: geometry, and our nodes in the order of GetFEM's
+# By number of nodes of a cell: geometry, and our nodes in GetFEM's order
 SHAPES = {
     3: ("GT_PK(2,1)", "FEM_PK(2,1)", "IM_TRIANGLE(2)", [0, 1, 2]),
     4: ("GT_QK(2,1)", "FEM_QK(2,1)", "IM_GAUSS_PARALLELEPIPED(2,3)", [0, 1, 3, 2]),
@@ -28,7 +28,7 @@ SHAPES = {
 
 
 def solve(problem: Given) -> Answer:
-    """From the arrays to the answer."""
+    """Solve from the arrays."""
     model = gf.Model("real")
     mu = problem.E / (2 * (1 + problem.nu))
     model.add_initialized_data("mu", [mu])

@@ -6,9 +6,9 @@
     kratos/bin/python -m demos.studies.accuracy.peer_kratos
 
 Kratos' contact in the plane has facets of two nodes: triangles and quadrilaterals of degree 1.
-Settings are its defaults, but for tolerances that suit this small load. The linear solver is its
-fastest direct one in the package. Multigrid (AMGCL) takes a fifth less time on the finest uniform
-mesh, but ends with a wrong solution on graded ones.
+Settings are its defaults, except for tolerances adapted to this small load. The linear solver is
+its fastest direct one in the package. Multigrid (AMGCL) takes a fifth less time on the finest
+uniform mesh, but converges to a wrong solution on graded ones.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ CONTACT = """{
 
 
 def solve(problem: Given) -> Answer:
-    """From the arrays to the answer."""
+    """Solve from the arrays."""
     model = Kratos.Model()
     part = model.CreateModelPart("Structure")
     part.ProcessInfo[Kratos.DOMAIN_SIZE] = 2
@@ -91,7 +91,7 @@ def solve(problem: Given) -> Answer:
 
 
 def fill(part: Kratos.ModelPart, problem: Given) -> None:
-    """Nodes, cells, loads and the two surfaces; Kratos counts from 1."""
+    """Create nodes, cells, loads and the two surfaces; Kratos counts from 1."""
     properties = part.CreateNewProperties(1)
     properties.SetValue(Kratos.YOUNG_MODULUS, problem.E)
     properties.SetValue(Kratos.POISSON_RATIO, problem.nu)
@@ -117,7 +117,7 @@ def fill(part: Kratos.ModelPart, problem: Given) -> None:
 
 
 def prescribe(part: Kratos.ModelPart, problem: Given) -> None:
-    """Loads and prescribed displacements."""
+    """Apply loads and prescribed displacements."""
     names = (Kratos.DISPLACEMENT_X, Kratos.DISPLACEMENT_Y)
     for node in np.flatnonzero(np.any(problem.load, axis=1)).tolist():
         part.GetNode(node + 1).SetSolutionStepValue(

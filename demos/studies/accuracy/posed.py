@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""How a contact problem with a known solution is posed: choices, exact data, prescribed values."""
+"""Set-up of contact problems with known solutions: choices, exact data, prescribed values."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ELEMENTS = {
 
 @dataclass(frozen=True)
 class Choice:
-    """What a user may choose.
+    """Choices of a user.
 
     Attributes:
         element: One of ``ELEMENTS``.
@@ -48,19 +48,19 @@ class Choice:
 
 @dataclass
 class Posed:
-    """A problem and what is known of its solution.
+    """A problem and its known solution.
 
     Attributes:
         data: The mesh.
         u: Displacement.
-        problem: To be solved.
+        problem: The problem, to be solved.
         slave: Name of the body with the slave surface, for which fields take ``True``.
-        displacement: Exact displacement (2, n) at reference places (2, n) of the body said.
-        gradient: Its gradient, shape (2, 2, n).
-        pressure: Exact pressure (n,) at reference places (2, n) of the slave surface.
-        lame: Lame's parameters [stress], of the energy norm.
-        half_width: Exact half-width of the contact [length], if it has one.
-        shear: Exact z_tau (n,) at the same places, if there is friction.
+        displacement: Exact displacement (2, n) at reference positions (2, n) of the given body.
+        gradient: Gradient of the displacement, shape (2, 2, n).
+        pressure: Exact pressure (n,) at reference positions (2, n) of the slave surface.
+        lame: Lame's parameters [stress] for the energy norm.
+        half_width: Exact half-width of the contact [length], if there is one.
+        shear: Exact z_tau (n,) at reference positions of the slave surface, with friction.
     """
 
     data: Any
@@ -76,7 +76,7 @@ class Posed:
 
 
 def read(grids: list[Grid], cell: str, order: int) -> Any:
-    """Make a mesh of grids."""
+    """Create a mesh of grids."""
     return read_mesh(lambda: mapped_grids.build(grids, cell=cell, order=order), MPI.COMM_SELF)
 
 
@@ -89,7 +89,7 @@ def piola(H: np.ndarray, mu: float, lmbda: float) -> np.ndarray:
 
 
 def interpolate(u: Any, data: Any, bodies: dict[str, bool], values: Field) -> Any:
-    """Set a function of some bodies to values; ``bodies`` says which is that of the slave."""
+    """Set a function of some bodies to values; ``bodies`` marks the slave body."""
     for name, on in bodies.items():
         cells = data.cell_tags.find(data.body_tag(name))
         u.interpolate(lambda x, on=on: values(x[:2], np.full(x.shape[1], on)), cells)
@@ -110,7 +110,7 @@ def body_force(data: Any, bodies: dict[str, bool], stress: Field) -> Any:
 
 
 def prescribe(V: Any, data: Any, places: dict[str, bool], exact: Field) -> list[Any]:
-    """Prescribe the exact displacement; ``places`` says which boundaries are of the slave body."""
+    """Prescribe the exact displacement; ``places`` marks the boundaries of the slave body."""
     bcs = []
     for name, of_slave in places.items():
         value = fem.Function(V)
@@ -133,7 +133,7 @@ def pose(
     friction: Any = None,
     tied: bool = False,
 ) -> tuple[Any, Any]:
-    """Set up the problem; ``loads`` makes the work of the loads of x, v, dx, ds."""
+    """Set up the problem; ``loads`` returns the work of the loads for x, v, dx, ds."""
     degree = ELEMENTS[choice.element][1]
     V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V), ufl.TestFunction(V)
@@ -156,7 +156,7 @@ def pose(
         petsc_options_prefix="accuracy_",
         linearization=choice.linearization,
         newton=fm.NewtonOptions(max_iterations=100),
-        linear_bulk=False,  # the general path is what the choices are compared on
+        linear_bulk=False,  # choices are compared on the general path
     )
     return u, problem
 
@@ -168,7 +168,7 @@ def lame(exact: Any) -> tuple[float, float]:
 
 
 def spread(count: int, density: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Divide [0, 1] into ``count`` parts with so many of them in each place; (count + 1,)."""
+    """Divide [0, 1] into ``count`` parts with the given density; shape (count + 1,)."""
     middles = (np.arange(200_000) + 0.5) / 200_000
     share = np.cumsum(density(middles))
     share = np.append(0.0, share / share[-1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What was measured by ``chart.py`` and ``peer_*.py``: kept in files, put into tables and drawn."""
+"""Measurements of ``chart.py`` and ``peer_*.py``: stored in files, tabulated and drawn."""
 
 from __future__ import annotations
 
@@ -22,35 +22,35 @@ DEFAULT = ("dual", "segments", "full")
 SIZES = (16, 32, 64, 128, 256, 512)
 COSTS = ("seconds", "dofs")
 PHASES = ("set-up", "bulk", "contact", "solve", "other")
-# Energy: the solution is smooth but for r^(3/2) at the ends of the contact. Pressure: its root.
+# Energy: the solution is smooth except for r^(3/2) at the ends of the contact. Pressure: r^(1/2).
 PREDICTED = {
     1: {"energy": 1.0, "pressure": 1.0, "pressure max": 0.5},
     2: {"energy": 1.5, "pressure": 1.0, "pressure max": 0.5},
 }
-# How far a fitted rate may be off, and how many facets have to be in contact for it to be one: with
+# Largest deviation of a fitted rate, and smallest number of facets in contact for a fit: with
 # fewer, multipliers at vertices overshoot at the ends of contact by up to half of the peak
 NEAR, LEAST_FACETS = 0.15, 5.0
 COLOURS = {"P1": "#0072b2", "Q1": "#56b4e9", "P2": "#d55e00", "Q2": "#e69f00"}
 MARKERS = "^sDv"
-# Elements of which the peers are drawn; the tables have all
+# Elements for which other codes are drawn; the tables have all
 DRAWN = ("Q1", "Q2")
 DASHES = {"segments": "-", "elements": "--"}
 
 
 def write(name: str, rows: Sequence[Row]) -> None:
-    """Keep rows in a file of their own, in the place of what was there."""
+    """Store rows in a file, replacing an existing one."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     (FOLDER / f"{name}.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
 
 
 def read() -> list[Row]:
-    """All rows kept so far."""
+    """All stored rows."""
     files = sorted(FOLDER.glob("*.jsonl"))
     return [json.loads(line) for file in files for line in file.read_text().splitlines()]
 
 
 def choice(row: Row) -> tuple[str, ...]:
-    """Basis, integration and tangent of a row of ours; of a peer, those are its own."""
+    """Basis, integration and tangent of a row of this package; other codes have their own."""
     return tuple(row.get(name, "") for name in ("basis", "integration", "linearization"))
 
 
@@ -65,15 +65,15 @@ def series(rows: Sequence[Row]) -> dict[tuple, list[Row]]:
 def rate(rows: Sequence[Row], name: str) -> float:
     """Rate of an error over the last two halvings of the facets.
 
-    Over one halving it depends on where in its facet the end of the contact lies; over two it comes
-    back to its place.
+    Over one halving it depends on the position of the end of contact in its facet; after two
+    halvings the position is the same again.
     """
     coarse, fine = rows[-3], rows[-1]
     return float(np.log(coarse[name] / fine[name]) / np.log(fine["n"] / coarse["n"]))
 
 
 def rate_beside(rows: Sequence[Row], name: str, expected: float) -> str:
-    """The rate found, the predicted one in brackets, and in words why they are apart if they are.
+    """The fitted rate, the predicted one in brackets, and the reason for a difference as text.
 
     A third of the slave's facets are in contact.
     """
@@ -88,9 +88,9 @@ def rate_beside(rows: Sequence[Row], name: str, expected: float) -> str:
 
 
 def cost(rows: Sequence[Row], target: float, what: str) -> str:
-    """Seconds or dofs at which the energy error is ``target``, along the line through the rows.
+    """Seconds or dofs for which the energy error is ``target``, interpolated between the rows.
 
-    With "~" where no mesh was so fine: the line of the last two is continued; "-" if it is far.
+    With "~" if extrapolated from the last two rows; "-" if this is too far.
     """
     error, spent = (np.log([row[name] for row in rows]) for name in ("energy", what))
     if error[-1] > np.log(3 * target):
@@ -102,7 +102,7 @@ def cost(rows: Sequence[Row], target: float, what: str) -> str:
 
 
 def markdown(head: str, left: int, lines: Sequence[Sequence[str]]) -> str:
-    """Make a table; ``head`` has the names of the columns, ``left`` of them aligned so."""
+    """Markdown table; ``head``: names of the columns, of which ``left`` are left-aligned."""
     rule = "|" + "---|" * left + "---:|" * (head.count("|") + 1 - left)
     body = ["| " + " | ".join(cells) + " |" for cells in lines]
     return "\n".join([f"| {head} |", rule, *body]) + "\n"
@@ -117,7 +117,7 @@ def predicted(element: str) -> dict[str, float]:
 
 
 def full_table(rows: Sequence[Row]) -> str:
-    """Fitted rates beside predicted ones and what the finest mesh costs, of all our choices."""
+    """Fitted and predicted rates, and cost on the finest mesh, for all choices."""
     head = (
         "element | mesh | basis | integration | tangent | energy | pressure L2 | pressure max "
         "| finest: energy | dofs | iterations | set-up [s] | bulk | contact | solve | other "
@@ -127,7 +127,7 @@ def full_table(rows: Sequence[Row]) -> str:
     for (code, element, names, graded), mine in series(rows).items():
         if code != OURS or len(mine) < 3:
             continue
-        # no rate is predicted here for graded meshes
+        # no rates are predicted for graded meshes
         rates = [
             f"{rate(mine, name):.2f}" if graded else rate_beside(mine, name, value)
             for name, value in predicted(element).items()
@@ -141,7 +141,7 @@ def full_table(rows: Sequence[Row]) -> str:
 
 
 def short_table(rows: Sequence[Row]) -> str:
-    """Rates on uniform meshes, found and predicted, with the default choices and "vertices"."""
+    """Fitted and predicted rates on uniform meshes, with the default choices and "vertices"."""
     lines = []
     for (code, element, names, graded), mine in series(rows).items():
         basis, *others = names
@@ -155,7 +155,7 @@ def short_table(rows: Sequence[Row]) -> str:
 
 
 def cost_table(rows: Sequence[Row], target: float = 0.01) -> str:
-    """Seconds and dofs to an energy error of ``target``, of the default choices and the peers."""
+    """Seconds and dofs for an energy error of ``target``, default choices and other codes."""
     lines = [
         [code, element, mesh_name(graded), *(cost(mine, target, what) for what in COSTS)]
         for (code, element, names, graded), mine in series(rows).items()
@@ -165,7 +165,7 @@ def cost_table(rows: Sequence[Row], target: float = 0.01) -> str:
 
 
 def peer_table(rows: Sequence[Row]) -> str:
-    """Errors and seconds of all rows with the default choices, and of the peers."""
+    """Errors and seconds of all rows with the default choices, and of other codes."""
     head = (
         "code | element | mesh | n | energy | displacement L2 | pressure L2 | pressure max "
         "| resultant | iterations | seconds"
@@ -181,7 +181,7 @@ def peer_table(rows: Sequence[Row]) -> str:
 
 
 def draw_chart(rows: Sequence[Row]) -> Figure:
-    """Energy error over seconds, with the peers, and over dofs, with graded meshes."""
+    """Energy error over seconds, with other codes, and over dofs, with graded meshes."""
     figure = Figure((9.6, 4.6), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     peers = sorted({row["code"] for row in rows} - {OURS})
@@ -245,7 +245,7 @@ def plot(axis: Axes, rows: Sequence[Row], over: str, name: str = "energy", **sty
 
 
 def triangle(axis: Axes, x: float, y: float, order: float, text: str, *, above: bool) -> None:
-    """Draw the slope of an order in h, half as much in dofs; its corner is above or below it."""
+    """Draw the slope of an order in h, half as large in dofs; the corner is above or below it."""
     x, y = np.array([x, 4 * x]), y * np.array([1.0, 0.5**order])
     axis.fill([*x, x[int(above)]], [*y, y[int(not above)]], fc="#eeeeee", ec="#888888", lw=0.8)
     offset = {"xytext": (0, 3 if above else -3), "textcoords": "offset points"}
@@ -255,7 +255,7 @@ def triangle(axis: Axes, x: float, y: float, order: float, text: str, *, above: 
 
 
 def draw_choices(rows: Sequence[Row]) -> Figure:
-    """Pressure error over seconds, graded meshes: a panel for each element, a line a choice."""
+    """Pressure error over seconds, graded meshes: one panel per element, one line per choice."""
     figure = Figure((9.6, 6.4), layout="constrained")
     axes = figure.subplots(2, 2, sharex=True, sharey=True)
     colours = {"dual": "#0072b2", "standard": "#d55e00", "vertices": "#009e73"}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Contact problems with a known solution, posed on meshes of any fineness and element."""
+"""Contact problems with known solutions, on meshes of any size and element."""
 
 from __future__ import annotations
 
@@ -33,13 +33,14 @@ from demos.studies.common import linear_elastic, neo_hookean
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid
 
-# Hertz: on uniform meshes the ends of the contact lie a third and two thirds of a facet beyond a
-# node by turns, never on one: rates are steady over two halvings. Half the side of the boxes:
+# Half the side of the boxes of the Hertz problem. On uniform meshes the ends of the contact then
+# lie a third or two thirds of a facet beyond a node, alternately: rates are steady over two
+# halvings.
 HALF_SIDE = 3.0  # half-widths
 
 
 def hertz(n: int, choice: Choice, *, graded: bool = False) -> Posed:
-    """On grids with n facets of degree 1, n / 2 of degree 2, of the slave."""
+    """Problem of Hertz on grids with n slave facets of degree 1, or n / 2 of degree 2."""
     return hertz_on(two_boxes(n, choice, HalfPlanes(), graded=graded), choice)
 
 
@@ -67,13 +68,13 @@ def two_boxes(n: int, choice: Choice, exact: HalfPlanes, *, graded: bool) -> Any
 
 
 def of_body(exact: HalfPlanes, x: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Exact displacement at ``x`` (2, n) of the body said; x may lie on the other side of y = 0."""
+    """Exact displacement at ``x`` (2, n) of a body; x may lie on the other side of y = 0."""
     y = np.where(upper, 1.0, -1.0) * np.maximum(np.abs(x[1]), 1e-30)
     return exact.displacement(np.stack([x[0], y]))
 
 
 def gradient_of_body(exact: HalfPlanes, x: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """The strain at the same places, shape (2, 2, n), which norms take for the gradient."""
+    """Strain at ``x`` (2, n), shape (2, 2, n), which norms use as the gradient."""
     mu, lmbda = lame(exact)
     stress = exact.stress(np.stack([x[0], np.where(upper, 1, -1) * np.abs(x[1])]))
     trace = (stress[0, 0] + stress[1, 1]) * lmbda / (2 * (mu + lmbda))
@@ -81,7 +82,7 @@ def gradient_of_body(exact: HalfPlanes, x: np.ndarray, upper: np.ndarray) -> np.
 
 
 def hertz_on(data: Any, choice: Choice) -> Posed:
-    """A parabola above, the slave, on a flat body: boxes with the exact loads on their sides."""
+    """A parabola above (the slave) on a flat body: boxes with the exact loads on their sides."""
     exact = HalfPlanes()
 
     def loads(x: Any, v: Any, dx: Any, ds: Any) -> Any:
@@ -115,16 +116,16 @@ def hertz_on(data: Any, choice: Choice) -> Posed:
 
 
 def kink_density(x: np.ndarray, kinks: np.ndarray) -> np.ndarray:
-    """Density of nodes over [-1, 1]: facets are like the root of the distance from +- a kink."""
+    """Density of nodes over [-1, 1]: facets like the root of the distance from +- a kink."""
     distance = np.abs(np.abs(x)[:, None] - kinks)
     return (1 / np.sqrt(distance + 1e-6)).sum(axis=1)
 
 
 def cattaneo(n: int, choice: Choice, *, graded: bool = False, **options: Any) -> Posed:
-    """Boxes with friction, pressed, and to be sheared by ``solve``.
+    """Boxes with friction, pressed already; ``solve`` shears them.
 
-    The exact displacement is prescribed on all outer sides. The half-width that sticks is half that
-    of the contact: both end a third of a facet beyond a node, or two, on uniform meshes.
+    The exact displacement is prescribed on all outer sides. The sticking half-width is half that of
+    the contact: on uniform meshes both end a third or two thirds of a facet beyond a node.
     """
     exact = HalfPlanes(friction=0.3, stuck=0.25)
     data = two_boxes(n, choice, exact, graded=graded)
@@ -206,9 +207,9 @@ def press_fit(n: int, choice: Choice, *, law: str = "neo_hookean") -> Posed:
 def flat(n: int, choice: Choice, *, friction: float = 0.0, ends: float = 0.0) -> Posed:
     """The smooth manufactured solution; n facets of the slave, which is below.
 
-    With friction the upper part is wider, and has slid by half the width of the slave. Beside it
-    the upper part bears the exact traction; ``ends`` is the stretch at the ends of the slave,
-    without which the pressure is zero there.
+    With friction the upper part is wider, and has slid by half the width of the slave. Outside the
+    slave the exact traction acts on the upper part; ``ends`` is the stretch at the ends of the
+    slave, without which the pressure is zero there.
     """
     cell, degree = ELEMENTS[choice.element]
     slides = {"friction": friction, "slid": 0.5, "stretches": (ends, 0.2)}
@@ -256,7 +257,7 @@ def flat(n: int, choice: Choice, *, friction: float = 0.0, ends: float = 0.0) ->
         loads=loads,
         friction=fm.Coulomb(friction) if friction else None,
     )
-    interpolate(u, data, bodies, displacement)  # all in one step is far from rest
+    interpolate(u, data, bodies, displacement)  # initial guess: one step from rest is too large
     return Posed(
         data,
         u,
@@ -309,7 +310,7 @@ def curved(n: int, choice: Choice, *, tied: bool = False) -> Posed:
         friction=fm.Tresca(10.0 * exact.E),
         tied=tied,
     )
-    interpolate(u, data, bodies, displacement)  # all in one step is far from rest
+    interpolate(u, data, bodies, displacement)  # initial guess: one step from rest is too large
     return Posed(
         data,
         u,

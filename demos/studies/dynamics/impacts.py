@@ -20,12 +20,12 @@ import fenics_mortar as fm
 from demos.studies.dynamics.scenes import RHO, E, Scene, bar, dropped_block
 
 C = np.sqrt(E / RHO)  # speed of waves along the bar
-# Steps over the time of a wave through a cell.
+# Time steps over the time of a wave through a cell [1].
 STEPS = (2.0, 1.0, 0.5)
 
 
 class ImplicitContact(fm.Dynamics):
-    """The trapezoidal rule, but contact forces only of the end of the step (Kane et al. 1999)."""
+    """The trapezoidal rule with contact forces at the end of the step (Kane et al. 1999)."""
 
     def _advance(self, dt: float, forces: Any) -> Any:
         done = super()._advance(dt, forces)
@@ -71,7 +71,7 @@ class Result(NamedTuple):
 def move(
     made: Scene, method: Method, stop: float, dt: float, velocities: dict[str, Any]
 ) -> Result | None:
-    """Run a scene by a method in steps ``dt``; ``None`` if it does not get to the end."""
+    """Run a scene by a method in steps ``dt``; ``None`` if it fails before the end."""
     options = {"scheme": method.scheme, "rho_inf": method.rho_inf, "energy": made.energy}
     motion = method.kind(made.problem, RHO, **options)
     made.set_velocity(motion, velocities)
@@ -124,7 +124,7 @@ def study(
     print("|---|" + "---:|" * (columns.count("|") + 5), flush=True)
     curves: dict[str, list[tuple[float, float, float]]] = {}
     made = build()
-    move(made, METHODS[0], 0.2 * stop, 0.1 * stop, velocities)  # forms are compiled, kernels loaded
+    move(made, METHODS[0], 0.2 * stop, 0.1 * stop, velocities)  # compiles forms, loads kernels
     for method in METHODS:
         for step in STEPS:
             made = build()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Impacts whose solution is known, or whose energy and momentum are."""
+"""Impacts with known solution, or known energy and momentum."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ class Scene:
         cell: Length of a cell [length].
         gravity: Acceleration by gravity, a constant of dolfinx [length / time^2].
         velocity: Velocity in the residual.
-        spring: Stiffness of horizontal springs in the bodies, likewise [stress / length^2].
+        spring: Stiffness of horizontal springs in the bodies, a constant of dolfinx
+            [stress / length^2].
     """
 
     data: fm.MeshData
@@ -50,7 +51,7 @@ class Scene:
         return self.problem.equations.bulk.u
 
     def dynamics(self, scheme: str, rho_inf: float | None = None) -> fm.Dynamics:
-        """The motion by a scheme."""
+        """The motion with a time scheme."""
         options = {"scheme": scheme, "rho_inf": rho_inf, "energy": self.energy}
         options["velocity"] = self.velocity
         return fm.Dynamics(self.problem, RHO, **options)
@@ -63,7 +64,7 @@ class Scene:
         return value / area
 
     def set_velocity(self, motion: fm.Dynamics, velocities: dict[str, Sequence[float]]) -> None:
-        """Give bodies a velocity and a spin about the origin: (v_x, v_y, omega)."""
+        """Set velocities and spins of bodies about the origin: (v_x, v_y, omega)."""
         V = motion.velocity.function_space
         self.data.mesh.topology.create_connectivity(2, 2)
         for name, (x, y, spin) in velocities.items():
@@ -89,7 +90,7 @@ def scene(
     comm: MPI.Comm = MPI.COMM_WORLD,
     **options: Any,
 ) -> Scene:
-    """A problem of grids; ``sides``: slave and master of each pair; ``held``: prescribed values."""
+    """A problem on grids; ``sides``: slave and master of each pair; ``held``: prescribed values."""
     data = read_mesh(lambda: build(grids, cell=cell, order=degree), comm)
     V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V, name="displacement"), ufl.TestFunction(V)
@@ -139,7 +140,7 @@ def oscillator(
 ) -> tuple[Scene, fm.Plane]:
     """A stiff block of 1 x 1 on springs, pressed on a rigid plane by its top; and the plane.
 
-    Its mass is 1, its spring has the ``stiffness``; friction makes it an oscillator with damping.
+    The mass is 1, the springs have the ``stiffness``; with friction the oscillator is damped.
     """
     grid = Grid("block", block(2, 3, width=1.0, height=1.0))
     plane = fm.Plane((0.0, 0.0), (0.0, 1.0))
@@ -150,7 +151,7 @@ def oscillator(
 
 
 def dropped_block(cells: int = 8, gap: float = 0.05, **options: Any) -> Scene:
-    """A block of 1 x 1 above one of 2 x 1 that is held at its bottom."""
+    """A block of 1 x 1 above one of 2 x 1 that is fixed at its bottom."""
     upper = Grid("upper", block(cells, cells, width=1.0, height=1.0, corner=(-0.5, gap)))
     lower = Grid(
         "lower", block(round(1.4 * cells), cells, width=2.0, height=1.0, corner=(-1.0, -1.0))
@@ -160,7 +161,7 @@ def dropped_block(cells: int = 8, gap: float = 0.05, **options: Any) -> Scene:
 
 
 def rings(cells: int = 32, layers: int = 3, **options: Any) -> Scene:
-    """Two rings of radius 1 side by side, the left one to meet the right one off centre."""
+    """Two rings of radius 1 side by side, for an off-centre impact."""
     shapes = {"left": (-1.3, 0.0), "right": (1.0, 0.5)}
     grids = [
         Grid(name, sector(cells, layers, radii=(0.6, 1.0), centre=centre), closed=True)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""The hierarchy of models: error, estimate and cost of each."""
+"""Hierarchy of models: error, estimate and cost of each model."""

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""The ladder of models: true error, estimate and cost of every rung and of the automatic climb.
+"""Model hierarchy: true error, estimate and cost of each model, and of the automatic choice.
 
     python3 -m demos.studies.ladder.chart
 
-writes ``results/ladder/ladder.md`` and ``ladder.png``; a few minutes, in serial. Measured rows
-are kept beside them: ``--scene NAME`` measures one scene anew and draws all, ``--redraw`` none.
+writes ``results/ladder/ladder.md`` and ``ladder.png``; a few minutes, in serial. Measured rows are
+stored in the same folder: ``--scene NAME`` measures one scene again and draws all, ``--redraw``
+only draws.
 
-The true error is the difference from the full model on the same mesh, on the soft body alone where
-the tool is rigid: then a part of it is that the meshed tool has facets in place of a curve, and the
-estimate counts that in. The error of that mesh stands beside it: of the norm of energy as
-``problem.estimate()`` says, of forces and pressures the difference from the full model on a mesh of
-half the size. Seconds are those of the processor, so that other work on the machine does not count.
+The true error is the difference from the full model on the same mesh, on the soft body alone if the
+tool is rigid. In this case the error includes that of the facets of the meshed tool, and so does
+the estimate. The error of that mesh is given as well: for the energy norm by
+``problem.estimate()``, for forces and pressures as the difference from the full model on a mesh of
+half the size. Seconds are CPU times, independent of other work on the machine.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def main() -> None:
     parser.add_argument("--redraw", action="store_true", help="draw what was measured before")
     options = parser.parse_args()
     if not options.redraw:
-        list(measure(SCENES[1], SCENES[1].loads[-1]))  # forms are compiled, kernels loaded
+        list(measure(SCENES[1], SCENES[1].loads[-1]))  # compiles forms, loads kernels
     folder = Path("results/ladder")
     folder.mkdir(parents=True, exist_ok=True)
     rows = []

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Picture of the ladder of models."""
+"""Picture of the model hierarchy."""
 
 from __future__ import annotations
-
-from collections.abc import Iterable
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,10 +13,11 @@ from fenics_mortar.models.model_error import ENERGY, FORCE
 
 SCENE_COLOURS = dict(zip((s.name for s in SCENES), ("#c8102e", "#1f5fa8", "#2a8a3e", "#b07a00")))
 MARKERS = dict(zip((r.name for r in RUNGS), "Ds^vo*PX"))
+TITLES = {"climb": "hierarchy=True"}
 
 
 def draw(rows: list[Row]) -> Figure:
-    """Estimates over true errors; cost of simpler models; cost of climbs."""
+    """Estimates over true errors; cost of simpler models; cost of automatic choices."""
     figure = Figure((11, 8.5), layout="constrained")
     top, bottom = figure.subfigures(2, 1, height_ratios=(5, 3.5))
     left, right = top.subplots(1, 2)
@@ -28,7 +27,7 @@ def draw(rows: list[Row]) -> Figure:
     return figure
 
 
-def draw_estimates(axes, rows: Iterable[Row]) -> None:
+def draw_estimates(axes, rows: list[Row]) -> None:
     """Estimates over true errors."""
     ends = np.array([1e-5, 300.0])
     axes.fill_between(ends, ends / 3, ends * 3, color="#e8e8e8", lw=0)
@@ -42,7 +41,13 @@ def draw_estimates(axes, rows: Iterable[Row]) -> None:
         axes.plot([], [], marker="o", color=colour, ls="", label=scene)
     axes.set(xlabel="true error", ylabel="estimated error", xlim=ends, ylim=ends)
     axes.set_title("filled: energy norm, open: total force; grey: a factor of 3", fontsize=10)
-    axes.legend(frameon=False, fontsize=8)
+    scenes = axes.legend(frameon=False, fontsize=8)
+    axes.add_artist(scenes)
+    models = {row.rung: None for row in rows if row.factor(ENERGY) < np.inf}
+    for model in models:
+        axes.plot([], [], marker=MARKERS[model], color="#666666", ls="", ms=5)
+    labels = [TITLES.get(model, model) for model in models]
+    axes.legend(axes.lines[-len(models) :], labels, loc="lower right", frameon=False, fontsize=8)
 
 
 def draw_costs(axes, rows: list[Row]) -> None:
@@ -64,7 +69,7 @@ def draw_costs(axes, rows: list[Row]) -> None:
 
 
 def draw_climbs(axes, pairs: list[tuple[Row, Row]]) -> None:
-    """Seconds of climbs over those of the full model, with where they ended."""
+    """Seconds of automatic choices over those of the full model, with the model they ended on."""
     for place, (row, full) in enumerate(pairs):
         part = (row.setup + row.seconds) / (full.setup + row.against)
         axes.barh(place, part, color=SCENE_COLOURS[row.scene], height=0.7)

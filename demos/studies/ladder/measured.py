@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""True errors, estimates and costs of the rungs of the ladder."""
+"""True errors, estimates and costs of the models of the hierarchy."""
 
 from __future__ import annotations
 
@@ -25,10 +25,11 @@ from fenics_mortar.models.model_error import (
 )
 
 Solved = tuple[Posed, Row]
-# Runs of a climb and of the full model in turns, and the times of which the median is taken.
+# Number of alternate runs of an automatic choice and the full model, and times whose median is
+# used.
 REPEATS, TIMES = 3, ("setup", "seconds")
 CLIMB = RUNGS[-1].name
-# Names of the rungs in reports of climbs, and in this chart.
+# Names of the models in reports, and in this chart.
 ENDED = {
     "linear strain and small sliding": "linear bulk, small sliding",
     "linear strain": "linear bulk",
@@ -37,18 +38,18 @@ ENDED = {
 
 
 def clocked(do: Callable[..., Any], *arguments: Any) -> tuple[Any, float]:
-    """What a function returns, and the seconds it takes."""
+    """Result of a function, and its CPU seconds."""
     start = time.process_time()
     return do(*arguments), time.process_time() - start
 
 
 def follow(scene: Scene, posed: Posed, row: Row) -> bool:
-    """Take all steps; whether they were taken."""
+    """Solve all steps; return whether all converged."""
     start = time.process_time()
     try:
         for t in np.arange(1, scene.steps + 1) / scene.steps:
             posed.set_time(t)
-            report = posed.problem.solve(accept_violations=True)  # also of poor models
+            report = posed.problem.solve(accept_violations=True)  # also for inadequate models
             row.iterations += report.num_iterations
     except fm.MortarError as error:
         row.reason = str(error)
@@ -67,7 +68,7 @@ def true_errors(posed: Posed, full: Posed) -> Errors:
     both = [p.problem.equations.bulk for p in (posed, full)]
     mine, theirs = (bulk.V.tabulate_dof_coordinates() for bulk in both)
     problem, reference = posed.problem, Snapshot.of(full.problem)
-    # the two sides of an interface may share places: of equal meshes nodes go by their number
+    # the two sides of an interface may share positions: nodes of equal meshes are matched by number
     place = np.arange(len(mine))
     if len(mine) != len(theirs):
         soft = (
@@ -85,7 +86,7 @@ def soft_node(posed: Posed) -> int:
 
 
 def mesh_errors(scene: Scene, load: float, full: Posed) -> Errors:
-    """What the mesh of the full model leaves."""
+    """Errors of the full model's mesh."""
     finer = pose(scene, load, FULL, read(scene, load, finer=2))
     coarse = full.problem.estimate().relative
     if not follow(scene, finer, Row(scene.name, load, "mesh", 0)):
@@ -97,7 +98,7 @@ def mesh_errors(scene: Scene, load: float, full: Posed) -> Errors:
 
 
 def estimated_errors(scene: Scene, load: float, rung: Rung, posed: Posed) -> Errors:
-    """What ``AdequacyCheck`` says of all assumptions together."""
+    """Errors estimated by ``AdequacyCheck`` for all assumptions together."""
     if rung.rigid:
         return by_meshed_tool(scene, load, posed)
     finite = posed.finite if rung.strain == "linear" else None
@@ -106,7 +107,7 @@ def estimated_errors(scene: Scene, load: float, rung: Rung, posed: Posed) -> Err
 
 
 def by_meshed_tool(scene: Scene, load: float, posed: Posed) -> Errors:
-    """What it is worth that a circle neither gives way nor has the facets of a mesh."""
+    """Differences between a rigid circle and the meshed elastic tool."""
     (circle,) = posed.problem.equations.motions.obstacles
     tool = elastic_tool(scene, circle, read(scene, load, "tool"))
     touching = contacts_of(posed.problem, tool)
@@ -115,7 +116,7 @@ def by_meshed_tool(scene: Scene, load: float, posed: Posed) -> Errors:
 
 
 def solved(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0) -> Solved:
-    """A scene by a rung, and its row, without errors."""
+    """A scene solved with a model, and its row, without errors."""
     posed, setup = clocked(pose, scene, load, rung, data, friction)
     row = Row(scene.name, load, rung.name, posed.problem.equations.bulk.r.getSize(), setup)
     follow(scene, posed, row)
@@ -123,7 +124,7 @@ def solved(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0
 
 
 def race(scene: Scene, load: float, rung: Rung, data: Any, row: Row) -> None:
-    """Take the seconds of a rung and of the full model in turns: medians of a few runs each."""
+    """Measure a model and the full model alternately: medians of a few runs each."""
     mine, theirs = zip(
         *[[solved(scene, load, r, data)[1] for r in (rung, FULL)] for _ in range(REPEATS)]
     )
@@ -132,7 +133,7 @@ def race(scene: Scene, load: float, rung: Rung, data: Any, row: Row) -> None:
 
 
 def measure(scene: Scene, load: float) -> Iterator[Row]:
-    """All rungs of a scene at a load."""
+    """All models of a scene at a load."""
     meshes = {rigid: read(scene, load, "soft" if rigid else "soft tool") for rigid in (True, False)}
     full = solved(scene, load, FULL, meshes[False])
     mesh = mesh_errors(scene, load, full[0])
@@ -152,7 +153,7 @@ def measure(scene: Scene, load: float) -> Iterator[Row]:
 
 
 def measure_all(scene: Scene) -> Iterator[Row]:
-    """All rungs of a scene at all its loads, told of as they come."""
+    """All models of a scene at all its loads, printed as they are measured."""
     for load in scene.loads:
         for row in measure(scene, load):
             print(f"{row.scene} {row.load:g} {row.name}: {row.seconds:.1f} s {row.reason}")

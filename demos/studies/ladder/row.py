@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Result of one rung of the ladder at one load of a scene."""
+"""Result of one model of the hierarchy at one load of a scene."""
 
 from __future__ import annotations
 
@@ -11,26 +11,27 @@ from demos.studies.ladder.scenes import TOLERANCE
 from fenics_mortar.models.model_error import ENERGY, QUANTITIES
 
 Errors = dict[str, float]
-# Below this fraction true errors are those of Newton's tolerance.
+# Fraction below which true errors are those of Newton's tolerance [1].
 SEEN = 1e-7
 NOTHING = dict.fromkeys(QUANTITIES, np.nan)
 
 
 @dataclass
 class Row:
-    """One rung at one load of a scene.
+    """One model at one load of a scene.
 
     Attributes:
-        scene, load, rung: Which.
+        scene, load, rung: Names of scene and model, and the load.
         dofs: Unknowns of the bodies.
-        setup, seconds, check: Seconds to set the problem up, to solve it, to estimate its error;
-            climbs and what friction could do are checked in each step, as a part of its solution.
+        setup, seconds, check: CPU seconds of set-up, solution and error estimate; for automatic
+            choices and possible friction the check in each step is part of the solution.
         against: Seconds to solve the full model.
-        iterations: Of all steps; of a climb those on the rungs where steps ended.
+        iterations: Those of all steps; for an automatic choice those of the models on which steps
+            ended.
         true, estimate: Errors by quantity.
-        mesh: Those that the mesh leaves.
-        ended: On which rung a climb ended.
-        reason: Why there is no solution.
+        mesh: Errors of the mesh.
+        ended: Model on which an automatic choice ended.
+        reason: Reason if there is no solution.
     """
 
     scene: str
@@ -49,22 +50,22 @@ class Row:
     reason: str = ""
 
     def factor(self, name: str) -> float:
-        """Factor between estimate and truth; nan if there is no error."""
+        """Ratio of estimated and true error; nan if there is no error."""
         true, estimate = self.true[name], self.estimate[name]
         if not true > SEEN:
             return np.nan
         return max(true / estimate, estimate / true) if estimate > 0.0 else np.inf
 
     def is_hidden(self, name: str) -> bool:
-        """Whether truth and estimate differ by less than the error of the mesh."""
+        """Whether true and estimated error differ by less than the error of the mesh."""
         return abs(self.true[name] - self.estimate[name]) <= self.mesh[name]
 
     @property
     def verdict(self) -> tuple[bool, bool]:
-        """Whether the estimate says that the rung is enough, and whether it is."""
+        """Whether the model suffices by the estimate, and by the true error."""
         return self.estimate[ENERGY] <= TOLERANCE, self.true[ENERGY] <= TOLERANCE
 
     @property
     def name(self) -> str:
-        """The rung, and where a climb ended."""
+        """The model, and for an automatic choice the model it ended on."""
         return f"{self.rung}, ended on {self.ended}" if self.ended else self.rung

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Four scenes that every rung of the ladder can pose: Hertz, press fit, ironing, rolling.
+"""Four scenes for all models of the hierarchy: Hertz, press fit, ironing, rolling.
 
-A soft body, the slave, meets a stiff tool: a meshed body, or a rigid circle in its place. Lengths
+A soft body, the slave, is in contact with a stiff tool: a meshed body or a rigid circle. Lengths
 are in any unit, the soft body has Young's modulus 1; nu = 0.3, plane strain. Facets of the tool are
-as short as the slave's: longer ones are further from the circle than elasticity moves them.
+as short as the slave's: longer ones would deviate from the circle by more than the elastic
+displacement.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ class Rung:
     """A model.
 
     Attributes:
-        name: What it is called.
+        name: Its name.
         rigid: Whether the tool is an obstacle.
         strain: "linear" or "finite".
         sliding: "small" or "finite".
-        linearization: That of Newton's method.
-        climbs: Whether solves begin on cheaper rungs.
-        leaves_out: Coefficient of friction of the full model that the rung is compared with.
+        linearization: Linearization of Newton's method.
+        climbs: Whether solves begin with cheaper models.
+        leaves_out: Coefficient of friction of the full model for comparison.
     """
 
     name: str
@@ -52,7 +53,7 @@ class Rung:
 
 
 FULL = Rung("full")
-# What the automatic climb and the verdicts allow, in the norm of energy.
+# Tolerance of the automatic choice and the verdicts, in the energy norm [1].
 TOLERANCE = 0.02
 RUNGS = (
     Rung("rigid obstacle", rigid=True),
@@ -71,17 +72,18 @@ class Scene:
     """A soft body and a tool, and how the tool moves.
 
     Attributes:
-        name: What it is called.
-        load: What its number means.
+        name: Its name.
+        load: Meaning of the load's number.
         unit: Its unit.
-        soft, tool: The bodies, for a load and a number of cells in the place of one along a side.
+        soft, tool: Functions that create the bodies for a load and a refinement factor of the
+            cells.
         slave, master: The surfaces.
         circle: Radius and centre of the rigid obstacle, for a load.
-        grip: Boundary of the tool that is moved; "" if nothing is.
+        grip: Boundary of the tool that is moved; "" if there is none.
         fixed: Boundaries and components of the soft body that are fixed.
-        symmetry: The same of the tool.
+        symmetry: Fixed boundaries and components of the tool.
         motion: Motion (x, y, angle) of the tool at time 0 ... 1 of a load.
-        interference: Whether the meshed overlap comes by and by instead.
+        interference: Whether instead the meshed overlap is applied gradually.
         ratio: Young's modulus of the tool.
         steps: Load steps.
     """
@@ -103,7 +105,7 @@ class Scene:
 
 
 def graded_block(columns: int, rows: int, width: float, height: float) -> np.ndarray:
-    """A block below y = 0, its rows thinner towards the top."""
+    """A block below y = 0, with rows that get thinner towards the top."""
     return mapped(
         columns,
         rows,
@@ -124,12 +126,12 @@ def wheel(columns: int, rows: int) -> Grid:
 
 
 def ironed(load: float, t: float) -> tuple[float, float, float]:
-    """Down in the first half of the time, along in the second."""
+    """Motion down in the first half of the time, along in the second."""
     return load * max(2 * t - 1, 0.0), -0.08 * min(2 * t, 1.0), 0.0
 
 
 def rolled(load: float, t: float) -> tuple[float, float, float]:
-    """Down in the first half, rolling by ``load`` degrees in the second."""
+    """Motion down in the first half, rolling by ``load`` degrees in the second."""
     angle = np.radians(load) * max(2 * t - 1, 0.0)
     return angle, -0.02 * min(2 * t, 1.0), -angle
 
@@ -193,7 +195,7 @@ def first_piola(u: Any, strain: str) -> Any:
 
 
 def read(scene: Scene, load: float, bodies: str = "soft tool", finer: int = 1) -> Any:
-    """Mesh of some bodies of the scene, with ``finer`` cells in the place of one along a side."""
+    """Mesh of some bodies of the scene, refined by the factor ``finer``."""
     soft, tool = Grid("soft", scene.soft(load, finer)), scene.tool(load, finer)
     grids = [grid for grid in (soft, tool) if grid.name in bodies.split()]
     return read_mesh(lambda: mapped_grids.build(grids), MPI.COMM_SELF)
@@ -201,7 +203,7 @@ def read(scene: Scene, load: float, bodies: str = "soft tool", finer: int = 1) -
 
 @dataclass
 class Posed:
-    """A problem, the residual at finite strain, and what takes it to a time of a load."""
+    """A problem, the residual at finite strain, and a function that sets the load for a time."""
 
     problem: fm.ContactProblem
     finite: Any
@@ -217,7 +219,7 @@ def internal_forces(scene: Scene, u: Any, data: Any, strain: str) -> Any:
 
 
 def fix(V: Any, data: Any, places: Iterable[tuple[str, int | None]]) -> list[Any]:
-    """Conditions that fix boundaries in a component, or altogether."""
+    """Conditions that fix one component, or both, on boundaries."""
     return [
         fm.dirichlet(V, data, name, np.zeros(2) if which is None else 0.0, which)
         for name, which in places
@@ -225,7 +227,7 @@ def fix(V: Any, data: Any, places: Iterable[tuple[str, int | None]]) -> list[Any
 
 
 def pose(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0) -> Posed:
-    """Set up a scene by a rung."""
+    """Set up a scene with a model."""
     V = fm.vector_space(data.mesh, 1)
     u, grip = fem.Function(V), fem.Function(V)
     radius, centre = scene.circle(load)
@@ -265,7 +267,7 @@ def pose(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0
 
 
 def elastic_tool(scene: Scene, circle: fm.Obstacle, data: Any) -> fm.ElasticObstacle:
-    """What the rigid circle stands for, on a mesh of the tool alone."""
+    """The elastic body represented by the rigid circle, on a mesh of the tool alone."""
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
     gripped = ((scene.grip, None),) if scene.grip else ()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Tables of the ladder of models, in Markdown."""
+"""Markdown tables of the model hierarchy."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fenics_mortar.models.model_error import ENERGY, FORCE, PEAK, QUANTITIES
 
 
 def percent(value: float) -> str:
-    """A part in percent."""
+    """A fraction in percent."""
     return "" if np.isnan(value) else "0" if value < SEEN else f"{100 * value:.2g}"
 
 
@@ -44,7 +44,7 @@ def table(rows: list[Row]) -> str:
 
 
 def summary(rows: list[Row]) -> str:
-    """How many estimates are within a factor of three, by rung."""
+    """Number of estimates within a factor of three, by model."""
     lines = [
         "| rung | cases | energy norm and force within a factor 3 | largest factor | "
         "peak pressure within a factor 3 | largest factor | "
@@ -73,7 +73,7 @@ def summary(rows: list[Row]) -> str:
 
 
 def climbs(rows: list[Row]) -> Iterator[tuple[Row, Row]]:
-    """The climbs, each with the full model."""
+    """The automatic choices, each with the full model."""
     full = {(r.scene, r.load): r for r in rows if r.rung == FULL.name}
     for row in rows:
         if row.ended:
@@ -81,7 +81,7 @@ def climbs(rows: list[Row]) -> Iterator[tuple[Row, Row]]:
 
 
 def climb_table(rows: list[Row]) -> str:
-    """Where climbs ended, and what they cost beside the full model, set-up and all."""
+    """Final models of automatic choices, and their cost relative to the full model, with set-up."""
     lines = [
         "| scene | load | the climb ended on | error, energy norm | s | straight to the full model "
         "| part |",

@@ -1,8 +1,8 @@
-# # What it costs to look for surfaces that crossed
+# # Cost of the search for crossed surfaces
 #
 # Two neo-Hookean blocks, the upper pressed on the lower and slid along it by half a facet per load
-# step, as in `newton.py`. After each solve the outlines of both are looked at, in the state
-# and along the step. Once a solve, against one Newton iteration:
+# step, as in `newton.py`. After each solve the outlines of both are checked, in the state and along
+# the step. One check per solve, compared with one Newton iteration:
 #
 #     python3 -m demos.studies.performance.crossing                   10k, 40k, 160k
 #     mpirun -n 2 python3 -m demos.studies.performance.crossing 640_000
@@ -27,7 +27,7 @@ SIZES = [int(arg) for arg in sys.argv[1:] if arg[0].isdecimal()] or [10_000, 40_
 
 # +
 def seconds_of(call, repeats=1):
-    """CPU seconds of a call, of the busiest rank, and what it returns."""
+    """CPU seconds of a call on the busiest rank, and its result."""
     start = time.process_time()
     for _ in range(repeats):
         result = call()
@@ -35,7 +35,7 @@ def seconds_of(call, repeats=1):
 
 
 def measure(dofs):
-    """Dofs, segments, seconds of an iteration, and of looking at a state and at a step."""
+    """Dofs, segments, seconds of an iteration, and of the checks of a state and of a step."""
     problem, facet, top = two_pressed_blocks(dofs)
     problem.solve()
     crossings, costs = problem.equations.crossings, []

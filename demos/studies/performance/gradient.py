@@ -1,4 +1,4 @@
-# # The time of a gradient beside that of its path
+# # Time of a gradient compared with that of its path
 #
 # A half cylinder is pressed on a block with friction and drawn sideways in 20 steps. The objective
 # is the misfit of the forces of all steps; controls are the Young's modulus, mu, and a body force

@@ -1,8 +1,8 @@
-# # How long the contact kernels take
+# # Time of the contact kernels
 #
-# Search, integrals and all derivatives of two wavy surfaces that do not match, for growing numbers
-# of facets, and for each kind of integration; the median of several runs after the compilation. Run
-# it by itself, without `mpirun`.
+# Search, integrals and all derivatives for two wavy surfaces with nonmatching meshes, for
+# increasing numbers of facets, and for each kind of integration; the median of several runs after
+# the compilation. Run it by itself, without `mpirun`.
 
 # +
 import time
@@ -19,7 +19,7 @@ from fenics_mortar.kernels.facets import tabulate_facets
 
 # +
 def median(function, repeats=7):
-    """Seconds of one call."""
+    """Median seconds of one call."""
     function()
     seconds = []
     for _ in range(repeats):
@@ -30,7 +30,7 @@ def median(function, repeats=7):
 
 
 def measure(facets, **integration):
-    """Segments, seconds of search and of integrals for so many slave and master facets."""
+    """Segments, seconds of search and of integrals for a number of slave and master facets."""
     x = np.stack([np.linspace(0, 1, facets + 1), 0.1 * np.sin(np.linspace(0, 9, facets + 1))], 1)
     m = np.stack(
         [np.linspace(1.01, -0.01, facets + 1), 0.1 * np.sin(np.linspace(9.1, -0.1, facets + 1))], 1

@@ -1,14 +1,14 @@
 # # A million unknowns on two cores
 #
-# A half cylinder is pressed on a block, both neo-Hookean, in three load steps from the first touch
-# on. Each refinement halves all cells:
+# A half cylinder is pressed on a block, both neo-Hookean, in three load steps from first contact.
+# Each refinement halves all cells:
 #
 #     mpirun -n 2 python3 -m demos.studies.performance.large            16k unknowns
 #     mpirun -n 2 python3 -m demos.studies.performance.large 4          1M
 #     mpirun -n 2 python3 -m demos.studies.performance.large 3 direct   260k, by factors
 #
-# CPU seconds are those of the busiest rank: unlike the time on the clock they say little about what
-# else runs on the machine. Memory is the peak of all ranks together, meshing included.
+# CPU seconds are those of the busiest rank: unlike wall times they hardly depend on other work on
+# the machine. Memory is the peak of all ranks together, meshing included.
 
 # +
 import resource

@@ -1,10 +1,10 @@
-# # Ironing with linear bulk: K factored once, or all solved in every iteration
+# # Ironing with linear bulk: one factorization of K, or one in every iteration
 #
 # A round indenter is pressed into a block of the same linear elastic material and drawn along it,
-# 0.8 facets per load step. Both paths take the same steps in turn; the time of 100 steps is
-# extrapolated from those of the slide. Times are CPU times of the busiest rank, which say less
-# about what else runs on the machine. The argument is the number of unknowns, 160 000 by default;
-# with "direct" the general path has factors where it would take multigrid:
+# 0.8 facets per load step. Both methods solve the same steps alternately; the time of 100 steps is
+# extrapolated from those of the slide. Times are CPU times of the busiest rank, which depend less
+# on other work on the machine. The argument is the number of unknowns, 160 000 by default; with
+# "direct" the general method uses factors instead of multigrid:
 #
 #     python3 -m demos.studies.performance.linear_bulk 40_000
 
@@ -34,7 +34,7 @@ SLIDES = 10
 
 # +
 def set_up(data, linear_bulk):
-    """The problem, and what moves the indenter."""
+    """The problem, and the constant that moves the indenter."""
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)
     stress = linear_elastic(u, 100.0, 150.0)
@@ -64,7 +64,7 @@ def measure(problem, tool, displacement):
 
 
 def peak():
-    """Gigabytes so far."""
+    """Peak memory so far [GB]."""
     return comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) / 1024**2
 
 

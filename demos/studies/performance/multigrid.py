@@ -1,10 +1,10 @@
-# # Iterations of multigrid on ever finer meshes
+# # Iterations of multigrid under mesh refinement
 #
 # A half cylinder is pressed on a block in three load steps, both neo-Hookean; the cylinder is the
-# slave. What counts is how often GMRES with multigrid iterates for eight digits, in the mean over
-# all Newton iterations, which ask for fewer; and by what factor that grows as the facets are
-# halved. The first argument is how many times as stiff as the block the cylinder is, the second
-# how often the mesh is refined; with "saddle" multipliers are unknowns of the system:
+# slave. The result is the number of GMRES iterations with multigrid for eight digits, in the mean
+# over all Newton iterations (which need fewer digits), and its growth if facets are halved. The
+# first argument is the stiffness of the cylinder over that of the block, the second the number of
+# refinements; with "saddle" multipliers are unknowns of the system:
 #
 #     python3 -m demos.studies.performance.multigrid                     equal bodies, 2k to 121k
 #     python3 -m demos.studies.performance.multigrid 1000 3 saddle       a stiff cylinder

@@ -1,8 +1,8 @@
-# # What a Newton iteration costs, phase by phase
+# # Cost of a Newton iteration by phases
 #
 # Two neo-Hookean blocks, the upper pressed on the lower and slid along it by half a facet per load
-# step, so that most steps have a contact pattern of their own. All work of a load step counts: the
-# evaluations, the certificate, everything in Python. Sizes are numbers of unknowns:
+# step, so that the contact pattern changes in most steps. All work of a load step is included:
+# evaluations, certificate, everything in Python. Sizes are numbers of unknowns:
 #
 #     python3 -m demos.studies.performance.newton                     10k, 40k, 160k
 #     python3 -m demos.studies.performance.newton iterative           the same by multigrid
@@ -10,9 +10,9 @@
 #     python3 -m demos.studies.performance.newton iterative saddle    multipliers are unknowns
 #     mpirun -n 2 python3 -m demos.studies.performance.newton 640_000 1_000_000
 #
-# Numbers are medians over the load steps, of the slowest rank in each phase. CPU time is all that
-# the busiest rank has computed, and says less about what else runs on the machine. Memory is the
-# peak of the process so far, of all ranks together: give sizes in ascending order.
+# Numbers are medians over the load steps, of the slowest rank in each phase. CPU time is that of
+# the busiest rank, which depends less on other work on the machine. Memory is the peak so far of
+# all ranks together: pass sizes in ascending order.
 
 # +
 import resource
@@ -71,7 +71,7 @@ def peak():
 
 # +
 def growth(sizes, seconds):
-    """Exponent of the power of the size that fits best."""
+    """Exponent of the best fit by a power of the size."""
     return np.polyfit(np.log(sizes), np.log(seconds), 1)[0]
 
 

@@ -1,19 +1,19 @@
-# # What ranks gain, what they exchange, and what a thousand of them would
+# # Speed-up by ranks, their communication, and a simulation of a thousand ranks
 #
-# The blocks of `newton.py`, first with as many unknowns however many ranks there are (strong
-# scaling), then with as many on each rank (weak). Run it on each number of ranks:
+# The blocks of `newton.py`, first with a fixed number of unknowns (strong scaling), then with a
+# fixed number on each rank (weak scaling). Run it on each number of ranks:
 #
 #     for n in 1 2 4 8; do mpirun -n $n python3 -m demos.studies.performance.ranks 40_000; done
 #
-# With more ranks than cores times say nothing; force and iterations have to be those of one rank.
+# With more ranks than cores times are meaningless; force and iterations must be those of one rank.
 # Calls and bytes are those of one Newton iteration, counted in the communicator of the surfaces; a
-# load step evaluates more often than it solves: "all told" is the mean of all that, per iteration.
+# load step has more evaluations than solves: "all told" is the total per iteration.
 #
 # The tables for up to a thousand ranks are simulated, not run: the deformed interface is refined,
-# the bodies are cut into squares of equal size, and it is counted what the busiest rank stores and
-# is handed in one Newton iteration. "Now" every rank has both surfaces. "Ghosted" means that a rank
-# has its own slave nodes, the next ones of others, and the master facets whose boxes touch its own.
-# Messages of a collective call count 2 log2 of the ranks.
+# the bodies are cut into squares of equal size, and the data that the busiest rank stores and
+# receives in one Newton iteration are counted. "Now": every rank has both surfaces. "Ghosted": a
+# rank has its own slave nodes, the next ones of others, and the master facets whose boxes touch its
+# own. A collective call is counted as 2 log2(ranks) messages.
 
 # +
 import sys
@@ -28,7 +28,7 @@ from demos.studies.performance.scene import comm, size_of, two_pressed_blocks
 STEPS = 3
 DOFS = int(next(iter(sys.argv[1:]), 40_000))
 LENGTHS, AREA = (1.0, 2.2), 3.2  # of slave and master, of both bodies together
-RADIUS = 2.0  # how far a master facet may be from a slave facet that meets it, in slave facets
+RADIUS = 2.0  # largest distance of a master facet from a slave facet paired with it [slave facets]
 # -
 
 
@@ -39,7 +39,7 @@ class Counting:
         self.inner, self.calls, self.bytes = inner, 0, 0
 
     def __getattr__(self, name):
-        """All that is not counted."""
+        """Attributes that are not counted."""
         return getattr(self.inner, name)
 
     def _count(self, array):
@@ -47,17 +47,17 @@ class Counting:
         self.bytes += array.nbytes
 
     def Allreduce(self, send, receive, *more):
-        """Count, then do it."""
+        """Count, then call."""
         self._count(receive)
         return self.inner.Allreduce(send, receive, *more)
 
     def Allgatherv(self, send, receive):
-        """Count, then do it."""
+        """Count, then call."""
         self._count(receive[0])
         return self.inner.Allgatherv(send, receive)
 
     def allreduce(self, value, *more):
-        """Count, then do it."""
+        """Count, then call."""
         self._count(np.asarray(value))
         return self.inner.allreduce(value, *more)
 
@@ -69,7 +69,7 @@ def say(line):
 
 # +
 def bytes_of(contact, S, M):
-    """What the formula says for so many nodes, where the outlines have as many more as here."""
+    """Bytes by the formula for numbers of nodes, with outlines in the same proportion as here."""
     outline = len(contact.sight.outline.X) / (contact.slave.num_nodes + contact.master.num_nodes)
     return 72 * S + 16 * M + 16 * outline * (S + M)
 
@@ -126,13 +126,13 @@ contact = problem.equations.contacts[0]
 
 # +
 def refined(x, count):
-    """So many nodes along a curve (n, 2)."""
+    """A number of nodes along a curve (n, 2)."""
     places = np.linspace(0.0, len(x) - 1.0, count)
     return np.stack([np.interp(places, np.arange(len(x)), c) for c in x.T], axis=1)
 
 
 def branches(count, length, ranks):
-    """Nodes (count,) cut among the squares that lie along a surface: first and last of each."""
+    """First and last node (count,) of each of the squares along a surface."""
     side = np.sqrt(AREA / ranks)
     parts = min(ranks, max(1, round(length / side)))
     bounds = np.arange(parts + 1) * (count - 1) // parts
@@ -140,7 +140,7 @@ def branches(count, length, ranks):
 
 
 def bytes_in_memory():
-    """Of one slave node, one master node and one segment: what is kept of each, as measured."""
+    """Measured memory of one slave node, one master node and one segment."""
     o, per = contact.operators, []
     for surface, arrays in (
         (contact.slave, (o.x, o.n, o.dn, o.gap, o.cover, o.weight, o.diagonal, contact.z)),
@@ -156,7 +156,7 @@ def bytes_in_memory():
 
 
 def ghosts(x, m, ranks):
-    """Of each rank along the slave: its own nodes, nodes of others it needs, whom it needs."""
+    """For each rank along the slave: owned nodes, needed nodes of other ranks, and these ranks."""
     reach = RADIUS * np.linalg.norm(np.diff(x, axis=0), axis=1).max()
     starts, ends = branches(len(m), LENGTHS[1], ranks)
     rows = []
@@ -172,7 +172,7 @@ def ghosts(x, m, ranks):
 
 
 def simulate(dofs):
-    """Print what the busiest rank would store and exchange."""
+    """Print the storage and communication of the busiest rank."""
     k = round(np.sqrt(dofs / 6))
     x, m = refined(contact.operators.x, k + 1), refined(contact.operators.m, 2 * k + 1)
     S, M, segments = len(x), len(m), 2 * k  # about two segments to a slave facet

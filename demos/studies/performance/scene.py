@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The scenes of the benchmarks: neo-Hookean bodies, the upper pressed on the lower."""
+"""Scenes of the benchmarks: neo-Hookean bodies, the upper pressed on the lower."""
 
 from mpi4py import MPI
 
@@ -16,7 +16,7 @@ comm = MPI.COMM_WORLD
 
 
 def read(build, *, refinements=0, **options):
-    """A mesh of ``meshes/``, refined so many times."""
+    """A mesh of ``meshes/``, refined ``refinements`` times."""
 
     def refined():
         model = build(**options)
@@ -28,12 +28,12 @@ def read(build, *, refinements=0, **options):
 
 
 def pressed(data, lower, upper, *, degree, stiff=(1.0, 1.0), **options):
-    """The problem, and what moves the upper body.
+    """The problem, and the constant that moves the upper body.
 
     Args:
         data: The mesh.
         lower: Names of the lower body, of its fixed side and of its contact surface.
-        upper: The same of the other body, whose contact surface is the slave.
+        upper: Names of the other body likewise; its contact surface is the slave.
         degree: Degree of quadrature.
         stiff: Stiffness of the lower and of the upper body, as multiples of E = 104, nu = 0.3.
         options: Those of the problem.
@@ -57,7 +57,7 @@ def pressed(data, lower, upper, *, degree, stiff=(1.0, 1.0), **options):
 
 
 def two_pressed_blocks(dofs, **options):
-    """The problem with about so many unknowns, the length of a slave facet, what moves the top."""
+    """Problem with about ``dofs`` unknowns, slave facet length, constant that moves the top."""
     k = round(np.sqrt(dofs / 6))  # facets of the upper block: its side is 1, the lower 2.2 x 1
     data = read(two_blocks.build, n_upper=k, n_lower=2 * k, layers_upper=k, layers_lower=k)
     sides = ("lower", "lower/bottom", "lower/top"), ("upper", "upper/top", "upper/bottom")
@@ -70,7 +70,7 @@ def half_cylinder(h, refinements, **options):
     """A half cylinder of radius 8 on a block, facets of ``h`` before they are refined.
 
     Returns:
-        The problem, and what moves the cylinder's flat side.
+        The problem, and the constant that moves the cylinder's flat side.
     """
     shape = {"radius": 8.0, "width": 48.0, "height": 24.0, "fine": 1.0, "growth": 0.2}
     data = read(half_cylinder_on_block.build, refinements=refinements, h=h, **shape)

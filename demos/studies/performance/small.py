@@ -7,8 +7,8 @@
     /usr/bin/python3 -m demos.studies.performance.small process     imports, set-up, whole process
 
 Frictionless neo-Hookean bodies; an indenter goes 0.5 mm down in 10 steps and 4 mm along in 40.
-Times are those of the processor. A whole process reads a ``.msh`` file of a half disc on a block,
-sets up, and solves once, linear elastic.
+Times are CPU times. A whole process reads a ``.msh`` file of a half disc on a block, sets up, and
+solves once, linear elastic.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from types import SimpleNamespace
 import numpy as np
 
 STEPS = 50
-# Processes of which the median counts.
+# Number of processes whose median is used.
 PROCESSES = 7
-# A program that notes the time of the processor after each part.
+# A program that records the CPU time after each part.
 PROGRAM = """
 import sys, time
 import dolfinx, dolfinx.fem.petsc
@@ -57,7 +57,7 @@ print(u.x.array.size, report.num_iterations, *marks)
 
 
 def ironing(n_block=66, layers=8):
-    """The problem with about 1,300 unknowns, and what moves the indenter's top."""
+    """The problem with about 1,300 unknowns, and the constant that moves the indenter's top."""
     from mpi4py import MPI
 
     import gmsh
@@ -92,7 +92,7 @@ def ironing(n_block=66, layers=8):
 
 
 def load(tool, t):
-    """Place of the indenter at a time 0 ... 1 [mm]."""
+    """Position of the indenter at a time 0 ... 1 [mm]."""
     tool.value[:] = 5.0 * max(t - 0.2, 0.0), -0.5 * min(t / 0.2, 1.0)
 
 
@@ -151,7 +151,7 @@ def measure_run(*, path, profile):
 
 
 def measure_processes():
-    """Print medians of whole processes; Python keeps its compiled modules, as by default."""
+    """Print medians of whole processes; Python caches compiled modules, as by default."""
     import gmsh
 
     from meshes import half_cylinder_on_block

@@ -1,9 +1,9 @@
-# # Hertz with small sliding and linear bulk, and the full model: what each costs
+# # Cost of Hertz with small sliding and linear bulk, and with the full model
 #
-# A half cylinder is pressed on a block in ten steps; all but the model is the same. The full model
-# is finite strain (a neo-Hookean law) with all of contact linearized; the cheap one is linear
-# elastic with `sliding="small"`. The argument is about the number of unknowns. Seconds are those of
-# the processor, medians of three runs, so that other work on the machine hardly counts:
+# A half cylinder is pressed on a block in ten steps; everything except the model is equal. The full
+# model is finite strain (a neo-Hookean law) with all of contact linearized; the cheap one is linear
+# elastic with `sliding="small"`. The argument is the approximate number of unknowns. Seconds are
+# CPU times, medians of three runs, so that other work on the machine has little effect:
 #
 #     python3 -m demos.studies.performance.small_sliding 40_000
 
@@ -56,7 +56,7 @@ def run(data, stress, **options):
 
 # +
 def read(dofs):
-    """A mesh of about so many unknowns."""
+    """A mesh with about ``dofs`` unknowns."""
     size = np.sqrt(10_000 / dofs)
     options = {"h": 0.0125 * size, "fine": 0.2, "growth": 0.08 * size}
     return read_mesh(lambda: half_cylinder_on_block.build(**options))
@@ -70,7 +70,7 @@ MODELS = {
 coarse, data = read(2_000), read(dofs)
 runs = {name: [] for name in MODELS}
 for number in range(REPEATS + 1):
-    for name, (stress, options) in MODELS.items():  # the first, on a few cells, compiles
+    for name, (stress, options) in MODELS.items():  # the first run, on a few cells, compiles
         result = run(data if number else coarse, stress, **options)
         runs[name] = [*runs[name], result] if number else []
 # -

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Python calls of one Newton iteration, and how often they cross from module to module.
+"""Python calls of one Newton iteration, and calls between modules.
 
 /usr/bin/python3 -m demos.studies.performance.trace_iteration [--functions]
 
 Two blocks, one frictionless pair, 1,100 unknowns; the median of the iterations of a solve. Only
-functions of fenics_mortar count, each generator step as one call. With --functions: those that are
-called the most.
+functions of fenics_mortar are counted, each generator step as one call. With --functions: the most
+frequently called functions.
 """
 
 import sys
@@ -18,20 +18,20 @@ import fenics_mortar as fm
 from demos.studies.performance.scene import pressed, read, size_of
 from meshes import two_blocks
 
-# Close to rounding: the median is of several iterations.
+# Close to rounding, so that the median is that of several iterations.
 TIGHT = fm.NewtonOptions(residual_tolerance=1e-13)
 HERE = str(Path(fm.__file__).parent)
 
 
 class Trace:
-    """Counts calls between two calls of ``mark``."""
+    """Counts of calls between two calls of ``mark``."""
 
     def __init__(self):
         self.calls, self.crossings, self.functions = 0, 0, Counter()
         self.stack, self.rows = [""], []
 
     def __call__(self, frame, event, _):
-        """Note a call or a return; the argument of ``sys.setprofile``."""
+        """Record a call or a return; the argument of ``sys.setprofile``."""
         file = frame.f_code.co_filename
         if not file.startswith(HERE):
             return

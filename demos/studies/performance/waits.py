@@ -1,10 +1,10 @@
-# # What a user waits for: a press of a half disc, and 50 steps of ironing
+# # Waiting times of users: a half disc pressed on a block, and 50 steps of ironing
 #
 # H1: a linear elastic half disc is pressed on a block of the same material, one solve; by default,
-# which factors the constant stiffness once, and with a factorization in every iteration. H3: an
-# indenter ten times stiffer is drawn along a neo-Hookean block without friction, in 50 given
-# steps, by a plain loop of solves (with and without guesses) and by follow_path. Arguments are
-# facets of the block's top, which give 1.3k, 4.7k and 18k unknowns, or facet lengths of the disc:
+# with one factorization of the constant stiffness, and with one in every iteration. H3: an indenter
+# ten times stiffer is drawn along a neo-Hookean block without friction, in 50 given steps, by a
+# plain loop of solves (with and without guesses) and by follow_path. Arguments are facets of the
+# block's top, which give 1.3k, 4.7k and 18k unknowns, or facet lengths of the disc:
 #
 #     python3 -m demos.studies.performance.waits 50 100 200 0.0037 0.0018
 
@@ -44,7 +44,7 @@ def half_disc(h, **options):
 
 
 def ironing(n):
-    """The problem, and what sets the place of the indenter at a time from 0 to 1."""
+    """The problem, and a function that sets the position of the indenter at a time from 0 to 1."""
     numbers = {"n_block": n, "layers_block": n // 5}
     numbers |= {"n_indenter": 2 * (n // 10), "layers_indenter": n // 10}
     data = read_mesh(lambda: indenter_on_block.build(**numbers))

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""Where methods break: the atlas of difficult scenes and the randomised trial."""
+"""Limits of methods: the atlas of difficult scenes and the randomised trial."""

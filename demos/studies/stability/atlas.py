@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: MIT
-"""The stability atlas: every scene by every method; a heat map, a table, a chart.
+"""Stability atlas: every scene by every method; a heat map, a table, a chart.
 
     python3 -m demos.studies.stability.atlas                    all: 15 minutes on two cores
     python3 -m demos.studies.stability.atlas --scenes 'c*,roll' --methods default,frozen
-    python3 -m demos.studies.stability.atlas --draw             from what is there
+    python3 -m demos.studies.stability.atlas --draw             from stored results
 
-Cells are kept in ``results/stability/cells.jsonl`` as they come; cells that are there are not run
+Cells are stored in ``results/stability/cells.jsonl`` when they finish; stored cells are not run
 again unless ``--again`` is given. Batches of ``--scenes`` may be run one after the other, or into
-several folders (``--results``) whose ``cells.jsonl`` are put one after the other for ``--draw``; of
-a cell that is there twice the later record counts. Each worker is a process of its own: a cell that
-hangs or crashes takes it down, is recorded as failed, and the next cell gets a new worker.
+several folders (``--results``) whose ``cells.jsonl`` are concatenated for ``--draw``; of duplicate
+cells the last record is used. Each worker is a separate process: a cell that hangs or crashes is
+recorded as failed, and a new worker is started for the next cell.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[3]
 SECONDS = 120.0
-# Forces and displacements on several ranks against those on one.
+# Largest relative difference of forces and displacements on several ranks and on one [1].
 SAME = 1e-8
 
 Task = dict[str, Any]
 
 
 class Worker:
-    """A process that runs cells; see ``cell``.
+    """A process that computes cells; see ``cell``.
 
     Args:
         ranks: Number of MPI ranks.
@@ -51,7 +51,7 @@ class Worker:
         if ranks > 1:
             command = ["mpirun", "-n", str(ranks), *command]
         paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
-        # the ranks of whatever runs this must not be taken for those of the worker
+        # hides the ranks of the calling process from the worker
         hidden = ("OMPI_COMM", "OMPI_MCA_ess", "PMIX", "PMI_")
         self._words = tempfile.TemporaryFile()
         self._process = subprocess.Popen(
@@ -67,12 +67,12 @@ class Worker:
 
     @property
     def alive(self) -> bool:
-        """Whether it takes tasks."""
+        """Whether the process is alive."""
         return self._process.poll() is None
 
     def run(self, task: Task, seconds: float) -> Task:
         """The record of a cell; "failed" if the worker crashes or takes too long."""
-        if not self.alive:  # writing to it would be a signal that PETSc takes for an error
+        if not self.alive:  # writing to it would raise a signal that PETSc reports as an error
             return failed(f"no worker, exit code {self._process.returncode}: {self._last()}", 0.0)
         try:
             self._process.stdin.write(json.dumps(task).encode() + b"\n")
@@ -89,7 +89,7 @@ class Worker:
         return json.loads(line)
 
     def _read_line(self, seconds: float) -> bytes:
-        """One line of the answers, empty at their end."""
+        """One line of the output, empty at its end."""
         end, pipe = time.monotonic() + seconds, self._process.stdout.fileno()
         while b"\n" not in self._buffer:
             left = end - time.monotonic()
@@ -108,7 +108,7 @@ class Worker:
         return (self._words.read().decode(errors="replace").strip().splitlines() or [""])[-1]
 
     def stop(self) -> None:
-        """End the process and those that it started."""
+        """Terminate the process and its child processes."""
         if self.alive:
             try:
                 self._process.stdin.close()
@@ -138,7 +138,7 @@ def run_all(
     workers: int = 2,
     seconds: float = SECONDS,
 ) -> None:
-    """Run cells in parallel; ``keep(task, record)`` is called one at a time as they come."""
+    """Run cells in parallel; ``keep(task, record)`` is called for one cell at a time."""
     waiting: queue.SimpleQueue[Task] = queue.SimpleQueue()
     for task in tasks:
         waiting.put(task)
@@ -170,7 +170,7 @@ def run_all(
 
 
 def all_tasks(scenes: str = "*", methods: str = "*") -> list[Task]:
-    """The cells whose names match one of some patterns, separated by commas."""
+    """The cells whose names match one of several patterns, separated by commas."""
     from demos.studies.stability.families import FAMILIES
     from demos.studies.stability.methods import METHODS, REMEDIES
 
@@ -193,7 +193,7 @@ def all_tasks(scenes: str = "*", methods: str = "*") -> list[Task]:
 
 
 def key_of(task: Task) -> tuple[str, str, str]:
-    """What makes a cell."""
+    """Scene, value and method of a cell."""
     return task["scene"], task["value"], task["method"]
 
 
@@ -205,7 +205,7 @@ def read_cells(path: Path) -> dict[tuple[str, str, str], Task]:
 
 
 def compare_ranks(cells: dict[tuple[str, str, str], Task]) -> None:
-    """A result on several ranks that is not that of one rank is wrong."""
+    """Mark results on several ranks that differ from those on one rank as wrong."""
     for cell in (c for c in cells.values() if c["scene"] == "ranks"):
         alone = cells.get(("ranks", "1", cell["method"]))
         if alone is None or not cell["numbers"] or not alone["numbers"]:
@@ -218,7 +218,7 @@ def compare_ranks(cells: dict[tuple[str, str, str], Task]) -> None:
 
 
 def main() -> None:
-    """The command."""
+    """Run the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", default="*", help="patterns, separated by commas")
     parser.add_argument("--methods", default="*", help="patterns, separated by commas")

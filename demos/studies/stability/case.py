@@ -16,8 +16,8 @@ class Prescribed:
     """A boundary whose displacement is prescribed, linear between its values at times 0, 1, 2.
 
     Attributes:
-        boundary: Its name.
-        motion: Shape (3, 2) [length].
+        boundary: Name of the boundary.
+        motion: Values, shape (3, 2) [length].
         component: 0 or 1 if only one component is prescribed.
     """
 
@@ -31,13 +31,13 @@ class Case:
     """A scene as numbers.
 
     Attributes:
-        seed: What it was made from.
-        about: What was drawn, in words.
-        bodies: From below.
+        seed: Seed of the scene.
+        about: Drawn values, as text.
+        bodies: Bodies, from bottom to top.
         pairs: Slave and master boundaries.
         prescribed: Prescribed displacements.
         pressed: Boundary with a traction.
-        traction: Its values at times 0, 1, 2, shape (3, 2) [stress].
+        traction: Values of the traction at times 0, 1, 2, shape (3, 2) [stress].
         step: First step along the path, which is the largest one by default.
         pair_options: Options of the discretization of all pairs, none in most cases.
         problem_options: Options of the problem, none in most cases.
@@ -56,7 +56,7 @@ class Case:
 
     @property
     def smallest(self) -> float:
-        """Step at which a path that fails is given up, as is the default of ``SteppingOptions``."""
+        """Smallest step, below which a path fails, as by default in ``SteppingOptions``."""
         return 1e-6
 
     @property
@@ -66,7 +66,7 @@ class Case:
 
     @property
     def stop(self) -> float:
-        """Where the path ends: at time 1 if nothing slides."""
+        """Final time of the path: 1 if nothing slides."""
         motions = [prescribed.motion for prescribed in self.prescribed]
         return 2.0 if any((motion[1] != motion[2]).any() for motion in motions) else 1.0
 
@@ -106,9 +106,9 @@ class Case:
         return len(set(masters)) == len(masters)
 
     def swapped(self) -> Case:
-        """The same with slave and master exchanged."""
+        """The scene with slave and master exchanged."""
         return replace(self, pairs=[(master, slave) for slave, master in self.pairs])
 
     def refined(self) -> Case:
-        """The same with four times the cells."""
+        """The scene with four times the cells."""
         return replace(self, bodies=[body.refined() for body in self.bodies])

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""One cell of the atlas: a scene solved by a method, and what became of it.
+"""One cell of the atlas: a scene solved by a method, and the outcome.
 
-As a program it is a worker: it reads tasks from its standard input, one JSON object a line, with
-"scene", "value" and "method", and answers each with a line. Under ``mpirun`` all ranks work as one.
+As a program this module is a worker: it reads tasks from its standard input, one JSON object per
+line, with "scene", "value" and "method", and writes one line per task. Under ``mpirun`` all ranks
+form one worker.
 """
 
 from __future__ import annotations
@@ -25,27 +26,27 @@ from demos.studies.stability.methods import ALL_METHODS, Method
 from demos.studies.stability.model import Posed, Scene, fm, pose_problem
 from fenics_mortar.newton.report import NewtonReport
 
-# Linear systems after which a contrast method is given up: so many, and more for each of the
-# scene's steps. Those that get through need less.
+# Number of linear systems after which a contrast method is stopped: a constant, and a number for
+# each of the scene's steps. Converging runs need fewer.
 MOST_SYSTEMS = 500, 20
 STATES = ("converged", "cut", "wrong", "failed", "dead end", "n/a", "not available")
 
 
 class GivenUpError(Exception):
-    """A cell has had its share."""
+    """The limit of linear systems of a cell is exceeded."""
 
 
 @dataclass
 class Record:
-    """What became of a cell.
+    """Outcome of a cell.
 
     Attributes:
         state: One of ``STATES``.
-        reason: Why it is not "converged", in words.
+        reason: Reason if it is not "converged", as text.
         iterations: Newton iterations of each accepted step.
-        cuts: Attempts at steps that failed.
-        lost: Newton iterations of these.
-        seconds: Time it took.
+        cuts: Number of failed attempts at steps.
+        lost: Newton iterations of failed attempts.
+        seconds: Wall time.
         numbers: Forces and size of the last state, to compare runs.
     """
 
@@ -96,9 +97,9 @@ def _run(scene: Scene, method: Method, comm: MPI.Comm, record: Record) -> None:
             _fixed(posed, look, record)
     except (fm.MortarError, GivenUpError) as error:
         record.reason = str(error)
-        if getattr(getattr(error, "report", None), "dead_end", ""):  # no equilibrium beyond
+        if getattr(getattr(error, "report", None), "dead_end", ""):  # no equilibrium
             record.state = "dead end"
-        elif "wrong state" in record.reason:  # so the driver says, and does not accept it
+        elif "wrong state" in record.reason:  # reported by the driver, which rejects the state
             record.state = "wrong"
     else:
         wrong = scene.check(posed)
@@ -111,7 +112,7 @@ def _run(scene: Scene, method: Method, comm: MPI.Comm, record: Record) -> None:
 def _adaptive(
     posed: Posed, method: Method, look: Callable[[float, Any], None], record: Record
 ) -> None:
-    """The robust driver with its defaults; the scene gives the first step."""
+    """``follow_path`` with its defaults; the first step is that of the scene."""
     step = 1.0 / posed.scene.steps
     options, set_loads = fm.SteppingOptions(step), posed.set_loads
     if method.smallest is not None:
@@ -128,7 +129,7 @@ def _adaptive(
 
 
 def _count(posed: Posed) -> Callable[[float], None]:
-    """``set_loads`` that gives up when too many systems have been solved."""
+    """``set_loads`` that raises an error if too many systems have been solved."""
     solved, most = 0, MOST_SYSTEMS[0] + MOST_SYSTEMS[1] * posed.scene.steps
     solve = posed.problem.solve
 
@@ -156,7 +157,7 @@ def _fixed(posed: Posed, look: Callable[[float, Any], None], record: Record) -> 
     for step in range(1, posed.scene.steps + 1):
         posed.set_loads(step / posed.scene.steps)
         try:
-            report = posed.problem.solve(accept_violations=True)  # ``look`` sees them
+            report = posed.problem.solve(accept_violations=True)  # ``look`` records violations
         except fm.NotConvergedError as failure:
             record.cuts, record.lost = 1, failure.report.num_iterations
             raise fm.MortarError(f"step {step} of {posed.scene.steps}: {failure}") from failure
@@ -172,10 +173,10 @@ def _numbers(posed: Posed) -> list[float]:
 
 
 def main() -> None:
-    """Answer tasks until there are no more."""
+    """Process tasks until there are no more."""
     comm = MPI.COMM_WORLD
     answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # whatever a library prints is no answer
+    os.dup2(2, 1)  # output of libraries must not mix with the results
     while True:
         line = comm.bcast(sys.stdin.readline() if comm.rank == 0 else None)
         if not line.strip():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The scenes: families of one problem each, swept over what makes it hard; in the atlas' order."""
+"""Scenes: families of one problem each with a varied parameter, in the order of the atlas."""
 # ruff: noqa: F401, I001 (importing a module enters its families, in this order)
 
 from demos.studies.stability import families_steps

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Families of the atlas: edges, cover in part, corners."""
+"""Families of the atlas: edges, partial cover, corners."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def corner_on_flat(value: str) -> Scene:
 
 @family("corner close above a flat: gap / facet", 0.1, 1e-2, 1e-3)
 def near_miss(ratio: float) -> Scene:
-    """It comes down by half of the gap: there must be no force, whatever lies beside the edge."""
+    """A block comes down by half of the gap: there must be no force, also beside an edge."""
     gap = 0.1 * ratio
     return Scene(
         bodies=[
@@ -102,7 +102,7 @@ def near_miss(ratio: float) -> Scene:
 
 @family("corner on corner: offset / facet", 0.0, 0.01, 0.1, 0.5, 1.5)
 def corner_on_corner(offset: float) -> Scene:
-    """Two squares, tip to tip, a little beside each other."""
+    """Two squares, tip to tip, with a small offset."""
     return Scene(
         bodies=[
             square("lower", 45, (0.0, 0.0), upwards=True),
@@ -116,7 +116,7 @@ def corner_on_corner(offset: float) -> Scene:
 
 @family("wedge in a groove: kink of the slave in degrees", 10, 30, 60, 90)
 def kinked_slave(angle: float) -> Scene:
-    """A block with a bottom like a roof upside down in the groove that fits it."""
+    """A block with a V-shaped bottom in a matching groove."""
     slope = np.tan(np.radians(angle / 2))
 
     def wedge(s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -32,13 +32,13 @@ from demos.studies.stability.model import (
 
 @family("cells", "quadrilaterals", "triangles")
 def cells(kind: str) -> Scene:
-    """The punch again."""
+    """The punch with different cells."""
     return punch_on_ground(steps=4, depth=0.12, cell=kind[:-1])
 
 
 @family("weight of the gap c_n", 1e-8, 1e-4, 1, 1e4, 1e8)
 def weight_of_gap(c_n: float) -> Scene:
-    """The result must not depend on it."""
+    """Different weights of the gap, on which the result must not depend."""
     return punch_on_ground(steps=4, depth=0.12, pair={"c_n": c_n})
 
 
@@ -67,13 +67,13 @@ def unload(count: int) -> Scene:
 
 @family("unit of length", 1e-6, 1e-3, 1, 1e3, 1e6)
 def unit_of_length(scale: float) -> Scene:
-    """The same in other units."""
+    """The punch in other units of length."""
     return punch_on_ground(steps=4, depth=0.12).scaled(scale, 1.0)
 
 
 @family("unit of stress", 1e-6, 1, 1e6, 1e12)
 def unit_of_stress(scale: float) -> Scene:
-    """The same in other units."""
+    """The punch in other units of stress."""
     return punch_on_ground(steps=4, depth=0.12).scaled(1.0, scale)
 
 
@@ -84,7 +84,7 @@ def egg() -> fm.Spline:
     return fm.Spline(x - [-0.03, x[:, 1].min() - 0.01], name="tool")
 
 
-# What a rigid tool is, and what else of it moves as forces say
+# Rigid tools, and their further driven motions
 TOOLS: dict[str, tuple[Callable[[], fm.Obstacle], dict[str, float]]] = {
     "roller": (lambda: fm.Circle((0.0, 0.55), 0.5, name="tool"), {}),
     "corner": (
@@ -99,7 +99,7 @@ TOOLS: dict[str, tuple[Callable[[], fm.Obstacle], dict[str, float]]] = {
     f"{tool}, {force}" for tool in TOOLS for force in (0.01, 0.05, 0.2)
 ))  # fmt: skip
 def rigid_tool(value: str) -> Scene:
-    """It comes from a distance; the plate is tilted, pushed aside of its middle; the egg rolls."""
+    """The tool comes from a distance; the plate is tilted and off its middle; the egg rolls."""
     tool, part = value.split(", ")
     make, loose = TOOLS[tool]
     force = -1.6 * float(part)
@@ -115,7 +115,7 @@ def rigid_tool(value: str) -> Scene:
 
 @family("few facets on a round master: facets", 3, 5)
 def coarse_on_round(facets: int) -> Scene:
-    """Three facets of the slave on a convex master: sets like to cycle."""
+    """Three facets of the slave on a convex master: active sets tend to cycle."""
     dome = mapped(
         24, 5, lambda s, t: (2.0 * (s - 0.5), -0.8 + (0.8 - 0.5 * (2.0 * (s - 0.5)) ** 2 / 1.5) * t)
     )
@@ -126,5 +126,5 @@ def coarse_on_round(facets: int) -> Scene:
 
 @family("ranks", 1, 2, 3, 4, 5, methods=("default", "saddle", "standard"))
 def ranks(count: int) -> Scene:
-    """Ironing with a partly covered surface: the same iterations and forces on any ranks."""
+    """Ironing with a partly covered surface: equal iterations and forces on any number of ranks."""
     return replace(ironing(1), ranks=count)

@@ -33,7 +33,7 @@ from demos.studies.stability.model import (
 
 @family("punch pushed in: step / facet", 0.1, 0.5, 1, 2.5, 5)
 def step_size(ratio: float) -> Scene:
-    """Half a facet to five facets at once, a quarter of the punch's radius in all."""
+    """Steps of half a facet to five facets, a quarter of the punch's radius in total."""
     return punch_on_ground(steps=round(5 / ratio), depth=0.25)
 
 
@@ -59,19 +59,19 @@ def ironing(facets: float) -> Scene:
 
 @family("ironing with friction: mu", 0.1, 0.3, 0.6, 1, 2)
 def rubbing(mu: float) -> Scene:
-    """The same with friction, a facet per step."""
+    """Ironing with friction, one facet per step."""
     return replace(ironing(1), pair={"law": fm.Coulomb(mu)})
 
 
 @family("ironing, mu = 0.3: slide per step / facet", 0.1, 0.5, 1, 3, 10)
 def rubbing_fast(facets: float) -> Scene:
-    """The same with friction: nodes slide far in one step, and enter while they do."""
+    """Ironing with friction: nodes slide far in one step, and come into contact during the step."""
     return replace(ironing(facets), pair={"law": fm.Coulomb(0.3)})
 
 
 @family("block drawn to and fro, mu = 0.3: steps per stroke", 1, 2, 5, 20)
 def reversal(steps: int) -> Scene:
-    """A block on a block; in each stroke all nodes go from sliding by sticking to sliding."""
+    """A block on a block; in each stroke all nodes slide, stick and slide again."""
     there, back, low = (0.1, -0.04, 0.0), (-0.1, -0.04, 0.0), (0.0, -0.04, 0.0)
     upper = block(8, 6, width=0.8, height=0.5, corner=(-0.4, 0.0))
     lower = block(18, 6, width=1.6, height=0.5, corner=(-0.8, -0.5))
@@ -117,7 +117,7 @@ def roll(degrees: float) -> Scene:
 
 @family("pressed blocks turned by 90 degrees: degrees per step", 5, 15, 30, 45)
 def turn_all(degrees: float) -> Scene:
-    """Two blocks pressed together, then both ends turned about one centre: the force turns too."""
+    """Two blocks pressed together, then both ends rotated about one centre, and so is the force."""
     count = round(90 / degrees)
     centre = (0.0, -0.8)
 
@@ -176,7 +176,7 @@ def stiffness(ratio: float) -> Scene:
 
 @family("facets of slave : master", "2:60", "3:30", "9:10", "30:3", "60:2")
 def mesh_ratio(ratio: str) -> Scene:
-    """The same with few facets on many."""
+    """Two blocks with different facet lengths."""
     slave, master = map(int, ratio.split(":"))
     return two_blocks(
         block(slave, 5, width=1.0, height=0.8, corner=(-0.5, 0.0)),
@@ -188,7 +188,7 @@ def mesh_ratio(ratio: str) -> Scene:
 
 @family("nodes on nodes, shifted by", 0.0, 1e-16, 1e-14, 1e-12, 1e-9, 1e-6)
 def node_on_node(shift: float) -> Scene:
-    """Matching meshes: the last node of the slave leaves the edge of the master by a hair."""
+    """Matching meshes: the last node of the slave passes the edge of the master by very little."""
     return two_blocks(
         block(8, 4, width=1.0, height=0.6, corner=(-0.5 + shift, 0.0)),
         block(8, 4, width=1.0, height=0.6, corner=(-0.5, -0.6)),

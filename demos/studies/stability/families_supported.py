@@ -19,7 +19,7 @@ from demos.studies.stability.model import (
 
 @family("wheel falls on a block: gap / radius", 0.0, 0.1, 1, 10)
 def falling_wheel(gap: float) -> Scene:
-    """Own weight, no Dirichlet condition on the wheel."""
+    """A wheel under its weight, without Dirichlet conditions."""
     weight = 0.02
     x = sector(40, 3, radii=(0.3, 1.0), centre=(0.03, 1.0 + gap))
     area = 0.5 * 40 * np.sin(2 * np.pi / 40) * (1.0**2 - 0.3**2)
@@ -35,7 +35,7 @@ def falling_wheel(gap: float) -> Scene:
             "force",
             posed.forces[0, 1],
             weight * area,
-            1e-6 + posed.problem.certificate().springs,  # forces of springs are told, not wrong
+            1e-6 + posed.problem.certificate().springs,  # forces of springs are reported, not wrong
         ),
     )
 
@@ -44,7 +44,7 @@ def falling_wheel(gap: float) -> Scene:
     f"{roles} {gap}" for roles in ("slave-slave", "slave-master") for gap in (0.0, 0.05)
 ))  # fmt: skip
 def sandwich(value: str) -> Scene:
-    """Three bodies on one another; nothing but contact supports the middle one."""
+    """Three bodies on top of each other; the middle one is supported by contact alone."""
     roles, gap = value.split()
     g = float(gap)
     shapes = {
@@ -93,7 +93,7 @@ def three_bodies(slit: float) -> Scene:
 
 @family("prescribed slave nodes", "one end", "both ends", "across", "along")
 def clamped_slave(which: str) -> Scene:
-    """A block fixed at its sides, so at the ends of the slave, is pushed from below."""
+    """A block fixed at its sides, hence at the ends of the slave, is pushed from below."""
     sides = ["upper/left"] if which == "one end" else ["upper/left", "upper/right"]
     component = {"across": 0, "along": 1}.get(which)
     return Scene(

@@ -36,7 +36,7 @@ def between_nodes(ratio: float) -> Scene:
 
 @family("ring between plates: thickness / radius", 0.2, 0.1, 0.05)
 def thin_ring(thickness: float) -> Scene:
-    """Nothing but contact supports the ring; the rays of the plates meet it twice."""
+    """The ring is supported by contact alone; rays of the plates intersect it twice."""
     ring = sector(48, 2, radii=(1.0 - thickness, 1.0), centre=(0.0, 1.0))
     plates = [
         Body(Grid(name, block(24, 2, width=2.4, height=0.2, corner=(-1.2, y))), E=10.0)
@@ -53,7 +53,7 @@ def thin_ring(thickness: float) -> Scene:
 
 @family("thin sheet, both faces the master: thickness / facet", 2, 1, 0.5)
 def thin_sheet(ratio: float) -> Scene:
-    """The wrong face of the sheet is in reach of the punch."""
+    """The wrong face of the sheet is within the search radius of the punch."""
     thickness = 0.05 * ratio
     sheet = block(40, 2, width=2.0, height=thickness, corner=(-1.0, -thickness))
     faces = dict.fromkeys(("bottom", "top"), "sheet/faces")
@@ -69,7 +69,7 @@ def thin_sheet(ratio: float) -> Scene:
 
 @family("sheet hit in one step: step / thickness", 1, 5, 20)
 def tunnelling(ratio: float) -> Scene:
-    """The punch would be behind the sheet at once: it starts above and ends below."""
+    """The punch starts above the sheet and would end behind it in one step."""
     thickness = 0.2 / ratio
     sheet = block(40, 2, width=2.0, height=thickness, corner=(-1.0, -thickness - 0.05))
     ends = dict.fromkeys(("left", "right"), "sheet/ends")
@@ -84,7 +84,7 @@ def tunnelling(ratio: float) -> Scene:
 
 @family("one cantilever pushed past another: overlap / length", 0.05, 0.2)
 def cantilevers(overlap: float) -> Scene:
-    """The tips bend, slip off each other and spring back: the way goes through a jump."""
+    """The tips bend, slip off each other and spring back: the path has a jump."""
     left = block(24, 3, width=1.0, height=0.1, corner=(-1.0, -0.1))
     right = block(20, 3, width=1.0, height=0.1, corner=(-overlap, 0.0))
     return Scene(
@@ -98,7 +98,7 @@ def cantilevers(overlap: float) -> Scene:
 
 @family("block pushed into a narrower channel: facets per step", 0.5, 2, 5)
 def channel(facets: float) -> Scene:
-    """Two walls bend the block in: 4 % interference, each side a pair of its own."""
+    """Two walls indent the block: 4 % interference, each side a separate pair."""
     count = round(20 / facets)
     mouth = mapped(
         30, 4, lambda s, t: (3.0 * s, 0.5 - 0.02 * np.clip((3.0 * s - 0.9) / 0.6, 0, 1) + 0.5 * t)
@@ -121,7 +121,7 @@ def channel(facets: float) -> Scene:
 
 
 def rings(facets: str) -> list[Body]:
-    """Two rings of so many facets, inner : outer."""
+    """Two rings with numbers of facets inner : outer."""
     inner, outer = map(int, facets.split(":"))
     return [
         Body(Grid("inner", sector(inner, 3, radii=(1.0, 2.0)), closed=True)),
@@ -170,7 +170,7 @@ def turned_polygon(facets: str) -> Scene:
 
 
 def arch_and_tool(angle: float, thickness: float, **tool: Any) -> tuple[list[Body], float]:
-    """A clamped arch of radius 1 below a round tool, not quite above its middle; and its rise."""
+    """A clamped arch of radius 1 below a slightly off-centre round tool; and its rise."""
     half = np.radians(angle)
     ends = (np.pi / 2 + half, np.pi / 2 - half)
     arch = sector(64, 2, radii=(1.0 - thickness, 1.0), angles=ends, centre=(0.0, -1.0))[:, ::-1]
@@ -196,7 +196,7 @@ def pushed_arch(angle: float) -> Scene:
 
 @family("arch under a weight: weight / what it bears", 0.5, 0.9, 1.2)
 def loaded_arch(ratio: float) -> Scene:
-    """Above its limit load the arch snaps through: a jump, to where it hangs."""
+    """Above its limit load the arch snaps through to the hanging state."""
     bodies, _ = arch_and_tool(50.0, 0.05, weight=(0.0, -ratio * 2.39e-4 / 0.2))
     return Scene(
         bodies=bodies,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Families of scenes of the atlas, and shapes and supports that several of them have."""
+"""Families of scenes of the atlas, and common shapes and supports."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from demos.studies.stability.model import (
 
 @dataclass(frozen=True)
 class Family:
-    """One problem for several values of what makes it hard.
+    """One problem for several values of a parameter.
 
     Attributes:
         name: Name in the code and in the table.
-        title: What is swept, as the picture says it.
+        title: Name of the parameter in the picture.
         values: The values.
-        build: Makes the scene for a value.
+        build: Function that creates the scene for a value.
         methods: Names of the methods to compare, all if empty.
     """
 
@@ -56,7 +56,7 @@ def family(
 
 
 def scene_of(name: str, value: str) -> Scene:
-    """The scene of a family for a value in words."""
+    """The scene of a family for a value given as text."""
     chosen = FAMILIES[name]
     return chosen.build(next(v for v in chosen.values if str(v) == value))
 
@@ -65,7 +65,7 @@ def scene_of(name: str, value: str) -> Scene:
 
 
 def down(depth: float, *, steps: int = 1, aside: float = 0.0, turn: float = 0.0) -> Callable:
-    """Straight to one pose."""
+    """Motion straight to one pose."""
     return legs((steps, (aside, -depth, turn)))
 
 
@@ -130,6 +130,6 @@ def two_blocks(
 
 
 def expect(what: str, found: float, right: float, tolerance: float) -> str:
-    """Say what is off by more than a relative tolerance."""
+    """Message on a value off by more than a relative tolerance; "" otherwise."""
     off = abs(found / right - 1.0)
     return "" if off <= tolerance else f"{what} {found:.4g}, right is {right:.4g}"

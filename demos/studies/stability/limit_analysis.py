@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: MIT
-"""Limit analysis of rigid bodies that touch at points: an independent judge of friction.
+"""Limit analysis of rigid bodies in contact at points: an independent check of friction.
 
 The static theorem: equilibrium is possible if and only if there are contact forces within the law's
 bounds that balance the loads, a linear program. A force at a point with the normal n and tangent t
-is a sum p (n + mu t) + q (n - mu t) - r n with p, q >= 0 and 0 <= r <= what adhesion bears, where
-p and q are zero if r is not: whole numbers choose. The duals of the balance are rigid motions: the
+is a sum p (n + mu t) + q (n - mu t) - r n with p, q >= 0 and r between 0 and the adhesion, where p
+and q are zero if r > 0: integer variables. The duals of the balance are rigid motions: the
 mechanism.
 
-Coulomb's friction is not associated. So where the program is infeasible a body surely moves; where
-it is feasible, bodies that slide before may still move, and those that have not slid stay.
+Coulomb's friction is not associated. If the program is infeasible, a body certainly moves. If it is
+feasible, bodies that slide already may still move; bodies that have not slid remain at rest.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ import numpy as np
 from scipy.optimize import linprog
 
 Array = np.ndarray
-# Forces below this part of the loads are rounding of the linear program.
+# Forces below this fraction of the loads are rounding of the linear program [1].
 ROUNDING = 1e-7
-# Bounds of forces over the loads, and of velocities at which the live loads have the power one.
+# Bounds of forces over the loads, and of velocities for which the live loads have unit power.
 MOST_FORCE, FASTEST = 1e3, 1e3
 GROUND = -1
-# A factor of the live loads beyond this is infinite.
+# Factor of the live loads above which it is considered infinite.
 MOST = 1e4
 
 
@@ -34,10 +34,10 @@ class Point:
     """A point in which two bodies touch.
 
     Attributes:
-        one, other: Numbers of the bodies, ``GROUND`` of what is clamped.
-        x: Where, shape (2,) [length].
+        one, other: Numbers of the bodies, ``GROUND`` for clamped ones.
+        x: Position, shape (2,) [length].
         n: Unit normal, along which the pressure acts on ``one``, shape (2,).
-        mu: Coefficient of friction; infinite where whatever touches sticks.
+        mu: Coefficient of friction; infinite if contact always sticks.
         pull: Largest tension [force].
     """
 
@@ -51,12 +51,12 @@ class Point:
 
 @dataclass(frozen=True)
 class Structure:
-    """Rigid bodies and where they touch; wrenches are (x, y, moment about the origin).
+    """Rigid bodies and their contact points; wrenches are (x, y, moment about the origin).
 
     Attributes:
-        points: Where they touch.
-        dead: Loads that are there, shape (bodies, 3).
-        live: Loads that are scaled, shape (bodies, 3).
+        points: Contact points.
+        dead: Constant loads, shape (bodies, 3).
+        live: Scaled loads, shape (bodies, 3).
         guided: Which motions of a body are prescribed, shape (bodies, 3).
     """
 
@@ -66,25 +66,25 @@ class Structure:
     guided: Array = field(default_factory=lambda: np.zeros(0))
 
     def loaded(self, part: float) -> Structure:
-        """The same with a part of the live loads among the dead ones."""
+        """The structure with a fraction of the live loads added to the dead ones."""
         return replace(self, dead=self.dead + part * self.live)
 
     def with_friction(self, factor: float) -> Structure:
-        """The same with all coefficients of friction times a factor."""
+        """The structure with all coefficients of friction multiplied by a factor."""
         return replace(self, points=[replace(p, mu=factor * p.mu) for p in self.points])
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What limit analysis says.
+    """Result of limit analysis.
 
     Attributes:
         feasible: Whether some contact forces balance the dead loads.
-        defect: Sum of what they leave at the least, over the sum of the loads.
-        factor: Largest multiple of the live loads that is borne besides; infinite if there is none,
-            zero if the dead loads are not borne.
-        mechanism: Rates (x, y, angle) of the bodies that move at this factor, or at once if the
-            dead loads are not borne, shape (bodies, 3).
+        defect: Smallest sum of unbalanced loads, over the sum of the loads.
+        factor: Largest multiple of the live loads that can be balanced in addition; infinite if
+            unlimited, zero if the dead loads cannot be balanced.
+        mechanism: Rates (x, y, angle) of the bodies that move at this factor, or under the dead
+            loads alone if these cannot be balanced, shape (bodies, 3).
     """
 
     feasible: bool
@@ -95,13 +95,13 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Program:
-    """Elementary contact forces: what they do to the bodies, and their bounds.
+    """Elementary contact forces: their wrenches on the bodies, and their bounds.
 
     Attributes:
         A: Wrenches on the bodies, one column each.
         lower, upper: Bounds of the forces.
         pulls: Columns of pressure and pull of each point with adhesion: only one of the two acts,
-            since friction counts pressure alone.
+            since friction is proportional to pressure alone.
     """
 
     A: Array
@@ -110,7 +110,7 @@ class Program:
     pulls: list[tuple[list[int], int]]
 
     def solve(self, cost: Array, extra: Array, bounds: Array, right: Array) -> Any:
-        """Minimise over the forces and some extra columns; ``right``: of the balance."""
+        """Minimize over the forces and some extra columns; ``right``: of the balance equations."""
         choices = len(self.pulls)
         forces, others = self.A.shape[1], extra.shape[1]
         whole = np.hstack([self.A, extra, np.zeros((len(right), choices))])
@@ -126,7 +126,7 @@ class Program:
                 above[2 * k + 1, press], above[2 * k + 1, choice] = 1.0, most
             kinds = np.r_[np.zeros(forces + others), np.ones(choices)]
             options = {"A_ub": above, "b_ub": np.tile([0.0, most], choices), "integrality": kinds}
-            options["options"] = {"presolve": False}  # that of scipy 1.10 errs with whole numbers
+            options["options"] = {"presolve": False}  # that of scipy 1.10 is wrong with integers
         cost = np.r_[np.zeros(forces), cost, np.zeros(choices)]
         return linprog(cost, A_eq=whole, b_eq=right, bounds=limits, method="highs", **options)
 
@@ -137,7 +137,7 @@ class Program:
 
 
 def judge(structure: Structure) -> Verdict:
-    """Solve both programs: are the dead loads borne, and how much of the live ones?"""
+    """Solve both programs: balance of the dead loads, and the largest factor of the live ones."""
     units, centre, size, force, push = _without_units(structure)
     program, rows = _program(units), _rows(structure)
     program = replace(program, A=program.A[rows])
@@ -154,7 +154,7 @@ def judge(structure: Structure) -> Verdict:
 
 
 def _without_units(structure: Structure) -> tuple[Structure, Array, float, float, float]:
-    """The same about the middle of its points, in units of its extent and of its loads.
+    """The structure relative to the middle of its points, in units of its extent and its loads.
 
     Returns:
         The structure, the middle, the extent, and the sums of the dead and the live loads.
@@ -175,9 +175,9 @@ def _without_units(structure: Structure) -> tuple[Structure, Array, float, float
 
 
 def friction_needed(structure: Structure, *, most: float = 64.0, steps: int = 40) -> float:
-    """Factor of all coefficients of friction at which the dead loads are just borne.
+    """Smallest factor of all coefficients of friction for which the dead loads can be balanced.
 
-    Below one there is a margin; infinite if not even ``most`` suffices.
+    Below one there is a margin; infinite if ``most`` does not suffice.
     """
 
     def borne(factor: float) -> bool:
@@ -199,12 +199,12 @@ def friction_needed(structure: Structure, *, most: float = 64.0, steps: int = 40
 
 
 def least_factor(structure: Structure, *, seconds: float = 20.0) -> float:
-    """Least multiple of the live loads at which bodies may move; of friction without adhesion.
+    """Smallest multiple of the live loads at which bodies may move, for friction without adhesion.
 
-    Coulomb's friction is not associated: bodies that slide do not part, and may give way below what
-    ``judge`` finds, depending on pressures that statics leaves open. Here forces and a mechanism
-    are found together, which obey the law of friction: a point is open, sticks, or slides against
-    its friction (Ferris & Tin-Loi 2001). Whole numbers choose.
+    Coulomb's friction is not associated: sliding bodies do not separate, and may move below the
+    factor of ``judge``, depending on statically indeterminate pressures. Here forces and a
+    mechanism are computed together, such that both satisfy the law of friction: a point is open,
+    sticks, or slides against its friction (Ferris & Tin-Loi 2001), chosen by integer variables.
 
     Args:
         structure: The bodies.
@@ -264,7 +264,7 @@ def _along(point: Point, which: int) -> Array:
 
 
 def _wrench(point: Point, force: Array, bodies: int) -> Array:
-    """What a force at a point does to all bodies, shape (3 bodies,)."""
+    """Wrenches of a force at a point on all bodies, shape (3 bodies,)."""
     wrench = np.zeros((bodies, 3))
     own = np.array([*force, point.x[0] * force[1] - point.x[1] * force[0]])
     for body, sign in ((point.one, 1.0), (point.other, -1.0)):
@@ -274,7 +274,7 @@ def _wrench(point: Point, force: Array, bodies: int) -> Array:
 
 
 def _least_defect(program: Program, dead: Array) -> tuple[float, Array]:
-    """Least sum of sizes of what balances the dead loads besides contact, and its duals."""
+    """Smallest sum of additional forces that balance the dead loads, and its duals."""
     rows = len(dead)
     extra = np.hstack([np.eye(rows), -np.eye(rows)])
     found = program.solve(np.ones(2 * rows), extra, np.tile([0.0, np.inf], (2 * rows, 1)), -dead)
@@ -288,7 +288,7 @@ def _largest_factor(program: Program, dead: Array, live: Array) -> tuple[float, 
     if not live.any():
         return np.inf, np.zeros_like(live)
     found = program.solve(np.array([-1.0]), live[:, None], np.array([[0.0, MOST]]), -dead)
-    if found.status == 2:  # just borne, but for rounding
+    if found.status == 2:  # balanced up to rounding
         return 0.0, np.zeros_like(live)
     if found.status != 0:
         raise RuntimeError(f"linear program of the live loads: {found.message}")
@@ -337,10 +337,10 @@ def _forces(point: Point) -> list[tuple[Array, float, float]]:
 
 
 def _rows(structure: Structure) -> Array:
-    """Which equations of balance there are: those of motions that are not prescribed."""
+    """Marks of the equations of balance: those of motions that are not prescribed."""
     if structure.guided.size == 0:
         return np.ones(structure.dead.size, bool)
     return ~structure.guided.astype(bool).ravel()
 
 
-# Where bodies touch
+# Contact points of bodies

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The methods of the atlas: the default, and it with one thing changed."""
+"""Methods of the atlas: the default, and variants with one change."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class Method:
         pair: Arguments of ``ContactPair``.
         newton: Arguments of ``NewtonOptions``.
         adaptive: ``follow_path``, or the scene's fixed steps by plain calls of ``solve``.
-        smallest: Smallest step over the scene's own; ``None``: what ``follow_path`` has by default.
-            Where contrast methods fail, they fail at any step: most of the time of the atlas would
-            go into the last of their cuts.
-        override: What is done to the package while the cell runs.
-        scenes: Patterns of the scenes that tell it from the default.
+        smallest: Smallest step over that of the scene; ``None``: the default of ``follow_path``. If
+            contrast methods fail, they fail at any step: most of the time of the atlas would be
+            spent on the last cuts.
+        override: Context that changes the package while the cell runs.
+        scenes: Patterns of the scenes on which it differs from the default.
     """
 
     title: str
@@ -50,9 +50,9 @@ BOUND = Coulomb.limit
 
 
 def frozen_cone() -> AbstractContextManager:
-    """The bound of friction is a number, mu times the pressure of the last iterate.
+    """Friction limit is constant in an iteration, mu times the pressure of the last iterate.
 
-    The tangent of a body that slides is symmetric then, as in codes that want it so.
+    The tangent of a sliding body is then symmetric, as required by some codes.
     """
 
     def limit(law: Coulomb, node: Nodal) -> tuple[Any, Any, Any]:
@@ -62,12 +62,12 @@ def frozen_cone() -> AbstractContextManager:
 
 
 def bound_by_pressure() -> AbstractContextManager:
-    """The bound of friction follows the pressure, not the test of the active set."""
+    """Friction limit from the pressure, not from the active-set test."""
     return patch.dict(Coulomb.__init__.__kwdefaults__, limit_by="pressure")
 
 
 FRICTION = "rubbing*,reversal,slope"
-# Scenes of long or difficult steps; elsewhere nothing is cut short.
+# Scenes with long or difficult steps; in others no step is shortened.
 DAMPED = "step_size,stiffness,bouncing,*arch,ironing,rubbing*,corner*,press_fit,roll,cantilevers"
 
 METHODS = {
@@ -94,7 +94,7 @@ METHODS = {
 
 
 def replaced(*changes: tuple[Any, str, Any]) -> AbstractContextManager:
-    """Functions of the package replaced for a while: (owner, name, function)."""
+    """Context with replaced functions of the package: (owner, name, function)."""
     stack = ExitStack()
     for owner, name, function in changes:
         stack.enter_context(patch.object(owner, name, function))
@@ -102,25 +102,25 @@ def replaced(*changes: tuple[Any, str, Any]) -> AbstractContextManager:
 
 
 def without(*changes: tuple[Any, str, Any]) -> Callable[[], AbstractContextManager]:
-    """The same, to be entered later."""
+    """Function that returns the context of ``replaced``."""
     return partial(replaced, *changes)
 
 
 def give_up(equations: Any, options: Any, failed: Exception) -> None:
-    """In place of ``solve_with_springs``."""
+    """Replacement of ``solve_with_springs`` that raises the error."""
     raise failed
 
 
 @dataclass(frozen=True)
 class Remedy:
-    """A part of the default, and a scene that needs it.
+    """A feature of the default, and a scene that needs it.
 
     Attributes:
-        title: What the default does.
+        title: Description of the feature.
         scene: Name of a family.
-        value: Which of its scenes, in words.
+        value: Value of the scene, as text.
         beside: Name of the method that has the remedy.
-        method: The same without the remedy.
+        method: The method without the remedy.
     """
 
     title: str

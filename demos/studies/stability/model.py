@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a scene of the atlas is, and how it becomes a contact problem under a method's options."""
+"""Scenes of the atlas, and their contact problems with a method's options."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Body:
     """A grid of one neo-Hookean material, plane strain.
 
     Attributes:
-        grid: Its mesh.
+        grid: Mesh of the body.
         E: Young's modulus [stress].
         nu: Poisson's ratio.
         weight: Body force at time 1, growing linearly from 0 [stress / length].
@@ -48,13 +48,13 @@ class Body:
 
 @dataclass(frozen=True)
 class Support:
-    """Boundaries that move as a rigid body does, or one component of it.
+    """Boundaries with a prescribed rigid motion, or one component of it.
 
     Attributes:
-        boundaries: Their names.
-        pose: Where they are at a time in [0, 1].
+        boundaries: Names of the boundaries.
+        pose: Function that returns the pose at a time in [0, 1].
         component: 0 or 1 to leave the other component free.
-        centre: The point that the turn is about [length].
+        centre: Centre of the rotation [length].
     """
 
     boundaries: Sequence[str]
@@ -65,11 +65,11 @@ class Support:
 
 @dataclass(frozen=True)
 class Tool:
-    """A rigid obstacle that a force pushes; pairs name it as their master.
+    """A rigid obstacle driven by a force; pairs refer to it by name as their master.
 
     Attributes:
         name: Its name.
-        make: Makes it, anew for each problem.
+        make: Function that creates it for each problem.
         force: Arguments of its ``push`` at time 1, growing linearly from 0.
     """
 
@@ -80,15 +80,16 @@ class Tool:
 
 @dataclass(frozen=True)
 class Scene:
-    """One problem of the atlas: everything but the method.
+    """One problem of the atlas: everything except the method.
 
     Attributes:
         bodies: The bodies.
         pairs: Names of slave and master of each pair; without a master a side touches itself.
         supports: Dirichlet conditions.
-        steps: Load steps from time 0 to 1 if none is cut: what a user would try first.
+        steps: Number of load steps from time 0 to 1 if none is cut: a user's first choice.
         pair: Options of all pairs that belong to the scene.
-        check: Compares the last state with a known answer; what is wrong in words, or "".
+        check: Function that compares the last state with a known solution; returns a message, or
+            "".
         cell: Kind of cells.
         linear: Whether the bodies are linear elastic at small strain.
         ranks: Number of ranks to run on; the record is compared with that of one rank.
@@ -128,7 +129,7 @@ class Scene:
 
 
 def legs(*targets: tuple[int, Pose]) -> Callable[[float], Pose]:
-    """A path from pose to pose; each leg has so many steps, all steps last equally long."""
+    """A path from pose to pose; each leg has a number of steps of equal duration."""
     counts, poses = zip(*targets)
     times = np.concatenate([[0], np.cumsum(counts)]) / sum(counts)
     knots = np.array([STILL, *poses])
@@ -191,7 +192,7 @@ def rigid_motion(X: np.ndarray, pose: Pose, centre: tuple[float, float]) -> np.n
 
 
 def dirichlet(V: Any, data: fm.MeshData, support: Support) -> tuple[Any, Callable[[float], None]]:
-    """The condition of a support, and what sets it for a time."""
+    """The condition of a support, and a function that sets it for a time."""
     names = list(support.boundaries)
     if support.component is not None:
         number = fem.Constant(data.mesh, 0.0)

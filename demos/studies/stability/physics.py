@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the random scenes of ``random_physics`` share: problems of grids, judges."""
+"""Common functions of the random scenes of ``random_physics``: problems of grids, checks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 import fenics_mortar as fm
 
-# Newton's method leaves less than this of a closed form [1].
+# Largest relative difference of a solution from a closed form by Newton's tolerance [1].
 SOLVED = 1e-7
 
 
@@ -20,7 +20,7 @@ def size(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def differs(what: str, found: Any, expected: Any, allowed: float) -> Iterator[str]:
-    """What differs by more than a fraction of the largest expected number, in words."""
+    """Messages on differences above a fraction of the largest expected number."""
     found, expected = np.broadcast_arrays(np.asarray(found), np.asarray(expected))
     error = np.abs(found - expected).max() / max(np.abs(expected).max(), np.finfo(float).tiny)
     if not error < allowed:
@@ -32,7 +32,7 @@ def differs(what: str, found: Any, expected: Any, allowed: float) -> Iterator[st
 
 
 def follow(problem: fm.ContactProblem, load: Any, steps: int) -> list[Any]:
-    """Follow a path from 0 to 1 in some steps at least; return the reports of its steps."""
+    """Follow a path from 0 to 1 in at least ``steps`` steps; return the reports of its steps."""
     options = fm.SteppingOptions(step=1.0 / steps, smallest=1e-3 / steps)
     return [step.report for step in fm.follow_path(problem, load, options).steps]
 

@@ -19,12 +19,12 @@ from demos.studies.stability.methods import METHODS, REMEDIES, Method
 Cell = dict[str, Any]
 Cells = dict[tuple[str, str, str], Cell]
 
-# Okabe and Ito's colours can be told apart by everyone; converged cells are blue, dark if slow.
+# Okabe and Ito's colours, for colour-blind readers; converged cells are blue, dark if slow.
 CUT, WRONG, FAILED, END, NOTHING = "#f0c419", "#d55e00", "#2b2b2b", "#9a9a9a", "#ffffff"
 FEWEST, MOST = 2.0, 14.0
 # Size of the picture, of the names above and the legend below [inch].
 WIDTH, HEAD, FOOT = 10.0, 1.5, 0.55
-# States of cells that did not get to the end of their path, or to none that is right.
+# States of cells that did not reach the end of their path, or ended in a wrong state.
 BAD = ("wrong", "failed", "dead end")
 # Newton iterations per load step of frictionless sliding blocks with a weighted gap and a minimum
 # function, 40 steps: issues 13508 and 17189 of MOOSE
@@ -42,7 +42,7 @@ def draw_all(cells: Cells, folder: Path) -> None:
 
 
 def methods_of(cells: Cells) -> dict[str, Method]:
-    """The methods that this release has."""
+    """The methods available in this release."""
     there = {m for (_, _, m), cell in cells.items() if cell["state"] != "not available"}
     return {name: method for name, method in METHODS.items() if name in there}
 
@@ -105,7 +105,7 @@ def split(families: Sequence[Family]) -> list[list[Family]]:
 
 
 def blue(iterations: float) -> Any:
-    """Light where few iterations suffice."""
+    """Colour of converged cells: light for few iterations."""
     part = np.clip((iterations - FEWEST) / (MOST - FEWEST), 0.0, 1.0)
     return colormaps["Blues"](0.12 + 0.78 * part)
 
@@ -114,14 +114,14 @@ def draw_panel(axes: Any, families: Sequence[Family], cells: Cells, rows: int) -
     """One column of families."""
     row, methods = 0, methods_of(cells)
     for family in families:
-        axes.text(-1.9, row + 0.62, family.title, fontsize=7.5, weight="bold", va="center")
+        axes.text(-2.6, row + 0.62, family.title, fontsize=7.5, weight="bold", va="center")
         for value in map(str, family.values):
             row += 1
             axes.text(-0.1, row + 0.5, words(value), fontsize=7, ha="right", va="center")
             for column, method in enumerate(methods):
                 draw_cell(axes, column, row, cells.get((family.name, value, method)))
         row += 1
-    axes.set(xlim=(-2.0, len(methods)), ylim=(rows, -0.1))
+    axes.set(xlim=(-2.7, len(methods)), ylim=(rows, -0.1))
     axes.xaxis.tick_top()
     axes.set_xticks(np.arange(len(methods)) + 0.5)
     axes.set_xticklabels([m.title for m in methods.values()], rotation=55, ha="left", fontsize=7.5)
@@ -131,7 +131,7 @@ def draw_panel(axes: Any, families: Sequence[Family], cells: Cells, rows: int) -
 
 
 def words(value: str) -> str:
-    """A value as people write it."""
+    """A value as text."""
     try:
         number = float(value)
     except ValueError:
@@ -168,7 +168,7 @@ def appearance(cell: Cell | None) -> tuple[Any, str, str]:
 
 
 def draw_iterations(cells: Cells) -> Figure:
-    """How many load steps take how many iterations, beside what others publish."""
+    """Distribution of iterations per load step, compared with published numbers."""
     steps, sliding = steps_of(cells, "default"), steps_of(cells, "default", SLIDING)
     figure = Figure((6.4, 3.2), layout="constrained")
     axes = figure.add_subplot()
@@ -231,7 +231,7 @@ def summary(cells: Cells) -> str:
 
 
 def remedy_table(cells: Cells) -> str:
-    """What each part of the default is needed for."""
+    """Table of scenes that need the features of the default."""
     lines = ["## Remedies", "", "| remedy | scene | with | without | why |"]
     lines.append("|---|---|---:|---:|---|")
     for name, remedy in REMEDIES.items():
@@ -267,7 +267,7 @@ def family_table(family: Family, cells: Cells) -> str:
 
 
 def entry(cell: Cell | None) -> str:
-    """A cell in words."""
+    """A cell as text."""
     if cell is None or cell["state"] in ("n/a", "not available"):
         return "·"
     if cell["state"] in BAD:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Where a random scene is placed, and in which units: a turn, a shift, lengths and stresses."""
+"""Placement of a random scene: rotation, translation, units of length and stress."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from demos.studies.stability.random_bodies import Array, Body
 
 @dataclass(frozen=True)
 class Placement:
-    """A rotation by ``angle`` [radian], a shift, and units of length and stress.
+    """A rotation by ``angle`` [radian], a translation, and units of length and stress.
 
     Attributes:
         turn: The rotation, shape (2, 2).

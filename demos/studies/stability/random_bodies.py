@@ -26,7 +26,7 @@ class Body:
         sides: Nodes along "bottom", "right", "top" and "left", counted from the lower left corner.
         E: Young's modulus [stress].
         nu: Poisson's ratio.
-        thickness: Least distance of bottom and top [length].
+        thickness: Smallest distance of bottom and top [length].
     """
 
     name: str
@@ -38,7 +38,7 @@ class Body:
     thickness: float
 
     def refined(self) -> Body:
-        """The same polygons of four times the cells; boundaries keep their corners."""
+        """The body with four times the cells and unchanged polygons."""
         triangles = self.cells.shape[1] == 3
         local = [(0, 1), (0, 2), (1, 2)] if triangles else [(0, 1), (0, 2), (1, 3), (2, 3)]
         edges = np.sort(self.cells[:, local], axis=2)
@@ -66,7 +66,7 @@ class Body:
 
     @property
     def outline(self) -> Array:
-        """Its nodes around, shape (k,)."""
+        """Nodes along the outline, shape (k,)."""
         s = self.sides
         return np.concatenate(
             [s["bottom"][:-1], s["right"][:-1], s["top"][:0:-1], s["left"][:0:-1]]
@@ -84,12 +84,12 @@ def corner_areas(x: Array) -> Array:
 
 
 def lengths(line: Array) -> Array:
-    """Lengths of the pieces of a polygon line (k, 2), shape (k - 1,)."""
+    """Lengths of the segments of a polygonal line (k, 2), shape (k - 1,)."""
     return np.linalg.norm(np.diff(line, axis=0), axis=1)
 
 
 def distances(points: Array, line: Array) -> Array:
-    """Distance of points (n, 2) from a polygon line (k, 2), shape (n,)."""
+    """Distance of points (n, 2) from a polygonal line (k, 2), shape (n,)."""
     a, p, edge = line[:-1], points[:, None], np.diff(line, axis=0)
     t = np.clip(((p - a) * edge).sum(axis=2) / (edge**2).sum(axis=1), 0.0, 1.0)
     return np.linalg.norm(p - a - t[..., None] * edge, axis=2).min(axis=1)
@@ -141,9 +141,9 @@ def draw_block(rng, name, cells, facet, place, top, bottom, E, shear=0.0) -> Bod
     Args:
         rng: Source of numbers.
         name: Name of the body.
-        cells: What ``_cells`` gave.
-        facet: About the length of its facets.
-        place: Where its middle is, and its width.
+        cells: Result of ``draw_cells``.
+        facet: Approximate length of its facets.
+        place: Position of its middle, and its width.
         top: Curve, or ``None``.
         bottom: Curve, or ``None``.
         E: Young's modulus.
@@ -189,7 +189,7 @@ def draw_block(rng, name, cells, facet, place, top, bottom, E, shear=0.0) -> Bod
 
 
 def _spacing(rng: np.random.Generator, count: int) -> Array:
-    """Places from 0 to 1: equal, graded to one end, or random lengths."""
+    """Positions from 0 to 1: equal, graded to one end, or random lengths."""
     kind = rng.integers(3)
     if kind == 0:
         lengths = np.ones(count)
@@ -202,7 +202,7 @@ def _spacing(rng: np.random.Generator, count: int) -> Array:
 
 
 def _jittered(rng: np.random.Generator, places: Array) -> Array:
-    """Move inner nodes by up to a quarter of the distance of their neighbours in a row."""
+    """Move inner nodes by up to a quarter of the distance of their neighbours in the row."""
     places = places.copy()
     room = np.minimum(np.diff(places[:, :-1]), np.diff(places[:, 1:]))[1:-1]
     places[1:-1, 1:-1] += 0.25 * rng.uniform(-1.0, 1.0, room.shape) * room
@@ -229,7 +229,7 @@ def split(rng: np.random.Generator, nodes: Array, cells: str) -> Array:
 
 
 def put_above(upper: Body, lower: Body, gap: float) -> Body:
-    """Put a body above another, at a least distance of their polygons."""
+    """Put a body above another one, with a given smallest distance of their polygons."""
     under, over = upper.x[upper.sides["bottom"]], lower.x[lower.sides["top"]]
     left, right = max(under[0, 0], over[0, 0]), min(under[-1, 0], over[-1, 0])
     x = np.concatenate([under[:, 0], over[:, 0], [left, right]])

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Random scenes of contact, each from a seed: curves, meshes, materials, loads.
 
-A scene is made in a frame of its own, where bodies are about one wide, lie above each other, and
-the softest has Young's modulus one; then it is bent, turned, moved, and scaled to random units.
-Everything is numpy, so a seed gives one scene, on any number of ranks and any release.
+A scene is created in a local frame: bodies are about one wide, lie above each other, and the
+softest has Young's modulus one. Then it is bent, rotated, translated, and scaled to random units.
+Only numpy is used, so that a seed defines one scene on any number of ranks and in any release.
 
-Only scenes are kept that have a solution worth asking for: ``objections`` says what is not.
+Only scenes with a meaningful solution are kept, see ``objections``.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from demos.studies.stability.random_bodies import (
 
 # Largest depth to which rigid bodies would overlap, over the thickness of the thinnest.
 DEEPEST = 0.12
-# Largest outward rise of a surface under the corner of a narrower body: above it the body would
-# also be touched from its side, which is no contact surface.
+# Largest outward rise of a surface under the corner of a narrower body: above it the side of the
+# body, which is not a contact surface, would also be in contact.
 RISE = 0.05
-# Part of the narrower surface that is above the other one at the start, and after the slide.
+# Smallest fraction of the narrower surface above the other one at the start, and after the slide.
 LEAST_OVERLAP = 0.5, 0.25
 # Smallest area at the corner of a cell over the largest in its body.
 FLATTEST = 1e-3
@@ -51,7 +51,7 @@ def random_case(seed: int) -> Case:
 
 
 def objections(case: Case) -> Iterator[str]:
-    """What makes a scene unreasonable, in words."""
+    """Reasons to reject a scene, as text."""
     for body in case.bodies:
         areas = corner_areas(body.x[body.cells])
         if areas.min() < FLATTEST * areas.max():
@@ -199,7 +199,7 @@ def _two_punches(rng: np.random.Generator, seed: int) -> Case:
 
 
 def _case(rng, seed, about, bodies, pairs, prescribed, pressed, traction) -> Case:
-    """Put a scene together; slaves are those on top until the roles are drawn."""
+    """Assemble a scene; slaves are the upper sides until the roles are drawn."""
     step = float(rng.choice([0.1, 0.2, 0.25, 0.5, 1.0]))
     about |= {"step": step}
     return Case(seed, about, bodies, pairs, prescribed, pressed, traction, step)
@@ -211,7 +211,7 @@ def _push(depth: float, slide: float) -> Array:
 
 
 def _depth(rng: np.random.Generator, bodies: list[Body]) -> float:
-    """How far rigid bodies would overlap, from little to nearly too much."""
+    """Overlap of rigid bodies, from small to nearly too large."""
     thinnest = min(body.thickness for body in bodies)
     return thinnest * DEEPEST * 10.0 ** rng.uniform(-1.3, 0.0)
 
@@ -245,7 +245,7 @@ def _curves(rng: np.random.Generator, facet: float) -> tuple[Curve, Curve, str]:
 
 
 def _corner_objections(upper: Body, lower: Body, slide: float = 0.0) -> Iterator[str]:
-    """Little overlap, and corners where the other surface rises outward."""
+    """Reasons to reject: small overlap, and corners where the other surface rises outward."""
     curves = [upper.x[upper.sides["bottom"]], lower.x[lower.sides["top"]]]
     spans = [np.array([curve[0, 0], curve[-1, 0]]) for curve in curves]
     for shift, least in zip((0.0, slide), LEAST_OVERLAP):
@@ -284,7 +284,7 @@ def _with_options(rng: np.random.Generator, case: Case) -> Case:
 
 
 def _placed(rng: np.random.Generator, case: Case) -> Case:
-    """Bend, turn, move and scale a scene; guides need directions along the axes."""
+    """Bend, rotate, translate and scale a scene; guides need directions along the axes."""
     guided = any(prescribed.component is not None for prescribed in case.prescribed)
     radius = np.inf
     if not guided and rng.random() < 0.25:

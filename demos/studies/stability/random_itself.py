@@ -17,11 +17,11 @@ from demos.studies.common import lame, neo_hookean
 from demos.studies.stability.physics import certified, differs, follow, size
 from meshes.mapped_grids import Grid, mesh, sector
 
-# The same facets are slaves, and the same sums are made in another order [1].
+# Largest relative difference for equal slave facets: sums are computed in another order [1].
 SAME = 1e-8
-# Forces on the body sum to what Newton's method leaves, over the sum of their norms [1].
+# Largest sum of forces on the body over the sum of their norms, by Newton's tolerance [1].
 BALANCE = 1e-9
-# Half the steps change the force of a honeycomb with friction by less than this [1].
+# Largest relative change of the force of a honeycomb with friction by half the step size [1].
 OF_STEPS = 0.1
 ENDS = ["ring/left", "ring/right"]
 

@@ -45,7 +45,7 @@ class Column:
         return self.problem.contacts[0]
 
     def rise(self, height: float) -> list[Any]:
-        """Move the top to a height [unit], in as many steps as it takes; return their reports."""
+        """Move the top to a height [unit] in adaptive steps; return their reports."""
         start, end = self.top.value.copy(), height * self.unit * self.normal
 
         def load(time: float) -> None:
@@ -96,7 +96,7 @@ def _column(law: Any, facets: int, degree: int, unit: float, E: float, angle: fl
 
 
 def _wear(rng: np.random.Generator, unit: float, E: float) -> tuple[Any, Any]:
-    """Under a held top the pressure falls by a factor in each step of a slide."""
+    """With a fixed top the pressure decreases by a factor in each step of a slide."""
     fraction, slip, depth = size(rng, 0.01, 1.0), size(rng, 0.01, 0.3), size(rng, 1e-4, 0.02)
     law = laws.Worn(0.0, fraction / E)
 
@@ -133,7 +133,7 @@ def _layer(rng: np.random.Generator, unit: float, E: float) -> tuple[Any, Any]:
 def _bond(rng: np.random.Generator, unit: float, E: float) -> tuple[Any, Any]:
     """A cohesive zone in series with the column: loaded, unloaded along the secant, broken."""
     reach, strength = size(rng, 0.01, 0.1), rng.uniform(0.05, 0.7)
-    strength *= E * reach  # weaker than the column, which would snap back otherwise
+    strength *= E * reach  # below the strength at which the column would snap back
     law = laws.Cohesive(strength, reach * unit)
     first, second = np.sort(rng.uniform(0.3, 0.9, 2))
 

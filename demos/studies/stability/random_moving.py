@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Random impacts: what they conserve, and the waves in a bar."""
+"""Random impacts: conserved quantities, and waves in a bar."""
 
 from __future__ import annotations
 

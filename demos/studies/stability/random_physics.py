@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Random scenes beyond plane statics, each judged by a closed form or by what it conserves.
+"""Random scenes beyond plane statics, checked by closed forms or conserved quantities.
 
 ==============  ============================================================================
 family          scenes and judges
@@ -12,8 +12,8 @@ memory          a column on a turned plane: wear, soft layer, cohesive zone, Str
 itself          C-rings closed by found and by chosen sides; folding honeycombs
 ==============  ============================================================================
 
-Each draw returns what was drawn, in words, and a function that solves the scene and returns the
-reports of its solves, what is wrong, in words, and remarks.
+Each draw returns the drawn values as text, and a function that solves the scene and returns the
+reports of its solves, messages on errors, and remarks.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Random scenes of bodies supported by contact with friction alone, each from a seed.
 
-First the weight grows, until time 1, then another load: it is drawn as a part of what limit
-analysis of the rigid bodies allows, from little to more than that. So each case knows whether, and
-until when, there may be an equilibrium.
+First the weight grows until time 1, then another load. This load is drawn as a fraction of the
+limit load of the rigid bodies, from small to above one. Existence of an equilibrium, and the time
+at which it ends, are therefore known for each case.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from demos.studies.stability.placement import draw_placement
 from demos.studies.stability.supported_case import SupportedCase
 from demos.studies.stability.supported_limits import rigid
 
-# Elastic bodies move by up to this many times the sum of the loads over Young's modulus.
+# Largest displacement of elastic bodies over the sum of the loads over Young's modulus [1].
 YIELDING = 60.0
 DRAWN = [
     scenes.block,
@@ -39,14 +39,14 @@ def hanging_case(seed: int) -> SupportedCase:
 
 
 def supported_case(seed: int) -> SupportedCase:
-    """Draw a scene; its seeds have nothing to do with those of ``random_case``."""
+    """Draw a scene; seeds are independent of those of ``random_case``."""
     rng = np.random.default_rng([seed, 17])
     draw = rng.choice(DRAWN)
     return _placed(rng, _loaded(rng, draw(rng, seed)))
 
 
 def _loaded(rng: np.random.Generator, case: SupportedCase) -> SupportedCase:
-    """Draw weight, another load as a part of what limit analysis allows, and stiffness."""
+    """Draw weight, another load as a fraction of the limit load, and stiffness."""
     areas = np.array([area for area, *_ in case.areas])
     free = np.array([body.name not in case.clamped for body in case.bodies])
     pressed = np.array([body.name == case.about.get("pressed") for body in case.bodies])

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Independent checks of scenes of thin and folded bodies, and of laws.
 
-Whether surfaces of one body overlap is asked of its outline, by winding numbers; what a law says is
-compared node by node with forces from the residual of the bulk, by formulas written down again.
+Overlap of surfaces of one body is determined from its outline by winding numbers. Laws are checked
+node by node with forces from the residual of the bulk, by independent formulas.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import numpy as np
 
 from demos.studies.stability.case import Case
 from demos.studies.stability.random_bodies import Array, distances
-from demos.studies.stability.shape_scenes import ShapeCase
+from demos.studies.stability.shape_case import ShapeCase
 from demos.studies.stability.user_laws import Rule
 
-# Straight facets stand for circles: the pressure between tubes may be off by this part.
+# Largest relative error of the pressure between tubes, whose circles have straight facets [1].
 OF_TUBES = 0.05
-# Bodies that nothing touches are where they were moved to, up to this part of their size.
+# Largest deviation of bodies without contact from their prescribed positions, over their size [1].
 AT_REST = 1e-6
-# Forces of nodes follow the law up to this part of the largest; a slip below this part of the
-# slope's length, or of the facet, may be none.
+# Largest deviation of nodal forces from the law, over the largest force [1]; slip over the slope's
+# length, or the facet, below which it may be zero [1].
 OF_LAW, NO_SLIP = 1e-5, 1e-7
 
 
@@ -38,7 +38,7 @@ def own_overlap(case: Case, x: Array, one: str, other: str) -> float:
 
 
 def _just_outside(case: Case, x: Array, nodes: Array, boundary: str) -> Array:
-    """The places of nodes of an outline, moved out of the body by little, shape (nodes, 2)."""
+    """Positions of nodes of an outline, moved slightly out of the body, shape (nodes, 2)."""
     around = case.outline_of(boundary)
     line = x[around]
     chord = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
@@ -49,7 +49,7 @@ def _just_outside(case: Case, x: Array, nodes: Array, boundary: str) -> Array:
 
 
 def windings(points: Array, outline: Array) -> Array:
-    """How often a closed polygon goes round points, shape (points,)."""
+    """Winding numbers of a closed polygon about points, shape (points,)."""
     a = outline[None] - points[:, None]
     b = np.roll(a, -1, axis=1)
     angle = np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=2))
@@ -57,13 +57,13 @@ def windings(points: Array, outline: Array) -> Array:
 
 
 def shape_wrongs(scene: Any, forces: Array, x: Array, before: Array) -> Iterator[str]:
-    """What is wrong with the end of a path of a shape, in words.
+    """Messages on errors of the final state of a shape's path.
 
     Args:
-        scene: Where it ended.
-        forces: Of the bulk on its nodes, in the order of the input, shape (nodes, 2).
-        x: Places of the nodes there [length].
-        before: Places at the accepted step before.
+        scene: The scene at its final state.
+        forces: Forces of the bulk on the nodes, in the order of the input, shape (nodes, 2).
+        x: Positions of the nodes at this state [length].
+        before: Positions at the previous accepted step.
     """
     case = scene.case
     if case.ends_free:
@@ -79,7 +79,7 @@ def shape_wrongs(scene: Any, forces: Array, x: Array, before: Array) -> Iterator
 
 
 def _strained(case: ShapeCase, x: Array) -> Iterator[str]:
-    """Bodies that are not where a rigid motion takes them."""
+    """Messages on bodies whose positions are not those of a rigid motion."""
     for prescribed in case.prescribed:
         number = case.number_of(prescribed.boundary)
         body = case.bodies[number]
@@ -90,7 +90,7 @@ def _strained(case: ShapeCase, x: Array) -> Iterator[str]:
 
 
 def _other_pressure(case: ShapeCase, forces: Array, x: Array) -> Iterator[str]:
-    """Mean pressure of a closed pair other than the known one."""
+    """Message if the mean pressure of a closed pair differs from the known one."""
     nodes = case.nodes_of(case.pairs[0][0])[:-1]
     centre = x[nodes].mean(axis=0)
     arms = x[nodes] - centre
@@ -107,7 +107,7 @@ def _other_pressure(case: ShapeCase, forces: Array, x: Array) -> Iterator[str]:
 def _against_law(
     case: ShapeCase, slave: str, normal: Array, rule: Rule, state: tuple[Array, Array, Array]
 ) -> Iterator[str]:
-    """Forces of nodes on a plane that are not what the law makes of pressure and slip."""
+    """Messages on nodal forces on a plane that do not follow from pressure and slip by the law."""
     forces, x, before = state
     nodes = case.nodes_of(slave)
     along = np.array([normal[1], -normal[0]])
@@ -129,9 +129,9 @@ def _against_law(
 
 
 def shears(rule: Rule, slip: Array, pressure: Array, nothing: float) -> tuple[Array, Array]:
-    """Least and largest shear against a slip that a law allows; ``nothing``: a slip that is none.
+    """Smallest and largest shear admitted by a law for a slip; ``nothing``: slip treated as zero.
 
-    The shear counts positive against a slip that is positive.
+    The shear is positive against a positive slip.
     """
     if rule.kind == "tanh":
         value = rule.mu * pressure * np.tanh(slip / rule.length)
@@ -148,7 +148,7 @@ def shears(rule: Rule, slip: Array, pressure: Array, nothing: float) -> tuple[Ar
 
 
 def _too_much_shear(case: ShapeCase, forces: Array) -> Iterator[str]:
-    """More shear of a pad on a block than mu times the pressure, both summed up."""
+    """Message if the total shear of a pad on a block exceeds mu times the total pressure."""
     pad = "pad/bottom"
     along, across = forces[case.nodes_of(pad)].sum(axis=0) @ _frame(case, pad)
     pulled = case.rules[0].stress * _length(case, pad) if case.rules[0].kind == "sticky" else 0.0

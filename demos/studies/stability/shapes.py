@@ -12,17 +12,17 @@ from demos.studies.stability.random_bodies import Array, Body, corner_areas, spl
 
 @dataclass(frozen=True)
 class Shape(Body):
-    """A body with any chains of boundary nodes as surfaces, and others by which it is gripped.
+    """A body with chains of boundary nodes as surfaces, and other chains as grips.
 
     Attributes:
-        grips: Chains of ``sides`` that are no surfaces: "around" is the outline.
+        grips: Chains of ``sides`` that are not surfaces: "around" is the outline.
     """
 
     grips: tuple[str, ...] = ("around",)
 
     @property
     def outline(self) -> Array:
-        """Its nodes around, shape (k,); a ring's two circles and the way between them, twice."""
+        """Nodes along the outline, shape (k,); for a ring both circles and the cut, twice."""
         if "around" in self.sides:
             return self.sides["around"][:-1]
         return np.concatenate([self.sides["low"], self.sides["high"]])
@@ -33,11 +33,11 @@ class Shape(Body):
         return [name for name in self.sides if name not in self.grips]
 
     def gripped(self, **chains: Array) -> Shape:
-        """The same with more chains by which it is gripped."""
+        """The body with more grips."""
         return replace(self, sides=self.sides | chains, grips=(*self.grips, *chains))
 
     def covered(self, **chains: Array) -> Shape:
-        """The same with more surfaces."""
+        """The body with more surfaces."""
         return replace(self, sides=self.sides | chains)
 
 
@@ -50,13 +50,13 @@ def mapped(
     closed: bool = False,
     E: float = 1.0,
 ) -> Shape:
-    """A body of a grid of places; it may close upon itself along its columns.
+    """A body from a grid of positions; it may be closed along its columns.
 
     Args:
-        rng: Draws how quadrilaterals are split.
+        rng: Source of random splits of quadrilaterals.
         name: Its name.
         x: Places, shape (rows + 1, columns + 1, 2) [length].
-        cells: What ``draw_cells`` gave.
+        cells: Result of ``draw_cells``.
         closed: Whether the last column is the first.
         E: Young's modulus.
 
@@ -86,7 +86,7 @@ def mapped(
 
 
 def strip(middle: Array, thickness: float, rows: int) -> Array:
-    """Places of a strip along a curve, shape (rows + 1, points, 2).
+    """Positions of a strip along a curve, shape (rows + 1, points, 2).
 
     Args:
         middle: Its middle, shape (points, 2) [length].
@@ -101,6 +101,6 @@ def strip(middle: Array, thickness: float, rows: int) -> Array:
 
 
 def box(x: float, y: float, width: float, height: float, columns: int, rows: int) -> Array:
-    """Places of a rectangle with its lower left corner at (x, y)."""
+    """Positions of a rectangle with its lower left corner at (x, y)."""
     s, t = np.meshgrid(np.linspace(0.0, width, columns + 1), np.linspace(0.0, height, rows + 1))
     return np.stack([x + s, y + t], axis=-1)

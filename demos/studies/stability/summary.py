@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The atlas in one small picture: the share of its scenes that each method solves.
+"""Summary picture of the atlas: fraction of its scenes solved by each method.
 
 Reads atlas.md and writes summary.png beside it:
 
@@ -52,7 +52,7 @@ def draw_summary(counts: dict[str, dict[str, int]]) -> Figure:
 
 
 def main() -> None:
-    """Draw it."""
+    """Draw the picture."""
     counts = read_counts((HERE / "atlas.md").read_text())
     draw_summary(counts).savefig(HERE / "summary.png", dpi=150)
 

@@ -23,11 +23,11 @@ class SupportedCase(Case):
         planes: Rigid planes by name, among the masters.
         friction: Coefficient of each pair.
         pulls: Adhesion of each pair; none if empty [stress].
-        fade: Gap over which adhesion falls to a third [length].
+        fade: Gap over which adhesion decreases to a third [length].
         loads: Force and moment about its centre of each body at times 0, 1, 2, (3, bodies, 3).
         clamped: Names of the bodies that do not move.
-        end: Time at which limit analysis sees bodies give way; infinite if never.
-        yielding: Largest displacement that is elastic [length].
+        end: Time at which bodies move by limit analysis; infinite if never.
+        yielding: Largest elastic displacement [length].
     """
 
     planes: dict[str, Plane] = field(default_factory=dict)
@@ -50,17 +50,17 @@ class SupportedCase(Case):
 
     @property
     def stop(self) -> float:
-        """The weight until 1, then the other load."""
+        """Final time: the weight until 1, then the other load."""
         return 2.0
 
     @property
     def smallest(self) -> float:
-        """Limit analysis is not righter than that."""
+        """Smallest step: the accuracy of limit analysis."""
         return 0.02
 
     @property
     def can_be_swapped(self) -> bool:
-        """Planes are no slaves."""
+        """Planes cannot be slaves."""
         return not self.planes and super().can_be_swapped
 
     @property

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Limit analysis of a scene of bodies supported by friction: when they give way.
+"""Limit analysis of a scene of bodies supported by friction: time at which they move.
 
-Forces act anywhere on the sides that touch, or only at the nodes of the slaves, as the mesh lets
-them.
+Forces act anywhere on the sides in contact, or only at the nodes of the slaves, as in the mesh.
 """
 
 from __future__ import annotations
@@ -21,12 +20,12 @@ from demos.studies.stability.touching import (
 
 
 def rigid(case: SupportedCase, *, at_nodes: bool = False) -> Structure:
-    """Its rigid bodies and where they touch; dead is the load at time 1, live what is added.
+    """The rigid bodies and their contact points; dead load at time 1, live load added later.
 
     Args:
         case: The case.
-        at_nodes: Whether forces act at nodes of the slaves only, as the mesh lets them, and without
-            friction at those that a guide holds along the surface, as those on symmetry planes.
+        at_nodes: Whether forces act at nodes of the slaves only, as in the mesh, and without
+            friction at nodes that a guide fixes along the surface, as on symmetry planes.
     """
     free = [body.name for body in case.bodies if body.name not in case.clamped]
     number = {name: k for k, name in enumerate(free)}
@@ -60,7 +59,7 @@ def rigid(case: SupportedCase, *, at_nodes: bool = False) -> Structure:
 
 
 def _is_guided(case: SupportedCase, slave: str, x: Array, n: Array) -> bool:
-    """Whether a node of a slave is prescribed along the surface: such nodes bear no friction."""
+    """Whether a node of a slave is prescribed along the surface: such nodes have no friction."""
     return any(
         given.component is not None
         and abs(n[given.component]) < 0.5
@@ -71,13 +70,13 @@ def _is_guided(case: SupportedCase, slave: str, x: Array, n: Array) -> bool:
 
 
 def end_of_mesh(case: SupportedCase) -> float:
-    """Time at which bodies give way if forces act at nodes of the slaves only."""
+    """Time at which bodies move if forces act at nodes of the slaves only."""
     verdict = judge(rigid(case, at_nodes=True))
     return 1.0 + verdict.factor if verdict.feasible else 0.0
 
 
 def earliest_end_of_mesh(case: SupportedCase) -> float:
-    """The same for friction that is not associated: bodies may give way from this time on."""
+    """Earliest time at which bodies may move, for non-associated friction."""
     if any(case.pulls):
         return end_of_mesh(case)
     return 1.0 + least_factor(rigid(case, at_nodes=True))
@@ -86,7 +85,7 @@ def earliest_end_of_mesh(case: SupportedCase) -> float:
 def _touching(
     case: SupportedCase, slave: str, master: str, *, at_nodes: bool
 ) -> list[tuple[Array, Array, float]]:
-    """Places where a pair touches, the normals on the slave there, and the lengths that belong."""
+    """Contact points of a pair, normals of the slave, and tributary lengths."""
     line = _line(case, slave)
     if master in case.planes:
         point, normal = case.planes[master]

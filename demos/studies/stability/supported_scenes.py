@@ -15,7 +15,7 @@ from demos.studies.stability.case import Prescribed
 from demos.studies.stability.random_bodies import Array, Body, draw_cells, split
 from demos.studies.stability.supported_case import SupportedCase
 
-# Width of upright joints that are no pairs [length]: bodies that bulge do not meet in them.
+# Width of upright joints that are not pairs [length]: bulging bodies do not meet in them.
 OPEN = 0.02
 DOWN = np.array([0.0, -1.0])
 
@@ -23,7 +23,7 @@ DOWN = np.array([0.0, -1.0])
 def quadrilateral(
     rng: np.random.Generator, name: str, corners: Array, counts: tuple[int, int], cells: str
 ) -> Body:
-    """A body between four corners, counter-clockwise from the lower left; its E is one."""
+    """A body between four corners, counter-clockwise from the lower left, with E = 1."""
     s, t = np.meshgrid(np.linspace(0, 1, counts[0] + 1), np.linspace(0, 1, counts[1] + 1))
     a, b, c, d = np.asarray(corners, float)
     s, t = s[..., None], t[..., None]
@@ -48,7 +48,7 @@ def _counts(rng: np.random.Generator, width: float = 1.0) -> tuple[int, int]:
 
 
 def _scene(seed: int, about: dict[str, Any], bodies, pairs, **options: Any) -> SupportedCase:
-    """Put a scene together; loads are still missing."""
+    """Assemble a scene without loads."""
     still = np.zeros((3, 2))
     clamped = options.get("clamped", ())
     prescribed = [Prescribed(f"{name}/{side}", still) for name, side in options.pop("supports", [])]
@@ -60,7 +60,7 @@ def _scene(seed: int, about: dict[str, Any], bodies, pairs, **options: Any) -> S
 
 
 def _on(rng, x: float, width: float, cells: str) -> dict[str, Any]:
-    """What stands below y = 0: a rigid plane, or a clamped block."""
+    """The ground below y = 0: a rigid plane, or a clamped block."""
     if rng.random() < 0.5:
         return {"bodies": [], "top": "floor", "planes": {"floor": (np.zeros(2), -DOWN)}}
     counts = (int(rng.integers(3, 9)), 2)
@@ -90,7 +90,7 @@ def block(rng: np.random.Generator, seed: int) -> SupportedCase:
 def _courses(
     rng: np.random.Generator, seed: int, rows: list[list[float]], name: str
 ) -> SupportedCase:
-    """Rows of blocks upon each other; ``rows``: places of the joints of each."""
+    """Rows of blocks on top of each other; ``rows``: positions of the joints of each."""
     cells, upright = draw_cells(rng), rng.random() < 0.8
     alike = int(rng.integers(2, 5)) if rng.random() < 0.4 else 0
     on = _on(rng, rows[0][0], rows[0][-1] - rows[0][0], cells)
@@ -121,7 +121,7 @@ def _courses(
 
 
 def wall(rng: np.random.Generator, seed: int) -> SupportedCase:
-    """A wall whose joints are anywhere, or in running bond."""
+    """A wall with random joints, or in running bond."""
     rows, length = int(rng.integers(2, 5)), float(rng.integers(1, 4))
     courses = []
     for r in range(rows):
@@ -133,7 +133,7 @@ def wall(rng: np.random.Generator, seed: int) -> SupportedCase:
 
 
 def tower(rng: np.random.Generator, seed: int) -> SupportedCase:
-    """Blocks upon each other with offsets."""
+    """Blocks on top of each other with offsets."""
     x, courses = 0.0, []
     for _ in range(rng.integers(2, 9)):
         width = rng.uniform(0.8, 1.3)
@@ -143,7 +143,7 @@ def tower(rng: np.random.Generator, seed: int) -> SupportedCase:
 
 
 def junction(rng: np.random.Generator, seed: int) -> SupportedCase:
-    """A block upon two others that touch."""
+    """A block on two others in contact."""
     left, right = rng.uniform(0.6, 1.2, 2)
     ends = [rng.uniform(-0.9, -0.3) * left, rng.uniform(0.3, 0.9) * right]
     if rng.random() < 0.3:
@@ -241,8 +241,8 @@ def arch(rng: np.random.Generator, seed: int) -> SupportedCase:
 def hanging(rng: np.random.Generator, seed: int) -> SupportedCase:
     """Blocks that hang below each other, the first from a rigid or a clamped ceiling.
 
-    Friction is of pressures alone, so that only a guide fixes them sideways; loads pull
-    straight down.
+    Friction is proportional to pressure alone, so that blocks are fixed sideways by a guide only;
+    loads pull straight down.
     """
     cells, y = draw_cells(rng), 0.0
     widths = rng.uniform(0.5, 1.3, rng.integers(1, 4))
@@ -277,7 +277,7 @@ def hanging(rng: np.random.Generator, seed: int) -> SupportedCase:
 
 
 def glued(rng: np.random.Generator, seed: int) -> SupportedCase:
-    """A tall block that stands, and sticks too much to slide: adhesion keeps it from tipping."""
+    """A tall standing block that sticks: adhesion prevents it from tipping."""
     cells = draw_cells(rng)
     width, height = rng.uniform(0.3, 0.6), rng.uniform(0.8, 1.5)
     on = _on(rng, 0.0, width, cells)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Where the sides of rigid bodies touch: places, normals, and the lengths that belong."""
+"""Contact between sides of rigid bodies: points, normals and tributary lengths."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 
 from demos.studies.stability.random_bodies import Array
 
-# Segments touch if they are nearer than this part of their length, and this parallel.
+# Segments touch if their distance over their length, and the sine of their angle, are below these.
 NEAR, PARALLEL = 1e-6, 1e-6
-# Nodes carry no force of their own where a smaller part of their length is covered.
+# Covered fraction of a node's length [1] below which it carries no force.
 COVERED = 0.05
 
 
 def touching_lines(one: Array, other: Array) -> list[tuple[Array, float]]:
-    """Places where two chains of segments touch, and the length that belongs to each.
+    """Points where two chains of segments touch, and the tributary length of each.
 
     Args:
         one: Shape (k, 2) [length].
@@ -30,7 +30,7 @@ def touching_lines(one: Array, other: Array) -> list[tuple[Array, float]]:
 
 
 def touching_segments(one: Array, other: Array) -> list[tuple[Array, float]]:
-    """Pieces of one chain that another one touches: ends (2, 2), along the first, and lengths."""
+    """Parts of a chain in contact with another one: ends (2, 2), along the first, and lengths."""
     found = []
     for a, b in itertools.pairwise(one):
         length = float(np.linalg.norm(b - a))
@@ -50,10 +50,10 @@ def touching_segments(one: Array, other: Array) -> list[tuple[Array, float]]:
 
 
 def touching_nodes(one: Array, other: Array) -> list[tuple[Array, float]]:
-    """Nodes of a chain that another one covers, and the length covered that belongs to each.
+    """Nodes of a chain covered by another one, and the covered length of each.
 
-    Where a mesh lets forces act: a force between an edge and the nearest node needs finer facets.
-    Nodes that are hardly covered do not count, see ``COVERED``.
+    These are the points at which forces of a mesh act: a force between an edge and the nearest node
+    needs finer facets. Hardly covered nodes are left out, see ``COVERED``.
     """
     lengths = np.linalg.norm(np.diff(one, axis=0), axis=1)
     covered = np.zeros(len(one))
@@ -66,7 +66,7 @@ def touching_nodes(one: Array, other: Array) -> list[tuple[Array, float]]:
 
 
 def touching_plane(line: Array, point: Array, normal: Array) -> list[tuple[Array, float]]:
-    """Nodes of a chain that are on a plane, and the length that belongs to each."""
+    """Nodes of a chain on a plane, and the tributary length of each."""
     lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
     near = np.abs((line - point) @ normal) < NEAR * lengths.max()
     flat = 0.5 * lengths * (near[1:] & near[:-1])
@@ -75,7 +75,7 @@ def touching_plane(line: Array, point: Array, normal: Array) -> list[tuple[Array
 
 
 def merged(found: Sequence[tuple[Array, float]]) -> list[tuple[Array, float]]:
-    """The same with places that occur twice joined."""
+    """Points with duplicates merged."""
     whole: dict[tuple[float, ...], tuple[Array, float]] = {}
     size = max((float(np.abs(x).max()) for x, _ in found), default=1.0) or 1.0
     for x, share in found:

@@ -1,27 +1,25 @@
 # SPDX-License-Identifier: MIT
-"""A randomised trial: many random scenes, each followed along its loads with defaults, and judged.
+"""Randomised trial: many random scenes, each solved along its load path with defaults, and checked.
 
     python3 -m demos.studies.stability.trial --cases 500    a line of JSON per case, a summary
     python3 -m demos.studies.stability.trial --case 17      one case, its report and picture
     python3 -m demos.studies.stability.trial --family supported  bodies supported by friction alone
 
-The families are blocks that are pushed or pressed, with defaults ("pushed"), bodies supported by
-friction ("supported") or adhesion ("hanging"), and those of ``random_shapes``: surfaces of one body
-("own"), thin bodies ("thin"), laws of a user ("laws"), exchanged roles ("roles"), and those of
+The families are blocks pushed or pressed, with defaults ("pushed"), bodies supported by friction
+("supported") or adhesion ("hanging"), those of ``random_shapes``: surfaces of one body ("own"),
+thin bodies ("thin"), users' laws ("laws"), exchanged roles ("roles"), and those of
 ``random_physics``: bodies of revolution ("revolved"), impacts ("moving"), laws with memory
-("memory"), bodies that touch themselves ("itself").
+("memory"), self-contact ("itself").
 
 The outcome of a case is one of
 
-- converged: the path was followed to its end, and nothing that was measured there is wrong,
-- failed: the package said, by an error of its own, that it cannot,
-- wrong: it converged to a state that is none,
-- dead end: it failed where limit analysis of the rigid bodies says that they give way,
-- crash: any other error, or the process died,
-- hang: the time limit.
+- converged: the path was followed to its end, and no measured quantity is wrong there, - failed:
+the package raised one of its errors, - wrong: it converged to a state that is not a solution, -
+dead end: it failed where the rigid bodies move by limit analysis, - crash: any other error, or the
+process died, - hang: the time limit was exceeded.
 
-A part of the cases is solved again, with half the steps and with the roles exchanged: two solutions
-of one case that differ are wrong, too.
+Some cases are solved again, with half the step size and with exchanged roles: two different
+solutions of one case are wrong, too.
 """
 
 from __future__ import annotations
@@ -54,11 +52,11 @@ from demos.studies.stability.trial_scene import build
 # Seeds of the families: the first from zero on, the next ones from one million on, and so on.
 FAMILIES = ("pushed", "supported", "hanging", "own", "thin", "laws", "roles", *DRAWS)
 SEEDS_OF_FAMILY = 1_000_000
-# Every so many cases is solved a second time.
+# Every n-th case is solved a second time.
 EVERY = 4
-# Seconds of computing; a case takes one, with its checks at the most some twenty.
+# Limit of CPU seconds; a case takes one second, with its checks at most about twenty.
 LIMIT = 100.0
-# So many times longer may a case last: other programs run as well.
+# Limit of wall time over that of CPU time [1]: other programs run as well.
 PATIENCE = 10.0
 
 
@@ -83,7 +81,7 @@ def family_of(seed: int) -> str:
 
 
 def run_seed(seed: int) -> Record:
-    """Run one case, and a part of them again."""
+    """Run one case, and some of the cases again."""
     family = family_of(seed)
     if family in DRAWS:
         return run_physics(family, seed % SEEDS_OF_FAMILY) | {"seed": seed, "family": family}
@@ -98,7 +96,7 @@ def run_seed(seed: int) -> Record:
 
 
 def _serve(connection: Any) -> None:
-    """Run the seeds that come in; the process ends when one computes for longer than its limit."""
+    """Run incoming seeds; the process ends if a case exceeds its limit of CPU time."""
     while True:
         seed, limit = connection.recv()
         signal.setitimer(signal.ITIMER_PROF, limit)
@@ -108,7 +106,7 @@ def _serve(connection: Any) -> None:
 
 
 class Worker:
-    """A process that runs cases; a new one takes its place when it dies or does not answer."""
+    """A process that runs cases; it is replaced if it dies or does not respond."""
 
     def __init__(self) -> None:
         self._start()
@@ -124,7 +122,7 @@ class Worker:
         """Outcome of one case."""
         begin = time.perf_counter()
         try:
-            if not self._process.is_alive():  # PETSc makes an end of what writes to a dead process
+            if not self._process.is_alive():  # PETSc aborts a process that writes to a dead one
                 raise EOFError
             self._connection.send((seed, limit))
             if self._connection.poll(PATIENCE * limit):
@@ -145,13 +143,13 @@ class Worker:
         }  # fmt: skip
 
     def stop(self) -> None:
-        """End the process."""
+        """Terminate the process."""
         self._process.kill()
         self._process.join()
 
 
 def run_many(seeds: range, path: Path, workers: int, limit: float) -> list[Record]:
-    """Run cases in processes of their own; write a line of JSON for each to ``path``."""
+    """Run cases in separate processes; write a line of JSON for each to ``path``."""
     pending, records = iter(seeds), []
     with path.open("w") as lines:
 
@@ -230,7 +228,7 @@ def _counts(records: list[Record]) -> list[str]:
 
 
 def show(seed: int, folder: Path) -> None:
-    """Run one case; print all there is to say, and draw where it stands."""
+    """Run one case; print its full record, and draw its final state."""
     logging.basicConfig(format="%(message)s")
     logging.getLogger("fenics_mortar").setLevel(logging.INFO)
     if family_of(seed) in DRAWS:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Run a random case and judge where it ends, by measures that owe nothing to the package's own."""
+"""Run a random case and check its final state by measures independent of the package."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ import numpy as np
 import fenics_mortar as fm
 from demos.studies.stability.case import Case
 from demos.studies.stability.random_bodies import corner_areas, depths, distances, lengths
+from demos.studies.stability.shape_case import ShapeCase
 from demos.studies.stability.shape_judge import own_overlap, shape_wrongs
-from demos.studies.stability.shape_scenes import ShapeCase
 from demos.studies.stability.supported_case import SupportedCase
 from demos.studies.stability.supported_limits import earliest_end_of_mesh, end_of_mesh
 from demos.studies.stability.trial_scene import Scene, build
@@ -26,34 +26,35 @@ from fenics_mortar.utils import compat
 
 Record = dict[str, Any]
 
-# Limit analysis is of rigid bodies; elastic ones may slide or stay that much earlier or later.
+# Limit analysis is that of rigid bodies; relative tolerance for elastic ones [1].
 MARGIN = 0.05
-# The same where the certificate tells of a coarse mesh: forces at edges are right to a facet then.
+# Tolerance if the certificate reports a coarse mesh: forces at edges are accurate to a facet.
 TOLD_MARGIN = 0.25
-# Where friction is not associated bodies may give way before limit analysis says so: a dead end
-# below this part of what it allows is taken for a failure.
+# With non-associated friction bodies may move before the limit load: a dead end below this fraction
+# of the limit load is a failure.
 EARLIEST = 0.9
 
-# Discretised surfaces may overlap by the first part of the longest facet between the nodes of a
-# slave, and be apart by the second where a force acts; by more, up to what the certificate allows,
-# where it tells so.
+# Largest overlap of discretized surfaces between slave nodes, and largest distance where a force
+# acts, over the longest facet [1]; larger values, within the limits of the certificate, must be
+# reported by it.
 PENETRATION, SEPARATION = 0.2, 0.05
-# Contact force and stress in the bulk agree to what Newton leaves.
+# Largest relative difference of contact force and bulk stress, by Newton's tolerance [1].
 BALANCE = 1e-6
-# Half the steps lead to the same state, up to what Newton leaves.
+# Largest relative change of the state by half the step size, by Newton's tolerance [1].
 SAME = 1e-6
-# The same with friction, whose path is cut into steps; none with laws of the slip of a step.
+# With friction, whose path is integrated in steps; no limit for laws of the slip of a step.
 SAME_WITH_FRICTION = 0.05
-# The response with exchanged roles differs by the discretisation, on the coarsest meshes by 100 %;
-# on one of the refinements up to so many dofs it has to come below this part, or the package has to
-# tell of one of the two by itself.
+# Largest relative difference of the response with exchanged roles [1], and number of dofs:
+# differences are discretization errors, up to 100 % on the coarsest meshes; on a refinement up to
+# this number of dofs they must be below the limit, or the package must report one of the two
+# solutions.
 SIMILAR, MOST_DOFS = 0.2, 10_000
-# The same of shapes, which take many steps.
+# Number of dofs for shapes, which need many steps.
 MOST_DOFS_OF_SHAPES = 2_500
-# Responses below this part of Young's modulus times width, or of the width, are none.
+# Responses below this fraction of Young's modulus times width, or of the width, are zero [1].
 NOTHING = 1e-6
 
-# What may confirm a dead end of bodies that friction supports, in this order.
+# Limits that may confirm a dead end of bodies supported by friction, in this order.
 ENDS: dict[str, Callable[[SupportedCase], float]] = {
     "end": lambda case: case.end,
     "end of mesh": end_of_mesh,
@@ -62,7 +63,7 @@ ENDS: dict[str, Callable[[SupportedCase], float]] = {
 
 
 def run(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Record, Scene | None]:
-    """Follow the path of a case and judge where it ends (collective)."""
+    """Follow the path of a case and check its final state (collective)."""
     record: Record = {"seed": case.seed, "outcome": "crash", "reason": "", **case.about}
     scene, begin = None, time.perf_counter()
     try:
@@ -85,7 +86,7 @@ def run(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Record, Scene | Non
         record |= {"reason": "; ".join(violations), **counts(path), **measured}
     except fm.NotConvergedError as error:
         record |= {"outcome": "failed", "reason": str(error), **counts(error.report)}
-    except fm.MortarError as error:  # no step is cut then: what counts is the load that it refused
+    except fm.MortarError as error:  # no step is cut: the refused load is used
         record |= {"outcome": "failed", "reason": str(error)}
         record["refused"] = scene.time if scene else 0.0
     except Exception as error:
@@ -97,12 +98,12 @@ def run(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Record, Scene | Non
 
 
 def confirm(case: SupportedCase, record: Record) -> None:
-    """Compare what became of a case with limit analysis of its rigid bodies.
+    """Compare the outcome of a case with limit analysis of its rigid bodies.
 
-    A failure is an honest dead end where limit analysis sees bodies give way about there, or where
-    that of the mesh does, whose forces act at nodes only: then the mesh is too coarse. Last, bodies
-    that slide may give way earlier, where forces and a mechanism obey the law of friction together.
-    States beyond, and bodies that slid although they are supported, are wrong.
+    A failure is a dead end if bodies move near this load by limit analysis, or by limit analysis
+    with forces at nodes only, in which case the mesh is too coarse. Finally, sliding bodies may
+    move earlier, if forces and a mechanism satisfy the law of friction together. States beyond
+    these loads, and bodies that slid although they are supported, are wrong.
     """
     reached = record.get("refused", record.get("time", 0.0))
     late = case.end * (1.0 + (TOLD_MARGIN if record.get("remarks") else MARGIN))
@@ -159,7 +160,7 @@ def measure(scene: Scene) -> Record:
 
 
 def response(scene: Scene, x: np.ndarray) -> np.ndarray:
-    """What the loads do not prescribe: contact forces, or the mean displacement where pressed."""
+    """Response to the loads: contact forces, or the mean displacement of the pressed boundary."""
     case = scene.case
     if case.pressed:
         return (x - case.x)[case.nodes_of(case.pressed)].mean(axis=0)
@@ -167,7 +168,7 @@ def response(scene: Scene, x: np.ndarray) -> np.ndarray:
 
 
 def wrongs(scene: Scene, measured: Record) -> Iterator[str]:
-    """What is wrong with a solved state, in words (collective)."""
+    """Messages on errors of a solved state (collective)."""
     yield from scene.problem.certificate().violations()
     if not measured["min_J"] > 0.0:
         yield f"a cell is inverted: J = {measured['min_J']:.2g}"
@@ -176,7 +177,7 @@ def wrongs(scene: Scene, measured: Record) -> Iterator[str]:
         yield f"bodies overlap by {measured['overlap']:.2g} of the longest facet"
     if not (measured["separation"] < SEPARATION or told):
         yield f"a force acts over a distance of {measured['separation']:.2g} of the longest facet"
-    if not measured["unbalance"] < BALANCE + measured.get("springs", 0.0):  # the report tells them
+    if not measured["unbalance"] < BALANCE + measured.get("springs", 0.0):  # these are reported
         yield f"contact force and stresses differ by {measured['unbalance']:.1e}"
 
 
@@ -207,9 +208,9 @@ def overlap(case: Case, x: np.ndarray, one: str, other: str) -> float:
 
 
 def separation(case: Case, x: np.ndarray, pair: tuple[str, str], contact: Any) -> float:
-    """Least distance of two boundaries over the longest facet; zero where no force acts.
+    """Smallest distance of two boundaries over the longest facet; zero if no force acts.
 
-    Where a node is in the other body the boundaries cross.
+    If a node is inside the other body, the boundaries cross.
     """
     if not contact.active.any() or overlap(case, x, *pair) > 0.0:
         return 0.0
@@ -246,7 +247,7 @@ def unbalance(scene: Scene) -> float:
 
 
 def unbalance_of_nodes(scene: Scene) -> float:
-    """The same at each free node, which may be in several pairs (collective)."""
+    """Imbalance at each free node, which may be in several pairs (collective)."""
     problem = scene.problem
     bulk = problem.equations.bulk
     r = compat.create_vector(bulk.V)
@@ -264,10 +265,10 @@ def unbalance_of_nodes(scene: Scene) -> float:
 
 
 def check_again(case: Case, record: Record) -> None:
-    """Solve with half the steps, and with exchanged roles; add to a record what differs.
+    """Solve with half the step size, and with exchanged roles; add differences to the record.
 
-    Where friction supports bodies many forces may balance the loads, and which do depends on the
-    path: there the outcome counts alone.
+    If bodies are supported by friction, forces are not unique and depend on the path: only the
+    outcome is compared.
     """
     if isinstance(case, SupportedCase):
         check_supported_again(case, record)
@@ -290,7 +291,7 @@ def check_again(case: Case, record: Record) -> None:
 
 
 def _same(case: Case) -> float:
-    """By how much half the steps may change the response."""
+    """Allowed change of the response by half the step size [1]."""
     rules = getattr(case, "rules", [])
     if any(rule.kind in ("tanh", "Stribeck") for rule in rules):
         return np.inf
@@ -298,7 +299,7 @@ def _same(case: Case) -> float:
 
 
 def check_supported_again(case: SupportedCase, record: Record) -> None:
-    """Whether half the steps, and exchanged roles, lead to a sound state, too."""
+    """Check that half the step size, and exchanged roles, lead to a sound state, too."""
     ways = {"half the steps": replace(case, step=case.step / 2)}
     if case.can_be_swapped:
         ways["exchanged roles"] = case.swapped()

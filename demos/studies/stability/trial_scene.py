@@ -19,7 +19,7 @@ import fenics_mortar as fm
 from demos.studies.common import lame, neo_hookean
 from demos.studies.stability.case import Case, Prescribed
 from demos.studies.stability.random_bodies import Array, Body
-from demos.studies.stability.shape_scenes import ShapeCase
+from demos.studies.stability.shape_case import ShapeCase
 from demos.studies.stability.shapes import Shape
 from demos.studies.stability.supported_case import SupportedCase
 from fenics_mortar.mesh.numbering import input_nodes
@@ -50,13 +50,13 @@ class Scene:
             self.forces.set(time)
 
     def places(self) -> Array:
-        """Present places of all nodes in the order of the input, on all ranks (collective)."""
+        """Present positions of all nodes in the order of the input, on all ranks (collective)."""
         return self.case.x + self.problem.equations.bulk.by_input_node()[1]
 
     def bulk_forces(self) -> Array:
-        """Forces of the stresses, less the loads, on all nodes, as ``places`` (collective).
+        """Forces of the stresses minus the loads on all nodes, ordered as ``places`` (collective).
 
-        Contact balances them, and reactions.
+        They are balanced by contact forces and reactions.
         """
         V = self.problem.equations.bulk.V
         r = compat.create_vector(V)
@@ -68,14 +68,14 @@ class Scene:
 
 
 class Forces:
-    """Forces and moments that act on the bodies of a case, spread over them.
+    """Forces and moments on the bodies of a case, distributed over them.
 
     Attributes:
         density: Body force [stress / length].
     """
 
     def __init__(self, case: SupportedCase, data: fm.MeshData) -> None:
-        """All are zero."""
+        """Set all forces to zero."""
         X = ufl.SpatialCoordinate(data.mesh)
         self._case, self._body = case, _body_of_cells(case, data)
         self._parts = [_by_body(case, data, np.zeros(len(case.bodies))) for _ in range(3)]
@@ -85,7 +85,7 @@ class Forces:
         self.density = ufl.as_vector((along - spin * (X[1] - y), across + spin * (X[0] - x)))
 
     def set(self, time: float) -> None:
-        """Set them for a time in [0, 2]."""
+        """Set the forces for a time in [0, 2]."""
         loads = self._case.loads
         now = [_at(loads[:, i], time) for i in range(loads.shape[1])]
         for part, values in zip(self._parts, self._case.densities(np.array(now)).T, strict=True):
@@ -98,7 +98,7 @@ def _at(values: Array, time: float) -> Array:
 
 
 def build(case: Case, comm: MPI.Comm) -> Scene:
-    """Make mesh and problem (collective)."""
+    """Create mesh and problem (collective)."""
     data = _mesh_data(case, comm)
     mesh = data.mesh
     V = fm.vector_space(mesh, 1)
@@ -201,7 +201,7 @@ def _mesh_data(case: Case, comm: MPI.Comm) -> fm.MeshData:
 
 
 def _surfaces(body: Body) -> list[str]:
-    """Names of the sides that are tagged: a grip may be a part of one."""
+    """Names of the tagged sides: a grip may be a part of one."""
     return body.surfaces if isinstance(body, Shape) else list(body.sides)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Laws of contact as a user may write them, for the randomised trial."""
+"""Users' contact laws for the randomised trial."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Creeping(fm.Law):
         self.mu, self.length = mu, length
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
-        """One for all."""
+        """One branch for all nodes."""
         return np.ones_like(before)
 
     def coefficient(self, slip: Array) -> tuple[Array, Array]:
@@ -28,7 +28,7 @@ class Creeping(fm.Law):
         return self.mu * part, self.mu * (1.0 - part**2) / self.length
 
     def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """What the shear lacks."""
+        """Shear minus that of the law."""
         value, change = self.coefficient(node.slip)
         return Row(
             node.z_tau - node.z_n * value,
@@ -43,7 +43,7 @@ class Creeping(fm.Law):
 
 
 class Stribeck(Creeping):
-    """The same with a coefficient that falls from mu to ``kinetic`` as slip grows."""
+    """Smooth friction with a coefficient that decreases from mu to ``kinetic`` with slip."""
 
     def __init__(self, mu: float, kinetic: float, length: float) -> None:
         super().__init__(mu, length)
@@ -67,7 +67,7 @@ class Saturating(Friction):
         self.mu, self.most = mu, most
 
     def limit(self, node: Nodal) -> tuple[Array, Array, Array]:
-        """Of the pressure."""
+        """Limit and its derivatives, a function of the pressure."""
         p = np.maximum(node.z_n, 0.0)
         by_z_n = np.where(node.z_n > 0.0, self.mu / (1.0 + p / self.most) ** 2, 0.0)
         return self.friction_limit(p), np.zeros_like(p), by_z_n
@@ -79,7 +79,7 @@ class Saturating(Friction):
 
 
 class Sticky(fm.Coulomb):
-    """Coulomb's friction, and adhesion that fades away as surfaces part."""
+    """Coulomb's friction, and adhesion that decreases with the gap."""
 
     def __init__(self, mu: float, pull: float, fade: float) -> None:
         super().__init__(mu)
@@ -98,8 +98,8 @@ class Rule:
     Attributes:
         kind: "Coulomb" (frictionless if mu is zero), "tanh", "Stribeck", "saturating" or "sticky".
         mu: Coefficient of friction.
-        kinetic: That of large slip, of "Stribeck".
-        length: Of "tanh" and "Stribeck" that of the slip, of "sticky" that of the gap [length].
+        kinetic: Coefficient at large slip for "Stribeck".
+        length: Reference slip of "tanh" and "Stribeck", reference gap of "sticky" [length].
         stress: Largest shear over mu of "saturating", pull of "sticky" [stress].
     """
 
@@ -110,7 +110,7 @@ class Rule:
     stress: float = 1.0
 
     def scaled(self, length: float, stress: float) -> Rule:
-        """The same in other units."""
+        """The law in other units."""
         return replace(self, length=length * self.length, stress=stress * self.stress)
 
     def law(self) -> fm.Law:

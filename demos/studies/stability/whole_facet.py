@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The dual basis of whole facets where a part has no partner: what consistent edges replace.
+"""Dual basis of whole facets on partly covered facets, for comparison with the consistent basis.
 
 The contrast of Cichosz & Bischoff (2011) and Popp, Seitz, Gee & Wall (2013): Phi and D are those of
-the whole facet, Phi = A N with the constant A below and D = l / 2, while M and the gap know its
-covered part only.
+the whole facet, Phi = A N with the constant A below and D = l / 2, while M and the gap are
+integrated over the covered part only.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ A = np.array([[2.0, -1.0], [-1.0, 2.0]])
 
 @contextmanager
 def whole_facet_basis() -> Iterator[None]:
-    """Use it in all pairs evaluated meanwhile."""
+    """Context in which all pairs use this basis."""
     function = partial(integrate_facets, facets.integrate_facets)
     with (
         patch.object(integrals.facets, "integrate_facets", function),
         patch.object(
             Contact, "update_multiplier_nodes", lambda self: 0
-        ),  # hardly covered nodes stay
+        ),  # hardly covered nodes are kept
     ):
         yield
 
 
 def integrate_facets(standard: Any, geometry: Any, sides: Any, *others: Any) -> None:
-    """As ``kernels.facets.integrate_facets``, by way of the integrals of the standard basis."""
+    """As ``kernels.facets.integrate_facets``, from the integrals of the standard basis."""
     segments, offsets, pair_offsets, rule, (kind, *options), values, derivatives, thickness = others
     if kind != basis.DUAL or sides[0].shape[1] != 2:
         standard(geometry, sides, *others)
@@ -59,5 +59,5 @@ def integrate_facets(standard: Any, geometry: Any, sides: Any, *others: Any) -> 
     D[dual] = 0.5 * length[:, :, None] * np.eye(2)
     dD[of_segment] = 0.0
     change = 0.5 * edges[dual] / length
-    for j in range(2):  # the facet's first segment tells all of it
+    for j in range(2):  # the first segment of the facet represents all
         dD[offsets[:-1][dual], 3 * j, 2:6] = np.hstack([-change, change])

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Derivatives of nodal fields of a contact by the present state, and of functionals of them.
+"""Derivatives of nodal fields of a contact, and of their functionals, at the present state.
 
-A functional of a pair is differentiated by the fields w (weights), g (weighted gaps), z_n, z_tau,
-slip and z; the chain rule leads from these to displacement, multipliers and obstacle.
+A functional of a pair is differentiated with respect to the fields w (weights), g (weighted gaps),
+z_n, z_tau, slip and z, and by the chain rule with respect to displacement, multipliers and obstacle
+motions.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from fenics_mortar.utils.arrays import Array
 
 @dataclass(frozen=True)
 class ByFields:
-    """Derivative of a functional by nodal fields, arrays (slave nodes,); ``None`` is zero.
+    """Derivative of a functional with respect to nodal fields, (slave nodes,); ``None`` is zero.
 
     Attributes:
-        weight: By the weights w_j.
-        gap: By the weighted gaps g_j.
-        z_n, z_tau: By pressure and shear.
-        slip: By the slip of the step.
-        z: By the multipliers, apart from pressure and shear, shape (slave nodes, 2).
+        weight: With respect to the weights w_j.
+        gap: With respect to the weighted gaps g_j.
+        z_n, z_tau: With respect to pressure and shear.
+        slip: With respect to the slip of the step.
+        z: With respect to the multipliers, apart from pressure and shear, shape (slave nodes, 2).
     """
 
     weight: Array | None = None
@@ -41,7 +42,7 @@ class ByFields:
     z: Array | None = None
 
     def gradient(self, contact: Interface) -> PairVector:
-        """Derivative by the present state at the pair (collective)."""
+        """Derivative with respect to the present state at the pair (collective)."""
         dofs = Dofs((contact.slave, contact.master))
         total = zero_of(contact)
         if self.z is not None:
@@ -92,7 +93,7 @@ def z_tau_derivative(contact: Interface, dofs: Dofs) -> NodalDerivative:
 
 
 def slip_derivative(contact: Interface, dofs: Dofs) -> NodalDerivative:
-    """Derivative of the slip of the step, zero on symmetry planes; at first collective."""
+    """Derivative of the step's slip, zero on symmetry planes; collective at first access."""
     assert isinstance(contact, Contact)
     o, partners = contact.operators, contact.partners
     turned = o.tangential_derivative(partners.apart(o))
@@ -113,7 +114,7 @@ DERIVATIVES = {
 
 
 def off_planes(derivative: NodalDerivative, contact: Contact) -> NodalDerivative:
-    """The derivative of slip, with zeros at nodes on symmetry planes (local)."""
+    """The derivative of slip with zeros at nodes on symmetry planes (local)."""
     kept = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, 1.0)
     blocks = [
         Block(block.rows, block.columns, block.values * kept[block.rows][:, :, None])
@@ -130,7 +131,7 @@ def _by_nodes(
     by_motion: Array | None = None,
     by_z: Array | None = None,
 ) -> NodalDerivative:
-    """The derivative with zeros where none is given (local)."""
+    """The derivative, zero for arguments that are ``None`` (local)."""
     count = contact.slave.num_nodes
     by_z = np.zeros((count, 2)) if by_z is None else by_z
     return NodalDerivative(
@@ -146,7 +147,7 @@ def moment(contact: Interface, about: Array) -> float:
 
 
 def moment_gradient(contact: Interface, about: Array) -> PairVector:
-    """Derivative of ``moment`` by the present state at the pair (collective)."""
+    """Derivative of ``moment`` with respect to the present state at the pair (collective)."""
     o, z = contact.operators, contact.z
     force, _ = _fields(contact).forces
     r = o.x - about

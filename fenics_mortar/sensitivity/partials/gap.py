@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Derivative of a contact's rows by its offset: through the weighted gap g_j - D_jk offset_k.
+"""Derivative of a contact's rows with respect to its offset, by the gap g_j - D_jk offset_k.
 
 Multipliers, displacement, active set and weights of the rows are fixed.
 """
@@ -16,9 +16,9 @@ from fenics_mortar.utils.arrays import Array
 
 
 def weights_of_gaps(contact: Contact) -> Array:
-    """Derivative of the two rows of a node by its weighted gap, (slave nodes, 2) [1] (local).
+    """Derivative of a node's two rows with respect to its weighted gap, (slave nodes, 2) [1].
 
-    Of the row of a closed gap, and of the laws, which depend on the mean gap.
+    Contributions of the row of a closed gap and of the law, which depends on the mean gap (local).
     """
     f = contact.now
     normal, _, *laws = contact.rows.frame()
@@ -40,7 +40,7 @@ def gap_along(o: MortarOperators, offset: Array) -> Array:
 
 
 def gap_back(o: MortarOperators, weights: Array) -> Array:
-    """Gradient of the sum of weighted gaps times ``weights`` by the offset (collective).
+    """Gradient, by the offset, of the sum of weighted gaps times ``weights`` (collective).
 
     Args:
         o: The operators.

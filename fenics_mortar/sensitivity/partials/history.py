@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Derivative of a step's rows by the accepted state that its slip is counted from.
+"""Derivative of a step's rows with respect to the accepted state at the start of the step.
 
-The rows depend on the previous state through the partners of the slave nodes, see ``slip``: by the
+The rows depend on the previous state through the partners of the slave nodes, see ``slip``: the
 matrices D / w and M / w of that state, its distances along the tangent (``start``), its nearest
 points of an obstacle, and for redundant sticks its shear. With the present positions x and m, the
 previous ones x' and m' and the tangent t of that state, the slip of node j is
@@ -47,7 +47,7 @@ class Earlier:
         contact: The contact.
         u: Displacement of that state, shape (local dofs,) [length].
         state: State of the contact.
-        place: Place (x, y, angle) of the obstacle, if there is one, shape (3,).
+        place: Position (x, y, angle) of the obstacle, if there is one, shape (3,).
 
     Attributes:
         fields: Nodal fields of that state.
@@ -59,7 +59,7 @@ class Earlier:
     ) -> None:
         self.contact, self.place = contact, place
         view, obstacle = contact.integration.view, contact.obstacle
-        with self.at_its_place():
+        with self.at_earlier_position():
             try:
                 operators, _ = contact.integration.evaluate(u, state, EXACT)
             finally:
@@ -71,8 +71,8 @@ class Earlier:
                 self.V_at_feet = obstacle.motions(_feet(self.operators), contact.arm)
 
     @contextmanager
-    def at_its_place(self) -> Iterator[None]:
-        """Context in which the obstacle is at its place of that state (local)."""
+    def at_earlier_position(self) -> Iterator[None]:
+        """Context in which the obstacle is at its position in that state (local)."""
         obstacle = self.contact.obstacle
         if obstacle is None or self.place is None:
             yield
@@ -109,15 +109,15 @@ def _gradient(o: ObstacleOperators) -> Array:
 
 
 class History:
-    """Derivative of the rows of a contact by an earlier state; all methods are collective.
+    """Derivative of the rows of a contact with respect to an earlier state; collective methods.
 
     Args:
         contact: The contact, evaluated at the end of the step.
-        earlier: The state that its partners are from.
+        earlier: The state that defines the partners.
 
     Attributes:
         slip: Derivative of the slip of the step [1].
-        shear: Derivative of the shear that redundant sticks start from.
+        shear: Derivative of the initial shear of redundant sticks.
     """
 
     def __init__(self, contact: Contact, earlier: Earlier) -> None:
@@ -157,7 +157,7 @@ def shear_derivative(earlier: Earlier, dofs: Dofs) -> NodalDerivative:
 
 
 def slip_derivative(contact: Contact, earlier: Earlier, dofs: Dofs) -> NodalDerivative:
-    """Derivative of the present slip by the earlier state (local)."""
+    """Derivative of the present slip with respect to the earlier state (local)."""
     none = np.zeros_like(contact.z)
     if isinstance(contact.operators, ObstacleOperators):
         blocks, by_motion = _on_obstacle(contact.operators, earlier)
@@ -167,10 +167,10 @@ def slip_derivative(contact: Contact, earlier: Earlier, dofs: Dofs) -> NodalDeri
 
 
 def _on_obstacle(now: ObstacleOperators, earlier: Earlier) -> tuple[list[Block], Array]:
-    """Blocks and derivative by motions of the slip along an obstacle (local).
+    """Blocks and derivative with respect to motions of the slip along an obstacle (local).
 
-    The slip is -tau . y with y the nearest point of the earlier state, which has moved with the
-    obstacle; the nearest point lies along the normal, so that ``start`` vanishes at any state.
+    The slip is -tau . y with the nearest point y of the earlier state, which moves with the
+    obstacle. The nearest point lies along the normal; therefore ``start`` vanishes at any state.
     """
     o, turn = earlier.operators, earlier.turn
     r = -now.tau @ now.obstacle.turn @ turn.T
@@ -192,7 +192,7 @@ class _Terms:
 
     Args:
         now: Operators at the end of the step.
-        earlier: State that the partners are from.
+        earlier: State that defines the partners.
         partners: The partners.
     """
 
@@ -210,18 +210,18 @@ class _Terms:
         planes = np.isfinite(earlier.contact.master_planes)
         self.n = np.where(planes, earlier.contact.master_planes, n)
         self.dn = np.where(planes[:, :, None], 0.0, dn)
-        self.t, y, meets = midway(o.n, -(partners.M @ self.n), self.apart)
+        self.t, y, meets = mean_tangents(o.n, -(partners.M @ self.n), self.apart)
         self.t = np.where(counts, np.where(touches, o.tau, self.t), 0.0)
         self.y = np.where(touches, 0.0, y)
         self.y_master = np.where(touches | ~meets[:, None], 0.0, y)
 
     def _by_D(self, j: Indices, k: Indices) -> Array:
-        """Derivative of the slip of nodes ``j`` by P[j, k]; shapes broadcast [length]."""
+        """d(slip of nodes ``j``)/dP[j, k]; shapes broadcast [length]."""
         there = np.einsum("...c,...c->...", self.now.tau[j], self.now.x[k])
         return there - np.einsum("...c,...c->...", self.t[j], self.o.x[k])
 
     def _by_M(self, j: Indices, l: Indices) -> Array:
-        """Derivative of the slip of nodes ``j`` by Q[j, l]; shapes broadcast [length]."""
+        """d(slip of nodes ``j``)/dQ[j, l]; shapes broadcast [length]."""
         there = np.einsum("...c,...c->...", self.now.tau[j], self.now.m[l])
         before = np.einsum("...c,...c->...", self.t[j], self.o.m[l])
         turn = np.einsum("...c,...c->...", self.y_master[j], self.n[l])
@@ -280,7 +280,7 @@ class _Terms:
         yield Block(j[:, None], columns[l], values[:, None])
 
     def _of_nearest(self) -> Iterator[Block]:
-        """Terms with the change of the place on the nearest facet, at nodes without rows in M."""
+        """Terms with the motion along the nearest facet, at nodes without rows in M."""
         o = self.o
         j = np.flatnonzero(~self.faces)
         roles = o.slave.roles
@@ -301,8 +301,8 @@ class _Terms:
             yield Block(j[:, None], surface.dofs_of(nodes[:, None]), (scale * change)[:, None])
 
 
-def midway(n: Array, opposite: Array, apart: Array) -> tuple[Array, Array, Flags]:
-    """Mean tangents of both sides, and how they turn with the normals (local).
+def mean_tangents(n: Array, opposite: Array, apart: Array) -> tuple[Array, Array, Flags]:
+    """Mean tangents of both sides, and their derivative with respect to the normals (local).
 
     Args:
         n: Normals of the slave nodes, shape (slave nodes, 2).
@@ -310,8 +310,8 @@ def midway(n: Array, opposite: Array, apart: Array) -> tuple[Array, Array, Flags
         apart: Distance vectors b, shape (slave nodes, 2) [length].
 
     Returns:
-        Tangents t (slave nodes, 2), y with dt . b = y . d(n + opposite), and whether ``opposite``
-        counts; see ``slip``.
+        Tangents t (slave nodes, 2), y with dt . b = y . d(n + opposite), and marks of the nodes
+        where ``opposite`` is used; see ``slip``.
     """
     meets = np.einsum("jc,jc->j", n, opposite) > 0.0
     v = np.where(meets[:, None], n + opposite, n)

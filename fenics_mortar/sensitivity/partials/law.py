@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Derivative of a contact's rows by parameters of its law, by complex steps.
+"""Derivative of a contact's rows with respect to parameters of its law, by complex steps.
 
-A law names its parameters, numbers or arrays, in ``Law.parameters``; those that vary in space are
-their values at the slave nodes. The law is evaluated with a parameter p + i h d: the imaginary part
-over h is the derivative along d, exact up to rounding. Functions such as ``abs`` are not analytic;
-a result that contradicts difference quotients on both sides is therefore refused. Branches are
-fixed, and so is the law's memory.
+The parameters of a law, numbers or arrays, are listed in ``Law.parameters``; those that vary in
+space are represented by their values at the slave nodes. The law is evaluated with a parameter
+p + i h d: the imaginary part over h is the derivative along d, exact up to rounding. Functions such
+as ``abs`` are not analytic; a result that contradicts difference quotients on both sides is
+therefore rejected. Branches are fixed, and so is the law's memory.
 """
 
 from __future__ import annotations
@@ -27,12 +27,13 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.rounding import EPSILON
 
-# Real step of difference quotients, relative to the parameter, and largest relative difference to
-# the complex step [1]: errors of the quotients are of the order of the step.
-QUOTIENT, ALIKE = 1e-6, 1e-3
+# Step of difference quotients, relative to the parameter [1]: errors of the quotients are of the
+# order of the step. Its square root is the largest relative difference from the complex step.
+QUOTIENT = 1e-6
 
 
-# Arguments of laws that are made complex, so that arrays like them may be.
+# Arguments of laws that are converted to complex numbers, so that arrays created like them are
+# complex.
 NUMBERS = ("gap", "slip", "z_n", "z_tau", "stiffness", "c_n")
 
 
@@ -126,7 +127,7 @@ def _rows_of(
 def parameter_by_rows(contact: Contact, name: str, rows: Array) -> Array:
     """Gradient of the sum of the rows times ``rows``, shape of the parameter (collective)."""
     value = parameter(contact, name)
-    if name in contact.pair.law.varying:  # a node's rows depend on its own value only
+    if name in contact.pair.law.varying:  # the rows of a node depend only on its value
         return np.einsum("jc,jc->j", rows, rows_by_parameter(contact, name, np.ones_like(value)))
     gradient = np.zeros(value.size)
     for i, unit in enumerate(np.eye(value.size)):
@@ -149,7 +150,7 @@ def _residuals(
     numbers: dict[str, Any] = {name: getattr(given, name).astype(complex) for name in NUMBERS}
     node = replace(given, fields=fields, memory=memory, **numbers)
     found = np.zeros((3, len(f.state.z)), complex)
-    if law.has_layer:
+    if law.has_closing_gap:
         node = replace(node, gap=np.where(f.covered, law.closing_gap(node).residual, node.gap))
     if law.has_friction:
         found[0] = law.tangential(node, f.state.branch).residual
@@ -169,10 +170,10 @@ def differentiate(
 ) -> Array:
     """Derivative by complex step, compared with difference quotients (local).
 
-    ``terms``: size of what the rows of the result are sums of, for their rounding, (rows,).
+    ``terms``: size of the terms whose sums are the rows of the result, for their rounding, (rows,).
 
     Raises:
-        ValueError: If they contradict each other; ``words`` say what was differentiated.
+        ValueError: If they contradict each other; ``words`` describes the derivative.
     """
     start = np.real(function(value))
     if not direction.any():
@@ -187,7 +188,7 @@ def differentiate(
         moved = np.real(function(value + sign * direction))
         errors.append(np.abs((moved - start) / sign - derivative))
     rounding = 10.0 * EPSILON * np.maximum(np.abs(start).max(axis=1), terms) / step
-    allowed = ALIKE * np.abs(derivative).max(axis=1) + rounding
+    allowed = np.sqrt(QUOTIENT) * np.abs(derivative).max(axis=1) + rounding
     if (np.minimum(*errors) > allowed[:, None]).any():
         raise ValueError(
             f"{words} contradicts difference quotients; expected the law to be analytic in the "

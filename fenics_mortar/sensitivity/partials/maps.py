@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Derivatives of nodal values of a pair as linear maps: products, and products of the transpose.
+"""Derivatives of nodal values of a pair as linear maps, with products and transposed products.
 
 Used for sensitivities only. All vectors are replicated; all products are collective.
 """
@@ -64,7 +64,7 @@ class Dofs:
         return self.order.size
 
     def places(self, dofs: Indices) -> Indices:
-        """Numbers of global ``dofs`` of the surfaces, of any shape; ``size`` for -1 (local)."""
+        """Numbers of global ``dofs`` of the surfaces, any shape; ``size`` for -1 (local)."""
         at = np.searchsorted(self.sorted_dofs, np.maximum(dofs, self.sorted_dofs[0]))
         return np.where(dofs >= 0, self.order[at], self.size)
 
@@ -113,14 +113,14 @@ class Dofs:
 
 @dataclass(frozen=True)
 class NodalDerivative:
-    """Derivative of one value per slave node by displacements, multipliers and motions.
+    """Derivative of nodal values with respect to displacements, multipliers and motions.
 
     Attributes:
         dofs: Dofs of the pair.
-        blocks: Derivative by displacements: rows are slave nodes, columns global dofs; each rank
-            has a share.
-        by_z: Derivative by the multiplier of the node, shape (slave nodes, 2).
-        by_motion: Derivative by the motions of the obstacle, shape (slave nodes, 3).
+        blocks: Derivative with respect to displacements: rows are slave nodes, columns global dofs;
+            each rank has a part.
+        by_z: Derivative with respect to the multiplier of the node, shape (slave nodes, 2).
+        by_motion: Derivative with respect to the motions of the obstacle, shape (slave nodes, 3).
     """
 
     dofs: Dofs

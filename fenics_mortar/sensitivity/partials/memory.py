@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Derivatives of a law's memory at the end of a step, and of the rows by that at its start.
+"""Derivatives of a law's memory at the end of a step, and derivatives by the initial memory.
 
-The memory h_k = H(g, slip, z_n, z_tau; h_{k-1}, p) of a node follows from its own mean gap, slip,
-multiplier, memory before and the parameters p of the law, with the closing gap in the place of the
-gap as in ``Law.remember``. H is differentiated by complex steps, which are compared with difference
+The memory h_k = H(g, slip, z_n, z_tau; h_{k-1}, p) of a node depends on its mean gap, slip,
+multiplier, memory before and the parameters p of the law; as in ``Law.remember`` the closing gap
+replaces the gap. H is differentiated by complex steps, which are compared with difference
 quotients. Branches are fixed.
 """
 
@@ -32,7 +32,7 @@ from fenics_mortar.sensitivity.partials.maps import Dofs, PairVector
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together
 
-# Arguments of the memory that depend on the state; the gap is the mean gap of the geometry.
+# Arguments of the memory that depend on the state; the gap is the geometric mean gap.
 ARGUMENTS = ("gap", "slip", "z_n", "z_tau")
 
 
@@ -41,7 +41,8 @@ class PairMemory:
 
     Args:
         contact: The contact, evaluated at the end of the step.
-        history: Derivative of its rows by the state before, ``None`` if that is given.
+        history: Derivative of its rows with respect to the state before, ``None`` if the state
+            before is fixed.
     """
 
     def __init__(self, contact: Contact, history: History | None) -> None:
@@ -54,7 +55,7 @@ class PairMemory:
         self._rows = {name: rows_by_memory(contact, name) for name in names}
 
     def _differentiate(self, name: str, value: Array) -> Array:
-        """Derivative of the memory by an argument, (names, slave nodes)."""
+        """Derivative of the memory with respect to an argument, (names, slave nodes)."""
         contact, law, f = self._contact, self._contact.pair.law, self._contact.now
 
         def found() -> Array:
@@ -66,7 +67,7 @@ class PairMemory:
         return np.asarray(call_together(contact.slave.comm, self._words, found))
 
     def _by_own(self, name: str) -> Array:
-        """Derivative of the memory by that before, (names, slave nodes)."""
+        """Derivative of the memory with respect to that before, (names, slave nodes)."""
         contact, law, f = self._contact, self._contact.pair.law, self._contact.now
         memory = _given(f).memory
         value = np.asarray(memory[name])
@@ -88,7 +89,7 @@ class PairMemory:
         return self.along_fields(made)
 
     def along_fields(self, changes: Mapping[str, Array]) -> Array:
-        """Change with fields of the pair; ``gap`` is the weighted gap, missing ones are held."""
+        """Change with fields of the pair; ``gap`` is the weighted gap; missing fields are fixed."""
         o, f = self._contact.operators, self._contact.now
         none = np.zeros(len(o.x))
         weighted = changes.get("gap", none) - f.mean_gap * changes.get("weight", none)
@@ -111,13 +112,13 @@ class PairMemory:
         return self.fields_back(c).gradient(self._contact)
 
     def along_before(self, direction: PairVector) -> Array:
-        """Change with the state before, from which slip counts, (names, slave nodes)."""
+        """Change with the state before, from which slip is counted, (names, slave nodes)."""
         if self._history is None:
             return np.zeros_like(self._by["slip"])
         return self._by["slip"] * self._history.slip.along(direction)
 
     def before_back(self, c: Array) -> PairVector | None:
-        """Transpose of ``along_before``; ``None`` if that is given."""
+        """Transpose of ``along_before``; ``None`` if the state before is fixed."""
         if self._history is None:
             return None
         return self._history.slip.back((self._by["slip"] * c).sum(axis=0))
@@ -166,7 +167,7 @@ class PairMemory:
         return np.array(gradient).reshape(value.shape)
 
 
-# Fields of ``DERIVATIVES`` that the memory depends on.
+# Fields of ``DERIVATIVES`` on which the memory depends.
 FIELDS = ("weight", "gap", "z_n", "z_tau", "slip")
 
 
@@ -182,7 +183,7 @@ def _remembered(
     given = _given(f)
     numbers: dict[str, Any] = {name: getattr(given, name).astype(complex) for name in NUMBERS}
     node = replace(given, **{**numbers, "fields": fields, **changes})
-    if law.has_layer:
+    if law.has_closing_gap:
         node = replace(node, gap=np.where(f.covered, law.closing_gap(node).residual, node.gap))
     answer = law.remember(node, f.state.branch)
     return np.array([np.asarray(answer[name], complex) for name in law.memory])

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Derivative of the equations of a contact by the reference positions of its nodes.
+"""Derivative of the equations of a contact with respect to the reference positions of its nodes.
 
 With finite sliding, the equations depend on the present positions x = X + u: forces and rows change
 as with the displacement, at fixed sets and weights of the rows. Lengths of undeformed facets occur
-in weights of rows only, and in the stiffness of redundant sticks and of users' laws, which counts
-as fixed. The offset is fixed, too.
+only in weights of rows, and in the stiffness of redundant sticks and of users' laws, which is
+considered fixed. The offset is fixed, too.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from fenics_mortar.utils.errors import MortarError
 
 
 class Positions:
-    """Derivative of forces and rows of a contact by positions; collective methods.
+    """Derivative of forces and rows of a contact with respect to positions; collective methods.
 
     Args:
         contact: The contact, evaluated.
 
     Raises:
-        MortarError: If the contact depends on the undeformed mesh otherwise: ties, small sliding,
-            thickness or parameters of laws that are functions of the position.
+        MortarError: If the contact depends on the undeformed mesh in other ways: ties, small
+            sliding, thickness or parameters of laws that are functions of the position.
     """
 
     def __init__(self, contact: Interface) -> None:
@@ -56,7 +56,7 @@ class Positions:
         return PairVector(*forces, rows, np.einsum("mjc,jc->m", self._of_obstacle, on_slave))
 
     def back(self, y: PairVector) -> tuple[Array, Array]:
-        """Gradient by the positions of slave and master of the product of the changes and y."""
+        """Gradient of the product of the changes and y, by the positions of slave and master."""
         dofs = self._dofs
         total = dofs.back(self._forces, dofs.flat(y.on_slave, y.on_master))
         total += dofs.back(self._rows, y.z.ravel())
@@ -65,10 +65,10 @@ class Positions:
 
 
 def check_positions(contact: Interface) -> None:
-    """Refuse contacts whose equations depend on the undeformed mesh in other ways (local).
+    """Reject contacts whose equations depend on the undeformed mesh in other ways (local).
 
     Raises:
-        MortarError: For such a contact.
+        MortarError: If a contact has such equations.
     """
     if not isinstance(contact, Contact) or contact.pair.sliding == "small":
         raise MortarError(

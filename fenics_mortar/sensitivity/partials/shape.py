@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Derivative of a contact's rows by the shape of its obstacle.
+"""Derivative of a contact's rows with respect to the shape of its obstacle.
 
-The distance of a point changes by dphi, the gradient by dgrad. This changes the weighted gaps
-int Phi_j phi, the normals n = -grad phi / |grad phi| of the slave nodes, and the slip: by the
-present tangents, and by the nearest points of the accepted state that it is counted from. Forces of
+The distance of a point changes by dphi, the gradient by dgrad. This changes the weighted gaps int
+Phi_j phi, the normals n = -grad phi / |grad phi| of the slave nodes, and the slip, through the
+present tangents and the nearest points of the accepted state from which it is counted. Forces of
 given multipliers do not depend on the obstacle.
 """
 
@@ -26,13 +26,13 @@ from fenics_mortar.utils.errors import MortarError, call_together
 
 
 class _Changed:
-    """The change of an obstacle's distance, in place of the obstacle in integrals."""
+    """The change of an obstacle's distance, which replaces the obstacle in integrals."""
 
     def __init__(self, obstacle: Obstacle, name: str, direction: Array) -> None:
         self._obstacle, self._name, self._direction = obstacle, name, direction
 
     def evaluate(self, x: Array) -> tuple[Array, Array, Array]:
-        """Changes of phi (n,) and of its gradient (n, 2) at points in space; no Hessian."""
+        """Changes of phi (n,) and its gradient (n, 2) at points in space; the Hessian is zero."""
         o = self._obstacle
         phi, gradient = o.local_by_shape(o.to_own_frame(x), self._name, self._direction)
         return phi, gradient @ o.turn.T, np.zeros((*x.shape, 2))
@@ -46,9 +46,9 @@ class FieldChange(NamedTuple):
     """Changes of nodal fields, each of shape (slave nodes,); multipliers z are fixed.
 
     Attributes:
-        gap: Of the weighted gaps [length^2].
-        z_n, z_tau: Of pressure and shear [stress].
-        slip: Of the slip of the step [length].
+        gap: Change of the weighted gaps [length^2].
+        z_n, z_tau: Changes of pressure and shear [stress].
+        slip: Change of the slip of the step [length].
     """
 
     gap: Array
@@ -63,10 +63,10 @@ def change_by_shape(
     """Change of fields along a direction of a parameter of the shape (collective).
 
     Args:
-        contact: The contact, evaluated; its obstacle in the present place.
+        contact: The contact, evaluated, with the obstacle at its present position.
         name: Name of the parameter, see ``Obstacle.shape``.
         direction: Shape of the parameter, in its unit.
-        earlier: Accepted state that slip is counted from; needed with friction.
+        earlier: Accepted state from which slip is counted; needed with friction.
 
     Raises:
         MortarError: If sliding is small.
@@ -82,7 +82,7 @@ def change_by_shape(
     o.slave.comm.Allreduce(MPI.IN_PLACE, gap)
     dtau = np.stack([-dn[:, 1], dn[:, 0]], axis=1)
     slip = np.zeros(len(gap))
-    if contact.pair.law.has_friction or contact.pair.law.sees_nodes:
+    if contact.pair.law.has_friction or contact.pair.law.needs_nodal_state:
         slip = np.einsum("jc,jc->j", dtau, contact.partners.apart(o))
         if earlier is not None:
             slip += _slip_of_earlier(contact, earlier, name, direction)
@@ -142,10 +142,10 @@ def _normals(contact: Contact, o: ObstacleOperators, changed: Any) -> Array:
 
 
 def _slip_of_earlier(contact: Contact, earlier: Earlier, name: str, direction: Array) -> Array:
-    """Change of the slip by the nearest points of the earlier state, (slave nodes,) (local)."""
+    """Change of the slip due to the nearest points of the earlier state, (slave nodes,) (local)."""
     now, o, obstacle = contact.operators, earlier.operators, contact.obstacle
     assert obstacle is not None
-    with earlier.at_its_place():
+    with earlier.at_earlier_position():
         changed = _Changed(obstacle, name, direction)
         phi, dn = changed.evaluate(o.x)[0], _normals(contact, o, changed)
     along = -now.tau @ obstacle.turn @ earlier.turn.T

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""All differences between dolfinx 0.5.2, 0.9 and 0.11, and nothing else.
+"""All differences between dolfinx 0.5.2, 0.9 and 0.11.
 
-Functions check the interface (``hasattr``, ``callable``) and never a version number, so that other
-releases work as far as their interface agrees. The docstrings name the release of a change. Callers
-import this package and none of its modules.
+Functions check the interface (``hasattr``, ``callable``), never a version number, so that other
+releases work if their interface agrees. Docstrings name the release of each change. Callers import
+this package, not its modules.
 """
 
 from fenics_mortar.utils.compat.assembly import (
@@ -28,7 +28,13 @@ from fenics_mortar.utils.compat.libraries import (
     option_is_used,
     scalar_is_complex,
 )
-from fenics_mortar.utils.compat.meshes import cell_name, create_mesh, geometry_dofmap, model_to_mesh
+from fenics_mortar.utils.compat.meshes import (
+    cell_name,
+    create_mesh,
+    geometry_dofmap,
+    model_to_mesh,
+    num_corners,
+)
 from fenics_mortar.utils.compat.spaces import (
     dofmap,
     is_part_of,
@@ -57,6 +63,7 @@ __all__ = [
     "is_sub_space",
     "mixed_space",
     "model_to_mesh",
+    "num_corners",
     "option_is_used",
     "petsc_vec",
     "prescribed_value",

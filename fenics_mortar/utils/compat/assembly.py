@@ -10,7 +10,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-import dolfinx.fem.petsc  # must be explicit in every release
+import dolfinx.fem.petsc  # needs an explicit import in every release
 import ufl
 from dolfinx import fem, la
 
@@ -22,7 +22,7 @@ from fenics_mortar.utils.compat.compiler import own_options, quiet_compiler
 def form(ufl_form: ufl.Form) -> fem.Form:
     """Compile a UFL form for PETSc's scalar type (collective).
 
-    0.5 writes into its default option dictionaries, so each form gets its own.
+    Release 0.5 modifies its default option dictionaries; each form therefore has separate ones.
     """
     return fem.form(ufl_form, **own_options(fem.form))
 
@@ -65,8 +65,8 @@ def assemble_vector(b: PETSc.Vec, L: fem.Form) -> None:
 def petsc_vec(function: fem.Function) -> PETSc.Vec:
     """Return the PETSc vector, with ghosts, that shares the memory of ``function``.
 
-    ``Function.vector`` became ``Function.x.petsc_vec`` in 0.9. The vector lives as long as the
-    function does: do not destroy it.
+    ``Function.vector`` became ``Function.x.petsc_vec`` in 0.9. The vector is valid as long as the
+    function exists: do not destroy it.
     """
     return function.x.petsc_vec if hasattr(function.x, "petsc_vec") else function.vector
 
@@ -78,7 +78,7 @@ def set_prescribed(values: Array, bcs: list[Any]) -> None:
         values: Shape (local dofs,); changed in place.
         bcs: Dirichlet conditions.
 
-    ``fem.set_bc`` of an array became ``DirichletBC.set``; 0.9 has both and warns of the first.
+    ``fem.set_bc`` of an array became ``DirichletBC.set``; 0.9 has both and deprecates the first.
     """
     for bc in bcs:
         if hasattr(bc, "set"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The form compiler: silence, and the options of functions that compile (local)."""
+"""The form compiler: suppression of its output, and options of functions that compile (local)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 
 def _is_told(record: logging.LogRecord) -> bool:
-    """Tell whether a record is of another origin than setuptools, or a warning."""
+    """Whether a log record is a warning or does not come from setuptools."""
     return record.levelno >= logging.WARNING or "distutils" not in record.pathname
 
 
@@ -18,9 +18,9 @@ def _is_told(record: logging.LogRecord) -> bool:
 def quiet_compiler() -> Iterator[None]:
     """Context without the lines "INFO:root:building ..." of the form compiler (local).
 
-    To compile, cffi calls setuptools, which sets the level of the root logger, and logs to it each
-    command of the C compiler. FFCx hides these since 0.9. Level and handlers are put back; warnings
-    and records of other origin pass.
+    For compilation cffi calls setuptools, which sets the level of the root logger and logs each
+    command of the C compiler. FFCx hides these records since 0.9. Level and handlers are restored;
+    warnings and other records are not suppressed.
     """
     root = logging.getLogger()
     level, handlers = root.level, root.handlers[:]

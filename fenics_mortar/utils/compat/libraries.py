@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""PETSc and gmsh, whose releases differ as those of dolfinx do."""
+"""PETSc and gmsh, whose interfaces differ between releases as well."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ import numpy as np
 
 
 def scalar_is_complex() -> bool:
-    """Tell whether PETSc was built with complex scalars."""
+    """Whether PETSc was built with complex scalars (local)."""
     return np.issubdtype(PETSc.ScalarType, np.complexfloating)
 
 
 def option_is_used(name: str) -> bool:
-    """Tell whether PETSc has used an option of its database, given with prefix (local).
+    """Whether PETSc has used an option of its database, given with prefix (local).
 
-    ``PETSc.Options.used`` is missing in 3.18; there the C function is called.
+    ``PETSc.Options.used`` is missing in 3.18, for which the C function is called.
     """
     database = PETSc.Options()
     if hasattr(database, "used"):
@@ -36,9 +36,10 @@ def option_is_used(name: str) -> bool:
 
 
 def gmsh_is_initialized(gmsh: Any) -> bool:
-    """Tell whether the module ``gmsh`` has been initialized.
+    """Whether the module ``gmsh`` has been initialized (local).
 
-    4.8 has no ``isInitialized``: there any call fails before, and prints an error; it is hidden.
+    Release 4.8 has no ``isInitialized``: before initialization any call fails and prints an error,
+    which is hidden.
     """
     if hasattr(gmsh, "isInitialized"):
         return bool(gmsh.isInitialized())

@@ -26,19 +26,24 @@ def cell_name(mesh: dmesh.Mesh) -> str:
     return mesh.topology.cell_type.name
 
 
+def num_corners(mesh: dmesh.Mesh) -> int:
+    """Return the number of vertices of a cell, 3 or 4."""
+    return {"triangle": 3, "quadrilateral": 4}[cell_name(mesh)]
+
+
 @quiet_compiler()
 def create_mesh(
     comm: MPI.Comm, cells: npt.ArrayLike, x: npt.ArrayLike, cell_name: str, degree: int = 1
 ) -> dmesh.Mesh:
     """Create a plane mesh from arrays (collective).
 
-    ``ufl.VectorElement`` gave way to ``basix.ufl.element``, and in 0.10 element and ``x`` changed
-    places.
+    ``ufl.VectorElement`` was replaced by ``basix.ufl.element``, and in 0.10 element and ``x`` were
+    exchanged.
 
     Args:
         comm: Communicator of the mesh.
         cells: Global numbers of the nodes in basix order, shape (num_cells, nodes per cell); each
-            rank gives its part, possibly of shape (0, nodes per cell).
+            rank passes its part, possibly of shape (0, nodes per cell).
         x: Coordinates of this rank's part of the nodes, shape (num_nodes, 2) [length]; the parts
             are numbered one rank after the other.
         cell_name: ``"triangle"`` or ``"quadrilateral"``.
@@ -60,13 +65,13 @@ def model_to_mesh(
 ) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags]:
     """Make mesh, cell tags and facet tags of the plane gmsh model on rank ``rank`` (collective).
 
-    ``io.gmshio`` became ``io.gmsh`` in 0.10 and its triple a tuple with names, in which tags can
-    be missing; here they are empty then. With 0.5 the mesh has ghost cells.
+    ``io.gmshio`` became ``io.gmsh`` in 0.10 and its triple a tuple with names, in which tags can be
+    missing; empty tags are returned in this case. With 0.5 the mesh has ghost cells.
 
     Args:
-        model: The module ``gmsh.model`` on rank ``rank``, anything on the others.
+        model: The module ``gmsh.model`` on rank ``rank``, any object on the others.
         comm: Communicator of the mesh.
-        rank: The rank that has the model.
+        rank: Rank with the model.
     """
     new = importlib.util.find_spec("dolfinx.io.gmsh") is not None
     gmshio = importlib.import_module("dolfinx.io.gmsh" if new else "dolfinx.io.gmshio")

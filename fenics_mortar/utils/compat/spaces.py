@@ -75,7 +75,7 @@ def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
         >>> residual = (ufl.inner(stress, ufl.grad(v)) + q * (J - 1)) * ufl.dx
 
         Supports belong to the sub-space of the displacement, ``fm.dirichlet(W.sub(0), ...)``, and
-        the problem gets the whole function: ``fm.ContactProblem(residual, w, ...)``.
+        the problem is created with the whole function: ``fm.ContactProblem(residual, w, ...)``.
     """
     check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
     if not parts:
@@ -96,16 +96,16 @@ def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
 
 
 def is_part_of(V: fem.FunctionSpace, part: Any) -> bool:
-    """Tell whether the space ``part`` is ``V`` or a component of it.
+    """Whether the space ``part`` is ``V`` or a component of it (local).
 
-    Python's space is the C++ space until 0.6; conditions give the one or the other.
+    Until 0.6 Python's space is the C++ space; conditions refer to one or the other.
     """
     outer, inner = (getattr(space, "_cpp_object", space) for space in (V, part))
     return outer.contains(inner)
 
 
 def is_sub_space(V: fem.FunctionSpace) -> bool:
-    """Tell whether ``V`` is a view of a part of another space, as ``W.sub(0)`` is."""
+    """Whether ``V`` is a view of a part of another space, such as ``W.sub(0)`` (local)."""
     return len(getattr(V, "_cpp_object", V).component()) > 0
 
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Paths of nodes in a step: rotating frames of bodies, and passages through rigid obstacles.
 
-The signed distance of an obstacle is sampled along a path in the obstacle's own frame, with steps
-equal to the distance (sphere tracing, Hart 1996), and of a small fraction of a facet near the
+The signed distance of an obstacle is sampled along a path in the frame of the obstacle, with steps
+equal to the distance (sphere tracing, Hart 1996), and steps of a small fraction of a facet near the
 surface. A path passes through the obstacle if the gradients at entry and exit are opposed and the
-obstacle extends by a facet to both sides; otherwise it went round an edge.
+obstacle extends by a facet to both sides; otherwise the path goes round an edge.
 """
 
 from __future__ import annotations
@@ -17,13 +17,6 @@ from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import SMALL_ANGLE, TINY
 from fenics_mortar.verify.limits import LIMITS
-
-# Largest rotation of a body in one straight section of its path [radian], which shrinks it by 8 %.
-LARGEST_TURN = np.pi / 4
-# Cosine between normals at start and end [1] above which nothing was passed.
-ALIKE = 0.7
-# Largest number of points on a path.
-MAX_POINTS = 400
 
 
 class Motions:
@@ -58,23 +51,23 @@ class Motions:
         """Whether all rotations are small, so that no rotating frames are needed."""
         return float(np.abs(self.angles).max(initial=0.0)) <= SMALL_ANGLE
 
-    def carried(self) -> Array:
-        """Initial positions moved rigidly with the node's own body, shape (n, 2) [length]."""
+    def moved_with_own_body(self) -> Array:
+        """Initial positions moved rigidly with the body of each node, shape (n, 2) [length]."""
         i = self._of_node
         return self._end[i] + _turned(self._x0 - self._start[i], self.angles[i])
 
-    def seen_from(self, body: int) -> Array:
-        """Initial positions moved rigidly with one of the bodies, shape (n, 2) [length]."""
+    def moved_with(self, body: int) -> Array:
+        """Initial positions moved rigidly with one body, shape (n, 2) [length]."""
         return self._end[body] + _turned(self._x0 - self._start[body], self.angles[body])
 
-    def ways(self) -> Array:
+    def node_paths(self) -> Array:
         """Positions at start, intermediate times and end, shape (m + 1, n, 2) [length].
 
         Centres of bodies move on straight lines, and bodies rotate about them. A common motion of
         two bodies is reproduced only in the frame of one of them.
         """
         i, largest = self._of_node, float(np.abs(self.angles).max(initial=0.0))
-        sections = max(int(np.ceil(largest / LARGEST_TURN)), 1)
+        sections = max(int(np.ceil(largest / LIMITS.section_turn)), 1)
         y0 = self._x0 - self._start[i]
         y1 = _turned(self._x1 - self._end[i], -self.angles[i])
         along = [self._x0]
@@ -85,7 +78,7 @@ class Motions:
 
 
 def _turned(y: Array, angle: Array | float) -> Array:
-    """Vectors (n, 2), each rotated by its angle (n,), or all by one."""
+    """Vectors (n, 2), rotated by angles (n,) or one angle [radian]."""
     c, s = np.cos(angle), np.sin(angle)
     return np.stack([c * y[:, 0] - s * y[:, 1], s * y[:, 0] + c * y[:, 1]], axis=1)
 
@@ -94,9 +87,9 @@ def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Arr
     """Distance from the surface of nodes that passed through an obstacle, else 0 (local).
 
     Args:
-        obstacle: The obstacle; its present position has no effect.
-        knots: Positions of s nodes in its own frame at start, intermediate times and end, shape
-            (m + 1, s, 2) [length].
+        obstacle: The obstacle; its present position is not used.
+        knots: Positions of s nodes in the frame of the obstacle at start, intermediate times and
+            end, shape (m + 1, s, 2) [length].
         offset: Length subtracted from the distance of each node, shape (s,) [length].
         lengths: Tributary length of each node, shape (s,) [length].
 
@@ -109,7 +102,7 @@ def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Arr
         _distance(obstacle, knots[k], offset) for k in (0, -1)
     )
     reaches = np.maximum(start, 0.0) + np.maximum(end, 0.0) <= far[-1]
-    turned = (start_slope * end_slope).sum(axis=1) < ALIKE
+    turned = (start_slope * end_slope).sum(axis=1) < np.cos(LIMITS.section_turn)
     which = np.flatnonzero(reaches & turned & (far[-1] > 0.0))
     through = np.zeros(len(offset))
     if which.size:
@@ -125,7 +118,7 @@ def own_frame(obstacle: Obstacle, x: Array, place: Array) -> Array:
 
 
 def _distance(obstacle: Obstacle, x: Array, offset: Array) -> tuple[Array, Array]:
-    """Distances (s,) less the offset, lower bounds if |grad phi| > 1, and unit gradients."""
+    """Distances (s,) minus offset, lower bounds if |grad phi| > 1, and unit gradients (s, 2)."""
     phi, gradient, _ = obstacle.local(x)
     size = np.maximum(np.hypot(*gradient.T), TINY)
     return (phi - offset) / np.maximum(size, 1.0), gradient / size[:, None]
@@ -136,13 +129,13 @@ def _trace(
 ) -> npt.NDArray[np.bool_]:
     """Whether paths passed through; ``knots`` (m + 1, s, 2) at arc lengths ``far`` (m + 1, s)."""
     total = far[-1]
-    # at the surface points are as close as any distance that is remarked on
-    min_step = np.maximum(LIMITS.coarse_distance * lengths, total / MAX_POINTS)
+    # near the surface points are as close as the smallest distance with a remark
+    min_step = np.maximum(LIMITS.coarse_distance * lengths, total / LIMITS.max_points)
     at, passed = np.zeros(len(total)), np.zeros(len(total), bool)
     before = _at(knots, far, at)
     distance, slope = _distance(obstacle, before, offset)
     entry, entry_slope, inside = before.copy(), slope.copy(), distance < 0.0
-    for _ in range(2 * MAX_POINTS):
+    for _ in range(2 * LIMITS.max_points):
         if (at >= total).all():
             break
         at = np.minimum(at + np.maximum(np.abs(distance), min_step), total)
@@ -152,7 +145,7 @@ def _trace(
         entry = np.where(enters[:, None], before, entry)
         entry_slope = np.where(enters[:, None], slope, entry_slope)
         step = here - before
-        skips = ~inside & (distance >= 0.0)  # thinner than the distance of two points
+        skips = ~inside & (distance >= 0.0)  # thinner than the spacing of the points
         skips &= ((step * slope).sum(axis=1) < 0.0) & ((step * now).sum(axis=1) > 0.0)
         first = np.where(leaves[:, None], entry_slope, slope)
         middle = np.where(leaves[:, None], 0.5 * (entry + here), 0.5 * (before + here))

@@ -13,14 +13,14 @@ from fenics_mortar.utils.rounding import SAME_PLACE
 
 
 def describe_start(contact: Interface) -> str:
-    """Message on an overlap or on missing partners of the present state; "" if there is none."""
+    """Message on an overlap or on missing partners of the present state; "" if not needed."""
     if not isinstance(contact, Contact):
         return ""
     if not contact.covered.any():
         return (
             f"no node of '{contact.slave.name}' faced '{contact.master.name}' before the first "
             f"solve: no partner within {contact.options.radius:.3g} along the normals; the pair "
-            "transmits no force until the surfaces come nearer"
+            f"transmits no force until the surfaces approach"
         )
     overlap = -np.nan_to_num(contact.gap)
     j = int(np.argmax(overlap / contact.slave.nodal_lengths))
@@ -34,7 +34,7 @@ def describe_start(contact: Interface) -> str:
 
 
 def describe_reach(contact: Contact) -> str:
-    """Search radius in words."""
+    """Search radius as text."""
     if contact.obstacle is not None:
         return f"up to {contact.options.radius:.3g}"
     return (

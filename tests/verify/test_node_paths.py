@@ -8,7 +8,7 @@ from test_crossing_kernels import circle, outline, rectangle
 
 import fenics_mortar as fm
 from fenics_mortar.kernels import passage
-from fenics_mortar.verify.ways import Motions, own_frame, passed_through
+from fenics_mortar.verify.node_paths import Motions, own_frame, passed_through
 
 
 def count_passages(x0, x1, segments, after, before, bodies):
@@ -17,11 +17,15 @@ def count_passages(x0, x1, segments, after, before, bodies):
     everything = np.ones(len(segments), bool)
     looks = [
         (np.array([x0, x1]), passage.OTHERS, everything),
-        (np.array([motions.carried(), x1]), passage.OWN, everything),
+        (np.array([motions.moved_with_own_body(), x1]), passage.OWN, everything),
     ]
     if not motions.are_small:
         looks = [
-            (Motions(motions.seen_from(i), x1, bodies).ways(), passage.ALL, of_segments == body)
+            (
+                Motions(motions.moved_with(i), x1, bodies).node_paths(),
+                passage.ALL,
+                of_segments == body,
+            )
             for i, body in enumerate(motions.labels)
         ]
     lengths, count = np.hypot(*(x1[segments[:, 1]] - x1[segments[:, 0]]).T), 0
@@ -102,6 +106,6 @@ def test_nodes_on_an_obstacle_that_turns_with_them_do_not_go_through(seed):
             own_frame(sheet, x, np.array(place))
             for x, place in ((block, (0.0, 0.0, 0.0)), (end, (*shift, angle)))
         )
-        knots = Motions(x0, x1, np.zeros(len(x0), np.int64)).ways()
+        knots = Motions(x0, x1, np.zeros(len(x0), np.int64)).node_paths()
         depth = passed_through(sheet, knots, np.zeros(len(x0)), np.full(len(x0), 0.1))
         assert (depth > 0.0).any() == through

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: MIT
+"""Numbers in the README and on the site are those that the commands of the studies have recorded.
+
+The studies take too long for a test; their records are Markdown tables. Numbers of the demos and
+of the tutorial are compared with a run, see ``test_demos.py`` and ``test_tutorial.py``.
+"""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SITE, STUDIES = ROOT / "demos" / "guide" / "site", ROOT / "demos" / "studies"
+pytestmark = pytest.mark.serial
+
+
+def rows(file):
+    """Cells of all table rows of a Markdown file."""
+    lines = [line for line in file.read_text().splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def said(file, pattern):
+    """Numbers that a pattern finds in a file, which has to hold it; commas separate thousands."""
+    text = re.sub(r"\s+", " ", file.read_text())
+    found = re.search(pattern, text)
+    assert found, f"{file.name} does not hold '{pattern}'"
+    return [float(number.replace(",", "")) for number in found.groups()]
+
+
+@pytest.fixture(scope="module")
+def outcomes():
+    """Of each method the numbers converged, cut, wrong, failed, dead end of the atlas."""
+    table = rows(STUDIES / "stability" / "atlas.md")
+    end = next(i for i, row in enumerate(table) if row[0] == "remedy")
+    return {row[0]: [int(cell) for cell in row[1:6]] for row in table[2:end]}
+
+
+def test_scenes_and_methods_of_the_atlas(outcomes):
+    scenes = sum(outcomes["default"])
+    for file in (ROOT / "README.md", SITE / "verification.md"):
+        pattern = r"(\d+) scenes that are known to break contact codes, (?:solved )?by up to (\d+)"
+        assert said(file, pattern) == [scenes, len(outcomes)]
+    assert said(STUDIES / "stability" / "README.md", r"what becomes of (\d+) difficult") == [scenes]
+
+
+def test_outcomes_of_the_default_method(outcomes):
+    converged, cut, wrong, failed, dead_end = outcomes["default"]
+    unsolved = wrong + failed + dead_end
+    scenes = converged + cut + unsolved
+    assert said(ROOT / "README.md", r"the default solves all but (\d+) without") == [unsolved]
+    pattern = r"of (\d+) difficult ones, (\d+) converge at once, (\d+) with cut steps, and (\d+) "
+    assert said(SITE / "choices.md", pattern) == [scenes, converged, cut, unsolved]
+
+
+def test_random_scenes():
+    (total,) = [row for row in rows(STUDIES / "stability" / "README.md") if row[0] == "all"]
+    for file in (ROOT / "README.md", SITE / "verification.md"):
+        assert said(file, r"(\d+) random scenes") == [int(total[1])]
+
+
+def test_share_of_contact_in_an_iteration():
+    table = rows(STUDIES / "performance" / "README.md")
+    sizes = next(row for row in table if row[0] == "unknowns" and "645 000" in row)
+    shares = next(row for row in table if row[0] == "factors" and len(row) == len(sizes))
+    share = {float(n.replace(" ", "")): float(s) for n, s in zip(sizes[1:], shares[1:])}
+    pattern = r"takes ([\d.]+) % of a Newton iteration at ([\d,]+) unknowns, ([\d.]+) % at ([\d,]+)"
+    small, n_small, large, n_large = said(ROOT / "README.md", pattern)
+    assert (small, large) == (round(share[n_small]), share[n_large])
+
+
+def test_factors_of_the_ladder_and_of_the_estimate():
+    ladder, accuracy = STUDIES / "ladder" / "README.md", STUDIES / "accuracy" / "README.md"
+    choices = SITE / "choices.md"
+    assert said(choices, r"within a factor of ([\d.]+) of the true") == said(
+        ladder, r"within a factor ([\d.]+) \(energy"
+    )
+    assert said(choices, r"takes ([\d.]+) to ([\d.]+) of the full model's time") == said(
+        ladder, r"takes ([\d.]+) to ([\d.]+) of the full model's time"
+    )
+    assert said(SITE / "verification.md", r"it is ([\d.]+) to ([\d.]+) times the true") == said(
+        accuracy, r"the estimate is ([\d.]+) to ([\d.]+) of the true"
+    )
+
+
+def test_cost_of_an_accuracy_and_gain_of_grading():
+    accuracy, choices = STUDIES / "accuracy" / "README.md", SITE / "choices.md"
+    number = r"([\d.]+)"
+    uniform, graded = rf"{number} s and P2 {number} s on", rf"{number}(?: s)? and {number} s on"
+    first = rf"energy error of 1 %,? Q2 \w+ {uniform} uniform meshes, {graded} graded ones; Q1 .*?"
+    pattern = rf"{first}{number} s and P1 {number} s"
+    assert said(choices, pattern) == said(accuracy, pattern)
+    gains = said(accuracy, rf"with {number} \(P1\) and {number} \(P2\) times fewer")
+    assert said(choices, rf"with {number} \(P1\) and {number} \(P2\) times fewer") == [
+        round(gain) for gain in gains
+    ]
+
+
+def test_the_readme_has_ten_features_eight_limits_and_all_demos():
+    text = (ROOT / "README.md").read_text()
+    parts = dict(re.findall(r"^## ([^\n]*)\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL))
+    assert len(re.findall(r"^\| \w", parts["What it does"], re.MULTILINE)) == 10
+    assert len(re.findall(r"^- ", parts["Limits"], re.MULTILINE)) == 8
+    demos = {file.stem for file in (ROOT / "demos").glob("demo_*.py")}
+    assert demos == set(re.findall(r"demos/(demo_\w+)\.py", parts["Demos"]))
