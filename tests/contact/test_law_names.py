@@ -52,5 +52,5 @@ def test_slip_couples_nodes_of_laws_with_friction_or_that_see_nodes_alone():
     """Room for the others in the matrix would only cost."""
     clinging = type("Clinging", (fm.Frictionless,), {})
     for law, couples in ((fm.Frictionless(), 0), (clinging(), 0), (fm.Coulomb(0.3), 1)):
-        slave, master = small_blocks(pair={"law": law}).contact.faced()
+        slave, master = small_blocks(pair={"law": law}).contact.coupled_by_slip()
         assert len(slave) == len(master) and bool(len(slave)) == bool(couples)
