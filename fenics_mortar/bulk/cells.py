@@ -12,11 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.bulk.reference_cell import nodal_gradients
-from fenics_mortar.kernels.cells import find_near, tabulate_areas
+from fenics_mortar.kernels.cells import find_near, keep_area, tabulate_areas
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import count_places
 from fenics_mortar.utils.near import near
+from fenics_mortar.utils.ranks import on_any
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Nodes of a cell along its outline, by the number of nodes: dolfinx orders corners, edges,
@@ -55,6 +56,17 @@ class Cells:
         """
         return _areas(x, self._nodes, self._gradients) / self._undeformed_areas
 
+    def keep_area(self, before: Array, after: Array, fraction: float) -> bool:
+        """Whether a motion leaves every cell a fraction of its area at every node (local).
+
+        Args:
+            before: Positions of the local nodes, shape (n, 2) [length].
+            after: Positions after the motion, shape (n, 2) [length].
+            fraction: Smallest area after over that before, which counts as zero if negative [1].
+        """
+        given = self._nodes, self._gradients, self._undeformed_areas
+        return bool(keep_area(before, after, *given, fraction))
+
     def hoop_strains(self, x: Array) -> Array:
         """Mean strain around the axis x = 0 of the cells, shape (cells,) (local).
 
@@ -69,7 +81,10 @@ class Cells:
 
         The position is that of the reference state, as text.
         """
-        inverted = np.unique(np.nonzero(self.area_ratios(x) <= 0.0)[0])
+        is_inverted = self.area_ratios(x) <= 0.0
+        if not on_any(self._comm, bool(is_inverted.any())):
+            return 0, "nowhere"
+        inverted = np.flatnonzero(is_inverted.any(axis=1))
         return count_places(self._comm, self.X[self._nodes[inverted]].mean(axis=1))
 
     def flat(self) -> tuple[int, str]:
@@ -106,6 +121,8 @@ class Cells:
         if len(points) and len(self._nodes):
             meets = np.empty(len(self._nodes), bool)
             find_near(x, self._nodes, points.min(axis=0), points.max(axis=0), meets)
+            if (bodies == bodies[0]).all():
+                meets &= labels[self._nodes[:, 0]] != bodies[0]
             corners, own = x[self._nodes[meets]], labels[self._nodes[meets, 0]]
             centres = corners.mean(axis=1)
             radius = np.linalg.norm(corners - centres[:, None], axis=2).max(initial=0.0)

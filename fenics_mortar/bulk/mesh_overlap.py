@@ -59,7 +59,7 @@ def check_mesh_overlap(V: Any, contacts: Sequence[Interface]) -> None:
     """
     mesh = V.mesh
     mesh.topology.create_connectivity(1, 2)
-    count = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(mesh)]
+    count = compat.num_corners(mesh)
     cells = compat.geometry_dofmap(mesh)[:, :count].astype(np.int64)
     x = mesh.geometry.x[:, :2]
     sides = _sides(mesh, x, cells, mesh.topology.index_map(2).size_local)

@@ -18,6 +18,7 @@ from ufl.algorithms import expand_derivatives
 
 from fenics_mortar.bulk.cells import Cells
 from fenics_mortar.bulk.input_data import InputData
+from fenics_mortar.bulk.node_blocks import NodeBlocks, come_in_pairs
 from fenics_mortar.bulk.units import find_units
 from fenics_mortar.mesh import numbering
 from fenics_mortar.mesh.space import DisplacementSpace
@@ -25,6 +26,7 @@ from fenics_mortar.utils import compat, garbage
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.ranks import largest, on_any
 
 # Smallest ratio of the area of each cell at each node after a Newton step to that before it [1].
 # The limit prevents inverted cells and does not affect converging iterations.
@@ -95,6 +97,7 @@ class Bulk:
         self._K_has_room = False  # true if the pattern includes that of the mass matrix
         self.K: PETSc.Mat = compat.create_matrix(self._tangent)
         self.num_patterns, self._num_growths = 1, 0
+        self._blocks: NodeBlocks | None = None  # of K on one rank
         self.r: PETSc.Vec = compat.create_vector(space.whole)
         self.cells = Cells(self.V)
         self.num_owned, self.first = space.num_owned, space.first
@@ -134,11 +137,24 @@ class Bulk:
         self._data, self._K_is_whole = data, False
         if self._num_growths > MAX_GROWTHS:
             self.renew_tangent()
-        compat.assemble_matrix(self.K, self._tangent)
+        self._assemble_cells()
         if self.inertia is not None:
             self.inertia.add_to_tangent(self.K, has_room=self._K_has_room)
             self._K_has_room = True
         self._K_is_whole = True
+
+    def _assemble_cells(self) -> None:
+        """Assemble the form into ``K``, by way of blocks once ``K`` has entries (collective)."""
+        if not (come_in_pairs(self.K) and self.K.assembled):
+            compat.assemble_matrix(self.K, self._tangent)
+            return
+        blocks = (
+            self._blocks.blocks if self._blocks else compat.create_matrix(self._tangent, "baij")
+        )
+        compat.assemble_matrix(blocks, self._tangent)
+        if self._blocks is None or not self._blocks.fit(self.K):
+            self._blocks = NodeBlocks(blocks, self.K)
+        self._blocks.copy_to_rows()
 
     def renew_tangent(self) -> None:
         """Create ``K`` anew with the pattern of the form, not assembled (collective)."""
@@ -197,15 +213,15 @@ class Bulk:
         """
         u = self.u.x.array
         start, smallest = u.copy(), MIN_FRACTION * fraction
-        allowed = MIN_AREA_RATIO * np.maximum(self.cells.area_ratios(self.positions()), 0.0)
+        before = self.positions()
         u[: self.num_owned] += step
         self.u.x.scatter_forward()
         increment = u - start
         u[:] = start + fraction * increment
 
         def is_too_large() -> bool:
-            ratios = self.cells.area_ratios(self.positions())
-            return self.comm.allreduce(bool((ratios < allowed).any()), MPI.LOR)
+            stays = self.cells.keep_area(before, self.positions(), MIN_AREA_RATIO)
+            return on_any(self.comm, not stays)
 
         while fraction > smallest and is_too_large():
             fraction *= 0.5
@@ -233,7 +249,7 @@ class Bulk:
             values: Values of the unknowns, owned ones first, shape (num_owned,) or longer.
         """
         mine = np.abs(values[: self.num_owned]) / self.units
-        return self.comm.allreduce(float(mine.max(initial=0.0)), MPI.MAX)
+        return largest(self.comm, mine.max(initial=0.0))
 
     def by_input_node(self) -> tuple[Indices, Array]:
         """Identifiers (n, k) and values (n, 2) of all nodes, see ``numbering`` (collective)."""

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from fenics_mortar.contact.fields import ContactFields
@@ -34,21 +32,21 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, Flags]:
         presses = presses & f.covered
         z = np.where(presses[:, None], force / np.where(presses, o.weight, 1.0)[:, None], z)
     if z is not state.z:
-        f = f.after(replace(state, z=z, force_decided=None))
+        f = f.after(state.replaced(z=z, force_decided=None))
     active = _active(f, start=start)
     open_z = -f.adhesion[0][:, None] * o.n
     if f.sides.pair.law.bridges_gap:
         open_z += np.where(f.attracted, np.einsum("ja,ja->j", o.tau, z), 0.0)[:, None] * o.tau
     z = np.where(active[:, None], z, open_z)
     changed = active != before.active
-    state = replace(
-        f.state, active=active if changed.any() else before.active, z=z, force_decided=None
+    state = f.state.replaced(
+        active=active if changed.any() else before.active, z=z, force_decided=None
     )
     f = f.after(state)
     branch = f.sides.law_calls.branch(f.sides.pair.law, f.nodal, state.branch, o.x)
     branched = branch != state.branch
     if branched.any():
-        f = f.after(replace(state, branch=branch))
+        f = f.after(state.replaced(branch=branch))
     ruled = f.acts if f.sides.pair.law.bridges_gap else active
     return f, changed | (ruled & f.sides.follows_law & branched)
 

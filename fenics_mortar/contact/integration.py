@@ -12,19 +12,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.contact.state import InterfaceState
+from fenics_mortar.interface.behind import View
 from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import evaluate_obstacle
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments, find_segments
-from fenics_mortar.interface.sight import Sight, View
+from fenics_mortar.interface.sight import Sight
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags
 
-# Number of cached results: the last state and two initial guesses.
-RECENT = 3
 # Position of the obstacle if there are no frozen operators.
 NO_PLACE = np.full(3, np.nan)
 
@@ -69,9 +68,8 @@ class Integration:
         self.options, self.small = options, small
         self.sight: Sight | None = None
         self.view: View | None = None
-        self._recent: deque[tuple[Array, Flags, Linearization, MortarOperators]] = deque(
-            maxlen=RECENT
-        )
+        # of the last state and two initial guesses, also with the multiplier nodes of their cover
+        self._recent = deque[tuple[Array, Flags, Linearization, MortarOperators]](maxlen=5)
 
     def limit_sight(self, outline: Outline) -> None:
         """Limit the distance of partners behind the slave by the thickness of the bodies (local).
@@ -118,12 +116,14 @@ class Integration:
         if self.obstacle is not None:
             return self._integrate(x, m, multiplier_nodes, linearization, view)
         places = np.concatenate([x, m]) if view is None else view.outline[0]
+        searched = None
         for before, nodes, terms, operators in self._recent:
             same = terms == linearization and np.array_equal(before, places)
             if same and np.array_equal(nodes, multiplier_nodes):
                 self.view = view
                 return operators
-        operators = self._integrate(x, m, multiplier_nodes, linearization, view)
+            searched = operators if same else searched
+        operators = self._integrate(x, m, multiplier_nodes, linearization, view, searched)
         self._recent.appendleft((places, multiplier_nodes, linearization, operators))
         return operators
 
@@ -185,13 +185,17 @@ class Integration:
         multiplier_nodes: Flags,
         linearization: Linearization,
         view: View | None,
+        searched: MortarOperators | None = None,
     ) -> MortarOperators:
-        """Operators with slave nodes at ``x`` and master nodes at ``m`` (collective)."""
+        """Operators with slave nodes at ``x`` and master nodes at ``m`` (collective).
+
+        ``searched``: see ``evaluate_mortar``.
+        """
         self.view = view
         if self.obstacle is None:
             return evaluate_mortar(
                 self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,
-                linearization, view,
+                linearization, view, searched,
             )  # fmt: skip
         return evaluate_obstacle(
             self.slave, self.master, self.obstacle, self.arm, x, multiplier_nodes, self.planes,

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import replace
 from operator import attrgetter
 from typing import Any
 
@@ -127,7 +126,7 @@ class Interface(ABC):
 
     def change(self, **values: Any) -> None:
         """Replace ``values`` of the state (local); see ``put``."""
-        self.put(replace(self._state, **values))
+        self.put(self._state.replaced(**values))
 
     def set_operators(self, operators: MortarOperators) -> None:
         """Set the operators of the present displacement (local)."""

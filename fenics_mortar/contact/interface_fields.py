@@ -9,7 +9,7 @@ state on which it depends.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache, cached_property
 from operator import attrgetter
 from typing import Any, Protocol, Self
 
@@ -36,6 +36,13 @@ def field(*names: str) -> Callable[[Callable[[Any], Any]], Any]:
         return made
 
     return wrap
+
+
+@cache
+def _dependences(kind: type[InterfaceFields]) -> dict[str, frozenset[str]]:
+    """Attributes of the state that each cached field of a class depends on."""
+    of_class = {name: getattr(kind, name, None) for name in dir(kind)}
+    return {name: made.names for name, made in of_class.items() if isinstance(made, _Field)}
 
 
 class Sides(Protocol):
@@ -75,11 +82,10 @@ class InterfaceFields:
         for name, value in vars(state).items():
             if value is not before[name]:
                 changed.add(name)
-        kind = type(self)
-        new = object.__new__(kind)
+        kind: Any = type(self)
+        new, depend = object.__new__(kind), _dependences(kind)
         for name, value in vars(self).items():
-            of_class = getattr(kind, name, None)
-            if not isinstance(of_class, _Field) or changed.isdisjoint(of_class.names):
+            if name not in depend or changed.isdisjoint(depend[name]):
                 vars(new)[name] = value
         new.state = state
         return new

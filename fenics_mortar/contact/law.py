@@ -53,6 +53,7 @@ from fenics_mortar.utils.errors import as_text
 # kink: distance of the shear over the friction limit, or of the gap over the nodal length. It is
 # larger than the errors after convergence of Newton's method.
 KINK = 1e-8
+# Branch of nodes that stick.
 STICK = 0
 
 

@@ -8,11 +8,11 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.interface.behind import View
 from fenics_mortar.interface.corners import links_at_corners
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
 from fenics_mortar.interface.segments import Segments, find_segments
-from fenics_mortar.interface.sight import View
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import facets, normals
 from fenics_mortar.utils.arrays import Array, Indices
@@ -59,6 +59,7 @@ def evaluate_mortar(
     options: MortarOptions,
     linearization: Linearization,
     view: View | None = None,
+    searched: MortarOperators | None = None,
 ) -> MortarOperators:
     """Evaluate the mortar operators at current positions (collective).
 
@@ -74,6 +75,8 @@ def evaluate_mortar(
         options: Discretization.
         linearization: Derivatives to evaluate; the others are zero.
         view: Limits of the search behind the slave facets at these positions.
+        searched: Operators at the same positions with other multiplier nodes, and the same
+            linearization: their normals and segments are taken if they are of the same facets.
 
     Returns:
         The operators.
@@ -82,25 +85,28 @@ def evaluate_mortar(
     if options.corners:
         links, alone = links_at_corners(slave, x, m[master.facets[:, [0, -1]]])
         used &= ~alone
-    n, dn = evaluate_normals(slave, x, options.weighting, links)
-    given = np.isfinite(prescribed_normals[:, 0])
-    n[given], dn[given] = prescribed_normals[given], 0.0
-    if not linearization.normals:
-        dn = np.zeros_like(dn)
     share = share_of(np.flatnonzero(used), slave.comm)
-    s = find_segments(
-        slave,
-        master,
-        x,
-        n,
-        m,
-        facets=share,
-        radius=options.radius,
-        min_cosine=options.min_cosine,
-        integration=options.integration,
-        points=options.points,
-        view=view,
-    )
+    if searched is not None and np.array_equal(searched.segments.facets, share):
+        n, dn, s = searched.n, searched.dn, searched.segments
+    else:
+        n, dn = evaluate_normals(slave, x, options.weighting, links)
+        given = np.isfinite(prescribed_normals[:, 0])
+        n[given], dn[given] = prescribed_normals[given], 0.0
+        if not linearization.normals:
+            dn = np.zeros_like(dn)
+        s = find_segments(
+            slave,
+            master,
+            x,
+            n,
+            m,
+            facets=share,
+            radius=options.radius,
+            min_cosine=options.min_cosine,
+            integration=options.integration,
+            points=options.points,
+            view=view,
+        )
     D, dD, M, dM, gap, dgap, cover = _integrate(
         slave, s, (x, n, dn, m), multiplier_nodes, options, linearization.segments
     )

@@ -18,15 +18,42 @@ def tabulate_areas(x, cells, gradients, areas):
         areas: Determinants, shape (cells, k) [length^2]; filled.
     """
     for e in range(cells.shape[0]):
-        x0, y0 = x[cells[e, 0], 0], x[cells[e, 0], 1]
         for a in range(cells.shape[1]):
-            xs = xt = ys = yt = 0.0
-            for b in range(1, cells.shape[1]):
-                dx, dy = x[cells[e, b], 0] - x0, x[cells[e, b], 1] - y0
-                s, t = gradients[a, b, 0], gradients[a, b, 1]
-                xs, xt = xs + s * dx, xt + t * dx
-                ys, yt = ys + s * dy, yt + t * dy
-            areas[e, a] = xs * yt - xt * ys
+            areas[e, a] = _area(x, cells, gradients, e, a)
+
+
+@kernel
+def keep_area(before, after, cells, gradients, undeformed, fraction):
+    """Whether every cell keeps a fraction of its area at each of its nodes in a motion.
+
+    Args:
+        before: Positions of all nodes, shape (n, 2) [length].
+        after: Positions after the motion, shape (n, 2) [length].
+        cells: Nodes of each cell, shape (cells, k).
+        gradients: See ``tabulate_areas``.
+        undeformed: Areas in the reference state, nan where nothing is asked, (cells, k) [length^2].
+        fraction: Smallest area after over that before, which counts as zero if negative [1].
+    """
+    for e in range(cells.shape[0]):
+        for a in range(cells.shape[1]):
+            ratio = _area(before, cells, gradients, e, a) / undeformed[e, a]
+            allowed = fraction * (0.0 if ratio < 0.0 else ratio)
+            if _area(after, cells, gradients, e, a) / undeformed[e, a] < allowed:
+                return False
+    return True
+
+
+@kernel
+def _area(x, cells, gradients, e, a):
+    """Determinant of dx/dX of cell ``e`` at its node ``a``; see ``tabulate_areas``."""
+    x0, y0 = x[cells[e, 0], 0], x[cells[e, 0], 1]
+    xs = xt = ys = yt = 0.0
+    for b in range(1, cells.shape[1]):
+        dx, dy = x[cells[e, b], 0] - x0, x[cells[e, b], 1] - y0
+        s, t = gradients[a, b, 0], gradients[a, b, 1]
+        xs, xt = xs + s * dx, xt + t * dx
+        ys, yt = ys + s * dy, yt + t * dy
+    return xs * yt - xt * ys
 
 
 @kernel

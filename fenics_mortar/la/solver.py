@@ -12,11 +12,13 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from fenics_mortar.bulk.node_blocks import NodeBlocks, come_in_pairs, in_blocks
+from fenics_mortar.la.costs import COSTS
+from fenics_mortar.la.lagged import LaggedFactors
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.options import (
     COMPLIANCE,
     DIRECT,
-    LONG_ROWS,
     SMALL,
     options_added,
     with_defaults,
@@ -32,13 +34,19 @@ LINEAR_TOLERANCE = 1e-5
 # Largest relative residual with factors without pivoting after one refinement [1]; above it half of
 # the digits are lost by growth of the pivots.
 WITHOUT_PIVOTING = 1e-10
+# Number of unknowns from which factors serve further iterations [1]: with fewer a factorization
+# takes two milliseconds or less, a fraction of the iteration.
+MIN_LAGGED = 4_000
 # PETSc's reasons for the end of a linear solve by number, and those of a zero or nan pivot.
 REASONS = {
     number: name
     for name, number in vars(PETSc.KSP.ConvergedReason).items()
     if name.isupper() and isinstance(number, int)
 }
-NO_FACTORS = (-9, -11)
+NO_FACTORS = (
+    PETSc.KSP.ConvergedReason.DIVERGED_NANORINF,
+    PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED,
+)
 
 
 class LinearSolver:
@@ -53,7 +61,9 @@ class LinearSolver:
 
     Attributes:
         ksp: PETSc's solver.
-        forcing: Allowed relative residual of the next solve if it is iterative [1].
+        forcing: Allowed relative residual of the next solve if it is iterative, or by GMRES with
+            the factors of an earlier iteration [1].
+        same_step: Whether the next matrix is that of a further iteration of the same load step.
         may_factor: Whether MUMPS is used permanently after a failure of an iterative solver, or of
             one without pivoting.
         remark: Message on such a change of the solver or on unused options; else "".
@@ -72,6 +82,7 @@ class LinearSolver:
     ) -> None:
         self._comm, self._prefix, self._make_preconditioner = comm, prefix, preconditioner
         self.forcing, self.may_factor, self.remark = 0.0, False, ""
+        self.same_step = False
         self.given: set[str] = set()
         self._used: set[str] = set()
         self._first = True
@@ -106,7 +117,8 @@ class LinearSolver:
         """Read PETSc's options and make vectors at the next solve (local)."""
         self._reads_options = True
         self._vectors: list[PETSc.Vec] = []
-        self._in_blocks: PETSc.Mat | None = None
+        self._in_blocks: NodeBlocks | None = None
+        self._lagged: LaggedFactors | None = None
 
     def _reset(self) -> None:
         self.ksp.reset()
@@ -148,6 +160,10 @@ class LinearSolver:
         """
         if not self._is_direct:
             self.ksp.setTolerances(rtol=max(self.forcing, self._finest))
+        elif self._may_lag(matrix) and not transpose:
+            found = self._solve_with_last_factors(matrix, rhs)
+            if found is not None:
+                return found
         self.forcing = 0.0
         is_new = self._reads_options
         solution, failure = self._attempt(matrix, rhs, transpose)
@@ -171,6 +187,22 @@ class LinearSolver:
         self._take_mumps()
         return self.solve(matrix, rhs, transpose=transpose)
 
+    def _may_lag(self, matrix: PETSc.Mat) -> bool:
+        """Whether to try the factors of an earlier matrix (local)."""
+        kept = self.same_step and not self._reads_options and not self._pivots
+        return kept and self.forcing > 0.0 and matrix.getSize()[0] >= MIN_LAGGED
+
+    def _solve_with_last_factors(self, matrix: PETSc.Mat, values: Array) -> Array | None:
+        """Solution by GMRES with the last factors, ``None`` where that takes too many steps."""
+        if self._lagged is None:
+            self._lagged = LaggedFactors(self.ksp.getPC())
+        rhs, solution, *_ = self._vectors
+        rhs.array[:] = values
+        if not self._lagged.solve(matrix, rhs, solution, self.forcing):
+            return None
+        self.forcing = 0.0
+        return np.array(solution.array_r)
+
     def _take_mumps(self) -> None:
         """Use MUMPS for all further solves."""
         self.may_factor = False
@@ -180,7 +212,7 @@ class LinearSolver:
     def _has_long_rows(self) -> bool:
         """Whether the rows of the factors are long enough for MUMPS to be faster."""
         factors = self.ksp.getPC().getFactorMatrix()
-        return bool(factors.getInfo()["nz_used"] > LONG_ROWS * factors.getSize()[0])
+        return bool(factors.getInfo()["nz_used"] > COSTS.long_rows * factors.getSize()[0])
 
     def _attempt(self, matrix: PETSc.Mat, values: Array, transpose: bool) -> tuple[PETSc.Vec, str]:
         """A solution, and the failure as the end of a sentence; "" if the solution is accepted."""
@@ -215,17 +247,13 @@ class LinearSolver:
 
         Factorization in blocks takes two thirds of the time in PETSc, its analysis half.
         """
-        if matrix.getBlockSize() != 2:
+        if not come_in_pairs(matrix):
             return matrix
-        if self._in_blocks is None:
-            starts, *_ = matrix.getRowIJ()
-            pairs = np.diff(starts).reshape(-1, 2)
-            room = np.minimum(pairs.sum(axis=1), len(pairs))  # an upper limit; PETSc drops the rest
-            self._in_blocks = PETSc.Mat().createBAIJ(
-                matrix.getSize(), 2, nnz=room.astype(PETSc.IntType), comm=self._comm
-            )
-        matrix.convert(PETSc.Mat.Type.BAIJ, self._in_blocks)
-        return self._in_blocks
+        if self._in_blocks is None or not self._in_blocks.fit(matrix):
+            self._in_blocks = in_blocks(matrix)
+        else:
+            self._in_blocks.copy_to_blocks()
+        return self._in_blocks.blocks
 
     def _call(self, rhs: PETSc.Vec, solution: PETSc.Vec, transpose: bool) -> None:
         """Call PETSc's solver."""

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Self
+
 import numpy as np
 import numpy.typing as npt
 
@@ -16,8 +18,23 @@ class Value:
 
     def __post_init__(self) -> None:
         """Replace writable arrays by read-only copies."""
-        for name, array in vars(self).items():
-            if isinstance(array, np.ndarray) and array.flags.writeable:
-                array = array.copy()
-                array.flags.writeable = False
-                object.__setattr__(self, name, array)
+        for name, value in vars(self).items():
+            vars(self)[name] = protected(value)
+
+    def replaced(self, **values: Any) -> Self:
+        """As ``dataclasses.replace``, without a new check of the attributes that stay."""
+        new = object.__new__(type(self))
+        vars(new).update(vars(self))
+        for name, value in values.items():
+            if name not in vars(self):
+                raise TypeError(f"{type(self).__name__} has no attribute '{name}'")
+            vars(new)[name] = protected(value)
+        return new
+
+
+def protected(value: Any) -> Any:
+    """A read-only copy of a writable array, and any other value itself (local)."""
+    if isinstance(value, np.ndarray) and value.flags.writeable:
+        value = value.copy()
+        value.flags.writeable = False
+    return value

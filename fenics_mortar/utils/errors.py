@@ -57,7 +57,8 @@ def raise_together(comm: MPI.Comm, error: MortarError | None) -> None:
     Raises:
         MortarError: The error of the lowest rank that has one, on every rank.
     """
-    if comm.allreduce(error is not None):
+    failed = error is not None
+    if failed if comm.size == 1 else comm.allreduce(failed):
         raise next(e for e in comm.allgather(error) if e is not None)
 
 

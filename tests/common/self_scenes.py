@@ -180,6 +180,26 @@ def tube(pairs: Any, *, columns: int = 40, upright: bool = True, **options: Any)
     )
 
 
+def flattened_tube(law: Any, *, steps: int = 20) -> tuple[Driven, Any]:
+    """A tube pressed flat between two planes, its inside in contact with itself; and the path."""
+    planes = fm.Plane((0.0, 1.0), (0.0, -1.0)), fm.Plane((0.0, -1.0), (0.0, 1.0))
+    names = {"top": "tube/inside", "bottom": "tube/outside"}
+    shape = sector(64, 3, radii=(0.85, 1.0))
+
+    def pairs(data: fm.MeshData) -> list[fm.ContactPair]:
+        outside = [fm.ContactPair(data, "tube/outside", plane, law=law) for plane in planes]
+        return [fm.ContactPair(data, "tube/inside", law=law), *outside]
+
+    made = Driven([Grid("tube", shape, joined=names, closed=True)], {}, pairs)
+
+    def load(time: float) -> None:
+        for plane, way in zip(planes, (-0.86, 0.86), strict=True):
+            plane.move(y=way * time)
+
+    options = fm.SteppingOptions(step=1.0 / steps, smallest=0.01 / steps)
+    return made, fm.follow_path(made.problem, load, options)
+
+
 def ten_bodies(
     pairs: Any, *, seed: int = 1, foundation: float = 0.5, joined: bool = True, **options: Any
 ) -> Driven:

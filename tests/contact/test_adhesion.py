@@ -47,7 +47,7 @@ def replaced(node, **values):
     return type(node)(**{**vars(node), **values})
 
 
-def columns(law, *, degree=1, **problem):
+def columns(law, *, degree=1, material=neo_hookean, **problem):
     """Two blocks between walls without friction; what moves the top [length]."""
     data = read(two_blocks.build, width_upper=1.0, width_lower=1.0, **MESH)
     V = fm.vector_space(data.mesh, degree)
@@ -60,7 +60,7 @@ def columns(law, *, degree=1, **problem):
     ]
     pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law)
     problem_ = fm.ContactProblem(
-        internal(u, neo_hookean(u, E, NU)), u, [pair], bcs=fixed,
+        internal(u, material(u, E, NU)), u, [pair], bcs=fixed,
         petsc_options_prefix="test_", newton=TIGHT, **problem,
     )  # fmt: skip
     return problem_, lift

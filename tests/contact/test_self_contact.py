@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from self_scenes import c_ring, strip_in_s, ten_bodies, tube
+from self_scenes import c_ring, flattened_tube, strip_in_s, ten_bodies, tube
 
 import fenics_mortar as fm
 
@@ -115,6 +115,17 @@ def test_tube_pinched_until_its_inside_touches(upright):
     assert pinched.problem.certificate().violations() == []
     assert pinched.contact.active.any() and pinched.forces()[0] > 1.0
     assert imbalance(pinched) < 1e-12
+
+
+@pytest.mark.serial
+def test_tube_pressed_flat_between_planes():
+    """With friction: the inside touches itself over most of its length, first in the middle."""
+    flat, path = flattened_tube(MU)
+    assert path.num_cuts == 0
+    assert flat.problem.certificate().violations() == []
+    assert flat.contact.active.sum() > 20 and flat.contact.slave.num_nodes == 64
+    slopes = flat.problem.check_tangent().slopes
+    assert slopes["whole"] == pytest.approx(2.0, abs=0.05)
 
 
 @pytest.mark.parametrize("options", [{"integration": "elements"}, {"integration": "nodes"}])

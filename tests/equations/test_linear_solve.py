@@ -14,6 +14,7 @@ import tied_scenes
 from scenes import TIGHT, internal, linear_elastic, neo_hookean, pressed_blocks, read
 from test_obstacles import KINDS, block_under
 from test_operators import dense
+from test_reduced import loaded_blocks
 from test_system import three_blocks
 
 from dolfinx import fem
@@ -104,12 +105,13 @@ def check(problem, exact=EXACT):
     )
 
 
-def rubbing(algorithm, *, pair=None, degree=1, **options):
+def rubbing(algorithm, *, pair=None, degree=1, material=neo_hookean, **options):
     """Blocks some of whose nodes are then said to slide and to be open: no equilibrium."""
     pair = {"law": fm.Coulomb(0.2), **(pair or {})}
     scene = pressed_blocks(
-        pair=pair, problem={"algorithm": algorithm, **options}, degree=degree, rotation=0.04, **MESH
-    )
+        pair=pair, problem={"algorithm": algorithm, **options}, degree=degree, material=material,
+        rotation=0.04, **MESH,
+    )  # fmt: skip
     for part in (0.5, 1.0):
         scene.loads["push"].value[:] = (0.02 * part, -0.06 * part)
         scene.problem.solve(accept_violations=True)
@@ -160,6 +162,62 @@ def test_slave_node_on_a_symmetry_plane(algorithm):
     lift.value = 0.12
     problem.solve()
     assert contact.attracted.any()
+    check(problem)
+
+
+@pytest.mark.parametrize(
+    "pair, options",
+    [
+        ({}, {}),
+        ({"basis": "standard"}, {"algorithm": "saddle"}),
+        ({"basis": "vertices"}, {"degree": 2}),
+        ({"slip": "operators", "law": fm.Tresca(1.0)}, {}),
+        ({"sliding": "small", "law": fm.Frictionless()}, {}),
+    ],
+)
+def test_linear_bulk_factored_once(pair, options):
+    """By the compliance of the contact dofs; the condensed system is not assembled."""
+    given = {"linear_bulk": True, "material": linear_elastic, **options}
+    problem = rubbing(given.pop("algorithm", None), pair=pair, **given)
+    assert problem.equations.reduced_tangent() is not None
+    matrix = vars(problem.equations.system).get("matrix")
+    check(problem)
+    assert vars(problem.equations.system).get("matrix") is matrix
+
+
+def test_linear_bulk_with_a_symmetry_plane_and_adhesion():
+    """Prescribed components of multipliers, and multipliers of open nodes."""
+    law = test_adhesion.Sticky(0.3)
+    problem, lift = test_adhesion.columns(law, material=linear_elastic, linear_bulk=True)
+    for place in (-0.02, 0.12):
+        lift.value = place
+        problem.solve()
+        (contact,) = problem.equations.contacts
+        assert problem.equations.reduced_tangent() is not None
+        check(problem)
+    assert contact.attracted.any() and (contact.free == 0.0).any()
+
+
+def test_factors_of_a_bulk_that_is_not_linear_are_not_used():
+    """The user may call for them: Newton's method then converges, but they are no tangent."""
+    problem, lift = test_adhesion.columns(fm.Frictionless(), linear_bulk=True)
+    lift.value = -0.02
+    problem.solve()
+    assert problem.equations.reduced_tangent() is None
+    check(problem)
+
+
+def test_factors_of_other_data_are_not_used():
+    """The modulus is another one than that of the factors."""
+    problem, loads = loaded_blocks(True)
+    loads["push"].value[1] = -0.03
+    problem.solve()
+    assert problem.equations.reduced_tangent() is not None
+    loads["modulus"].value *= 2.0
+    assert problem.equations.reduced_tangent() is None
+    check(problem)
+    loads["modulus"].value /= 2.0
+    assert problem.equations.reduced_tangent() is not None
     check(problem)
 
 

@@ -16,6 +16,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.la.costs import Costs
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.options import ITERATIVE
 from meshes import half_cylinder_on_block, two_blocks
@@ -215,7 +216,7 @@ def solver_of(problem):
     ],
 )
 def test_size_and_system_decide_how_to_solve(monkeypatch, many, options, expected):
-    monkeypatch.setattr("fenics_mortar.la.choice.MANY", many)
+    monkeypatch.setattr("fenics_mortar.la.choice.COSTS", Costs(many=many))
     scene = {name: options[name] for name in ("material", "pair") if name in options}
     problem = {name: value for name, value in options.items() if name not in scene}
     assert solver_of(pressed_blocks(problem=problem, **scene, **MESH).problem) == expected
@@ -226,7 +227,7 @@ def test_factors_take_over_where_iterations_fail_and_the_report_says_so(monkeypa
     options = {"newton": fm.NewtonOptions()}
     u, reports = [], []
     for many in (10**9, 0):
-        monkeypatch.setattr("fenics_mortar.la.choice.MANY", many)
+        monkeypatch.setattr("fenics_mortar.la.choice.COSTS", Costs(many=many))
         monkeypatch.setitem(ITERATIVE, "ksp_max_it", 1)
         scene = pressed_blocks(problem=options, **MESH)
         for push in (-0.05, -0.1):
@@ -245,7 +246,7 @@ def test_factors_take_over_where_iterations_fail_and_the_report_says_so(monkeypa
 @pytest.mark.once
 def test_errors_of_petsc_in_the_set_up_lead_to_factors_or_an_error_of_ours(monkeypatch):
     """PETSc knows no such factors: an error, not a solve that diverged."""
-    monkeypatch.setattr("fenics_mortar.la.choice.MANY", 0)
+    monkeypatch.setattr("fenics_mortar.la.choice.COSTS", Costs(many=0))
     monkeypatch.setitem(ITERATIVE, "strip_redundant_pc_factor_mat_solver_type", "nobody")
     scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
     scene.loads["push"].value[1] = -0.05
@@ -264,7 +265,7 @@ def test_an_error_of_petsc_in_an_iteration_leaves_nothing_locked(monkeypatch):
     def fail(*_):
         raise PETSc.Error(76)
 
-    monkeypatch.setattr("fenics_mortar.la.choice.MANY", 0)
+    monkeypatch.setattr("fenics_mortar.la.choice.COSTS", Costs(many=0))
     monkeypatch.setattr(ContactPreconditioner, "apply", fail)
     scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
     scene.loads["push"].value[1] = -0.05

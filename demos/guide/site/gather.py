@@ -65,7 +65,7 @@ def pages_of_files() -> dict[str, str]:
         "demos/studies/README.md": "studies/index.md",
         "demos/studies": "studies/index.md",
     }
-    for name in ("installation", "features", "laws", "limits"):
+    for name in ("installation", "features", "laws", "limits", "thresholds"):
         pages[f"demos/guide/{name}.md"] = f"{name}.md"
     for file in sorted((ROOT / "demos" / "studies").glob("*/*.md")):
         study = file.parent.name

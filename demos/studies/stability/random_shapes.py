@@ -18,7 +18,7 @@ import numpy as np
 
 from demos.studies.stability import shape_scenes as scenes
 from demos.studies.stability.placement import draw_placement
-from demos.studies.stability.shape_scenes import ShapeCase
+from demos.studies.stability.shape_case import ShapeCase
 
 FAMILIES = ("own", "thin", "laws", "roles")
 

@@ -64,7 +64,9 @@ class Earlier:
                 operators, _ = contact.integration.evaluate(u, state, EXACT)
             finally:
                 contact.integration.view = view
-            self.fields = ContactFields(contact, state, operators)
+            if state.offset.any():
+                operators = operators.less_offset(state.offset)
+            self.fields: ContactFields = type(contact.now)(contact, state, operators)
             if obstacle is not None:
                 self.turn = obstacle.turn
                 self.gradient = _gradient(self.operators)
@@ -90,9 +92,13 @@ class Earlier:
 
     @property
     def touches(self) -> Flags:
-        """Nodes whose partners are along the slave's own normal, shape (slave nodes,), bool."""
-        small = self.contact.pair.sliding == "small"
-        return self.fields.state.active | small
+        """Nodes whose partners are along the slave's own normal, as in ``Contact.accept``.
+
+        Shape (slave nodes,), bool.
+        """
+        pair, state = self.contact.pair, self.fields.state
+        touches = state.active | (pair.sliding == "small")
+        return touches | self.fields.acts if pair.law.bridges_gap else touches
 
 
 def _feet(o: ObstacleOperators) -> Array:

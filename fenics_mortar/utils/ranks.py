@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: MIT
+"""Reductions of one number over the ranks; on one rank without a call of MPI, of microseconds."""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+
+def on_any(comm: MPI.Comm, flag: bool) -> bool:
+    """Whether ``flag`` is true on any rank (collective)."""
+    return bool(flag) if comm.size == 1 else bool(comm.allreduce(bool(flag), MPI.LOR))
+
+
+def on_all(comm: MPI.Comm, flag: bool) -> bool:
+    """Whether ``flag`` is true on all ranks (collective)."""
+    return bool(flag) if comm.size == 1 else bool(comm.allreduce(bool(flag), MPI.LAND))
+
+
+def largest(comm: MPI.Comm, value: float) -> float:
+    """The largest ``value`` of all ranks [unit of value] (collective)."""
+    return float(value) if comm.size == 1 else float(comm.allreduce(float(value), MPI.MAX))

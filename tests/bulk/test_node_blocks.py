@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: MIT
+"""The tangent assembled in blocks of the two dofs of a node, on one rank, and copied to rows."""
+
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from scenes import pressed_blocks
+
+from fenics_mortar.bulk.node_blocks import NodeBlocks, in_blocks
+from fenics_mortar.utils import compat
+
+pytestmark = pytest.mark.serial
+
+
+def matrix_in_pairs(values):
+    """The matrix of a whole number of nodes, without its zeros."""
+    rows, columns = np.nonzero(values)
+    starts = np.searchsorted(rows, np.arange(len(values) + 1)).astype(PETSc.IntType)
+    csr = starts, columns.astype(PETSc.IntType), values[rows, columns]
+    return PETSc.Mat().createAIJ(values.shape, bsize=2, csr=csr, comm=PETSc.COMM_SELF)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_the_tangent_is_that_in_rows_to_the_bit(degree):
+    scene = pressed_blocks(degree=degree, n_upper=4, n_lower=5)
+    scene.loads["push"].value[:] = 0.01, -0.05
+    scene.problem.solve()  # with contact in the tangent, whose pattern it extends
+    bulk = scene.problem.equations.bulk
+    bulk.assemble_tangent()
+    plain = compat.create_matrix(bulk._tangent)
+    compat.assemble_matrix(plain, bulk._tangent)
+    assert bulk.K.getInfo()["nz_used"] > plain.getInfo()["nz_used"]
+    assert bulk._blocks is not None
+    difference = bulk.K.duplicate(copy=True)
+    difference.axpy(-1.0, plain)
+    assert difference.norm() == 0.0
+    assert bulk.K.norm() > 0.0
+
+
+def test_entries_outside_of_all_blocks_become_zero():
+    values = np.kron(np.eye(3), [[1.0, 2.0], [3.0, 4.0]])
+    rows, blocks = matrix_in_pairs(values + np.rot90(np.eye(6))), in_blocks(matrix_in_pairs(values))
+    both = NodeBlocks(blocks.blocks, rows)
+    both.copy_to_rows()
+    assert np.array_equal(rows.convert("dense").getDenseArray(), values)
+
+
+def test_blocks_follow_changes_of_the_rows_and_keep_factors_else():
+    values = np.kron([[2.0, 1.0], [0.0, 2.0]], [[1.0, 0.0], [3.0, 4.0]])  # blocks with gaps
+    rows = matrix_in_pairs(values)
+    both = in_blocks(rows)
+    rows.scale(3.0)
+    both.copy_to_blocks()
+    assert np.array_equal(both.blocks.convert("dense").getDenseArray(), 3.0 * values)
+    state = both.blocks.stateGet()
+    both.copy_to_blocks()
+    assert both.blocks.stateGet() == state
+
+
+def test_blocks_fit_their_rows_only():
+    one, other = (matrix_in_pairs(np.eye(4) + number) for number in (1.0, 2.0))
+    both = in_blocks(one)
+    assert both.fit(one)
+    assert not both.fit(other)
+    grown = matrix_in_pairs(np.eye(4))
+    both = in_blocks(grown)
+    grown.axpy(1.0, one, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    assert not both.fit(grown)
