@@ -127,7 +127,8 @@ def _gap(contact: Contact, name: str, directions: Array) -> Array:
     if len(nodes):
         phi, _ = _distances(contact.obstacle, at.reshape(-1, 2), name, directions)
         of_facets = np.einsum("ejp,mep->mej", of_gap, phi.reshape(-1, *at.shape[:2]))
-        np.add.at(gap, (slice(None), nodes), of_facets)
+        for total, share in zip(gap, of_facets, strict=True):
+            np.add.at(total, nodes, share)
     return gap
 
 
