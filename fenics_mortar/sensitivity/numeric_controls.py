@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Choices of the numerics as controls: weights of the rows and of the active-set test, residual.
+"""Numerical choices as controls: weights of the rows and of the active-set test, residual.
 
-A solution depends on none of them: derivatives by weights are zero but for the elastic stick of
-redundant nodes, and that by the residual is the error of stopping Newton's method.
+An exact solution does not depend on them. Derivatives with respect to weights are zero except for
+the elastic stick of redundant nodes. The derivative with respect to the residual is the error due
+to the end of Newton's method.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class NumericWeight(Control):
 
 
 class RemainingResidual(Control):
-    """Part of the residual that Newton's method left, at present 1; at 0 equilibrium is exact."""
+    """Factor of the remaining residual of Newton's method: 1; with 0 equilibrium is exact."""
 
     name = "residual left"
 

@@ -21,24 +21,24 @@ from meshes import mapped_grids, two_blocks
 from meshes.mapped_grids import Grid, block
 
 MESH = {"n_upper": 4, "n_lower": 5, "layers_upper": 2, "layers_lower": 2}
-# Places of the upper block: pressed, then drawn over facets and back.
+# Positions of the upper block: pressed, then drawn over facets and back.
 PRESS = [(0.003, -0.05)]
 SLIDE = [(0.002, -0.03), (0.01, -0.05), (0.05, -0.05), (0.12, -0.05), (0.1, -0.045)]
-# Places of a circle, likewise.
+# Positions of a circle, likewise.
 ROLL = [(0.0, -0.03, 0.1), (0.01, -0.05, 0.1), (0.06, -0.05, 0.1)]
 
 
 @dataclass
 class Path:
-    """A problem, its controls by name, and how its steps are loaded.
+    """A problem, its controls by name, and the loads of its steps.
 
     Attributes:
         problem: The problem.
         u: Its displacement.
         controls: The controls by name. "place" is that of the upper block or of the obstacle; a
             change of it acts in all steps.
-        move: Sets the place of a step.
-        places: The places of the steps.
+        move: Function that sets the position of a step.
+        places: The positions of the steps.
     """
 
     problem: fm.ContactProblem
@@ -51,7 +51,7 @@ class Path:
         self.start = self.problem.state()
 
     def solve(self, names=(), changes=()) -> fm.RecordedPath:
-        """All steps from the undeformed state, with changed controls that are reset then."""
+        """Solve all steps from the undeformed state with changed controls; reset the controls."""
         self.problem.restore(self.start)
         made = controls_of(self.problem, [self.controls[n] for n in names]) if names else []
         before = [control.get(self.problem) for control in made]
@@ -175,7 +175,7 @@ def value_of(path, objective, over_steps=last):
 
 
 def directions_of(scene, names, sizes):
-    """Directions of controls, alike on any number of ranks."""
+    """Directions of controls, equal on any number of ranks."""
     rng, found = np.random.default_rng(1), []
     for name, size in zip(names, sizes, strict=True):
         (control,) = controls_of(scene.problem, scene.controls[name])
@@ -224,7 +224,7 @@ def check(scene, objective, names, sizes, *, over_steps=last, step=1e-3, exact=1
         there = scene.solve(names, [h * direction for direction in directions])
         remainders.append(abs(value_of(there, objective, over_steps) - start - h * found))
     slopes = np.log2(np.array(remainders[:-1]) / remainders[1:])
-    # Where the objective is linear, remainders are errors of the solves: 1e-13 of the forces.
+    # If the objective is linear, remainders are errors of the solves: 1e-13 of the forces.
     rounding = 1e-11 * (abs(start) + size)
     assert remainders[0] <= rounding or slopes.min() > 1.9, (remainders, slopes, found)
     return gradient

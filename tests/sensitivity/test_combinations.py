@@ -47,7 +47,7 @@ def test_ties(objective):
 @pytest.mark.parametrize("law", [None, fm.Coulomb(0.3)], ids=["none", "Coulomb"])
 @pytest.mark.parametrize("shape", ["radius", "points"])
 def test_driven_obstacles(law, shape):
-    """A roller pressed by a force, and drawn by another one or by its place."""
+    """A roller pressed by a force, and drawn by another force or a prescribed motion."""
     if shape == "radius":
         roller = fm.Circle((0.45, 1.5), 0.5)
     else:
