@@ -192,7 +192,8 @@ def timed(scene):
 def between_blocks(law, element, path):
     """Scene and sizes of the changes."""
     made, parameters, places = LAWS[law]
-    scene = timed(blocks(made(), places=places[PATHS[path]], **ELEMENTS[element]))
+    some = slice(9, 10) if places is APART and path == "step" else PATHS[path]  # opened
+    scene = timed(blocks(made(), places=places[some], **ELEMENTS[element]))
     scene.controls |= {name: se.LawParameter(0, name) for name in parameters}
     scene.controls["offset"] = se.Offset(0)
     sizes = {"E": 10.0, "load": 1.0, "place": 0.01, "interference": 0.003, "offset": 0.003}
