@@ -117,7 +117,7 @@ class MixedCohesive(fm.Law):
         reach: Jump at which the traction vanishes, above strength / stiffness [length].
     """
 
-    memory = ("jump", "slid")  # largest jump, slip so far
+    memory = ("jump", "slid")  # largest jump, at least strength / stiffness; slip so far
     bridges_gap = True
 
     def __init__(self, stiffness: float, strength: float, reach: float) -> None:
@@ -128,15 +128,19 @@ class MixedCohesive(fm.Law):
         gap = np.where(np.real(node.gap) > 0.0, node.gap, 0.0)
         slid, before = node.memory["slid"] + node.slip, node.memory["jump"]
         square = gap**2 + slid**2
-        grows = np.real(square) > before**2
+        grows = np.real(square) > np.real(before) ** 2
         return gap, slid, np.where(grows, np.sqrt(np.where(grows, square, 1.0)), before)
 
     def secant(self, largest: Any) -> Any:
         """Stiffness at the largest jump [stress / length]."""
         start = self.strength / self.stiffness
-        m = np.where(np.real(largest) > start, largest, start)
-        left = np.where(np.real(m) < self.reach, self.reach - m, 0.0)
-        return self.strength * left / ((self.reach - start) * m)
+        left = np.where(np.real(largest) < self.reach, self.reach - largest, 0.0)
+        return self.strength * left / ((self.reach - start) * largest)
+
+    def initial(self, X: Array) -> Mapping[str, Array]:
+        """The jump at which damage begins, and no slip."""
+        start = self.strength / self.stiffness
+        return {"jump": np.full(len(X), start), "slid": np.zeros(len(X))}
 
     def adhesion_at(self, node: Nodal) -> Row:
         """The normal traction."""

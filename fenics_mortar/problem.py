@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: MIT
 """The contact problem: UFL residual, Dirichlet conditions, contact pairs.
 
-The module exceeds 350 lines by its documentation, and the class 20 methods: it has one method for
-each operation of users on a problem.
+The class has more than 20 methods: one for each operation of users on a problem.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from copy import copy
 from functools import partial
 from typing import Any
 
@@ -17,20 +15,19 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar.bulk.checks import refuse_inertia
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.view import PairView
+from fenics_mortar.equations import setup
 from fenics_mortar.equations.continuation import Continuation
 from fenics_mortar.equations.inputs import Inputs
-from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
-from fenics_mortar.equations.setup import check_given, equations_of
-from fenics_mortar.equations.solver import Solver
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.equations.present import PresentState
 from fenics_mortar.equations.state import State
 from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.la import options as solvers
-from fenics_mortar.la.choice import Algorithm, system_of
+from fenics_mortar.la.choice import Algorithm
 from fenics_mortar.mesh.thickness import Geometry
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport
@@ -38,9 +35,9 @@ from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.verify.certificate import Certificate
-from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
+from fenics_mortar.verify.estimate import ErrorEstimate
 from fenics_mortar.verify.matrices import OperatorMatrices
-from fenics_mortar.verify.tangent import TangentCheck, check_tangent
+from fenics_mortar.verify.tangent import TangentCheck
 
 
 class ContactProblem:
@@ -55,14 +52,12 @@ class ContactProblem:
         bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; their values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
         petsc_options: Options of the linear solver, in addition to those of ``solver``. With a
-            ``pc_type`` other than "lu" and "cholesky" PETSc's own defaults apply, for example
-            GMRES.
+            ``pc_type`` other than "lu" and "cholesky" PETSc's own defaults apply (GMRES).
         algorithm: "condensed" (Foltyn & Vlach 2016, Alg. 2; dual multipliers only) or "saddle"
             (Alg. 1). Default: condensed if D can be inverted node by node.
         solver: "direct" (MUMPS), "iterative" (GMRES with multigrid, see ``multigrid``) or "auto".
-            "auto" selects the iterative solver from 100,000 unknowns (``la.options.MANY``) for
-            nonlinear bulk without PETSc options, else the direct one. If an iterative solve fails,
-            the direct solver is used and the report has a note.
+            "auto" is iterative from 100,000 unknowns (``la.costs``) for nonlinear bulk without
+            PETSc options. The direct solver is used, with a note, if an iterative solve fails.
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: Tolerances and limits of Newton's method.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
@@ -126,32 +121,25 @@ class ContactProblem:
         thickness: float | Callable[[Array], Any] | None = None,
         adequacy: Any | None = None,
     ) -> None:
-        given = {
+        self._given = {
             "residual": residual, "u": u, "bcs": bcs, "jacobian": jacobian,
             "petsc_options_prefix": petsc_options_prefix, "petsc_options": petsc_options,
             "algorithm": algorithm, "solver": solver, "linearization": linearization,
             "newton": newton, "displacement": displacement, "linear_bulk": linear_bulk,
             "geometry": geometry, "thickness": thickness,
         }  # fmt: skip
-        check_given(given, pairs, adequacy)
-        self._given = given
-        self.equations = equations_of(
+        setup.check_given(self._given, pairs, adequacy)
+        self.equations = setup.equations_of(
             residual, u, pairs, bcs, jacobian, solver=solver, linearization=linearization,
             newton=newton or NewtonOptions(), displacement=displacement, geometry=geometry,
             thickness=thickness,
         )  # fmt: skip
-        bulk, contacts = self.equations.bulk, self.equations.contacts
-        if solver == "iterative" and linear_bulk is None:
-            linear_bulk = False  # the factors might exceed the memory
-        system = system_of(
-            bulk, contacts, petsc_options_prefix, petsc_options, algorithm, solver, linear_bulk
-        )
-        self._solver = Solver(
-            self.equations, system, linear_bulk=linear_bulk, prefix=petsc_options_prefix
+        self._solver = setup.solver_of(
+            self.equations, petsc_options_prefix, petsc_options, algorithm, solver, linear_bulk
         )
         self._continuation = Continuation(self.equations)
-        self._estimator: Estimator | None = None
-        self._inputs = Inputs(bulk, contacts, self.obstacles)
+        self._present = PresentState(self.equations, self._solver, adequacy)
+        self._inputs = Inputs(self.equations.bulk, self.equations.contacts, self.obstacles)
         self._adequacy = adequacy
         if adequacy is not None:
             adequacy.prepare(self)
@@ -195,26 +183,26 @@ class ContactProblem:
     def newton(self, options: NewtonOptions) -> None:
         self.equations.newton = options
 
-    def _renew_if_interrupted(self) -> None:
-        """Rebuild the solver after an interruption (collective)."""
-        if self.comm.allreduce(self.equations.interrupted, MPI.LOR):
-            self._solver.renew()
-            self._estimator = None
-            self.equations.interrupted = False
-
     # Solving
 
-    def solve(self, *, accept_violations: bool = False, predict: bool = True) -> NewtonReport:
+    def solve(
+        self,
+        *,
+        accept_violations: bool = False,
+        predict: bool = True,
+        sensitivity: Any | None = None,
+    ) -> NewtonReport:
         """Solve for the present loads and prescribed values; update ``u`` and the multipliers.
 
         Collective.
 
         Args:
             predict: Whether to extrapolate the initial guess from the last two solves if the loads
-                continue in their direction, see ``continuation``; otherwise the guess is the last
-                state.
+                continue in their direction, see ``continuation``; it is the last state otherwise.
             accept_violations: Whether to return a state that violates its certificate instead of
                 raising an error; see ``report.certificate``.
+            sensitivity: A ``fm.sensitivity.Numerics``: ``report.sensitivity`` then has the
+                derivatives of a quantity with respect to numerical choices.
 
         Returns:
             The record of the Newton iterations.
@@ -230,24 +218,21 @@ class ContactProblem:
             BaseException: Any other exception, such as KeyboardInterrupt or an error of a user's
                 law; displacement and multipliers are then restored to their values before the call.
         """
-        self._renew_if_interrupted()
+        self._present.renew_if_interrupted()
         self.equations.bulk.input_data.check()
         remarks = self._inputs.check(
-            self.newton, accept_violations=accept_violations, predict=predict
+            self.newton, sensitivity, accept_violations=accept_violations, predict=predict
         )
         with restored_if_interrupted(self.equations, self._adequacy):
             report = None if self._adequacy is None else self._adequacy.solve_cheaper()
             if report is None:
                 solve = partial(self._solver.solve, remarks, accept_violations=accept_violations)
-                starts_elsewhere = self._adequacy is not None or self.newton.tentative
-                in_motion = self.equations.bulk.inertia is not None  # forces beyond the forms
-                if predict and not starts_elsewhere and not in_motion:
-                    report = self._continuation.solve(solve)
-                else:
-                    self._continuation.forget()
-                    report = solve()
+                predict &= self._adequacy is None and not self.newton.tentative
+                report = self._continuation.solve(solve, guess=predict)
             if self._adequacy is not None:
                 report.adequacy = self._adequacy.assess(self)
+            if sensitivity is not None:
+                report.sensitivity = sensitivity.of(self)
         return report
 
     def accept(self) -> None:
@@ -274,8 +259,7 @@ class ContactProblem:
             [stress length]; their sum at prescribed dofs is the support reaction. Third, forces and
             moments that keep the obstacles in place, shape (obstacles, 3), equal on all ranks.
         """
-        self.equations.evaluate_operators()
-        return self.equations.residual.forces()
+        return self._present.forces()
 
     # Other models
 
@@ -293,26 +277,14 @@ class ContactProblem:
             ValueError: If a contact pair has no such attribute.
             MortarError: If bodies have inertia.
         """
-        refuse_inertia(self.equations.bulk, "variant()")
-        pairs = [
-            p.with_options(**pair_options) if isinstance(p, ContactPair) else copy(p)
-            for p in (contact.pair for contact in self.equations.contacts)
-        ]
-        given = {**self._given, "pairs": pairs}
-        if residual is not None:
-            given.update(residual=residual, jacobian=None)
-        u = self.equations.bulk.u.x.array
-        kept = u.copy()
-        try:
-            u[:] = 0.0
-            return ContactProblem(**given)
-        finally:
-            u[:] = kept
+        with setup.undeformed(self.equations, "variant()"):
+            pairs = setup.pairs_with(pair_options, self.equations.contacts)
+            form = {} if residual is None else {"residual": residual, "jacobian": None}
+            return ContactProblem(**{**self._given, "pairs": pairs, **form})
 
     def adopt(self, other: ContactProblem) -> None:
         """Adopt the present state of ``other``, a variant of this problem (collective)."""
-        pairs = zip(self.equations.contacts, other.equations.contacts, strict=True)
-        for contact, theirs in pairs:
+        for contact, theirs in zip(self.equations.contacts, other.equations.contacts, strict=True):
             if isinstance(contact, Contact) and isinstance(theirs, Contact):
                 contact.adopt(theirs)
         self.restore(other.state())
@@ -339,33 +311,19 @@ class ContactProblem:
             MortarError: On all ranks, if the residual has integrals that are not supported, or
                 bodies have inertia.
         """
-        refuse_inertia(self.equations.bulk, "estimate()")
-        self._renew_if_interrupted()
-        if self._estimator is None:
-            self._estimator = Estimator(self.equations.bulk)
-        self.equations.evaluate_operators()
-        self.equations.bulk.free_garbage()
-        return self._estimator.evaluate(self.equations.contacts)
+        return self._present.estimate()
 
     # For research
 
     @property
     def matrices(self) -> OperatorMatrices:
         """D, M, gap, normals and derivatives at the present state, as PETSc objects; collective."""
-        self.equations.evaluate_operators()
-        return OperatorMatrices(self.equations.bulk, self.equations.contacts)
+        return self._present.matrices()
 
     @property
     def tangent(self) -> PETSc.Mat:
         """Matrix of the linear system at the present state (collective)."""
-        self._renew_if_interrupted()
-        equations = self.equations
-        equations.bulk.free_garbage()
-        equations.evaluate_operators()
-        equations.bulk.assemble_tangent()
-        equations.bulk.assemble_residual()
-        equations.system.assemble()
-        return equations.system.matrix
+        return self._present.tangent()
 
     def linear_solve(self, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:
         """Solve with the tangent at the present state, or with its transpose (collective).
@@ -387,13 +345,7 @@ class ContactProblem:
             MortarError: On all ranks, if the tangent is singular, for instance because contact
                 leaves a body free, or if z or q differ between ranks.
         """
-        self._renew_if_interrupted()
-        with restored_if_interrupted(self.equations, self._adequacy):
-            e = self.equations
-            e.evaluate_operators()
-            e.bulk.free_garbage()
-            linearized = LinearizedEquations(e.bulk, e.contacts, e.motions, e.system)
-            return linearized.solve(rhs, transpose=transpose)
+        return self._present.linear_solve(rhs, transpose=transpose)
 
     def check_tangent(self, **options: Any) -> TangentCheck:
         """Taylor slopes of all derivatives at the present state, 2 if exact (collective).
@@ -405,6 +357,4 @@ class ContactProblem:
         Returns:
             Remainders and slopes of each block: bulk, n, g, D, M and the whole system.
         """
-        self._renew_if_interrupted()
-        with restored_if_interrupted(self.equations, self._adequacy):
-            return check_tangent(self.equations, **options)
+        return self._present.check_tangent(**options)

@@ -1,7 +1,7 @@
 # # Step 1: two blocks
 #
-# The tutorial needs a dolfinx user and an hour. It is one script in five steps: each step uses the
-# functions and objects of the steps before it. You will
+# The tutorial needs a dolfinx user and an hour. It is one script in five steps, of more than 350
+# lines, because each step uses the functions and objects of the steps before it. You will
 #
 # 1. press two elastic blocks together,
 # 2. give them finite strain and follow a load path in adaptive steps,

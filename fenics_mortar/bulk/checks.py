@@ -41,7 +41,7 @@ def check_space(V: Any, pairs: Sequence[ContactPair | TiedPair]) -> None:
         )
     check_plane(mesh)
     _check_coordinates(mesh)
-    corners = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(mesh)]
+    corners = compat.num_corners(mesh)
     nodes = {1: corners, 2: {3: 6, 4: 9}[corners]}
     layout = V.dofmap.dof_layout
     degrees = [degree for degree, count in nodes.items() if layout.num_dofs == count]

@@ -17,6 +17,7 @@ a cell.
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import combinations_with_replacement
 from typing import Any
 
 from mpi4py import MPI
@@ -32,7 +33,7 @@ from fenics_mortar.utils.errors import MortarError, place
 from fenics_mortar.utils.rounding import EPSILON, MAX_STEPS, ROUNDING, SAME_PLACE
 
 # Pairs of the fields 1, x and y whose products are the moments of a body.
-MOMENTS = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
+MOMENTS = list(combinations_with_replacement(range(3), 2))
 # Function from offsets of points to their weights; None if there are too few points.
 Weigh = Callable[[Array], Array | None]
 

@@ -12,8 +12,8 @@ import basix
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Gauss points on a side of a cell, and per direction in the cell: exact to degree 5.
-POINTS = 3
+# Degree of Lagrange functions by the number of nodes of a cell.
+DEGREES = {3: 1, 4: 1, 6: 2, 9: 2}
 
 
 class ReferenceCell:
@@ -41,7 +41,7 @@ class ReferenceCell:
         normals = np.stack([self.edges[:, 1], -self.edges[:, 0]], axis=1)
         outward = np.sign(np.einsum("kc,kc->k", normals, starts - self.midpoint))
         self.normals: Array = outward[:, None] * normals
-        x, w = np.polynomial.legendre.leggauss(POINTS)
+        x, w = np.polynomial.legendre.leggauss(3)  # exact to degree 5
         self.s, self.side_weights = (x + 1) / 2, w / 2
         self.side_points: Array = (starts[:, None] + self.s[:, None] * self.edges[:, None]).reshape(
             -1, 2
@@ -61,7 +61,7 @@ def nodal_gradients(V: Any) -> Array:
     and 2.
     """
     cell = getattr(basix.CellType, compat.cell_name(V.mesh))
-    degree = {3: 1, 4: 1, 6: 2, 9: 2}[V.dofmap.dof_layout.num_dofs]
+    degree = DEGREES[V.dofmap.dof_layout.num_dofs]
     variant = basix.LagrangeVariant.gll_warped
     element = basix.create_element(basix.ElementFamily.P, cell, degree, variant)
     values = element.tabulate(1, element.points)[1:, :, :, 0]

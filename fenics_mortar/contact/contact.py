@@ -47,7 +47,7 @@ from fenics_mortar.contact.rows import ContactRows
 from fenics_mortar.contact.sides import points_of
 from fenics_mortar.contact.slip import Measure, find_partners
 from fenics_mortar.interface.integrals import evaluate_normals
-from fenics_mortar.interface.mortar import Linearization, MortarOperators
+from fenics_mortar.interface.mortar import Linearization, MortarOperators, minus_offset
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
@@ -146,7 +146,7 @@ class Contact(Interface):
             self.change(reference=reference)
         offset = self._state.offset
         if offset.any():
-            operators = operators.minus_offset(offset)
+            operators = minus_offset(operators, offset)
         self.set_operators(operators)  # also if they are cached: the law may have changed
         if self.pair.discretization.slip == "operators":
             _ = self.operators.vectors  # collective: evaluated on all ranks

@@ -12,20 +12,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.contact.state import InterfaceState
+from fenics_mortar.interface.behind import View
 from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import evaluate_obstacle
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments, find_segments
-from fenics_mortar.interface.sight import Sight, View
+from fenics_mortar.interface.sight import Sight
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags
 
-# Number of cached results: the last state and two initial guesses, each of them also with the
-# multiplier nodes that follow from its cover.
-RECENT = 5
 # Position of the obstacle if there are no frozen operators.
 NO_PLACE = np.full(3, np.nan)
 
@@ -70,9 +68,8 @@ class Integration:
         self.options, self.small = options, small
         self.sight: Sight | None = None
         self.view: View | None = None
-        self._recent: deque[tuple[Array, Flags, Linearization, MortarOperators]] = deque(
-            maxlen=RECENT
-        )
+        # of the last state and two initial guesses, also with the multiplier nodes of their cover
+        self._recent = deque[tuple[Array, Flags, Linearization, MortarOperators]](maxlen=5)
 
     def limit_sight(self, outline: Outline) -> None:
         """Limit the distance of partners behind the slave by the thickness of the bodies (local).

@@ -99,7 +99,7 @@ class Friction(Law):
 
     c_t = 0.1  # default for laws that do not call ``__init__`` of this class
 
-    def __init__(self, c_t: float = 0.1) -> None:
+    def __init__(self, c_t: float = c_t) -> None:
         self.c_t = c_t
 
     def check(self) -> None:
@@ -163,7 +163,7 @@ class Coulomb(Friction):
         mu: Any,
         *,
         max_shear: float = np.inf,
-        c_t: float = 0.1,
+        c_t: float = Friction.c_t,
         limit_by: Literal["trial", "pressure"] = "trial",
     ) -> None:
         super().__init__(c_t)
@@ -227,7 +227,7 @@ class Tresca(Friction):
 
     parameters = ("stress",)
 
-    def __init__(self, stress: float, *, c_t: float = 0.1) -> None:
+    def __init__(self, stress: float, *, c_t: float = Friction.c_t) -> None:
         super().__init__(c_t)
         self.stress = stress
         Tresca.check(self)

@@ -34,8 +34,8 @@ from fenics_mortar.interface.surfaces import MIN_SHARE, Surface
 from fenics_mortar.utils.arrays import Array, Indices
 
 # Cosine of the angle between the normal of a slave node with one prescribed component and the free
-# component. Above the first value (20 degrees) the node is on a symmetry plane; below the second
-# one it is prescribed along its normal.
+# component [1]. Above the first value (20 degrees) the node is on a symmetry plane; below the
+# second one it is prescribed along its normal.
 PLANE_COSINE, OBLIQUE_COSINE = 0.94, 0.1
 # Largest number of changes of a node in one solve. The cover may depend on whether the node carries
 # a multiplier; without the limit the iteration might not end.

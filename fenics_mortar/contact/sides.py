@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from fenics_mortar.interface.measures import POINTS
 from fenics_mortar.interface.on_obstacle import surface_without_nodes
-from fenics_mortar.interface.segments import POINTS
 from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle

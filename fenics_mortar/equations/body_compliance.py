@@ -14,15 +14,12 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.la.factored import factored_bulk, portions
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array
 
-# Stiffness of the springs on a body over its largest diagonal entry of K [1]: larger than the
-# negative stiffness of its loads, which is of the order of the strains, but small enough to have a
-# negligible effect on the elastic compliance.
-SPRING = 1e-3
 PREFIX = "fenics_mortar_settling_"
 
 
@@ -41,7 +38,7 @@ class BodyCompliance:
         for body in floating.bodies:
             mine = floating.labels[: bulk.space.num_nodes] == body.label
             dofs = bulk.space.owned_dofs[mine]
-            each = SPRING * body.stiffest / body.num_nodes
+            each = EQUATIONS.spring * body.stiffest / body.num_nodes
             weak = RIGID.weakest_spring * body.stiffest / body.num_nodes
             springs[dofs] = each
             rigid = np.zeros((len(body.motions), bulk.num_owned))

@@ -5,9 +5,11 @@ A user's loop that changes loads and solves is a load path without time. The len
 follows from the loads: each prescribed value, constant and function of the forms, obstacle and
 offset has to change along its last change, all by the same ratio. The guess is the last state if
 
-- nothing changed, or loads turn, reverse, start or stop; - a step is more than twice as long as the
-last one; - a law was changed; - the present state is not the result of the last solve; - the bodies
-have inertia.
+- nothing changed, or loads turn, reverse, start or stop;
+- a step is more than twice as long as the last one;
+- a law was changed;
+- the present state is not the result of the last solve;
+- the bodies have inertia.
 
 Otherwise the guess is that of ``predictor``, which compares its residual with that of the last
 state.
@@ -24,15 +26,13 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import ContactEquations
-from fenics_mortar.equations.moving_frame import SAME_DIRECTION
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import as_text
 from fenics_mortar.utils.rounding import ROUNDING
 
-# Largest ratio of a step to the last one [1], for extrapolated loads and load steps.
-LONGEST = 2.0
 # Attributes of an interface's state that a user may have changed since the last solve.
 KEPT = ("z", "active", "branch", "multiplier_nodes", "partners", "accepted", "committed")
 
@@ -57,22 +57,22 @@ class Continuation:
         self._past: list[_Loads] = []
         self._step = 1.0
 
-    def forget(self) -> None:
-        """Discard the states: the next two solves have no guess (local)."""
-        self._past = []
-
-    def solve(self, solve: Callable[[], NewtonReport]) -> NewtonReport:
+    def solve(self, solve: Callable[[], NewtonReport], *, guess: bool) -> NewtonReport:
         """Solve from a guess if loads continue, else from the present state (collective).
 
         Args:
             solve: Function that solves from the present state.
+            guess: Whether to guess; never for bodies in motion, which have forces beyond the forms.
 
         Raises:
             NotConvergedError: On all ranks, if the solve fails; after a guess, if the solve from
                 the present state fails as well.
         """
+        if not guess or self._equations.bulk.inertia is not None:
+            self._past = []
+            return solve()
         if self._past and not self._is_last_state():
-            self.forget()
+            self._past = []
         loads = self._loads()
         ratio = self._ratio(loads) if len(self._past) == 2 else 0.0
         step = self._step * ratio if ratio else 1.0
@@ -126,5 +126,5 @@ class Continuation:
         first = np.flatnonzero(done2)[0]
         ratio = float(product[first] / done2[first])
         aside2 = next2 - 2.0 * ratio * product + ratio**2 * done2
-        continues = 0.0 < ratio <= LONGEST * (1.0 + ROUNDING)
-        return ratio if continues and (aside2 <= SAME_DIRECTION**2 * next2).all() else 0.0
+        continues = 0.0 < ratio <= EQUATIONS.longest * (1.0 + ROUNDING)
+        return ratio if continues and (aside2 <= EQUATIONS.same_direction**2 * next2).all() else 0.0

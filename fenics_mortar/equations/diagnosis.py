@@ -12,17 +12,12 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.laws import Branches
 from fenics_mortar.contact.messages import describe_overlap
+from fenics_mortar.equations.set_history import SetsOfPairs
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, place
-
-# Number of last iterations in which nodes that open and close are reported.
-RECENT_SETS = 4
-# Active set and branches of each pair in one iteration.
-Sets = list[tuple[Flags, Branches]]
 
 
 def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> None:
@@ -64,7 +59,7 @@ def diagnose(
     floating: FloatingBodies,
     obstacles: DrivenObstacles,
     force: float,
-    recent: Sequence[Sets],
+    recent: Sequence[SetsOfPairs],
 ) -> str:
     """Describe inverted cells, loose bodies, peeling edges and deep overlaps; "" if none.
 
@@ -89,7 +84,7 @@ def describe_inverted(bulk: Bulk) -> str:
     return f"{count} cells are inverted, one at {where}: try smaller load steps" * bool(count)
 
 
-def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[Sets]) -> str:
+def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]) -> str:
     """Describe nodes with shear without pressure that open and close; "" if none (local)."""
     for i, contact in enumerate(contacts):
         if not isinstance(contact, Contact):

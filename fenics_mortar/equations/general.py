@@ -9,7 +9,7 @@ guess and model are chosen by ``problem`` and ``solver``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from mpi4py import MPI
@@ -24,7 +24,9 @@ from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
+from fenics_mortar.equations.linearized import LinearizedEquations, Tangent
 from fenics_mortar.equations.linearized_contact import LinearizedContact
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.remedies import Remedies
 from fenics_mortar.equations.residual import Residual
 from fenics_mortar.equations.set_history import SetHistory
@@ -39,10 +41,15 @@ from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import together
+from fenics_mortar.utils.rounding import TINY
 from fenics_mortar.verify.crossing import Crossings
 
 # Motions for a problem without obstacles.
 NO_MOTION: Array = np.zeros((0, 3))
+
+
+def no_tangent() -> None:
+    """There are no factors of a linear bulk (local)."""
 
 
 class Increment(NamedTuple):
@@ -82,6 +89,7 @@ class ContactEquations:
         last_converged: Whether the last solve ended in the present state.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
         system: The linear system; has to be set before the first ``advance``.
+        reduced_tangent: Returns solves by factors of a linear bulk, or ``None`` (collective).
 
     Raises:
         MortarError: On all ranks, if the bulk tangent is not finite or zero at a node.
@@ -117,6 +125,7 @@ class ContactEquations:
         lengths = [float(contact.slave.lengths.min()) for contact in contacts]
         self._shortest_facet: float = min(lengths, default=0.0)
         self._loose: list[FloatingBody] = []
+        self.reduced_tangent: Callable[[], Tangent | None] = no_tangent
 
     def add_inertia(self, inertia: Inertia) -> None:
         """Add mass; bodies with mass are not floating."""
@@ -267,8 +276,13 @@ class ContactEquations:
         """
         moved = self.motions.largest() if self.motions.obstacles else 0.0
         displacement = max(self.bulk.largest(self.bulk.u.x.array), moved)
-        size = max(displacement, 1e-8 * self._shortest_facet, 1e-300)
+        size = max(displacement, EQUATIONS.at_rest * self._shortest_facet, TINY)
         return Step(increment / size, part, note)
+
+    def linearized(self) -> LinearizedEquations:
+        """Solves with the tangent at the last evaluated state, or with its transpose."""
+        reduced = self.reduced_tangent()
+        return LinearizedEquations(self.bulk, self.contacts, self.motions, self.system, reduced)
 
     # States
 

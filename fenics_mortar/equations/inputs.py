@@ -56,11 +56,12 @@ class Inputs:
         self._axis = AxisConditions(bulk.space, bulk.u, bulk.bcs)
         self._on_radius = remark_on_radius(bulk.residual, bulk.u, bulk.space)
 
-    def check(self, newton: Any, **flags: Any) -> list[str]:
+    def check(self, newton: Any, sensitivity: Any = None, **flags: Any) -> list[str]:
         """Reject invalid values; return remarks on questionable ones (collective).
 
         Args:
             newton: Options of the next solve.
+            sensitivity: Request for sensitivities after the solve, or ``None``.
             flags: Options of the next solve, true or false.
 
         Raises:
@@ -72,13 +73,16 @@ class Inputs:
             check_kind("newton", newton, NewtonOptions, "an instance of NewtonOptions")
             for name, flag in flags.items():
                 check_flag(name, flag)
+            if sensitivity is not None and not callable(getattr(sensitivity, "of", None)):
+                raise ValueError(f"sensitivity={sensitivity!r}: expected a fm.sensitivity.Numerics")
             for contact, as_bound in zip(self._contacts, self._as_bound, strict=True):
                 _check_contact(contact, as_bound)
             for obstacle in self._obstacles:
                 check_obstacle(obstacle)
                 if self._bulk.space.is_axisymmetric:
                     check_axial(obstacle)
-        check_same(comm, self._numbers())
+        asked = np.array(float(sensitivity is not None))
+        check_same(comm, [*self._numbers(), ("whether sensitivity is given", asked)])
         for contact in self._contacts:
             name = f"offset of '{contact.slave.name}'"
             check_lengths(name, contact.offset, contact.slave.num_nodes)

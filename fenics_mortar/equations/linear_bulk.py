@@ -11,6 +11,7 @@ from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.reduced import ReducedEquations
+from fenics_mortar.equations.reduced_tangent import ReducedTangent
 from fenics_mortar.equations.small_sliding import SmallSlidingEquations
 from fenics_mortar.la.costs import COSTS
 from fenics_mortar.la.options import COMPLIANCE
@@ -77,6 +78,19 @@ class LinearBulk:
             unused = self._general.system.solver.describe_unused(reduced=True)
             return self._equations, [unused]
         return self._equations, []
+
+    def tangent(self) -> ReducedTangent | None:
+        """Solves with the tangent by the present factors (collective).
+
+        ``None`` if there are none, if constants or functions of the tangent have changed since, or
+        if the residual is not recognized as linear.
+        """
+        if not self._general.bulk.is_linear:
+            return None
+        before = self._data
+        changed = self._equations is None or self._data_changed()
+        self._data = before
+        return None if changed or self._equations is None else self._equations.tangent()
 
     def count(self, num_iterations: int) -> None:
         """Count iterations on all dofs (local)."""

@@ -32,6 +32,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 from mpi4py import MPI
 
@@ -81,6 +82,16 @@ class LinearVector:
         return comm.allreduce(mine) + alike
 
 
+class Tangent(Protocol):
+    """The tangent of displacement and multipliers, see ``LinearSystem``; collective."""
+
+    def assemble(self) -> None:
+        """Linearize at the last evaluated state."""
+
+    def solve(self, b: Array, *, transpose: bool = False) -> Array:
+        """Solve A x = b, or A^T x = b; ``b``: (owned dofs + 2 owned multipliers,)."""
+
+
 class LinearizedEquations:
     """A at the last evaluated state, factorized in the first solve; all methods are collective.
 
@@ -91,6 +102,7 @@ class LinearizedEquations:
         contacts: The contacts and ties, evaluated.
         obstacles: The obstacles.
         system: System of displacements and multipliers.
+        tangent: Solves for these by other factors than those of ``system``.
     """
 
     def __init__(
@@ -99,12 +111,15 @@ class LinearizedEquations:
         contacts: Sequence[Interface],
         obstacles: ObstacleMotions,
         system: LinearSystem,
+        tangent: Tangent | None = None,
     ) -> None:
         self._bulk, self._contacts, self._system = bulk, contacts, system
+        self._tangent = tangent or system
         self._shape = obstacles.scales.shape
         self._driven = obstacles.driven.ravel()
-        bulk.assemble_tangent()
-        system.assemble()
+        if tangent is None:
+            bulk.assemble_tangent()
+        self._tangent.assemble()
         border = linearize_balance(obstacles, system)
         raise_stored(bulk.comm, contacts)
         self._border = border.scaled(obstacles.scales.ravel())
@@ -121,10 +136,10 @@ class LinearizedEquations:
         """Solve A [x, q] = [b, c]; prescribed motions are eliminated first."""
         driven, border, q = self._driven, self._border, c.copy()
         given = c[~driven]
-        x = self._system.solve(b - given @ border.columns[~driven])
+        x = self._tangent.solve(b - given @ border.columns[~driven])
         balance = c[driven] - border.corner[np.ix_(driven, ~driven)] @ given
         x, q[driven] = solve_bordered(
-            self._system.solve, border.part(driven), x, balance, self._bulk.comm
+            self._tangent.solve, border.part(driven), x, balance, self._bulk.comm
         )
         return x, q
 
@@ -133,7 +148,7 @@ class LinearizedEquations:
         driven, border, q = self._driven, self._border, c.copy()
 
         def solve(rhs: Array) -> Array:
-            return self._system.solve(rhs, transpose=True)
+            return self._tangent.solve(rhs, transpose=True)
 
         x, q[driven] = solve_bordered(
             solve, border.part(driven).transposed, solve(b), c[driven], self._bulk.comm

@@ -26,7 +26,8 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC
 from fenics_mortar.contact.laws import STICK, Coulomb, Frictionless
-from fenics_mortar.equations.body_compliance import SPRING, BodyCompliance
+from fenics_mortar.equations.body_compliance import BodyCompliance
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.complementarity import FrictionProblem, Sets, solve_friction
@@ -37,10 +38,6 @@ from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import SOLVED
-
-# Largest number of nodes that may touch: with more nodes, Lemke's method with a dense tableau of
-# four rows per node takes longer than the iterations saved (about 2 s for this number).
-MAX_NODES = 250
 
 
 class LinearizedContact:
@@ -62,14 +59,16 @@ class LinearizedContact:
 
     @property
     def applies(self) -> bool:
-        """Whether few nodes may touch and all laws are Coulomb's or frictionless.
+        """Whether some but few nodes may touch and all laws are Coulomb's or frictionless.
 
         If bodies float, one law has to have friction: without friction a round body on facets may
         have no equilibrium nearby, and with the sets of the linearized problem it would roll on.
         """
         touching = [_may_touch(contact) for contact in self._contacts]
         tied = [c.active for c in self._system.contacts if not isinstance(c, Contact)]
-        if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > MAX_NODES:
+        if not any(nodes.any() for nodes in touching):
+            return False
+        if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > EQUATIONS.max_touching:
             return False
         laws = [contact.pair.law for contact in self._contacts]
         if self._floating.bodies and not any(law.has_friction for law in laws):
@@ -230,7 +229,8 @@ class LinearizedContact:
         """Mean pressure of loaded nodes, or a small value if no node is loaded [stress]."""
         borne = np.concatenate([np.abs(c.pressure[c.z.any(axis=1)]) for c in self._contacts])
         soft = min(float(contact.modulus.min()) for contact in self._contacts)
-        return max(float(borne.mean()) if borne.size else 0.0, SPRING * RIGID.weakest_spring * soft)
+        smallest = EQUATIONS.spring * RIGID.weakest_spring * soft
+        return max(float(borne.mean()) if borne.size else 0.0, smallest)
 
     def _gaps(self, used: Indices) -> tuple[Array, Array]:
         """V and y of gaps and slips y + V zeta of multiplier components, replicated.

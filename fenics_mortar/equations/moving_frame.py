@@ -29,16 +29,12 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.state import State
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.locate import locate
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.rounding import HALF_FACET
-
-# Two changes are considered equal if they differ by at most this fraction of their size [1], or by
-# 30 degrees for equal sizes. Applied to motions of the contacts on a body, and to loads of two
-# solves.
-SAME_DIRECTION = 0.5
 
 
 class _Side(NamedTuple):
@@ -116,7 +112,7 @@ class MovingFrame:
             facet = min(self._sides[k].surface.lengths.min() for k in mine)
             size = np.hypot(*s)
             apart = np.hypot(*(moved[mine] - s).T).max()
-            if ratio * size > HALF_FACET * facet and apart <= SAME_DIRECTION * size:
+            if ratio * size > HALF_FACET * facet and apart <= EQUATIONS.same_direction * size:
                 found[body] = s
         return found
 

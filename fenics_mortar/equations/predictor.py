@@ -27,17 +27,11 @@ import numpy.typing as npt
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.moving_frame import MovingFrame
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.state import State
 from fenics_mortar.newton.report import NewtonReport, then_solve
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import NotConvergedError
-
-# Number of iterations after which a guess is abandoned: more than any guess saves.
-MAX_ITERATIONS = 8
-# Largest ratio of the residual after the first iteration from linear extrapolation to that before
-# it [1]. Measured on 300 steps of sliding and rolling: above it the guess costs more than it saves.
-# The moving frame has no limit: it leaves 0.06 of the force where the last state leaves 0.5.
-MAX_RESIDUAL_LEFT = 0.4
 
 
 class _Point(NamedTuple):
@@ -73,7 +67,7 @@ class Predictor:
         self._problem = problem
         self._frame = MovingFrame(problem)
         self.begin(time)
-        self._line, self._moving = _Kind(MAX_RESIDUAL_LEFT), _Kind(np.inf)
+        self._line, self._moving = _Kind(EQUATIONS.max_residual_left), _Kind(np.inf)
 
     def begin(self, time: float) -> None:
         """Set the present state as the first one of a path, at a time (collective)."""
@@ -175,7 +169,7 @@ class Predictor:
     ) -> NewtonReport:
         """Solve; if convergence is poor, restart from ``here``."""
         options = self._problem.newton
-        few = min(MAX_ITERATIONS, options.max_iterations)
+        few = min(EQUATIONS.max_guess_iterations, options.max_iterations)
         cautious = replace(options, tentative=True, max_remaining=kind.max_left, max_iterations=few)
         try:
             self._problem.newton = cautious

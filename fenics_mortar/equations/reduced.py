@@ -31,20 +31,18 @@ from scipy.sparse import coo_array
 
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.equations.options import EQUATIONS
+from fenics_mortar.equations.reduced_dense import Parts, solve_dense
+from fenics_mortar.equations.reduced_tangent import ReducedTangent
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.compliance import Compliance
 from fenics_mortar.la.contact_dofs import ContactDofs
-from fenics_mortar.la.solver import LINEAR_TOLERANCE
 from fenics_mortar.la.sparse import flatten
 from fenics_mortar.la.system import components
 from fenics_mortar.newton.loop import Status, Step
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
-
-# Relative motion of a facet's ends over its length above which a step may invert cells [1]: the
-# areas of adjacent cells change by about this fraction, and may change by 0.8, see ``Bulk.move``.
-DISTORTION = 0.25
 
 
 class ReducedEquations:
@@ -66,6 +64,7 @@ class ReducedEquations:
         self._inside: npt.NDArray[np.bool_] = ~self._bulk.prescribed[: self._bulk.num_owned]
         self._inside[self._dofs.local] = False
         self._force: Array | None = None
+        self._tangent: ReducedTangent | None = None
 
     def _factor(self, prefix: str) -> Any:
         return Compliance(self._bulk, self._dofs, prefix)
@@ -87,7 +86,7 @@ class ReducedEquations:
             laws = [contact.rows.linearized() for contact in self._general.contacts]
             parts = self._assemble(laws)
         with clock("solve"):
-            step, zeta, self._force = self._solve(without_contact, laws, *parts)
+            step, zeta, self._force = self._solve(without_contact, laws, parts)
         moved = np.zeros_like(u)
         self._dofs.put(step, moved)
         moved[prescribed] = change
@@ -111,7 +110,7 @@ class ReducedEquations:
             for side in (contact.slave, contact.master):
                 u = step[self._dofs.number(side.dofs)]
                 change = np.hypot(*(u[side.facets[:, -1]] - u[side.facets[:, 0]]).T)
-                if (change > DISTORTION * side.lengths).any():
+                if (change > EQUATIONS.distortion * side.lengths).any():
                     return True
         return False
 
@@ -160,16 +159,16 @@ class ReducedEquations:
         moved[self._bulk.prescribed_dofs] = change
         return np.where(self._dofs.free, step, 0.0) + self._dofs.gather(moved)
 
-    def _assemble(self, laws: Sequence[Rows]) -> list[coo_array]:
-        """K_c, B^T, C and A_z on the contact dofs, complete on rank 0."""
+    def _assemble(self, laws: Sequence[Rows]) -> Parts:
+        """The matrices on the contact dofs, complete on rank 0."""
         system, size = self._system, self._dofs.size
         count = 2 * sum(place.size for place in system.places)
-        return [
+        return Parts(
             self._collect(system.force_derivative(), (size, size), (True, True)),
             self._collect(system.force_blocks(), (size, count), (True, False)),
             self._collect(system.law_blocks(laws), (count, size), (False, True)),
             self._collect(system.multiplier_blocks(laws), (count, count), (False, False)),
-        ]
+        )
 
     def _collect(
         self, blocks: Iterable[Block], shape: tuple[int, int], are_dofs: tuple[bool, bool]
@@ -182,22 +181,15 @@ class ReducedEquations:
         inside = (i >= 0) & (j >= 0) & (v != 0.0)
         return coo_array((v[inside], (i[inside], j[inside])), shape=shape)
 
-    def _solve(
-        self,
-        d: Array,
-        laws: Sequence[Rows],
-        K_c: coo_array,
-        B_T: coo_array,
-        C: coo_array,
-        A_z: coo_array,
-    ) -> tuple[Array, Array, Array]:
+    def _solve(self, d: Array, laws: Sequence[Rows], parts: Parts) -> tuple[Array, Array, Array]:
         """Step of the contact dofs, multipliers zeta (n, 2) and contact force (collective)."""
-        rhs, weight = np.zeros((A_z.shape[0] // 2, 2)), np.ones((A_z.shape[0] // 2, 1))
+        count = parts.A_z.shape[0] // 2
+        rhs, weight = np.zeros((count, 2)), np.ones((count, 1))
         for (contact, place), law in zip(self._system.numbered(), laws, strict=True):
             rhs[place], weight[place, 0] = law.rhs, 1.0 / contact.stiffness
         answer = None
         if self._comm.rank == 0:
-            answer = self._solve_dense(d, K_c, B_T, C, A_z, rhs.ravel(), np.repeat(weight, 2))
+            answer = self._solve_dense(d, parts, rhs.ravel(), np.repeat(weight, 2))
         answer = self._comm.bcast(answer)
         if answer is None:
             raise MortarError("the reduced linear system is singular")
@@ -205,44 +197,29 @@ class ReducedEquations:
         return step, zeta.reshape(-1, 2), force
 
     def _solve_dense(
-        self,
-        d: Array,
-        K_c: coo_array,
-        B_T: coo_array,
-        C: coo_array,
-        A_z: coo_array,
-        rhs: Array,
-        weight: Array,
+        self, d: Array, parts: Parts, rhs: Array, weight: Array
     ) -> tuple[Array, Array, Array] | None:
         """The solution on rank 0; ``None`` if the system is singular.
 
         Unknowns are the multipliers that may act and the dofs in their rows and forces: if a row of
         the law has neither displacements nor a right-hand side, its multiplier is zero.
         """
-        nodes = np.unique(np.concatenate([C.row, np.flatnonzero(rhs)]) // 2)
-        a = np.intersect1d(components(nodes[:, None]), B_T.col)
-        t = np.unique(np.concatenate([K_c.row, K_c.col, B_T.row[np.isin(B_T.col, a)], C.col]))
-        K_t, B_t = _dense(K_c, t, t), _dense(B_T, t, a)
-        A_t = self._compliance.A[t]
-        scale = weight[a, None]
-        matrix = np.block(
-            [
-                [np.eye(t.size) + A_t[:, t] @ K_t, A_t[:, t] @ B_t],
-                [scale * _dense(C, a, t), scale * _dense(A_z, a, a)],
-            ]
-        )
-        right = np.concatenate([d[t], weight[a] * rhs[a]])
-        try:
-            x = np.linalg.solve(matrix, right)
-        except np.linalg.LinAlgError:
+        nodes = np.unique(np.concatenate([parts.C.row, np.flatnonzero(rhs)]) // 2)
+        some = np.intersect1d(components(nodes[:, None]), parts.B_T.col)
+        found = solve_dense(self._compliance.A, parts, some, d, rhs, weight)
+        if found is None:
             return None
-        defect = np.linalg.norm(matrix @ x - right)
-        if not defect <= LINEAR_TOLERANCE * np.linalg.norm(right):
-            return None
-        zeta, force = np.zeros(rhs.size), np.zeros(d.size)
-        zeta[a] = x[t.size :]
-        force[t] = K_t @ x[: t.size] + B_t @ zeta[a]
-        return d - force[t] @ A_t, zeta, force
+        step, force, zeta = found
+        return step, zeta, force
+
+    def tangent(self) -> ReducedTangent | None:
+        """Solves with the tangent by the factors of the bulk, ``None`` if they are not faster."""
+        if self._tangent is None:
+            self._tangent = self._tangent_by(self._compliance)
+        return self._tangent
+
+    def _tangent_by(self, compliance: Compliance) -> ReducedTangent:
+        return ReducedTangent(self._bulk, self._system, self._dofs, compliance, self._assemble)
 
     def finish(self) -> None:
         """Compute the displacement inside the bodies."""
@@ -270,15 +247,3 @@ class ReducedEquations:
         """See ``ContactEquations``; computes the displacement inside the bodies first."""
         self.finish()
         return self._general.diagnose()
-
-
-def _dense(matrix: coo_array, rows: Indices, columns: Indices) -> Array:
-    """Dense submatrix of ascending rows and columns (local)."""
-    inside = np.isin(matrix.row, rows) & np.isin(matrix.col, columns)
-    i, j = (
-        np.searchsorted(some, place[inside])
-        for some, place in ((rows, matrix.row), (columns, matrix.col))
-    )
-    shape = rows.size, columns.size
-    entries = np.bincount(i * shape[1] + j, matrix.data[inside], shape[0] * shape[1])
-    return entries.reshape(shape).astype(np.float64)

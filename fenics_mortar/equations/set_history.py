@@ -8,15 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.laws import STICK
+from fenics_mortar.contact.discretization import Discretization
+from fenics_mortar.contact.laws import STICK, Branches
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.equations.diagnosis import RECENT_SETS, Sets
+from fenics_mortar.equations.options import EQUATIONS
+from fenics_mortar.utils.arrays import Flags
 
-# Largest c_n after a cycle of the active set [1].
-LESS_WEIGHT = 1e-3
-# Largest number of linearized contact problems in a solve: walls and arches need one or a few; if
-# there is no equilibrium, more would only take time.
-MAX_CALLS = 8
+# Active set and branches of each pair in one iteration.
+SetsOfPairs = list[tuple[Flags, Branches]]
 
 
 class SetHistory:
@@ -39,7 +38,7 @@ class SetHistory:
     def begin(self) -> None:
         """Discard the data of the last solve."""
         self.residuals: list[float] = []
-        self._sets: list[Sets] = []
+        self._sets: list[SetsOfPairs] = []
         self._changed = self._calls = 0
         self.has_merged = self.opens_and_closes = False
 
@@ -50,9 +49,9 @@ class SetHistory:
         self._changed = changed
 
     @property
-    def recent(self) -> list[Sets]:
-        """Sets of the last ``RECENT_SETS`` iterations."""
-        return self._sets[-RECENT_SETS:]
+    def recent(self) -> list[SetsOfPairs]:
+        """Sets of the last ``EQUATIONS.recent_sets`` iterations."""
+        return self._sets[-EQUATIONS.recent_sets :]
 
     @property
     def is_unsettled(self) -> bool:
@@ -61,7 +60,7 @@ class SetHistory:
         If the residual decreases tenfold, the sets have settled except for nodes at roundoff.
         """
         residuals = self.residuals
-        if not self._changed or len(residuals) < 2 or self._calls == MAX_CALLS:
+        if not self._changed or len(residuals) < 2 or self._calls == EQUATIONS.max_calls:
             return False
         return not residuals[-1] < 0.1 * residuals[-2]
 
@@ -72,11 +71,11 @@ class SetHistory:
     def merge(self, period: int) -> str:
         """Leave a cycle of the active set or of branches; return a remark.
 
-        All nodes that were active in the cycle are set active for one iteration. c_n is reduced in
-        this and later solves: a large c_n opens nodes for small gaps left by a step. Nodes that
-        changed branch in the cycle stick for one iteration.
+        All nodes that were active in the cycle are set active for one iteration. c_n is at most its
+        default in this and later solves: a large c_n opens nodes for small gaps left by a step.
+        Nodes that changed branch in the cycle stick for one iteration.
         """
-        wavering = opening = 0
+        wavering, opening, c_n = 0, 0, Discretization.c_n
         for i, contact in enumerate(self._contacts):
             recent = [sets[i] for sets in self._sets[-period:]]
             active, branches = (np.array(sets) for sets in zip(*recent, strict=True))
@@ -84,7 +83,7 @@ class SetHistory:
             wavers = merged & (branches != branches[-1]).any(axis=0)
             contact.change(
                 active=merged,
-                c_n=min(contact.c_n, LESS_WEIGHT),
+                c_n=min(contact.c_n, c_n),
                 branch=np.where(wavers, STICK, contact.branch),
             )
             wavering += int(wavers.sum())
@@ -93,5 +92,5 @@ class SetHistory:
         stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
         return (
             f"the active set does not settle (last {period} iterations); all nodes active in them "
-            f"remain active for one iteration, and c_n is limited to {LESS_WEIGHT:g}{stuck}"
+            f"remain active for one iteration, and c_n is limited to {c_n:g}{stuck}"
         )

@@ -3,23 +3,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from copy import copy
 from typing import Any
 
 from dolfinx import fem
 
 from fenics_mortar.bulk.axis import check_axis, check_radius
-from fenics_mortar.bulk.checks import check_cells, check_slave_nodes, check_space
+from fenics_mortar.bulk.checks import check_cells, check_slave_nodes, check_space, refuse_inertia
 from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.binding import bind
+from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.equations.arguments import check_arguments, check_options
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.inputs import check_roles
 from fenics_mortar.equations.line_of_sight import set_outlines
+from fenics_mortar.equations.solver import Solver
 from fenics_mortar.interface.mortar import LINEARIZATIONS
+from fenics_mortar.la.choice import Algorithm, system_of
+from fenics_mortar.la.options import Solver as SolverName
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import Geometry, thickness_of
 from fenics_mortar.newton.options import NewtonOptions
@@ -100,3 +106,53 @@ def equations_of(
     outline, labels = equations.crossings.outline, equations.floating.labels
     set_outlines(contacts, outline, outline.gather(bulk.space.spread(labels)))
     return equations
+
+
+def solver_of(
+    equations: ContactEquations,
+    prefix: str,
+    options: dict[str, Any] | None,
+    algorithm: Algorithm | None,
+    solver: SolverName,
+    linear_bulk: bool | None,
+) -> Solver:
+    """Solver of equations, for arguments of ``ContactProblem`` (collective)."""
+    if solver == "iterative" and linear_bulk is None:
+        linear_bulk = False  # the factors may exceed the memory
+    create_system = system_of(
+        equations.bulk, equations.contacts, prefix, options, algorithm, solver, linear_bulk
+    )
+    return Solver(equations, create_system, linear_bulk=linear_bulk, prefix=prefix)
+
+
+@contextmanager
+def undeformed(equations: ContactEquations, purpose: str) -> Iterator[None]:
+    """Context in which the displacement is zero, as a set-up requires (collective).
+
+    Args:
+        equations: The equations of a problem.
+        purpose: The caller, for the error.
+
+    Raises:
+        MortarError: On all ranks, if bodies have inertia.
+    """
+    refuse_inertia(equations.bulk, purpose)
+    u = equations.bulk.u.x.array
+    kept = u.copy()
+    try:
+        u[:] = 0.0
+        yield
+    finally:
+        u[:] = kept
+
+
+def pairs_with(
+    options: dict[str, Any], contacts: Sequence[Interface]
+) -> list[ContactPair | TiedPair]:
+    """Pairs of interfaces for another problem, contact pairs with new options (local).
+
+    Raises:
+        ValueError: If a contact pair has no such attribute.
+    """
+    pairs = [contact.pair for contact in contacts]
+    return [p.with_options(**options) if isinstance(p, ContactPair) else copy(p) for p in pairs]

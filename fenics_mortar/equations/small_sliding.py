@@ -23,7 +23,9 @@ from scipy.sparse import csr_array
 
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.reduced import ReducedEquations
-from fenics_mortar.la.compliance import FactoredBulk
+from fenics_mortar.equations.reduced_tangent import ReducedTangent
+from fenics_mortar.la.compliance import Compliance, FactoredBulk
+from fenics_mortar.la.costs import COSTS
 from fenics_mortar.la.factored import portions
 from fenics_mortar.newton.loop import Step
 from fenics_mortar.utils.arrays import Array
@@ -41,12 +43,23 @@ class SmallSlidingEquations(ReducedEquations):
 
     def __init__(self, general: ContactEquations, prefix: str) -> None:
         super().__init__(general, prefix)
+        self._prefix = prefix
         self._count = sum(place.size for place in self._system.places)
         self._multiplier_nodes = np.empty(0, bool)
         self._open: list[Array] = []
 
     def _factor(self, prefix: str) -> Any:
         return FactoredBulk(self._bulk, self._dofs, prefix)
+
+    def tangent(self) -> ReducedTangent | None:
+        """See ``ReducedEquations``; the compliance is computed first if this reduces the cost."""
+        unknowns, dofs = self._bulk.r.getSize(), self._dofs.size
+        factors = COSTS.factors(unknowns, COSTS.expected)
+        pays = COSTS.fits(unknowns, dofs) and COSTS.compliance(unknowns, dofs) < factors
+        if self._tangent is None and pays:
+            compliance = Compliance(self._bulk, self._dofs, self._prefix)
+            self._tangent = self._tangent_by(compliance)
+        return self._tangent
 
     def advance(self) -> Step:
         """Solve for the pressures of the active nodes; move the surfaces."""

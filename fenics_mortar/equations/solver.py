@@ -47,6 +47,7 @@ class Solver:
         self._equations, self._create_system = equations, create_system
         equations.system = create_system()
         self.linear_bulk = LinearBulk(equations, linear_bulk, prefix)
+        equations.reduced_tangent = self.linear_bulk.tangent
         self._begin_where_meshed()
 
     def _begin_where_meshed(self) -> None:

@@ -8,11 +8,11 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.interface.behind import View
 from fenics_mortar.interface.corners import links_at_corners
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
 from fenics_mortar.interface.segments import Segments, find_segments
-from fenics_mortar.interface.sight import View
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import facets, normals
 from fenics_mortar.utils.arrays import Array, Indices
@@ -75,8 +75,8 @@ def evaluate_mortar(
         options: Discretization.
         linearization: Derivatives to evaluate; the others are zero.
         view: Limits of the search behind the slave facets at these positions.
-        searched: Operators at the same positions with other multiplier nodes, and the same
-            linearization: their normals and segments are taken if they are of the same facets.
+        searched: Operators at the same positions and with the same linearization, but other
+            multiplier nodes: their normals and segments are used if the facets are equal.
 
     Returns:
         The operators.

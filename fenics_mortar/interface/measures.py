@@ -8,6 +8,9 @@ import numpy as np
 from fenics_mortar.kernels.shapes import lagrange
 from fenics_mortar.utils.arrays import Array
 
+# Default number of Gauss points per segment, or between two neighbouring nodes of a facet.
+POINTS = 5
+
 
 def facet_measures(X: Array, thickness: Array | None = None) -> Array:
     """Integrals of the shape functions over facets at ``X`` (m, K, 2), (m, K) [length] (local).
@@ -16,7 +19,7 @@ def facet_measures(X: Array, thickness: Array | None = None) -> Array:
     """
     if X.shape[1] == 2 and thickness is None:
         return np.repeat(np.linalg.norm(X[:, 1] - X[:, 0], axis=1)[:, None] / 2, 2, axis=1)
-    points, weights = np.polynomial.legendre.leggauss(5)
+    points, weights = np.polynomial.legendre.leggauss(POINTS)
     N, dN = lagrange(points, X.shape[1] - 1)
     J = np.linalg.norm(np.einsum("pk,mkc->mpc", dN, X), axis=2)
     if thickness is not None:

@@ -84,8 +84,6 @@ EXACT = Linearization(exact=True)
 class MortarOperators:
     """D, M, weighted gap and normals at given positions, with their derivatives.
 
-    The class has more than 20 methods: each quantity and each derivative has its own.
-
     Attributes:
         slave, master: The two surfaces.
         x, m: Current positions of their nodes, shapes (slave nodes, 2), (master nodes, 2).
@@ -226,7 +224,7 @@ class MortarOperators:
     def gap_derivative(self) -> list[Block]:
         """Blocks of dg/dd [length]; rows: slave nodes, columns: displacement dofs."""
         if self.linearization.frozen:
-            return self._jump_derivative(-self.n)
+            return _jump_derivative(self, -self.n)
         return [Block(self.segments.slave, self.columns, self.dgap)]
 
     def vector_derivative(self, along: Array) -> list[Block]:
@@ -242,23 +240,9 @@ class MortarOperators:
         by_D = np.einsum("sjkq,skc,sjc->sjq", self.dD, self.x[s.slave], along[s.slave])
         by_M = np.einsum("pjlq,plc,pjc->pjq", self.dM, self.m[s.master[i]], along[s.slave[i]])
         return [
-            *self._jump_derivative(along),
+            *_jump_derivative(self, along),
             Block(s.slave, self.columns, by_D),
             Block(s.slave[i], self.columns[k], -by_M),
-        ]
-
-    def _jump_derivative(self, along: Array) -> list[Block]:
-        """Blocks of along_j . (D_jk dx_k - M_jl dm_l) [length] for constant D and M."""
-        s, nodes = self.segments, self.facet_nodes
-        on_slave = np.einsum("ejk,ejc->ejkc", self.D, along[nodes])
-        on_master = -np.einsum("sjl,sjc->sjlc", self.M, along[s.slave])
-        sides = (
-            (nodes, self.slave.dofs_of(nodes), on_slave),
-            (s.slave, self.master.dofs_of(s.master), on_master),
-        )
-        return [
-            Block(rows, columns, values.reshape(*rows.shape, columns.shape[1]))
-            for rows, columns, values in sides
         ]
 
     def freeze(self) -> Self:
@@ -307,22 +291,6 @@ class MortarOperators:
         """Displacement dofs of the columns of ``dn``, shape (slave nodes, 4 K - 2)."""
         return self.slave.near_dofs[:, : 2 * (2 * self.slave.degree + 1)]
 
-    def minus_offset(self, offset: Array) -> MortarOperators:
-        """Operators for the gap minus an offset, interpolated between nodes (collective).
-
-        The weighted gap becomes g_j - sum_k D[j, k] offset_k.
-
-        Args:
-            offset: Shape (slave nodes,) [length].
-        """
-        s, nodes = self.segments, self.facet_nodes
-        change = np.einsum("ejk,ek->ej", self.D, offset[nodes])
-        nodal = np.zeros(self.slave.num_nodes)  # bincount of an empty array returns integers
-        nodal += np.bincount(nodes.ravel(), change.ravel(), self.slave.num_nodes)
-        self.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
-        derivative = np.einsum("sjkq,sk->sjq", self.dD, offset[s.slave])
-        return replace(self, gap=self.gap - nodal, dgap=self.dgap - derivative)
-
     def normal_derivative(self, z: Array) -> Array:
         """dn_j/dd . z_j at fixed ``z`` (slave nodes, 2): shape (slave nodes, 4 K - 2).
 
@@ -336,3 +304,36 @@ class MortarOperators:
         Columns as in ``dn``; units of z / length.
         """
         return z[:, 1:] * self.dn[:, 0] - z[:, :1] * self.dn[:, 1]
+
+
+def minus_offset(o: MortarOperators, offset: Array) -> MortarOperators:
+    """Operators for the gap minus an offset, interpolated between nodes (collective).
+
+    The weighted gap becomes g_j - sum_k D[j, k] offset_k.
+
+    Args:
+        o: Operators of the gap itself.
+        offset: Shape (slave nodes,) [length].
+    """
+    s, nodes = o.segments, o.facet_nodes
+    change = np.einsum("ejk,ek->ej", o.D, offset[nodes])
+    nodal = np.zeros(o.slave.num_nodes)  # bincount of an empty array returns integers
+    nodal += np.bincount(nodes.ravel(), change.ravel(), o.slave.num_nodes)
+    o.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+    derivative = np.einsum("sjkq,sk->sjq", o.dD, offset[s.slave])
+    return replace(o, gap=o.gap - nodal, dgap=o.dgap - derivative)
+
+
+def _jump_derivative(o: MortarOperators, along: Array) -> list[Block]:
+    """Blocks of along_j . (D_jk dx_k - M_jl dm_l) [length] for constant D and M."""
+    s, nodes = o.segments, o.facet_nodes
+    on_slave = np.einsum("ejk,ejc->ejkc", o.D, along[nodes])
+    on_master = -np.einsum("sjl,sjc->sjlc", o.M, along[s.slave])
+    sides = (
+        (nodes, o.slave.dofs_of(nodes), on_slave),
+        (s.slave, o.master.dofs_of(s.master), on_master),
+    )
+    return [
+        Block(rows, columns, values.reshape(*rows.shape, columns.shape[1]))
+        for rows, columns, values in sides
+    ]

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: MIT
 """Mortar operators of a slave surface on a rigid obstacle, with their derivatives.
 
-The slave is integrated facet by facet, on Gauss points or on the nodes, with the multiplier
-functions of a fully covered facet. For phi, V and arm see ``obstacles.obstacle``.
+The slave is integrated facet by facet, on Gauss points or nodes, with the multiplier functions of
+fully covered facets and the out-of-plane thickness. For phi, V, arm see ``obstacles.obstacle``.
 
 ==========  ==========================================================================
 symbol      meaning
 ==========  ==========================================================================
 Phi         C N with C = H diag(d) mass^-1 (dual) or H (standard), where d_j = int N_j,
-            mass_jk = int N_j N_k and H adds functions without multiplier to neighbours;
-            integrals are weighted by the out-of-plane thickness
+            mass_jk = int N_j N_k and H adds functions without multiplier to neighbours
 D[j, k]     int Phi_j N_k: H[j, k] d_k of dual functions
 g[j]        int Phi_j phi: the weighted gap
 n           -grad phi / |grad phi| at the slave node
@@ -317,6 +316,38 @@ def integrate_facets(
     dg[..., own] += along.reshape(count, size, 2 * size)
     V = obstacle.motions(at.reshape(-1, 2), arm).reshape(*J.shape, 3, 2)
     return D, dD, g, dg, -np.einsum("ejp,ep,epc,epmc->ejm", Psi, W, gradient, V), d
+
+
+def gap_weights(
+    x: Array,
+    weights: Array,
+    rule: tuple[Array, Array],
+    options: MortarOptions,
+    thickness: tuple[Array, float] | None = None,
+) -> tuple[Array, Array]:
+    """Weights of distances at q points of f facets in the weighted gaps (local).
+
+    Args:
+        x: See ``integrate_facets``.
+        weights: See ``integrate_facets``.
+        rule: See ``integrate_facets``.
+        options: See ``integrate_facets``.
+        thickness: See ``integrate_facets``.
+
+    Returns:
+        The points (f, q, 2) [length], and the weights (f, K, q) [length].
+    """
+    (N, dN), size = _shapes(rule[0], x.shape[1]), x.shape[1]
+    tangent, at = np.einsum("kp,ekc->epc", dN, x), np.einsum("kp,ekc->epc", N, x)
+    W = rule[1] * np.sqrt((tangent**2).sum(axis=2))
+    if thickness is not None:
+        W = W * (thickness[0] @ N)
+    A = np.broadcast_to(np.eye(size), (len(x), size, size))
+    basis, by = options.kinds
+    if basis == DUAL and by != BY_STANDARD:
+        mass = np.einsum("ep,jp,kp->ejk", W, N, N)
+        A = np.einsum("ep,jp->ej", W, N)[:, :, None] * np.linalg.inv(mass)
+    return at, (weights @ A @ N) * W[:, None]
 
 
 def thickness_of(slave: Surface, x: Array, nodes: Indices) -> tuple[Array, float] | None:

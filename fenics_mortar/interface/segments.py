@@ -24,7 +24,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.sight import View, open_view
+from fenics_mortar.interface.behind import View, open_view
+from fenics_mortar.interface.measures import POINTS
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import search
 from fenics_mortar.utils.arrays import Array, Indices
@@ -32,8 +33,6 @@ from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.rounding import ROUNDING
 
 Integration = Literal["segments", "elements", "nodes"]
-# Default number of Gauss points per segment, or between two neighbouring nodes of a facet.
-POINTS = 5
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,9 @@ the outlines, which include the positions of both surfaces.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
+from fenics_mortar.interface.behind import View
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.sight import tabulate_lengths
@@ -25,34 +24,6 @@ from fenics_mortar.utils.rounding import ROUNDING
 # Safe depth over the undeformed thickness behind a facet [1]; the depth is at most the facet's
 # length. Bodies are not compressed to a smaller fraction, nor bent within a shorter length.
 SAFE = 0.25
-
-
-class View(NamedTuple):
-    """Bodies behind the facets of a slave surface: arguments of the kernels.
-
-    Attributes:
-        safe: Depth behind each slave facet up to which all partners count, shape (f,) [length].
-        slave_bodies: Bodies of the slave facets, shape (f,).
-        master_bodies: Bodies of the master facets, shape (m,).
-        outline: Present positions of the nodes (b, 2) [length], segments (p, 2) with the body on
-            the left, and bodies of the segments (p,).
-    """
-
-    safe: Array
-    slave_bodies: Indices
-    master_bodies: Indices
-    outline: tuple[Array, Indices, Indices]
-
-    def of(self, facets: Indices) -> View:
-        """The view of the slave facets with the numbers ``facets`` (k,)."""
-        return self._replace(safe=self.safe[facets], slave_bodies=self.slave_bodies[facets])
-
-
-def open_view(num_facets: int) -> View:
-    """A view without limits."""
-    none: Indices = np.empty(0, np.int64)
-    outline = np.empty((0, 2)), np.empty((0, 2), np.int64), none
-    return View(np.full(num_facets, np.inf), none, none, outline)
 
 
 class Sight:

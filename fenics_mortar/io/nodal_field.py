@@ -9,13 +9,11 @@ import numpy as np
 
 from dolfinx import fem
 
+from fenics_mortar.bulk.reference_cell import DEGREES
 from fenics_mortar.io.shared import owned_cells
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
-
-# Degree of Lagrange functions by the number of nodes of a cell.
-DEGREES = {3: 1, 4: 1, 6: 2, 9: 2}
 
 
 class NodalField:

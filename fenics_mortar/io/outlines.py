@@ -11,9 +11,6 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Largest distance from the bodies up to which obstacles are drawn, over the extent of the bodies
-# [1].
-MARGIN = 0.15
 # Number of points per direction of the grid on which outlines of obstacles are searched.
 GRID = 400
 
@@ -23,8 +20,17 @@ def bounding_box(bulk: Bulk) -> tuple[Array, Array]:
     x = bulk.positions()
     ends = np.concatenate([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
     bulk.comm.Allreduce(MPI.IN_PLACE, ends, MPI.MAX)
-    low, high = -ends[:2], ends[2:]
-    margin = MARGIN * (high - low).max()
+    return with_margin(-ends[:2], ends[2:])
+
+
+def with_margin(low: Array, high: Array) -> tuple[Array, Array]:
+    """A box with a margin of 15 % of its longer side, where obstacles are drawn (local).
+
+    Args:
+        low: Lower corner of a box, shape (2,) [length].
+        high: Upper corner, shape (2,) [length].
+    """
+    margin = 0.15 * (high - low).max()
     return low - margin, high + margin
 
 

@@ -13,7 +13,7 @@ from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.io.cell_field import CellField
-from fenics_mortar.io.outlines import GRID, MARGIN, grid
+from fenics_mortar.io.outlines import GRID, grid, with_margin
 from fenics_mortar.io.shared import check_problem, owned_cells, prepare_path
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
@@ -28,10 +28,6 @@ SEQUENTIAL, DIVERGING = "YlGnBu", "RdBu_r"
 # of the other sign [1]: smaller values may be discretization errors, and half of the colours would
 # not be used.
 SIGNED = 0.2
-# Mean width of a letter of the legend, of 9 points [inch].
-LETTER = 0.07
-# Position of the legend, below numbers and label of the axis [inch].
-LEGEND = -0.45
 
 
 def plot(
@@ -103,8 +99,7 @@ def plot(
             place = axes.inset_axes((1.03, 0.0, 0.025, 1.0))
             bar = axes.figure.colorbar(bodies, cax=place, label=label)
             bar.outline.set_visible(False)
-        margin = MARGIN * float((high - low).max())
-        _draw_obstacles(axes, problem.equations.motions.obstacles, low - margin, high + margin)
+        _draw_obstacles(axes, problem.equations.motions.obstacles, *with_margin(low, high))
         open_pairs = [c for c in problem.equations.contacts if not isinstance(c, Tie)]
         height = 0.1 * float(np.sqrt(np.prod(high - low)))
         _draw_pressure(axes, open_pairs, scale, height, "" if units is None else f" {units[1]}")
@@ -171,11 +166,12 @@ def _finish_axes(axes: Any, names: tuple[str, str], units: tuple[str, str] | Non
     axes.set_ylabel(labels[1], fontsize=9)
     entries = axes.get_legend_handles_labels()[1]
     if entries:
-        below = axes.transAxes + ScaledTranslation(0.0, LEGEND, axes.figure.dpi_scale_trans)
+        inches = axes.figure.dpi_scale_trans
+        below = axes.transAxes + ScaledTranslation(0.0, -0.45, inches)  # numbers and axis label
         place = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "bbox_transform": below}
         style = {"labelcolor": "linecolor", "frameon": False, "handletextpad": 0.0}
         width = axes.get_window_extent().width / axes.figure.dpi
-        columns = 2 if 2 * LETTER * max(map(len, entries)) < width else 1
+        columns = 2 if 2 * 0.07 * max(map(len, entries)) < width else 1  # width of a letter [inch]
         axes.legend(**place, **style, fontsize=9, ncols=columns)
     axes.margins(0.03)
     axes.locator_params(nbins=6)

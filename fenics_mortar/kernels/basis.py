@@ -51,9 +51,9 @@ import numpy as np
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.shapes import tabulate_shapes
 
-DUAL, STANDARD = 0, 1
+DUAL, STANDARD = range(2)
 # Functions that weight the gap, see above
-BY_BASIS, BY_COVER, BY_STANDARD = 0, 1, 2
+BY_BASIS, BY_COVER, BY_STANDARD = range(3)
 
 
 @kernel

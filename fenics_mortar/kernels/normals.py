@@ -28,7 +28,7 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 
-OPPOSITE, UNIT, OWN = 0, 1, 2
+OPPOSITE, UNIT, OWN = range(3)
 # Coefficients of nodal positions in the edges before and after a node; for curved facets those of
 # an end node, then those of an inner node, which has one edge, counted twice
 STRAIGHT = np.array([[[-1.0, 1, 0], [0, -1, 1]]])

@@ -21,7 +21,7 @@ from fenics_mortar.utils.rounding import ROUNDING
 # through a body: 100 degrees, more than at the right-angled corner of a block.
 OPPOSED = -0.17
 # Segments to check for a node: of other bodies, of its own, of all
-OTHERS, OWN, ALL = 0, 1, 2
+OTHERS, OWN, ALL = range(3)
 
 
 @kernel

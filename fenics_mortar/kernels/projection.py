@@ -22,7 +22,7 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.shapes import tabulate_shapes
-from fenics_mortar.utils.rounding import MAX_STEPS
+from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING, MAX_STEPS
 
 
 @kernel
@@ -104,7 +104,7 @@ def master_to_slave(y, k, N):
             new = 0.5 * (low + high)
         change = abs(new - xi)
         xi = new
-        if change < 1e-13:
+        if change < ASSEMBLY_ROUNDING:
             break
     return xi
 

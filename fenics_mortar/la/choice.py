@@ -11,7 +11,8 @@ from petsc4py import PETSc
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.la.condensed import CondensedSystem, obstacle_to_condensation
-from fenics_mortar.la.options import FEW, ITERATIVE, MANY, SMALL, Solver
+from fenics_mortar.la.costs import COSTS
+from fenics_mortar.la.options import ITERATIVE, SMALL, Solver
 from fenics_mortar.la.saddle import SaddleSystem
 from fenics_mortar.la.system import LinearSystem
 
@@ -77,7 +78,7 @@ def _is_small(bulk: Bulk, prefix: str, options: dict[str, Any] | None) -> bool:
     Its elimination order is AMD of SuiteSparse, which newer PETSc lists under a separate name.
     """
     given = PETSc.Options(prefix).getAll() or options
-    few = bulk.comm.size == 1 and bulk.r.getSize() <= FEW
+    few = bulk.comm.size == 1 and bulk.r.getSize() <= COSTS.few
     has_amd = any(PETSc.Sys.hasExternalPackage(name) for name in ("suitesparse", "amd"))
     return few and not given and has_amd
 
@@ -89,4 +90,4 @@ def _is_for_multigrid(
     given = PETSc.Options(prefix).getAll() or options
     factored_once = bulk.is_linear and linear_bulk is not False
     simple = not (bulk.space.is_mixed or given or factored_once)
-    return simple and bulk.r.getSize() >= MANY
+    return simple and bulk.r.getSize() >= COSTS.many

@@ -59,34 +59,10 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.axes import quarter_turns, sliding_nodes, turned_axes
 from fenics_mortar.la.sparse import BlockMatrix, is_symmetric
-from fenics_mortar.la.strip import STRIP, Strip, near
+from fenics_mortar.la.strip import Strip, near
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import TINY
 
-# Measured: sweeps have half the cost of the default ones and need a few more iterations. With these
-# coarse grids and interpolation, iterations grow less if contact is curved (by 6 to 8 % in the mean
-# if facets are halved); on flat contact with 645,000 unknowns they take 20 % more time. With "l1"
-# the cycle is positive definite on any number of ranks; without it CG broke down for small bodies
-# on three ranks.
-CYCLE = {
-    "pc_type": "hypre",
-    "pc_hypre_boomeramg_coarsen_type": "HMIS",
-    "pc_hypre_boomeramg_interp_type": "ext+i",
-    "pc_hypre_boomeramg_relax_type_down": "l1-Gauss-Seidel",
-    "pc_hypre_boomeramg_relax_type_up": "backward-l1-Gauss-Seidel",
-    "pc_hypre_boomeramg_no_CF": None,
-    "pc_hypre_boomeramg_strong_threshold": 0.5,
-    "pc_hypre_boomeramg_P_max": 4,
-}
-# Relative tolerance [1] and largest number of iterations of conjugate gradients: the enclosing
-# GMRES, with a separate tolerance, then needs one iteration.
-CG_TOLERANCE, CG_MAX = 1e-9, 500
-# Options of both, below the prefix of the solver.
-OPTIONS = {
-    f"{part}_{name}": value
-    for part, options in (("cycle", CYCLE), ("strip", STRIP))
-    for name, value in options.items()
-}
 # Excess iterations, so far and expected, after which the cycle is rebuilt. A new cycle costs as
 # much as ten to fifteen iterations but is used in several solves.
 MAX_EXCESS = 5
@@ -170,7 +146,6 @@ class ContactPreconditioner:
             self._cycle.destroy()
         self._cycle = PETSc.KSP().create(self._bulk.comm)
         self._cycle.setOptionsPrefix(self._prefix)
-        self._cycle.setTolerances(rtol=CG_TOLERANCE, max_it=CG_MAX)
         self._cycle.setFromOptions()
         reduced = self._condensed and self._all_tied(nodes) and is_symmetric(B)
         self._cycle.setType("cg" if reduced else "preonly")

@@ -13,12 +13,12 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.bulk.node_blocks import NodeBlocks, come_in_pairs, in_blocks
+from fenics_mortar.la.costs import COSTS
 from fenics_mortar.la.lagged import LaggedFactors
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.options import (
     COMPLIANCE,
     DIRECT,
-    LONG_ROWS,
     SMALL,
     options_added,
     with_defaults,
@@ -43,7 +43,10 @@ REASONS = {
     for name, number in vars(PETSc.KSP.ConvergedReason).items()
     if name.isupper() and isinstance(number, int)
 }
-NO_FACTORS = (-9, -11)
+NO_FACTORS = (
+    PETSc.KSP.ConvergedReason.DIVERGED_NANORINF,
+    PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED,
+)
 
 
 class LinearSolver:
@@ -60,7 +63,7 @@ class LinearSolver:
         ksp: PETSc's solver.
         forcing: Allowed relative residual of the next solve if it is iterative, or by GMRES with
             the factors of an earlier iteration [1].
-        same_step: Whether the next matrix is that of a further iteration of the same load step.
+        same_step: Whether the next matrix belongs to a further iteration of the same load step.
         may_factor: Whether MUMPS is used permanently after a failure of an iterative solver, or of
             one without pivoting.
         remark: Message on such a change of the solver or on unused options; else "".
@@ -107,6 +110,8 @@ class LinearSolver:
             self.ksp.getPC().setPythonContext(self.multigrid)
         self._finest, *_ = self.ksp.getTolerances()
         self._is_direct = self.ksp.getType() == "preonly"
+        names = [*options, *PETSc.Options(self._prefix).getAll()]
+        self._is_shown = any(name.startswith("ksp_view") for name in names)
 
     def _begin_anew(self) -> None:
         """Read PETSc's options and make vectors at the next solve (local)."""
@@ -117,6 +122,9 @@ class LinearSolver:
 
     def _reset(self) -> None:
         self.ksp.reset()
+        if self._is_shown:  # the reset removes PETSc's viewers
+            with options_added(self._prefix, self._options, self._used):
+                self.ksp.setFromOptions()
         self._begin_anew()
 
     def describe(self) -> str:
@@ -185,7 +193,7 @@ class LinearSolver:
         return kept and self.forcing > 0.0 and matrix.getSize()[0] >= MIN_LAGGED
 
     def _solve_with_last_factors(self, matrix: PETSc.Mat, values: Array) -> Array | None:
-        """Solution by GMRES with the last factors, ``None`` where that takes too many steps."""
+        """Solution by GMRES with the last factors, ``None`` if it takes too many steps."""
         if self._lagged is None:
             self._lagged = LaggedFactors(self.ksp.getPC())
         rhs, solution, *_ = self._vectors
@@ -204,7 +212,7 @@ class LinearSolver:
     def _has_long_rows(self) -> bool:
         """Whether the rows of the factors are long enough for MUMPS to be faster."""
         factors = self.ksp.getPC().getFactorMatrix()
-        return bool(factors.getInfo()["nz_used"] > LONG_ROWS * factors.getSize()[0])
+        return bool(factors.getInfo()["nz_used"] > COSTS.long_rows * factors.getSize()[0])
 
     def _attempt(self, matrix: PETSc.Mat, values: Array, transpose: bool) -> tuple[PETSc.Vec, str]:
         """A solution, and the failure as the end of a sentence; "" if the solution is accepted."""

@@ -15,12 +15,6 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Indices
 
-# Each rank factorizes the whole strip: this takes little time, and a solve needs one exchange only.
-STRIP = {
-    "pc_type": "redundant",
-    "redundant_pc_type": "lu",
-    "redundant_pc_factor_mat_solver_type": "mumps",
-}
 # Layers of cells of the strip on either side of a contact surface.
 LAYERS = 2
 

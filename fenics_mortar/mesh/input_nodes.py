@@ -42,7 +42,7 @@ def _numbered_dofs(V: Any) -> tuple[Indices, Indices]:
     if len(layout.entity_dofs(0, 0)) != 1:
         raise ValueError("expected a Lagrange space that is not mixed: one node at each vertex")
     dofs, places = compat.dofmap(V), compat.geometry_dofmap(V.mesh)
-    corners = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(V.mesh)]
+    corners = compat.num_corners(V.mesh)
     common = places.shape[1] if places.shape == dofs.shape else corners
     numbers = np.asarray(V.mesh.geometry.input_global_indices, np.int64)
     own, first = np.unique(dofs[:, :common], return_index=True)

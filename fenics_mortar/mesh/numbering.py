@@ -68,7 +68,7 @@ def input_nodes(V: Any) -> Indices:
     as a node, and a last column numbers dofs at the same position.
     """
     mesh, layout, dofs = V.mesh, V.dofmap.dof_layout, compat.dofmap(V)
-    corners = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(mesh)]
+    corners = compat.num_corners(mesh)
     topology = basix.topology(getattr(basix.CellType, compat.cell_name(mesh)))
     numbers = np.asarray(mesh.geometry.input_global_indices, np.int64)
     vertices = numbers[compat.geometry_dofmap(mesh)[:, :corners]]

@@ -37,16 +37,13 @@ from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.la.factored import factored_bulk
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.models.options import MODELS
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MeshError, call_together, check_same_words, together
 
 PREFIX = "fenics_mortar_elastic_obstacle_"
-# Gauss points on a facet of the slave, which may face several facets of the obstacle with kinks.
-NUM_POINTS = 12
-# Number of points whose nearest facets are searched at a time, to limit memory.
-BATCH = 2000
 
 
 class ElasticObstacle:
@@ -151,12 +148,12 @@ class _Touching:
 
     def __init__(self, contact: Contact, obstacle: Obstacle, surface: Surface) -> None:
         self._contact, self._obstacle, o = contact, obstacle, contact.operators
-        self._points = points_of(o.segments, gauss_rule(NUM_POINTS))
+        self._points = points_of(o.segments, gauss_rule(MODELS.points_on_facet))
         self._measure = self._points.measure(o.x)
         if contact.slave.thickness is not None:
             self._measure = self._measure * self._points.of(contact.slave.thickness.at(o.x))
         own = obstacle.to_own_frame(self._points.of(o.x).reshape(-1, 2))
-        batches = np.array_split(own, len(own) // BATCH + 1)
+        batches = np.array_split(own, len(own) // MODELS.batch + 1)
         places = [nearest_facets(batch, surface.X, surface) for batch in batches]
         self._ends, parts = (np.concatenate(found) for found in zip(*places, strict=True))
         on_facet = np.clip(parts, 0.0, 1.0)

@@ -37,16 +37,11 @@ from fenics_mortar.models.model_error import (
     relative,
     sliding_little,
 )
+from fenics_mortar.models.options import MODELS
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import suppressed_failures
-
-# Relative error [1] above which the result of a model is not used as initial guess.
-MAX_ERROR = 0.5
-# Growth of a model's deviations or errors since the last check above which they are checked again
-# [1].
-CHECK_FACTOR = 2.0
 
 
 @dataclass(frozen=True)
@@ -203,14 +198,14 @@ class ModelHierarchy:
     def _judge(self, model: Model, start: State) -> tuple[State, UsedModel | None]:
         """State to continue from, and the model if it suffices (collective)."""
         problem, (before, errors), now = self._problem, self._checked, deviations(model)
-        if (now <= CHECK_FACTOR * before).all():
+        if (now <= MODELS.recheck * before).all():
             growth = max(1.0, float((now / np.where(before > 0.0, before, 1.0)).max()))
             if self._is_allowed(growth**2 * errors[self._quantity]):
                 grown = {name: growth * error for name, error in errors.items()}
                 return start, UsedModel(model, grown, "sufficient; estimated in an earlier step")
         errors = correct(model.problem, problem)
         self._checked, corrected = (now, errors), problem.state()
-        if errors[ENERGY] < MAX_ERROR:
+        if errors[ENERGY] < MODELS.max_error:
             start = corrected.counting_slip_from(start)
         if self._is_enough(errors):
             return start, UsedModel(model, errors, "sufficient")
@@ -229,7 +224,8 @@ class ModelHierarchy:
         estimated again if it is decisive or the error of the model has doubled, once per solve.
         """
         error, known = errors[self._quantity], self._discretisation is not None
-        decides = min(CHECK_FACTOR * self._mesh_error_at, self._mesh_error) < error < MAX_ERROR
+        checked = min(MODELS.recheck * self._mesh_error_at, self._mesh_error)
+        decides = checked < error < MODELS.max_error
         if decides and error > self._tolerance and self._quantity == ENERGY and not known:
             with suppressed_failures():
                 if not self._has_estimated:

@@ -28,17 +28,11 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import Stick
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.interface.integrals import evaluate_normals
+from fenics_mortar.models.options import MODELS
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
 
-# Largest number of steps of the richer model.
-MAX_STEPS = 6
-# Remaining fraction of the residual after a step [1] above which another step follows.
-LINEAR = 0.1
-# Expected change of an error by another step, relative to the solution [1], that is always
-# accepted.
-SETTLED = 1e-3
 ENERGY, FORCE, PEAK = "energy norm", "total force", "peak pressure"
 QUANTITIES = (ENERGY, FORCE, PEAK)
 Errors = dict[str, float]
@@ -111,12 +105,12 @@ def take_steps(problem: ContactProblem, cheap: SolutionQuantities, model: Contac
     times the change by all previous steps.
     """
     start = model.equations.evaluate(start=True).residual or np.inf
-    for _ in range(MAX_STEPS):
+    for _ in range(MODELS.max_corrections):
         part = model.equations.advance().fraction
         left = model.equations.evaluate(start=False).residual / start
         errors = differences(problem, cheap, SolutionQuantities.of(model))
-        settled = left * errors[ENERGY] <= max(SETTLED, 0.5 * min(errors.values()))
-        if part == 1.0 and left <= LINEAR and settled:
+        settled = left * errors[ENERGY] <= max(MODELS.settled, 0.5 * min(errors.values()))
+        if part == 1.0 and left <= MODELS.linear and settled:
             break
     return errors
 

@@ -174,7 +174,7 @@ def _stagnates(residuals: Sequence[float]) -> bool:
 
 
 def _is_stuck(sets: list[bytes], residuals: list[float]) -> bool:
-    """Whether the sets changed in many iterations without a decrease of the residual."""
+    """Whether the sets changed in many iterations and the residual did not fall tenfold."""
     return len(sets) > UNSETTLED and residuals[-1] > 0.1 * residuals[-1 - UNSETTLED]
 
 
@@ -189,8 +189,8 @@ def period_of(sets: list[bytes]) -> int:
 def forcing(residuals: Sequence[float], goal: float) -> float:
     """Relative tolerance of the next linear solve [1] (Eisenstat & Walker 1996).
 
-    The linear residual may be as large as the expected nonlinear residual, of second order, or as
-    the tolerance of the iteration.
+    The linear residual may be a tenth of the expected nonlinear residual, of second order, or a
+    hundredth of the tolerance of the iteration.
 
     Args:
         residuals: Residuals of the iterations so far [force].

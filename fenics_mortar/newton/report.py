@@ -49,6 +49,8 @@ class NewtonReport(Markdown):
         notes: Messages on all deviations from full Newton steps.
         certificate: Measured defects of a converged state, a ``Certificate``.
         adequacy: Estimated errors of the model's assumptions, an ``AdequacyReport``, if requested.
+        sensitivity: Derivatives with respect to numerical choices, a ``NumericsReport``, if
+            requested.
         force: Reference force of the residuals, the largest norm of the nodal forces in the
             iteration; not the contact force, see ``PairView.total_force`` [stress length].
         allowed: Residual at which the last iteration converges [stress length].
@@ -61,6 +63,7 @@ class NewtonReport(Markdown):
     notes: list[str] = field(default_factory=list)
     certificate: Any = None
     adequacy: Any = None
+    sensitivity: Any = None
     force: float = 0.0
     allowed: float = 0.0
     converged: bool = False

@@ -195,6 +195,21 @@ class Obstacle(ABC):
         """
         return differentiate_shape(self, x, name, direction)
 
+    def local_by_shapes(self, x: Array, name: str, directions: Array) -> tuple[Array, Array]:
+        """Derivatives of ``local`` along m directions at once; see ``local_by_shape``.
+
+        Args:
+            x: Points of the own frame, shape (n, 2) [length].
+            name: Name of the parameter.
+            directions: Shape (m, *shape of the parameter).
+
+        Returns:
+            Derivatives of phi (m, n) and of the gradient (m, n, 2).
+        """
+        each = [self.local_by_shape(x, name, direction) for direction in directions]
+        phi, gradient = zip(*each, strict=True)
+        return np.array(phi), np.array(gradient)
+
     @abstractmethod
     def local(self, x: Array) -> Fields:
         """Signed distance and derivatives at points of the own frame.

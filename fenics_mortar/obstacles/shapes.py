@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from fenics_mortar.obstacles.obstacle import Fields, Obstacle
 from fenics_mortar.obstacles.points import check_chain, check_simple, check_vector, edges_of
+from fenics_mortar.obstacles.spline_shape import SplineShape, distance_changes
 from fenics_mortar.utils.arguments import check_flag, check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import place
@@ -163,6 +164,20 @@ class Spline(Obstacle):
 
         Newton's method from the nearest sample, or from the foot on the line beyond an end.
         """
+        phi, normal, curvature, _ = self._seen_from_foot(x, self._feet(x))
+        bend = curvature / (1.0 + curvature * phi)
+        tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+        return phi, normal, bend[:, None, None] * np.einsum("ia,ib->iab", tangent, tangent)
+
+    def local_by_shapes(self, x: Array, name: str, directions: Array) -> tuple[Array, Array]:
+        """By differentiating the spline; see ``Obstacle.local_by_shapes``."""
+        t = self._feet(x)
+        phi, normal, curvature, speed = self._seen_from_foot(x, t)
+        dc, dd = SplineShape(self._chain, closed=self._closed).changes(t, directions)
+        return distance_changes(normal, curvature, speed, phi, dc, dd)
+
+    def _feet(self, x: Array) -> Array:
+        """Parameters of the nearest points of the curve, shape (n,) [length]."""
         t = self._samples[
             np.argmin(self._squares - 2.0 * (x - self.pivot) @ self._points.T, axis=1)
         ]
@@ -178,14 +193,17 @@ class Spline(Obstacle):
             t = t - step
             if np.abs(step).max(initial=0.0) < ROUNDING * self._end:
                 break  # the error of the last step is quadratic in the step
+        return t
+
+    def _seen_from_foot(self, x: Array, t: Array) -> tuple[Array, Array, Array, Array]:
+        """Distance (n,), normal (n, 2), curvature (n,) and speed (n,) at the feet ``t``."""
         c, d, dd = self._jet(t)
         speed = np.linalg.norm(d, axis=1)
         tangent = d / speed[:, None]
         normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
         phi = np.einsum("ia,ia->i", x - c, normal)
         curvature = (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / speed**3
-        bend = curvature / (1.0 + curvature * phi)
-        return phi, normal, bend[:, None, None] * np.einsum("ia,ib->iab", tangent, tangent)
+        return phi, normal, curvature, speed
 
     def _beyond_ends(self, x: Array, t: Array) -> Array:
         """Parameters ``t`` (n,), for points beyond an end those of their feet on its line."""

@@ -6,7 +6,8 @@ All schemes are the generalized-alpha method with contact at the end of the step
 step, so that pressures oscillate, and energy increases with the trapezoidal rule (rho_inf = 1).
 With "massless" slave nodes have no mass, see ``bulk.massless``: pressures are continuous in time,
 impacts are resolved by waves in the bodies, and errors of the energy are of second order. With
-"conserving" these errors are corrected, too; see ``energy_return``. Measurements are in
+"conserving" these errors are corrected, too, and those of the angular momentum; see
+``energy_return`` and ``spin_return``. Measurements are in
 ``demos/studies/dynamics``.
 """
 
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,6 +31,7 @@ from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.dynamics_input import (
     SCHEMES,
+    DensityValues,
     check_dynamics,
     check_equal_on_ranks,
     check_rates,
@@ -39,6 +42,7 @@ from fenics_mortar.path.dynamics_report import DynamicsReport, Energies
 from fenics_mortar.path.energy_return import return_energy
 from fenics_mortar.path.motion import Motion, check_run
 from fenics_mortar.path.options import SteppingOptions
+from fenics_mortar.path.spin_return import Balance, SpinReturn
 from fenics_mortar.path.time_scheme import GeneralizedAlpha
 from fenics_mortar.path.work import Forces, Work, forces_of, work_of
 from fenics_mortar.problem import ContactProblem
@@ -64,9 +68,10 @@ class Dynamics:
     Args:
         problem: The problem, with the residual f_int - f_ext of statics.
         density: Mass per area of the mesh [stress time^2 / length^2], a number or a UFL expression;
-            times a thickness or 2 pi R if the residual contains them.
-        scheme: "conserving" (slave nodes without mass, no gain of energy in impacts), "massless"
-            (without the correction of the energy, with exact angular momentum) or
+            times a thickness or 2 pi R if the residual contains them. Steps raise an error if its
+            constants or functions have changed since.
+        scheme: "conserving" (slave nodes without mass, no gain of energy in impacts, momentum and
+            angular momentum exact), "massless" (without these corrections of the velocity) or
             "generalized_alpha" (all nodes have mass).
         rho_inf: Spectral radius at infinite frequency, from 0 (most dissipation) to 1 (none).
             Default: 0.8 for "generalized_alpha", else 1.
@@ -112,11 +117,14 @@ class Dynamics:
         slaves = [c.slave.nodes for c in equations.contacts if not isinstance(c, Tie)]
         massless = [] if scheme == "generalized_alpha" else slaves
         nodes = np.unique(np.concatenate([np.empty(0, np.int64), *massless]))
+        self._density = DensityValues(density)
         self._inertia = Inertia(equations.bulk.space, density, nodes)
         self._rate, self._energy = velocity, None if energy is None else compat.form(energy)
         equations.add_inertia(self._inertia)
         self.velocity = self._inertia.velocity
         self._largest_speed, self._returns_energy = 0.0, scheme == "conserving"
+        is_plane = not equations.bulk.space.is_axisymmetric
+        self._spin = SpinReturn(problem, self._inertia) if is_plane else None
 
     @property
     def time(self) -> float:
@@ -155,9 +163,11 @@ class Dynamics:
         """
         problem, inertia = self.problem, self._inertia
         self._refuse_driven_obstacles()
+        self._density.check(problem)
         check_step(dt, inertia.rates.time)
         start_clock(problem.equations.contacts, inertia.rates.time)
         before, rates = problem.state(), inertia.rates
+        balance = self._balance()
         problem.time = rates.time + dt
         bulk, end = problem.equations.bulk, before.u.copy()
         compat.set_prescribed(end, bulk.bcs)
@@ -184,9 +194,30 @@ class Dynamics:
         after = forces_of(problem)
         work = work_of(problem, before, problem.state(), forces, after)
         if self._returns_energy:
-            bulk = problem.equations.bulk
-            return_energy(inertia, bulk, work, 0.5 * dt, (forces, after))
+            self._correct(work, dt, (forces, after), balance)
         return report, after, work
+
+    def _balance(self) -> Balance | None:
+        """Angular momentum at the present state, if the scheme restores it."""
+        return self._spin.balance() if self._spin is not None and self._returns_energy else None
+
+    def _correct(
+        self, work: Work, dt: float, forces: tuple[Forces, Forces], before: Balance | None
+    ) -> None:
+        """Return the angular momentum and energy lost in a step.
+
+        Args:
+            work: Work done in the step.
+            dt: The step [time].
+            forces: Forces at its start and end.
+            before: Angular momentum at its start.
+        """
+        without_spin, after = None, self._balance()
+        if before is not None and after is not None and self._spin is not None:
+            rotations = self._spin.restore(before, after, dt)
+            without_spin = partial(self._spin.without_spin, rotations)
+        bulk = self.problem.equations.bulk
+        return_energy(self._inertia, bulk, work, 0.5 * dt, forces, without_spin)
 
     def _begin(self) -> None:
         """Set the inertia forces of the present state; at the start compute the accelerations."""
@@ -290,9 +321,10 @@ class Dynamics:
 
         Args:
             dt: Step [time]: displacement and velocity are extrapolated linearly by dt / 2. With
-                rho_inf = 1 and equal steps dt without external forces the result is the momentum in
-                the middle of the next step, which is constant up to rounding; the momentum at the
-                present time varies by terms of second order.
+                "massless", rho_inf = 1 and equal steps dt without external forces the result is the
+                momentum in the middle of the next step, which is constant up to rounding and the
+                moments of mortar pressures. With "conserving" the momentum at the present time is
+                constant.
         """
         check_number("dt", dt, "a finite number", np.isfinite)
         rates, half = self._inertia.rates, 0.5 * dt

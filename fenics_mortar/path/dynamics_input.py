@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import ufl
-from ufl.algorithms.analysis import extract_arguments, extract_constants
+from ufl.algorithms.analysis import extract_arguments, extract_coefficients, extract_constants
 from ufl.domain import extract_domains
 
 from fenics_mortar.bulk.inertia import Rates
@@ -16,6 +16,7 @@ from fenics_mortar.bulk.velocity import Origin, Velocity
 from fenics_mortar.equations.state import State
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, check_same, check_same_words
 
 # Default spectral radius at infinite frequency by scheme [1]: no dissipation, or dissipation of the
@@ -75,7 +76,7 @@ def _check_density(density: Any, mesh: Any) -> None:
 
 
 def _check_velocity(velocity: Any, problem: ContactProblem) -> None:
-    """Reject a velocity that is not in the residual, and a missing one that is in the residual."""
+    """Reject a velocity that the residual does not contain, and a missing one."""
     bulk = problem.equations.bulk
     if velocity is not None:
         check_kind("velocity", velocity, Velocity, "a Velocity(u)")
@@ -100,6 +101,38 @@ def _check_energy(energy: Any, mesh: Any) -> None:
         raise ValueError("energy has a test function: expected a scalar form, such as psi * dx")
     if any(integral.ufl_domain() != mesh for integral in energy.integrals()):
         raise ValueError("energy belongs to another mesh than the problem")
+
+
+class DensityValues:
+    """Values of a density at the time when masses were assembled (local).
+
+    Args:
+        density: Number or UFL expression.
+    """
+
+    def __init__(self, density: Any) -> None:
+        is_number = not isinstance(density, ufl.core.expr.Expr)
+        self._constants = [] if is_number else extract_constants(density)
+        self._functions = [] if is_number else extract_coefficients(density)
+        self._values = self._present()
+
+    def check(self, problem: ContactProblem) -> None:
+        """Reject a density that has changed (collective).
+
+        Raises:
+            MortarError: On all ranks.
+        """
+        pairs = zip(self._values, self._present(), strict=True)
+        changed = not all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+        if problem.comm.allreduce(int(changed)):
+            raise MortarError(
+                "the density has changed since Dynamics(...), whose masses are constant: set up a "
+                "new problem, and give its Dynamics the velocity"
+            )
+
+    def _present(self) -> list[Array]:
+        values = [np.array(constant.value) for constant in self._constants]
+        return values + [function.x.array.copy() for function in self._functions]
 
 
 def check_step(dt: Any, time: float) -> None:

@@ -73,7 +73,12 @@ class DynamicsReport(Markdown):
 
     @property
     def friction_work(self) -> float:
-        """Energy dissipated by friction [stress length^2]."""
+        """Energy dissipated by friction [stress length^2].
+
+        By the mean of the shear at both ends of each step. It may be negative with
+        "generalized_alpha" for contact of nodes with mass: their shear and slip alternate from step
+        to step. The shear at the end of a step always opposes the slip in it.
+        """
         return sum(step.work.friction for step in self.steps)
 
     @property
@@ -85,15 +90,22 @@ class DynamicsReport(Markdown):
         return -sum(step.work.pressure for step in self.steps)
 
     def remark(self) -> str:
-        """Remark on energy added or extracted by contact pressures; "" if it is small."""
+        """Remark on energy added or extracted by pressures, or added by friction; "" if small."""
         kinetic = max(e.kinetic for e in (self.start, *(s.energies for s in self.steps)))
-        share = self.contact_energy / kinetic if kinetic else 0.0
-        if abs(share) <= ADDED:
+        added = {"contact pressures": self.contact_energy, "friction": -self.friction_work}
+        if self.friction_work > 0.0:
+            del added["friction"]
+        shares = {name: energy / kinetic if kinetic else 0.0 for name, energy in added.items()}
+        told = [
+            f"{name} {'added' if share > 0 else 'took'} {abs(share):.2g}"
+            for name, share in shares.items()
+            if abs(share) > ADDED
+        ]
+        if not told:
             return ""
         return (
-            f"contact pressures {'added' if share > 0 else 'took'} {abs(share):.2g} of the largest "
-            "kinetic energy, an error of the time steps: take scheme='conserving', smaller steps, "
-            "or a smaller rho_inf"
+            f"{' and '.join(told)} of the largest kinetic energy, an error of the time steps: take "
+            "scheme='conserving', smaller steps, or a smaller rho_inf"
         )
 
     @property

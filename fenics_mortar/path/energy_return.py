@@ -9,12 +9,14 @@ in a step in which a node closes or opens. It should vanish; it is of second ord
 sign for most nodes of an impact. The sum over all steps is stored as ``owed``. After each step with
 contact it is returned as far as possible: a fraction t of the impulse of the pressures is added to
 the momentum of the bodies, which changes the energy by t v . J + t^2 J . M^-1 J / 2, and leaves the
-sum of momenta unchanged. (Laursen & Love 2002 correct velocities in a similar way for each node.)
+sum of momenta unchanged; rigid rotations are left out, see ``spin_return``. (Laursen & Love 2002
+correct velocities in a similar way for each node.)
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -22,11 +24,17 @@ from mpi4py import MPI
 from fenics_mortar.bulk.inertia import Inertia
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.path.work import Forces, Work
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.rounding import ROUNDING
 
 
 def return_energy(
-    inertia: Inertia, bulk: Bulk, work: Work, half: float, forces: tuple[Forces, Forces]
+    inertia: Inertia,
+    bulk: Bulk,
+    work: Work,
+    half: float,
+    forces: tuple[Forces, Forces],
+    without_spin: Callable[[Array], Array] | None = None,
 ) -> None:
     """Correct the velocity by a fraction of the impulse of pressures in a step (collective).
 
@@ -36,6 +44,7 @@ def return_energy(
         work: Work done in the step.
         half: Half the step [time].
         forces: Forces at its start and its end; see ``forces_of``.
+        without_spin: Subtracts rigid rotations from a change of velocity.
     """
     owed = inertia.rates.owed + work.pressure
     inertia.rates = replace(inertia.rates, owed=owed)
@@ -48,6 +57,8 @@ def return_energy(
     if not bulk.comm.allreduce(bool(pressures.any()), MPI.LOR):
         return
     change = inertia.acceleration_of(half * pressures, bulk.prescribed)
+    if without_spin is not None:
+        change = without_spin(change)
     velocity = inertia.rates.velocity
     power, square = inertia.product(velocity, change), inertia.product(change, change)
     t = fraction_of_impulse(owed, power, square)

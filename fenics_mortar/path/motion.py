@@ -113,7 +113,10 @@ class Motion:
         return error
 
     def _next_size(self, size: float, error: float) -> float:
-        """Size of the next step; the error grows with its square."""
+        """Size of the next step; the error grows with its square.
+
+        Nine tenths of the size at which the error would be the tolerance, or less.
+        """
         options, wanted = self._options, self._options.growth
         if self._tolerance is not None:
             wanted = min(wanted, 0.9 * float(np.sqrt(self._tolerance / max(error, TINY))))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_mortar.equations.continuation import LONGEST
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.utils.arguments import check_flag, check_number
 
 
@@ -32,7 +32,7 @@ class SteppingOptions:
     smallest: float = 1e-6
     largest: float | None = None
     easy: int = 6
-    growth: float = LONGEST
+    growth: float = EQUATIONS.longest
     cut: float = 0.5
     predict: bool = True
 

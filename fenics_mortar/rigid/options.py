@@ -37,6 +37,14 @@ class RigidOptions:
             left to Newton's method.
         followed: Relative singular-value cutoff of the least-squares fit to nodes that stick [1]:
             combinations of motions with small slip, such as rolling, are left to the solve.
+        elongation: Elongation of anchored springs per solve [shortest facets].
+        recovery: Factor by which a smaller elongation grows after a solve [1]; after a failure it
+            shrinks by the cube of this factor.
+        max_solves: Largest number of solves with springs.
+        max_failures: Number of failures in a row after which the solve fails: the elongation is
+            below 1e-4 facets then.
+        repeats: Number of solves with springs that remain: contact forces then are as large as
+            possible.
         sliver: Length over the shortest facet that is considered zero [1]: the advance of an
             obstacle in a move, or the overlap of surfaces that slip off each other.
     """
@@ -52,6 +60,11 @@ class RigidOptions:
     max_moves: int = 200
     max_creeping: int = 10
     followed: float = 0.5
+    elongation: float = 0.25
+    recovery: float = 2.0
+    max_solves: int = 24
+    max_failures: int = 5
+    repeats: int = 3
     sliver: float = 1e-3
 
 

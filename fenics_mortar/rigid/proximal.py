@@ -26,14 +26,6 @@ from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.errors import NotConvergedError
 from fenics_mortar.utils.rounding import SOLVED
 
-# Elongation of the springs per solve [shortest facets].
-ELONGATION = 0.25
-# Factors of the elongation after a failed and after a successful solve.
-BACK_OFF, GROWTH = 0.125, 2.0
-MAX_SOLVES, MAX_FAILURES = 24, 5
-# Number of solves with springs that remain: contact forces then are as large as possible.
-REPEATS = 3
-
 
 class Remaining(NamedTuple):
     """Forces of anchored springs.
@@ -107,7 +99,7 @@ def solve_with_springs(
     except NotConvergedError as error:
         equations.restore(arrived)
         again = NotConvergedError(failed.report.reason, error.report)
-        return solve_with_weak_springs(equations, options, again, repeats=REPEATS)
+        return solve_with_weak_springs(equations, options, again, repeats=RIGID.repeats)
 
 
 def solve_with_weak_springs(
@@ -136,7 +128,7 @@ def solve_with_weak_springs(
     """
     report = failed.report
     for _ in range(repeats):
-        equations.springs.anchor(ELONGATION)
+        equations.springs.anchor(RIGID.elongation)
         report = then_solve(report, partial(solve, equations, options))
     carried = equations.springs.remaining()
     if carried.fraction > max_fraction:
@@ -151,22 +143,22 @@ def solve_with_weak_springs(
 def _move_on_springs(
     equations: WithSprings, options: NewtonOptions, failed: NotConvergedError
 ) -> NewtonReport:
-    """Solve with springs until their elongation vanishes, at most ``MAX_SOLVES`` times."""
+    """Solve with springs until their elongation vanishes, at most ``RIGID.max_solves`` times."""
     # the last solve, without springs, uses the user's tolerance
     rough = replace(options, residual_tolerance=max(SOLVED, options.residual_tolerance))
-    report, aim, failures = failed.report, ELONGATION, 0
-    for _ in range(MAX_SOLVES):
+    report, aim, failures = failed.report, RIGID.elongation, 0
+    for _ in range(RIGID.max_solves):
         start = equations.state()
         equations.springs.anchor(aim)
         try:
             report = then_solve(report, partial(solve, equations, rough))
         except NotConvergedError as error:
-            report, aim, failures = error.report, BACK_OFF * aim, failures + 1
+            report, aim, failures = error.report, aim / RIGID.recovery**3, failures + 1
             equations.restore(start)
-            if failures == MAX_FAILURES:
+            if failures == RIGID.max_failures:
                 raise NotConvergedError(failed.report.reason, report) from error
             continue
-        if equations.springs.max_motion() < RIGID.overlap * aim / ELONGATION:
+        if equations.springs.max_motion() < RIGID.overlap * aim / RIGID.elongation:
             break
-        aim, failures = min(GROWTH * aim, ELONGATION), 0
+        aim, failures = min(RIGID.recovery * aim, RIGID.elongation), 0
     return report

@@ -20,6 +20,7 @@ from fenics_mortar.bulk.bodies import resistance
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array, Flags, Value
+from fenics_mortar.utils.rounding import TINY
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def tangent_stiffness(drive: Array, force: float) -> float:
         drive: Resultant along the regularized motions, shape (n,) [stress length].
         force: Size of all forces [stress length].
     """
-    relative = float(np.linalg.norm(drive)) / max(force, 1e-300)
+    relative = float(np.linalg.norm(drive)) / max(force, TINY)
     return float(np.clip(relative, RIGID.weakest_spring, 1.0))
 
 

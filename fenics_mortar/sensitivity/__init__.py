@@ -7,6 +7,7 @@ the adjoint method (``fm.gradient``) or in one direction (``fm.tangent_linear``)
 quantities and functions of the values of all steps are attributes of this package.
 """
 
+from fenics_mortar.sensitivity.bridge import Simulation, to_autograd
 from fenics_mortar.sensitivity.controls import (
     Interference,
     LawParameter,
@@ -18,6 +19,7 @@ from fenics_mortar.sensitivity.controls import (
 from fenics_mortar.sensitivity.gradient import Gradient
 from fenics_mortar.sensitivity.kinks import Kink
 from fenics_mortar.sensitivity.nodal_positions import NodalPositions
+from fenics_mortar.sensitivity.numerics import Numerics, NumericsReport, by_numerics
 from fenics_mortar.sensitivity.over_steps import last, least_squares, total
 from fenics_mortar.sensitivity.path_record import RecordedPath
 from fenics_mortar.sensitivity.protocols import Control, Quantity
@@ -45,6 +47,8 @@ __all__ = [
     "MeanGap",
     "Moment",
     "NodalPositions",
+    "Numerics",
+    "NumericsReport",
     "ObstacleLoad",
     "ObstaclePlace",
     "ObstacleShape",
@@ -54,10 +58,13 @@ __all__ = [
     "PressureIntegral",
     "Quantity",
     "RecordedPath",
+    "Simulation",
     "TangentLinear",
     "TotalForce",
+    "by_numerics",
     "effective_length",
     "last",
     "least_squares",
+    "to_autograd",
     "total",
 ]

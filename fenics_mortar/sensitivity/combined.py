@@ -23,6 +23,13 @@ class ContactQuantity(ABC):
     the state ``before``, at the start of the step: a ``State``, or its ``History``.
     """
 
+    def check(self) -> None:  # noqa: B027
+        """Check the arguments, in a call made on all ranks (local).
+
+        Raises:
+            ValueError: If an argument has a value that is not allowed.
+        """
+
     @abstractmethod
     def value(self, problem: ContactProblem, before: Before = None) -> float:
         """Value at the present state [unit of the quantity]."""
@@ -81,6 +88,11 @@ class Combined(ContactQuantity):
         derivative: Callable[[Array], Array],
     ) -> None:
         self.parts, self._function, self._derivative = list(parts), function, derivative
+
+    def check(self) -> None:
+        """See ``ContactQuantity``."""
+        for part in self.parts:
+            part.check()
 
     def _values(self, problem: ContactProblem, before: Before) -> Array:
         return np.array([part.value(problem, before) for part in self.parts])

@@ -57,6 +57,7 @@ class Control(Protocol):
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """Set the ``values``, equal on all ranks (local)."""
+        raise TypeError(f"{self.name} cannot be set")
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """Change of the residuals along a change ``dm`` of the values (collective)."""
@@ -68,7 +69,22 @@ class Control(Protocol):
         """
 
 
-class LawParameter(Control):
+class _OfPair(Control):
+    """Values of a pair.
+
+    Args:
+        pair: Number of the pair.
+    """
+
+    def __init__(self, pair: int) -> None:
+        self.pair = pair
+
+    def check(self) -> None:
+        """Reject a value that is not the number of a pair, see ``check_pair`` (local)."""
+        check_pair(self.pair)
+
+
+class LawParameter(_OfPair):
     """A parameter of the law of a pair, see ``Law.parameters``.
 
     The values of a parameter that varies in space, see ``Law.fields``, are those at the slave nodes
@@ -80,7 +96,8 @@ class LawParameter(Control):
     """
 
     def __init__(self, pair: int, name: str) -> None:
-        self.pair, self.parameter = check_pair(pair), name
+        super().__init__(pair)
+        self.parameter = name
         self.name = f"{name} of pair {pair}"
 
     def get(self, problem: ContactProblem) -> Array:
@@ -107,7 +124,7 @@ class LawParameter(Control):
         return parameter_by_rows(contact, self.parameter, rows_at(y, self.pair, contact))
 
 
-class Offset(Control):
+class Offset(_OfPair):
     """The nodal offsets of a pair, see ``PairView.offset``.
 
     Args:
@@ -115,7 +132,8 @@ class Offset(Control):
     """
 
     def __init__(self, pair: int) -> None:
-        self.pair, self.name = check_pair(pair), f"offset of pair {pair}"
+        super().__init__(pair)
+        self.name = f"offset of pair {pair}"
 
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``: shape (slave nodes,) [length]."""
@@ -138,7 +156,7 @@ class Offset(Control):
         return offset_by_rows(contact, rows_at(y, self.pair, contact))
 
 
-class Interference(Control):
+class Interference(_OfPair):
     """Mean offset of a pair; a change shifts the offsets of all nodes equally.
 
     Args:
@@ -146,7 +164,8 @@ class Interference(Control):
     """
 
     def __init__(self, pair: int) -> None:
-        self.pair, self.name = check_pair(pair), f"interference of pair {pair}"
+        super().__init__(pair)
+        self.name = f"interference of pair {pair}"
         self._offset = Offset(pair)
 
     def get(self, problem: ContactProblem) -> Array:
@@ -178,9 +197,12 @@ class _OfObstacle(Control):
     quantity: str
 
     def __init__(self, obstacle: Obstacle) -> None:
-        check_kind("obstacle", obstacle, Obstacle, "an obstacle of the problem")
         self.obstacle = obstacle
-        self.name = f"{self.quantity} of '{obstacle.name}'"
+        self.name = f"{self.quantity} of '{getattr(obstacle, 'name', obstacle)}'"
+
+    def check(self) -> None:
+        """Reject a value that is not an obstacle (local)."""
+        check_kind("obstacle", self.obstacle, Obstacle, "an obstacle of the problem")
 
     def _number(self, problem: ContactProblem) -> int:
         if not any(obstacle is self.obstacle for obstacle in problem.obstacles):
@@ -254,10 +276,13 @@ class ObstacleShape(Control):
     """
 
     def __init__(self, obstacle: Obstacle, name: str) -> None:
-        check_kind("obstacle", obstacle, Obstacle, "an obstacle of the problem")
-        check_choice("shape parameter", name, obstacle.shape())
         self.obstacle, self.parameter = obstacle, name
-        self.name = f"{name} of '{obstacle.name}'"
+        self.name = f"{name} of '{getattr(obstacle, 'name', obstacle)}'"
+
+    def check(self) -> None:
+        """Reject a value that is not an obstacle with this parameter (local)."""
+        check_kind("obstacle", self.obstacle, Obstacle, "an obstacle of the problem")
+        check_choice("shape parameter", self.parameter, self.obstacle.shape())
 
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``."""
@@ -280,7 +305,7 @@ class ObstacleShape(Control):
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``."""
         rows = {
-            i: rows_by_shape(contact, self.parameter, np.asarray(dm, float), earlier)
+            i: rows_by_shape(contact, self.parameter, np.asarray(dm, float)[None], earlier)[0]
             for i, contact, earlier in self._pairs(problem, before)
         }
         return from_rows(problem.equations, rows)

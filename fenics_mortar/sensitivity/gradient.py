@@ -46,9 +46,6 @@ from fenics_mortar.sensitivity.protocols import (
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import together
 
-# Largest number of values of a derivative that is printed.
-PRINTED = 8
-
 
 @dataclass(frozen=True)
 class Gradient:
@@ -88,11 +85,14 @@ class Gradient:
         raise KeyError(f"{control!r} is not one of the controls of this gradient")
 
     def __str__(self) -> str:
-        """Objective and a line for each control (local); fields are not printed."""
+        """Objective and a line for each control (local).
+
+        Fields, and derivatives of more than 8 values, are not printed.
+        """
         lines = [f"objective {self.value:.6g}"]
         for number, (control, parts) in enumerate(zip(self.controls, self.by_step, strict=True)):
             derivative = np.asarray(sum(parts[1:], parts[0]))
-            is_field = isinstance(control, fem.Function) or derivative.size > PRINTED
+            is_field = isinstance(control, fem.Function) or derivative.size > 8
             text = f"{derivative.size} values" if is_field else np.array2string(derivative)
             name = getattr(control, "name", type(control).__name__)
             lines.append(f"by control {number}, {name}: {text}")

@@ -17,7 +17,6 @@ from fenics_mortar.sensitivity.pair_vectors import (
     add_pair,
     at_pair,
     check_exact,
-    check_law,
     from_rows,
     rows_at,
     zeros,
@@ -46,8 +45,7 @@ class History:
 
     Raises:
         MortarError: On all ranks, if slip is not counted from that state, for example after a rigid
-            move of a body or of an obstacle before the solve; if operators lack derivatives; or for
-            laws without sensitivities, see ``check_law``.
+            move of a body or of an obstacle before the solve; or if operators lack derivatives.
     """
 
     def __init__(self, problem: ContactProblem, before: State) -> None:
@@ -57,7 +55,6 @@ class History:
         for i, contact in enumerate(e.contacts):
             if not isinstance(contact, Contact) or not has_history(contact):
                 continue
-            check_law(contact)
             check_exact(contact)
             self.earlier[i] = earlier_of(e, i, contact, before)
             self.pairs[i] = PairHistory(contact, self.earlier[i])
@@ -107,6 +104,7 @@ def earlier_of(e: ContactEquations, i: int, contact: Contact, before: State) -> 
     if not apart <= ROUNDING * contact.slave.extent:
         raise MortarError(
             f"the slip of {contact.pair!r} is not counted from the state before, but from one "
-            f"that differs by {apart:.3g}: bodies or obstacles were moved before the solve"
+            f"that differs by {apart:.3g}: bodies or obstacles were moved before the solve, or an "
+            "obstacle has another shape since; accept() at the start counts slip from there"
         )
     return earlier

@@ -11,4 +11,4 @@ def linearize(problem: ContactProblem) -> LinearizedEquations:
     """A = dR/ds at the present, evaluated state; factorized once (collective)."""
     e = problem.equations
     e.bulk.free_garbage()
-    return LinearizedEquations(e.bulk, e.contacts, e.motions, e.system)
+    return e.linearized()

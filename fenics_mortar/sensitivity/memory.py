@@ -30,7 +30,7 @@ from fenics_mortar.sensitivity.history import History
 from fenics_mortar.sensitivity.pair_vectors import add_pair, at_pair, from_rows, rows_at, zeros
 from fenics_mortar.sensitivity.partials.gap import gap_along, gap_back
 from fenics_mortar.sensitivity.partials.memory import PairMemory
-from fenics_mortar.sensitivity.partials.shape import change_by_shape
+from fenics_mortar.sensitivity.partials.shape import FieldChange, change_by_shape, units_of
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
@@ -121,7 +121,8 @@ class StepMemory:
                 offset = np.broadcast_to(dm, contact.offset.shape)
                 change = pair.along_fields({"gap": gap_along(contact.operators, offset)})
             if isinstance(control, ObstacleShape) and contact.obstacle is control.obstacle:
-                change = pair.along_fields(self._of_shape(i, control, np.asarray(dm, float)))
+                direction = np.asarray(dm, float)[None]
+                change = pair.along_fields(self._of_shape(i, control, direction).only)
             found[i] = np.zeros((1, 1)) if change is None else change
         return found
 
@@ -143,16 +144,17 @@ class StepMemory:
                 total = total + self._shape_back(i, control, values)
         return total
 
-    def _of_shape(self, i: int, control: ObstacleShape, direction: Array) -> dict[str, Array]:
+    def _of_shape(self, i: int, control: ObstacleShape, directions: Array) -> FieldChange:
         contact, earlier = self._equations.contacts[i], self._earlier.get(i)
         assert isinstance(contact, Contact)
-        return change_by_shape(contact, control.parameter, direction, earlier)._asdict()
+        return change_by_shape(contact, control.parameter, directions, earlier)
 
     def _shape_back(self, i: int, control: ObstacleShape, c: Array) -> Array:
-        shape = control.get(self._problem).shape
-        units = [unit.reshape(shape) for unit in np.eye(int(np.prod(shape)))]
-        changes = [self._pairs[i].along_fields(self._of_shape(i, control, u)) for u in units]
-        return np.array([(c * change).sum() for change in changes]).reshape(shape)
+        value, by = control.get(self._problem), self._pairs[i].fields_back(c)
+        gradient = np.zeros(value.size)
+        for name, change in self._of_shape(i, control, units_of(value))._asdict().items():
+            gradient += change @ getattr(by, name)
+        return gradient.reshape(value.shape)
 
 
 def has_memory(contact: object) -> bool:

@@ -26,8 +26,6 @@ from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
-NUM_VERTICES = {"triangle": 3, "quadrilateral": 4}
-
 
 class NodalPositions:
     """Positions X of the nodes; all methods are collective.
@@ -100,7 +98,7 @@ class _Derivatives:
     def __init__(self, bulk: Bulk) -> None:
         space, mesh = bulk.space, bulk.V.mesh
         nodes = compat.dofmap(space.V).shape[1], compat.geometry_dofmap(mesh).shape[1]
-        if space.is_mixed or nodes != 2 * (NUM_VERTICES[compat.cell_name(mesh)],):
+        if space.is_mixed or nodes != 2 * (compat.num_corners(mesh),):
             raise MortarError(
                 "nodal positions as control need displacements of degree 1 on straight cells"
             )

@@ -31,7 +31,7 @@ from fenics_mortar.sensitivity.pair_vectors import (
 from fenics_mortar.sensitivity.partials.fields import ByFields
 from fenics_mortar.sensitivity.partials.gap import gap_back
 from fenics_mortar.sensitivity.partials.maps import PairVector
-from fenics_mortar.sensitivity.partials.shape import change_by_shape
+from fenics_mortar.sensitivity.partials.shape import change_by_shape, units_of
 from fenics_mortar.utils.arrays import Array
 
 
@@ -43,7 +43,11 @@ class PairQuantity(ContactQuantity):
     """
 
     def __init__(self, pair: int) -> None:
-        self.pair = check_pair(pair)
+        self.pair = pair
+
+    def check(self) -> None:
+        """See ``ContactQuantity``."""
+        check_pair(self.pair)
 
     @abstractmethod
     def _of(self, contact: Any) -> float:
@@ -106,11 +110,9 @@ class PairQuantity(ContactQuantity):
         history = None if by.slip is None else history_of(problem, before)
         earlier = None if history is None else history.earlier.get(self.pair)
         gradient = np.zeros(value.size)
-        for i, unit in enumerate(np.eye(value.size)):
-            direction = unit.reshape(value.shape)
-            change = change_by_shape(contact, control.parameter, direction, earlier)
-            for name, of_field in change._asdict().items():
-                weights = getattr(by, name)
-                if weights is not None:
-                    gradient[i] += weights @ of_field
+        change = change_by_shape(contact, control.parameter, units_of(value), earlier)
+        for name, of_field in change._asdict().items():
+            weights = getattr(by, name)
+            if weights is not None:
+                gradient += of_field @ weights
         return gradient.reshape(value.shape)

@@ -98,28 +98,11 @@ def contact_of(equations: ContactEquations, i: int) -> Contact:
 
     Raises:
         ValueError: If there is no such pair, or it is a tie.
-        MortarError: If derivatives with respect to the state of its law are not implemented.
     """
     contact = interface_of(equations, i)
     if not isinstance(contact, Contact):
         raise ValueError(f"pair {i} is tied: expected a contact")
-    check_law(contact)
     return contact
-
-
-def check_law(contact: Any) -> None:
-    """Reject laws with an adhesion of more than the gap, or with shear at open nodes (local).
-
-    Raises:
-        MortarError: For such a law.
-    """
-    law = contact.pair.law if isinstance(contact, Contact) else None
-    if law is not None and (law.bridges_gap or law.has_nodal_adhesion):
-        raise MortarError(
-            f"{law!r} has an adhesion that depends on more than the gap, or shear at open nodes "
-            "(adhesion_at, bridges_gap), which have no sensitivities: expected a law with "
-            "tangential, closing_gap, remember and adhesion alone"
-        )
 
 
 def check_exact(contact: Any) -> None:

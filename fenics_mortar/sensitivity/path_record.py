@@ -20,7 +20,6 @@ from fenics_mortar.equations.undo import Snapshot, raise_cause
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.checkpoints import Checkpoints
-from fenics_mortar.sensitivity.pair_vectors import check_law
 from fenics_mortar.sensitivity.solved import check_solved
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
@@ -127,7 +126,7 @@ class RecordedPath:
 
     Raises:
         ValueError: If ``problem`` is of another type, or ``every`` is not at least 1.
-        MortarError: If the problem has inertia, or a law has no sensitivities; see ``check_law``.
+        MortarError: If the problem has inertia.
     """
 
     def __init__(
@@ -141,8 +140,6 @@ class RecordedPath:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
         if problem.equations.bulk.inertia is not None:
             raise MortarError("dynamics have no derivatives: expected a static problem")
-        for contact in problem.equations.contacts:
-            check_law(contact)
         self.problem, self._data = problem, Data(problem, also)
         self.start: State | None = problem.state()
         self.steps: list[Step] = []

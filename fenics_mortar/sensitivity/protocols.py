@@ -19,6 +19,7 @@ from dolfinx import fem
 
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.combined import Combined
 from fenics_mortar.sensitivity.controls import Before, Control
 from fenics_mortar.sensitivity.form_controls import FormControl
 from fenics_mortar.sensitivity.form_quantity import FormQuantity
@@ -87,10 +88,10 @@ def check_dependence(
 
     Raises:
         ValueError: On all ranks.
-        MortarError: On all ranks, if number or kind of quantities or controls differ.
+        MortarError: On all ranks, if number, kind or arguments of quantities or controls differ.
     """
     given = {
-        "quantities": [type(quantity).__name__ for quantity in quantities],
+        "quantities": [_described(quantity) for quantity in quantities],
         "controls": [f"{type(control).__name__} {control.name}" for control in controls],
     }
     check_same_words(problem.comm, "gradient", given)
@@ -134,6 +135,7 @@ def _control_of(problem: ContactProblem, control: Any) -> Control:
             f"control {control!r}: expected a fem.Constant, a fem.Function or a control of the "
             f"package, e.g. LawParameter(0, 'mu')"
         )
+    _check(control)
     return control
 
 
@@ -151,7 +153,23 @@ def _quantity_of(problem: ContactProblem, quantity: Any) -> Quantity:
             f"objective {quantity!r}: expected a scalar UFL form or a quantity of the package, "
             f"e.g. TotalForce(0, (0.0, 1.0))"
         )
+    _check(quantity)
     return quantity
+
+
+def _check(given: Any) -> None:
+    """Check the arguments of a control or quantity, if it has a method for this (local)."""
+    check = getattr(given, "check", None)
+    if check is not None:
+        check()
+
+
+def _described(quantity: Any) -> list[Any]:
+    """Type and public arguments of a quantity, or of its parts, for a comparison (local)."""
+    if isinstance(quantity, Combined):
+        return [type(quantity).__name__, *map(_described, quantity.parts)]
+    public = {name: v for name, v in vars(quantity).items() if not name.startswith("_")}
+    return [type(quantity).__name__, public]
 
 
 def _keep(bulk: Any, key: Any, make: Any) -> Any:

@@ -40,16 +40,21 @@ class TotalForce(PairQuantity):
 
     def __init__(self, pair: int, direction: npt.ArrayLike) -> None:
         super().__init__(pair)
-        self.direction = check_vector("direction", direction)
+        self.direction = direction
+
+    def check(self) -> None:
+        """See ``ContactQuantity``."""
+        super().check()
+        check_vector("direction", self.direction)
 
     def _of(self, contact: Interface) -> float:
         """See ``PairQuantity``."""
-        return float(contact.total_force @ self.direction)
+        return float(contact.total_force @ np.asarray(self.direction, float))
 
     def _by_fields(self, contact: Interface) -> ByFields:
         """See ``PairQuantity``."""
-        weight = contact.operators.weight
-        return ByFields(weight=-contact.z @ self.direction, z=-weight[:, None] * self.direction)
+        weight, direction = contact.operators.weight, np.asarray(self.direction, float)
+        return ByFields(weight=-contact.z @ direction, z=-weight[:, None] * direction)
 
 
 class Moment(PairQuantity):
@@ -62,18 +67,23 @@ class Moment(PairQuantity):
 
     def __init__(self, pair: int, about: npt.ArrayLike = (0.0, 0.0)) -> None:
         super().__init__(pair)
-        self.about = check_vector("about", about)
+        self.about = about
+
+    def check(self) -> None:
+        """See ``ContactQuantity``."""
+        super().check()
+        check_vector("about", self.about)
 
     def _of(self, contact: Interface) -> float:
         """See ``PairQuantity``."""
-        return moment(contact, self.about)
+        return moment(contact, np.asarray(self.about, float))
 
     def _by_fields(self, contact: Interface) -> ByFields:
         """See ``PairQuantity``: no control changes the moment at a fixed state."""
         return ByFields()
 
     def _by_state(self, contact: Interface) -> PairVector:
-        return moment_gradient(contact, self.about)
+        return moment_gradient(contact, np.asarray(self.about, float))
 
 
 class PressureFunctional(PairQuantity):
@@ -111,8 +121,13 @@ class PressureIntegral(PressureFunctional):
     """
 
     def __init__(self, pair: int, power: int = 1) -> None:
-        check_number("power", power, "at least 1", lambda n: n >= 1, whole=True)
+        self.power = power
         super().__init__(pair, lambda p: p**power, lambda p: power * p ** (power - 1))
+
+    def check(self) -> None:
+        """See ``ContactQuantity``."""
+        super().check()
+        check_number("power", self.power, "at least 1", lambda n: n >= 1, whole=True)
 
 
 class PeakPressure(PairQuantity):
@@ -127,8 +142,12 @@ class PeakPressure(PairQuantity):
 
     def __init__(self, pair: int, power: float = 8.0) -> None:
         super().__init__(pair)
-        check_number("power", power, "more than 1", lambda P: 1.0 < P < np.inf)
         self.power = power
+
+    def check(self) -> None:
+        """See ``ContactQuantity``."""
+        super().check()
+        check_number("power", self.power, "more than 1", lambda P: 1.0 < P < np.inf)
 
     def _parts(self, contact: Contact) -> tuple[Array, float, float, float]:
         """Pressures over the largest one, largest pressure, sum of weights, mean of the powers."""
@@ -153,8 +172,8 @@ class PeakPressure(PairQuantity):
         return ByFields(weight=by_weight, z_n=by_mean * weight * p ** (self.power - 1.0))
 
 
-def _checked_nodes(nodes: Any) -> Indices:
-    """Numbers of slave nodes as an array (local).
+def _check_nodes(nodes: Any) -> None:
+    """Reject values that are not numbers of slave nodes (local).
 
     Raises:
         ValueError: If they are not numbers from 0 on.
@@ -162,7 +181,6 @@ def _checked_nodes(nodes: Any) -> Indices:
     numbers = np.asarray(nodes)
     if numbers.dtype.kind not in "iu" or numbers.ndim != 1 or not numbers.size or numbers.min() < 0:
         raise ValueError(f"nodes={nodes!r}: expected numbers of slave nodes, from 0 on")
-    return numbers.astype(np.int64)
 
 
 class MeanGap(PairQuantity):
@@ -175,17 +193,23 @@ class MeanGap(PairQuantity):
 
     def __init__(self, pair: int, nodes: Indices | None = None) -> None:
         super().__init__(pair)
-        self.nodes = None if nodes is None else _checked_nodes(nodes)
+        self.nodes = nodes
+
+    def check(self) -> None:
+        """See ``ContactQuantity``."""
+        super().check()
+        if self.nodes is not None:
+            _check_nodes(self.nodes)
 
     def _counts(self, contact: Contact) -> Array:
         counts = contact.covered.astype(float)
         if self.nodes is not None:
-            if self.nodes.max() >= counts.size:
+            if np.max(self.nodes) >= counts.size:
                 raise ValueError(
                     f"nodes: pair {self.pair} has the slave nodes 0 to {counts.size - 1}"
                 )
             chosen = np.zeros_like(counts)
-            chosen[self.nodes] = 1.0
+            chosen[np.asarray(self.nodes)] = 1.0
             counts = counts * chosen
         return counts
 

@@ -13,7 +13,7 @@ from fenics_mortar.utils.errors import MortarError
 
 # Residual of a solution over that of Newton's tolerance [1]: the reference force of an iteration
 # may have been larger than that of the state.
-MARGIN = 1e3
+SOLVED_FACTOR = 1e3
 
 
 def check_solved(problem: ContactProblem) -> None:
@@ -35,7 +35,7 @@ def check_solved(problem: ContactProblem) -> None:
             e.floating.add_spring_forces()
         residual = e.residual.measure()
     tolerance = e.newton.residual_tolerance
-    allowed = MARGIN * max(tolerance * e.residual.force, e.residual.attainable)
+    allowed = SOLVED_FACTOR * max(tolerance * e.residual.force, e.residual.attainable)
     if not residual <= allowed:
         raise MortarError(
             f"the present state is not a solution: residual {residual:.1e}, allowed {allowed:.1e}. "

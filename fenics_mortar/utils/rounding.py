@@ -9,10 +9,10 @@ import numpy as np
 EPSILON = float(np.finfo(float).eps)
 TINY = float(np.finfo(float).tiny)
 # Results of a few operations that are equal in exact arithmetic differ by less than this fraction
-# of the largest number in them: 45 EPSILON.
+# of the largest number in them [1]: 45 EPSILON.
 LAST_DIGITS = 1e-14
 # Results of whole computations that are equal in exact arithmetic differ by less than this fraction
-# of the largest number in them: seven digits more than EPSILON, for sums and cancellation.
+# of the largest number in them [1]: seven digits more than EPSILON, for sums and cancellation.
 ROUNDING = 1e-9
 # Relative error of sums of up to thousands of terms, without cancellation [1].
 SUM_ROUNDING = 1e-12
@@ -21,8 +21,8 @@ ASSEMBLY_ROUNDING = 1e-13
 # Relative size below which a quantity that vanishes at a solution is zero [1]: Newton's method
 # stops at 1e-8.
 SOLVED = 1e-6
-# Positions are the same within this fraction of a facet: coordinates in files may have as few as
-# seven digits.
+# Positions are the same within this fraction of a facet [1]: coordinates in files may have as few
+# as seven digits.
 SAME_PLACE = 1e-6
 # Half a facet [facet lengths], the resolution of a mesh. Faceted curves in contact are nearer to
 # each other; deeper overlaps, and wider gaps between nodes in contact, are errors.

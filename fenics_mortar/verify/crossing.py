@@ -125,7 +125,8 @@ class Crossings:
 
     def find(self) -> list[Crossing]:
         """Deepest crossing of each pair of outlines at the present displacement."""
-        rows, found = self._crossings(self._positions(), self._allowed()), []
+        x, found = self._positions(), []
+        rows = self._crossings(x, self._allowed(x))
         for pair, row in self._deepest(rows).items():
             facets = float(row[2]) - self._excused.get(pair, 0.0)
             if facets > 0.0:
@@ -160,13 +161,28 @@ class Crossings:
                 found[pair] = facets if same or facets <= HALF_FACET else np.inf
         return found
 
-    def _allowed(self) -> Array:
-        """Overlap of nodes admitted by the offsets of contacts, shape (n,) [length]."""
-        allowed = np.zeros(len(self.outline.X))
+    def _allowed(self, x: Array) -> Array:
+        """Overlap of nodes admitted by the offsets and soft layers of contacts, (n,) [length].
+
+        The admitted overlap of a slave node applies to all nodes within this length plus the nodal
+        length: to nodes of the master, and of its own body beside an end of the surface.
+
+        Args:
+            x: Positions of the nodes, shape (n, 2) [length].
+        """
+        allowed = np.zeros(len(x))
         for contact, there in zip(self._contacts, self._slaves, strict=True):
-            offset = contact.now.offset
-            if offset.any():
-                np.maximum.at(allowed, there, np.maximum(-offset, 0.0))
+            overlap = np.maximum(-contact.now.offset, 0.0)
+            admits = np.flatnonzero(overlap)
+            if not admits.size:
+                continue
+            from scipy.spatial import cKDTree  # not imported by problems without overlaps
+
+            radii = overlap[admits] + contact.slave.nodal_lengths[admits]
+            circles = cKDTree(x).query_ball_point(x[there[admits]], radii)
+            counts = [len(nodes) for nodes in circles]
+            nodes = np.concatenate(circles).astype(np.int64)
+            np.maximum.at(allowed, nodes, np.repeat(overlap[admits], counts))
         return allowed
 
     def _bodies_of(self, surface: Surface) -> set[int]:
@@ -254,7 +270,7 @@ class Crossings:
         messages, through, depth = list[str](), leaves >= 0, rows[:, 3]
         pairs = np.stack([self.outline.bodies[node], self._segment_bodies[entry]], axis=1)
         inside = ~through & (pairs[:, 0] != pairs[:, 1])
-        inside &= depth - self._allowed()[node] > HALF_FACET * lengths[entry]
+        inside &= depth - self._allowed(x1)[node] > HALF_FACET * lengths[entry]
         for marked, ends_inside in ((through, False), (inside, True)):
             for pair in np.unique(pairs[marked], axis=0):
                 if self._excused.get((int(pair.min()), int(pair.max()))) == np.inf:

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fenics_mortar.interface.segments import POINTS
+import numpy as np
+
+from fenics_mortar.interface.measures import POINTS
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.rounding import HALF_FACET, SOLVED
 
@@ -39,6 +41,12 @@ class Limits:
             surface.
         end_pressure: Smallest ratio of the pressure beside clamped slave nodes to that of the next
             nodes for a remark [1].
+        section_turn: Largest rotation of a body in one straight section of its path [radian], which
+            shrinks it by 8 %. A path did not pass through an obstacle if the normals at its ends
+            differ by less.
+        max_points: Largest number of points on a path.
+        bare: Covered length of a facet, of length 2 in the reference element, below which it is
+            uncovered [1].
         samples: Number of points on a segment at which gaps are evaluated.
     """
 
@@ -54,6 +62,9 @@ class Limits:
     corner: float = 0.3
     around_corner: int = 3
     end_pressure: float = 2.0
+    section_turn: float = np.pi / 4
+    max_points: int = 400
+    bare: float = 0.02
     samples: int = POINTS
 
 

@@ -4,7 +4,8 @@
 The signed distance of an obstacle is sampled along a path in the frame of the obstacle, with steps
 equal to the distance (sphere tracing, Hart 1996), and steps of a small fraction of a facet near the
 surface. A path passes through the obstacle if the gradients at entry and exit are opposed and the
-obstacle extends by a facet to both sides; otherwise the path goes round an edge.
+obstacle extends by half a facet to both sides; otherwise the path goes round an edge. So some path
+passes through each round obstacle whose radius is a facet or more.
 """
 
 from __future__ import annotations
@@ -15,16 +16,8 @@ import numpy.typing as npt
 from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.rounding import SMALL_ANGLE, TINY
+from fenics_mortar.utils.rounding import HALF_FACET, SMALL_ANGLE, TINY
 from fenics_mortar.verify.limits import LIMITS
-
-# Largest rotation of a body in one straight section of its path [radian], which shrinks it by 8 %.
-LARGEST_TURN = np.pi / 4
-# Cosine of the angle between normals at start and end [1] above which the path did not pass
-# through.
-SAME_SIDE = 0.7
-# Largest number of points on a path.
-MAX_POINTS = 400
 
 
 class Motions:
@@ -75,7 +68,7 @@ class Motions:
         two bodies is reproduced only in the frame of one of them.
         """
         i, largest = self._of_node, float(np.abs(self.angles).max(initial=0.0))
-        sections = max(int(np.ceil(largest / LARGEST_TURN)), 1)
+        sections = max(int(np.ceil(largest / LIMITS.section_turn)), 1)
         y0 = self._x0 - self._start[i]
         y1 = _turned(self._x1 - self._end[i], -self.angles[i])
         along = [self._x0]
@@ -110,7 +103,7 @@ def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Arr
         _distance(obstacle, knots[k], offset) for k in (0, -1)
     )
     reaches = np.maximum(start, 0.0) + np.maximum(end, 0.0) <= far[-1]
-    turned = (start_slope * end_slope).sum(axis=1) < SAME_SIDE
+    turned = (start_slope * end_slope).sum(axis=1) < np.cos(LIMITS.section_turn)
     which = np.flatnonzero(reaches & turned & (far[-1] > 0.0))
     through = np.zeros(len(offset))
     if which.size:
@@ -138,12 +131,12 @@ def _trace(
     """Whether paths passed through; ``knots`` (m + 1, s, 2) at arc lengths ``far`` (m + 1, s)."""
     total = far[-1]
     # near the surface points are as close as the smallest distance with a remark
-    min_step = np.maximum(LIMITS.coarse_distance * lengths, total / MAX_POINTS)
+    min_step = np.maximum(LIMITS.coarse_distance * lengths, total / LIMITS.max_points)
     at, passed = np.zeros(len(total)), np.zeros(len(total), bool)
     before = _at(knots, far, at)
     distance, slope = _distance(obstacle, before, offset)
     entry, entry_slope, inside = before.copy(), slope.copy(), distance < 0.0
-    for _ in range(2 * MAX_POINTS):
+    for _ in range(2 * LIMITS.max_points):
         if (at >= total).all():
             break
         at = np.minimum(at + np.maximum(np.abs(distance), min_step), total)
@@ -171,8 +164,8 @@ def _trace(
 def _goes_on(
     obstacle: Obstacle, x: Array, normal: Array, lengths: Array, offset: Array
 ) -> npt.NDArray[np.bool_]:
-    """Whether the obstacle extends by a facet to both sides of points on their paths."""
-    along = lengths[:, None] * np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+    """Whether the obstacle extends by half a facet to both sides of points on their paths."""
+    along = HALF_FACET * lengths[:, None] * np.stack([-normal[:, 1], normal[:, 0]], axis=1)
     sides = [_distance(obstacle, x + sign * along, offset)[0] <= 0.0 for sign in (1.0, -1.0)]
     return np.asarray(sides[0] & sides[1])
 

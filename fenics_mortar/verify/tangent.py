@@ -153,6 +153,7 @@ class _Probe:
         self._frames: list[Any] = [contact.rows.frame() for contact in self.contacts]
 
     def _fill(self, contact: Contact | Tie, rng: np.random.Generator) -> Array:
+        """Multipliers, random where zero: of the size of others, else of strains of 1 %."""
         size = np.abs(contact.z).max() or 0.01 * contact.modulus.max()
         random = size * rng.uniform(0.5, 1.0, contact.z.shape)
         return np.where(contact.z == 0.0, random, contact.z)

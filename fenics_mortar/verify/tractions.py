@@ -16,9 +16,7 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.facing import Points, Rule, points_behind, points_of
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags
-
-# Covered length of a facet, of length 2 in the reference element, below which it is uncovered [1].
-MIN_COVER = 0.02
+from fenics_mortar.verify.limits import LIMITS
 
 
 def interface_tractions(
@@ -67,7 +65,7 @@ def facet_tractions(
     mass = np.einsum("np,npj,npk->njk", here.measure(surface.X), here.shape, here.shape)
     cover = here.weights.sum(axis=1)
     cover, at_points, mass = (_sum_over_facets(surface, here, a) for a in (cover, at_points, mass))
-    bare = cover < MIN_COVER
+    bare = cover < LIMITS.bare
     at_points[bare] = mass[bare] = 0.0
     nodal = _solve_on_covered(surface, mass, forces, clamped)
     return np.asarray(np.einsum("fqk,fkc->fqc", at_points, nodal[surface.facets]))

@@ -12,18 +12,15 @@ from functools import partial
 
 from mpi4py import MPI
 
-import meshio
 import numpy as np
 import pytest
 from scenes import TIGHT, Scene, pair_options, pressed_blocks, read
 from scipy.optimize import brentq
-from test_results import steps
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.utils import compat
 from meshes import two_blocks
 
 comm = MPI.COMM_WORLD
@@ -39,7 +36,7 @@ def shear_and_compliance(nu):
 
 
 def neo_hookean(w, nu, part=0, scale=1.0, test=None):
-    """Residual of displacement ``part`` and pressure; ``scale``: of the pressure's equation."""
+    """Residual of displacement ``part`` and pressure, whose equation has the factor ``scale``."""
     mu, compliance = shear_and_compliance(nu)
     test = test or ufl.TestFunction(w.function_space)
     (u, p), (v, q) = (ufl.split(function) for function in (w, test))
@@ -53,7 +50,7 @@ def neo_hookean(w, nu, part=0, scale=1.0, test=None):
 
 
 def three_fields(w, nu):
-    """The same with a third unknown, the change of volume: J and p / kappa agree with it."""
+    """Residual with a third unknown, the change of volume: J and p / kappa are equal to it."""
     mu, compliance = shear_and_compliance(nu)
     (u, p, t), (v, q, s) = (ufl.split(f) for f in (w, ufl.TestFunction(w.function_space)))
     F = ufl.Identity(2) + ufl.grad(u)
@@ -64,7 +61,7 @@ def three_fields(w, nu):
 
 
 def linear_elastic(w, nu):
-    """The same for small strains."""
+    """Residual for small strains."""
     mu, compliance = shear_and_compliance(nu)
     (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(w.function_space)
     stress = 2 * mu * ufl.sym(ufl.grad(u)) + p * ufl.Identity(2)
@@ -131,7 +128,7 @@ def test_uniaxial_pressure_of_incompressible_blocks_is_uniform(basis, cell, nu):
         partial(neo_hookean, nu=nu), cell=cell, basis=basis, sides_slide=True,
         width_upper=1.0, width_lower=1.0,
     )  # fmt: skip
-    for push in (-0.1, -0.2):  # of a height of two
+    for push in (-0.1, -0.2):  # for a height of two
         scene.loads["push"].value = push
         report = scene.problem.solve()
     a, p, pressure = uniaxial(nu)
@@ -185,7 +182,7 @@ def test_displacement_may_be_another_part():
 @pytest.mark.once
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
 def test_convergence_does_not_depend_on_the_scale_of_the_pressure_equation(scale):
-    """Residuals are forces and increments lengths, in whatever units the pressure's rows are."""
+    """Residuals are forces and increments lengths for any unit of the pressure's rows."""
     plain, report = pressed(partial(neo_hookean, nu=0.4999))
     scaled, again = pressed(partial(neo_hookean, nu=0.4999, scale=scale))
     assert again.num_iterations == report.num_iterations
@@ -288,90 +285,3 @@ def test_body_without_conditions_is_supported_by_contact_alone(gap):
     report = problem.solve()
     assert problem.equations.contacts[0].total_force == pytest.approx((0.0, 1.0), abs=1e-9)
     assert report.certificate.balance < 1e-10 and not report.certificate.violations()
-
-
-def fill(w):
-    """Give displacement and pressure values that differ from node to node."""
-    w.sub(0).interpolate(lambda X: np.stack([0.1 * X[0] ** 2, X[0] * X[1] - 0.2 * X[1] ** 2]))
-    w.sub(1).interpolate(lambda X: X[0] + 10 * X[1])
-
-
-def test_state_is_read_on_any_number_of_ranks(shared_path):
-    file = str(shared_path / "state.npz")
-    residual = partial(neo_hookean, nu=0.5)
-    together, alone = (blocks(residual, comm=c) for c in (comm, MPI.COMM_SELF))
-    fill(together.u)
-    fm.save_state(together.problem, file)
-    exact = fem.Function(alone.u.function_space)
-    fill(exact)
-    fm.load_state(alone.problem, file)
-    assert np.abs(alone.u.x.array - exact.x.array).max() < 1e-13
-
-
-@pytest.mark.once
-def test_files_hold_the_displacement_and_the_pressure(shared_path):
-    scene = blocks(partial(neo_hookean, nu=0.5), cell="triangle")
-    fill(scene.u)
-    scene.u.x.scatter_forward()
-    pressure = ufl.split(scene.u)[1]
-    with fm.ResultsWriter(shared_path / "series", scene.problem, {"p": pressure}) as writer:
-        writer.write(1.0)
-    fm.plot(scene.problem, shared_path / "picture", stress=pressure)
-    for file in steps(shared_path / "series.pvd")[1.0]:
-        branch = meshio.read(file)
-        x, y, _ = branch.points.T
-        right = np.stack([0.1 * x**2, x * y - 0.2 * y**2], axis=1)
-        assert np.abs(branch.point_data["displacement"][:, :2] - right).max() < 1e-14
-        corners = branch.points[branch.cells[0].data[:, :3]].mean(axis=1)
-        found = branch.cell_data["p"][0]
-        assert np.abs(found.ravel() - corners[:, 0] - 10 * corners[:, 1]).max() < 1e-12
-    assert (shared_path / "picture.png").exists()
-
-
-def test_pressure_that_is_not_finite_is_refused():
-    scene = blocks(partial(neo_hookean, nu=0.5))
-    _, dofs = scene.u.function_space.sub(1).collapse()
-    scene.u.x.array[np.ravel(dofs)] = np.nan
-    with pytest.raises(fm.MortarError, match="not finite"):
-        scene.problem.solve()
-
-
-def test_part_that_is_not_there_is_refused():
-    data = read(two_blocks.build, **GENERIC)
-    w = fem.Function(fm.mixed_space(data.mesh, *TAYLOR_HOOD))
-    with pytest.raises(ValueError, match="sub-spaces 0 to 1"):
-        fm.ContactProblem(neo_hookean(w, 0.5), w, [], displacement=2, petsc_options_prefix="test_")
-
-
-def test_part_that_is_no_displacement_is_refused():
-    data = read(two_blocks.build, **GENERIC)
-    w = fem.Function(fm.mixed_space(data.mesh, *TAYLOR_HOOD))
-    with pytest.raises(fm.MortarError, match="plane vectors"):
-        fm.ContactProblem(neo_hookean(w, 0.5), w, [], displacement=1, petsc_options_prefix="test_")
-
-
-def test_function_prescribes_a_part():
-    data = read(two_blocks.build, **GENERIC)
-    W = fm.mixed_space(data.mesh, *TAYLOR_HOOD)
-    value = fem.Function(W.sub(0).collapse()[0])
-    value.x.array[:] = 3.0
-    bc = fm.dirichlet(W.sub(0), data, "lower/bottom", value)
-    values = fem.Function(W).x.array
-    compat.set_prescribed(values, [bc])
-    _, pressures = W.sub(1).collapse()
-    assert comm.allreduce(int((values == 3.0).sum())) > 0
-    assert not values[np.ravel(pressures)].any()
-
-
-@pytest.mark.each
-@pytest.mark.parametrize("kind", ["constant", "other degree", "view"])
-def test_values_that_cannot_prescribe_a_part_are_refused(kind):
-    data = read(two_blocks.build, **GENERIC)
-    W = fm.mixed_space(data.mesh, *TAYLOR_HOOD)
-    value = {
-        "constant": lambda: fem.Constant(data.mesh, (0.0, 0.0)),
-        "other degree": lambda: fem.Function(fm.vector_space(data.mesh, 1)),
-        "view": lambda: fem.Function(W).sub(0),
-    }[kind]()
-    with pytest.raises(fm.MeshError, match="collapsed sub-space"):
-        fm.dirichlet(W.sub(0), data, "lower/bottom", value)

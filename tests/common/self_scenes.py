@@ -22,7 +22,7 @@ E, NU = 100.0, 0.3
 
 
 class Driven:
-    """A problem whose loads are the motions of parts of boundaries.
+    """A problem loaded by prescribed motions of parts of boundaries.
 
     Attributes:
         data: Mesh and names.
@@ -40,7 +40,7 @@ class Driven:
 
         Args:
             grids: The bodies, or their mesh.
-            parts: By name, where nodes are held: functions of x (3, n) that return bool (n,).
+            parts: Prescribed parts by name: functions of x (3, n) that mark nodes, bool (n,).
             pairs: Function of the mesh data that returns the pairs.
             problem: Options of the problem.
             order: Order of cells and displacement.
@@ -97,7 +97,7 @@ class Driven:
 
 
 def backwards(grid: Grid) -> Grid:
-    """The same body with its columns and rows numbered from the other end."""
+    """The body with its columns and rows numbered from the other end."""
     other = {"left": "right", "right": "left", "top": "bottom", "bottom": "top"}
     names = {other[side]: grid.boundary(side) for side in mapped_grids.SIDES}
     return replace(grid, x=grid.x[::-1, ::-1], joined=names)
@@ -180,13 +180,33 @@ def tube(pairs: Any, *, columns: int = 40, upright: bool = True, **options: Any)
     )
 
 
+def flattened_tube(law: Any, *, steps: int = 20) -> tuple[Driven, Any]:
+    """A tube pressed flat between two planes, its inside in contact with itself; and the path."""
+    planes = fm.Plane((0.0, 1.0), (0.0, -1.0)), fm.Plane((0.0, -1.0), (0.0, 1.0))
+    names = {"top": "tube/inside", "bottom": "tube/outside"}
+    shape = sector(64, 3, radii=(0.85, 1.0))
+
+    def pairs(data: fm.MeshData) -> list[fm.ContactPair]:
+        outside = [fm.ContactPair(data, "tube/outside", plane, law=law) for plane in planes]
+        return [fm.ContactPair(data, "tube/inside", law=law), *outside]
+
+    made = Driven([Grid("tube", shape, joined=names, closed=True)], {}, pairs)
+
+    def load(time: float) -> None:
+        for plane, way in zip(planes, (-0.86, 0.86), strict=True):
+            plane.move(y=way * time)
+
+    options = fm.SteppingOptions(step=1.0 / steps, smallest=0.01 / steps)
+    return made, fm.follow_path(made.problem, load, options)
+
+
 def ten_bodies(
     pairs: Any, *, seed: int = 1, foundation: float = 0.5, joined: bool = True, **options: Any
 ) -> Driven:
     """Ten blocks of random sizes between a ground and a tool, on weak springs.
 
-    ``joined``: whether ``pairs`` gets the names of whole outlines, or else two lists, of lower and
-    upper sides and of left and right ones.
+    ``joined``: whether the argument of ``pairs`` is the list of whole outlines; otherwise two
+    lists, of lower and upper sides and of left and right sides.
     """
     rng = np.random.default_rng(seed)
     grids, y = [], 0.0
@@ -226,6 +246,6 @@ def ten_bodies(
 
 
 def honeycomb(pairs: Any) -> Driven:
-    """A honeycomb of 3 x 3 cells; the lower ends of its columns are held, the upper ones moved."""
+    """A honeycomb of 3 x 3 cells; the lower ends of its columns are fixed, the upper ones moved."""
     data, (low, high), _ = random_itself.honeycomb(3, 0.15, 0.02, along=4, seed=1)
     return Driven(data, {"low": low, "high": high}, pairs)

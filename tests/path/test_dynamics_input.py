@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""What users hand to motions: damping, velocities, steps; solves beside them; gained energy."""
+"""Input of motions: damping, velocities, steps; static solves; gained energy."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +11,9 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from demos.studies.dynamics.scenes import RHO, E, bar, free_block
+from fenics_mortar.path.dynamics_report import DynamicsReport, Energies, TimeStep
+from fenics_mortar.path.work import Work
+from fenics_mortar.utils import compat
 
 
 def moving(**options):
@@ -17,7 +22,7 @@ def moving(**options):
 
 
 def test_damping_that_would_have_no_effect_is_refused():
-    """A ``Velocity`` in the residual stays zero unless it is given, and has to be that one."""
+    """A ``Velocity`` in the residual is zero unless this object is passed."""
     made, other = free_block(cells=3), free_block(cells=3)
     with refused(ValueError, "contains a Velocity that would remain zero"):
         fm.Dynamics(made.problem, RHO)
@@ -35,6 +40,26 @@ def test_density_and_energy_of_another_mesh_are_refused():
         fm.Dynamics(made.problem, fem.Constant(other.data.mesh, 1.0), **given)
     with refused(ValueError, "energy belongs to another mesh"):
         fm.Dynamics(made.problem, RHO, energy=other.energy, **given)
+
+
+@pytest.mark.parametrize("kind", ["constant", "function"])
+def test_a_density_that_changes_later_is_refused(kind):
+    """Masses are assembled once: a step with another density would use the old ones."""
+    made = free_block(cells=3)
+    density = fem.Constant(made.data.mesh, RHO)
+    if kind == "function":
+        density = fem.Function(compat.scalar_space(made.data.mesh, 0, "DG"))
+        density.x.array[:] = RHO
+    motion = fm.Dynamics(made.problem, density, velocity=made.velocity)
+    motion.step(0.01)
+    if kind == "constant":
+        density.value = 2.0 * RHO
+    elif made.problem.comm.rank == 0:
+        density.x.array[:] = 2.0 * RHO
+    with refused(fm.MortarError, "density has changed since Dynamics"):
+        motion.step(0.01)
+    with refused(fm.MortarError, "density has changed since Dynamics"):
+        motion.run(1.0, fm.SteppingOptions(step=0.1))
 
 
 def test_statics_of_bodies_in_motion_is_refused():
@@ -67,7 +92,7 @@ def test_velocities_and_steps_have_to_be_numbers_that_time_resolves():
 
 
 def test_a_velocity_set_on_the_owned_dofs_counts_on_all_ranks():
-    """Ghosts of the velocity are updated: damping and momentum see one velocity."""
+    """Ghosts of the velocity are updated: damping and momentum use one velocity."""
     _, motion = moving()
     V = motion.velocity.function_space
     owned = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
@@ -93,8 +118,17 @@ def test_energy_that_contact_adds_is_told(scheme):
         assert "contact pressures added" in str(record)
 
 
+def test_friction_that_adds_energy_is_told():
+    energies = Energies(1.0, 0.0, np.zeros(3))
+    work = Work(bulk=0.0, supports=0.0, contact=-0.2, friction=-0.2)
+    step = TimeStep(0.1, None, [], 0.0, work, energies)
+    assert "friction added 0.2 of" in DynamicsReport(energies, [step]).remark()
+    lost = replace(step, work=work._replace(contact=0.2, friction=0.2))
+    assert not DynamicsReport(energies, [lost]).remark()
+
+
 def test_rates_of_prescribed_motions_follow_from_these():
-    """They do not alternate after a start or a jump that the trapezoidal rule cannot follow."""
+    """They do not alternate after an inconsistent start or a jump."""
     made = free_block(cells=3, held=[("block/top", 1, 0.0)])
     motion = made.dynamics("conserving")
     made.set_velocity(motion, {"block": (0.0, -1.0, 0.0)})  # of the held nodes, too

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""States that are no solutions, pairs and numbers that are none, laws with limits by node."""
+"""Errors for states that are not solutions and invalid pairs; laws with limits by node."""
 
 import numpy as np
 import pytest
+from one_rank import either, raised_on_the_last_rank, several_ranks
 from refusal import refused, refused_words
 from scenes import internal, neo_hookean
 from small_scenes import small_blocks
@@ -27,7 +28,7 @@ def pressed(law=None):
 
 @pytest.mark.parametrize("changed", ["displacement", "load", "law"])
 def test_a_state_of_other_loads_is_no_solution(changed):
-    """Its derivatives would be wrong without a sign; so would those of a path recorded late."""
+    """Its derivatives would be wrong without indication, also those of a path recorded late."""
     scene = pressed()
     path = fm.RecordedPath(scene.problem)
     path.record()
@@ -54,7 +55,9 @@ def test_pairs_are_numbers_from_zero_on():
     ):
         for number in (-1, 0.0, "a"):
             with refused(ValueError, "the number of a pair"):
-                make(number)
+                made = make(number)
+                arguments = (FORCE, made) if hasattr(made, "vjp") else (made, MU)
+                fm.gradient(*arguments, problem)
     with refused(ValueError, "pair 1: expected a number from 0 to 0"):
         fm.gradient(sensitivity.TotalForce(1, (0.0, 1.0)), MU, problem)
     with refused(ValueError, "pair 1: expected a number from 0 to 0"):
@@ -65,12 +68,12 @@ def test_numbers_of_quantities_and_functions_of_steps():
     problem = pressed().problem
     for direction in ((0.0, 1.0, 2.0), 1.0, (0.0, np.nan)):
         with refused(ValueError, "direction=", "two finite numbers"):
-            sensitivity.TotalForce(0, direction)
+            fm.gradient(2.0 * sensitivity.TotalForce(0, direction), MU, problem)
     with refused(ValueError, "about="):
-        sensitivity.Moment(0, (0.0,))
+        fm.gradient(sensitivity.Moment(0, (0.0,)), MU, problem)
     for nodes in ([], [0.5], [-1]):
         with refused(ValueError, "numbers of slave nodes"):
-            sensitivity.MeanGap(0, nodes)
+            fm.gradient(sensitivity.MeanGap(0, nodes), MU, problem)
     with refused(ValueError, "slave nodes 0 to 4"):
         fm.gradient(sensitivity.MeanGap(0, [7]), MU, problem)
     for wrong, words in (
@@ -84,7 +87,20 @@ def test_numbers_of_quantities_and_functions_of_steps():
         place = sensitivity.ObstaclePlace(fm.Circle((0.0, 0.0), 1.0))
         fm.gradient(FORCE, place, problem)
     with refused(ValueError, "expected an obstacle"):
-        sensitivity.ObstaclePlace(3)
+        fm.gradient(FORCE, sensitivity.ObstaclePlace(3), problem)
+
+
+@several_ranks
+def test_arguments_of_one_rank():
+    """Its constructor raised there alone, and the other ranks waited in the next call."""
+    problem = pressed().problem
+    with raised_on_the_last_rank(ValueError, "the number of a pair"):
+        fm.gradient(sensitivity.TotalForce(either(0, -1), (0.0, 1.0)), MU, problem)
+    with raised_on_the_last_rank(ValueError, "the number of a pair"):
+        fm.tangent_linear(FORCE, sensitivity.LawParameter(either(0, -1), "mu"), 1.0, problem)
+    with refused(fm.MortarError, "quantities is", "all ranks need the same"):
+        fm.gradient(sensitivity.TotalForce(0, either((0.0, 1.0), (1.0, 0.0))), MU, problem)
+    assert fm.gradient(FORCE, MU, problem).value > 0.0
 
 
 def test_limits_by_node_have_distances_from_kinks():
@@ -112,7 +128,7 @@ def test_an_interruption_in_compiled_code_is_one():
 
 
 def test_nodal_positions_of_ties_are_refused_in_words():
-    """An AttributeError before."""
+    """This was an AttributeError before."""
     data = small_blocks().data
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)

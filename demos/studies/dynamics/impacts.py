@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,23 +16,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 import fenics_mortar as fm
+from demos.studies.dynamics.other_schemes import ImplicitContact, NodalReturn, StabilizedNewmark
 from demos.studies.dynamics.scenes import RHO, E, Scene, bar, dropped_block
 
 C = np.sqrt(E / RHO)  # speed of waves along the bar
 # Time steps over the time of a wave through a cell [1].
 STEPS = (2.0, 1.0, 0.5)
-
-
-class ImplicitContact(fm.Dynamics):
-    """The trapezoidal rule with contact forces at the end of the step (Kane et al. 1999)."""
-
-    def _advance(self, dt: float, forces: Any) -> Any:
-        done = super()._advance(dt, forces)
-        inertia, bulk = self._inertia, self.problem.equations.bulk
-        rates, contact = inertia.rates, self.problem.forces()[1]
-        w = rates.acceleration + inertia.acceleration_of(contact, bulk.prescribed)
-        inertia.rates = replace(rates, acceleration=w, average=w)
-        return done
 
 
 class Method(NamedTuple):
@@ -51,6 +39,8 @@ METHODS = (
     Method("generalized alpha, 0.8", "generalized_alpha", 0.8),
     Method("generalized alpha, 0", "generalized_alpha", 0.0),
     Method("contact implicit", "generalized_alpha", 1.0, ImplicitContact, 0.5),
+    Method("stabilized Newmark", "generalized_alpha", 1.0, StabilizedNewmark, 0.5),
+    Method("energy by node", "generalized_alpha", 1.0, NodalReturn, 0.5),
     Method("massless", "massless", 1.0),
     Method("conserving", "conserving", 1.0),
     Method("conserving, 0.8", "conserving", 0.8),
@@ -73,6 +63,7 @@ def move(
 ) -> Result | None:
     """Run a scene by a method in steps ``dt``; ``None`` if it fails before the end."""
     options = {"scheme": method.scheme, "rho_inf": method.rho_inf, "energy": made.energy}
+    options["velocity"] = made.velocity
     motion = method.kind(made.problem, RHO, **options)
     made.set_velocity(motion, velocities)
     pressures: list[float] = []

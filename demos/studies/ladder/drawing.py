@@ -11,15 +11,18 @@ from demos.studies.ladder.scenes import FULL, RUNGS, SCENES, TOLERANCE
 from demos.studies.ladder.tables import climbs, percent
 from fenics_mortar.models.model_error import ENERGY, FORCE
 
-SCENE_COLOURS = dict(zip((s.name for s in SCENES), ("#c8102e", "#1f5fa8", "#2a8a3e", "#b07a00")))
+COLOURS = (
+    "#c8102e", "#1f5fa8", "#2a8a3e", "#b07a00", "#7b3fa0", "#00857d", "#d0569a", "#5a5a5a",
+)  # fmt: skip
+SCENE_COLOURS = dict(zip((s.name for s in SCENES), COLOURS, strict=True))
 MARKERS = dict(zip((r.name for r in RUNGS), "Ds^vo*PX"))
 TITLES = {"climb": "hierarchy=True"}
 
 
 def draw(rows: list[Row]) -> Figure:
     """Estimates over true errors; cost of simpler models; cost of automatic choices."""
-    figure = Figure((11, 8.5), layout="constrained")
-    top, bottom = figure.subfigures(2, 1, height_ratios=(5, 3.5))
+    figure = Figure((11, 11), layout="constrained")
+    top, bottom = figure.subfigures(2, 1, height_ratios=(5, 6))
     left, right = top.subplots(1, 2)
     draw_estimates(left, rows)
     draw_costs(right, rows)

@@ -11,15 +11,16 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import fenics_mortar as fm
+from demos.studies.ladder.posing import Posed, elastic_tool, pose, read
 from demos.studies.ladder.row import NOTHING, Errors, Row
-from demos.studies.ladder.scenes import FULL, RUNGS, Posed, Rung, Scene, elastic_tool, pose, read
+from demos.studies.ladder.scenes import FULL, RUNGS, Rung, Scene
 from fenics_mortar.models.indicators import contacts_of
 from fenics_mortar.models.model_error import (
     ENERGY,
     FORCE,
     PEAK,
     QUANTITIES,
-    Snapshot,
+    SolutionQuantities,
     differences,
     estimate_wider,
 )
@@ -49,7 +50,7 @@ def follow(scene: Scene, posed: Posed, row: Row) -> bool:
     try:
         for t in np.arange(1, scene.steps + 1) / scene.steps:
             posed.set_time(t)
-            report = posed.problem.solve(accept_violations=True)  # also for inadequate models
+            report = posed.solve(scene.duration / scene.steps)
             row.iterations += report.num_iterations
     except fm.MortarError as error:
         row.reason = str(error)
@@ -67,7 +68,7 @@ def true_errors(posed: Posed, full: Posed) -> Errors:
     """Differences from the full model at the nodes of the cheap one."""
     both = [p.problem.equations.bulk for p in (posed, full)]
     mine, theirs = (bulk.V.tabulate_dof_coordinates() for bulk in both)
-    problem, reference = posed.problem, Snapshot.of(full.problem)
+    problem, reference = posed.problem, SolutionQuantities.of(full.problem)
     # the two sides of an interface may share positions: nodes of equal meshes are matched by number
     place = np.arange(len(mine))
     if len(mine) != len(theirs):
@@ -77,7 +78,7 @@ def true_errors(posed: Posed, full: Posed) -> Errors:
         )
         place = np.flatnonzero(soft)[cKDTree(theirs[soft]).query(mine)[1]]
     reference.u = reference.u.reshape(-1, 2)[place].ravel()
-    return differences(problem, Snapshot.of(problem), reference)
+    return differences(problem, SolutionQuantities.of(problem), reference)
 
 
 def soft_node(posed: Posed) -> int:
@@ -88,17 +89,19 @@ def soft_node(posed: Posed) -> int:
 def mesh_errors(scene: Scene, load: float, full: Posed) -> Errors:
     """Errors of the full model's mesh."""
     finer = pose(scene, load, FULL, read(scene, load, finer=2))
-    coarse = full.problem.estimate().relative
+    coarse = np.nan if full.dynamics is not None else full.problem.estimate().relative
     if not follow(scene, finer, Row(scene.name, load, "mesh", 0)):
         return NOTHING | {ENERGY: coarse}
-    here, there = (Snapshot.of(posed.problem) for posed in (full, finer))
+    here, there = (SolutionQuantities.of(posed.problem) for posed in (full, finer))
     force = np.linalg.norm(here.force - there.force) / np.linalg.norm(there.force)
     peak = np.abs(here.peak - there.peak).max() / there.peak.max()
     return {ENERGY: coarse, FORCE: float(force), PEAK: float(peak)}
 
 
 def estimated_errors(scene: Scene, load: float, rung: Rung, posed: Posed) -> Errors:
-    """Errors estimated by ``AdequacyCheck`` for all assumptions together."""
+    """Errors estimated by ``AdequacyCheck`` for all assumptions; nan for bodies in motion."""
+    if posed.dynamics is not None:
+        return NOTHING
     if rung.rigid:
         return by_meshed_tool(scene, load, posed)
     finite = posed.finite if rung.strain == "linear" else None
@@ -134,10 +137,12 @@ def race(scene: Scene, load: float, rung: Rung, data: Any, row: Row) -> None:
 
 def measure(scene: Scene, load: float) -> Iterator[Row]:
     """All models of a scene at a load."""
-    meshes = {rigid: read(scene, load, "soft" if rigid else "soft tool") for rigid in (True, False)}
+    alone = scene.pressure is not None
+    names = {rigid: "soft" if rigid or alone else "soft tool" for rigid in (True, False)}
+    meshes = {rigid: read(scene, load, bodies) for rigid, bodies in names.items()}
     full = solved(scene, load, FULL, meshes[False])
     mesh = mesh_errors(scene, load, full[0])
-    for rung in (FULL, *(rung for rung in RUNGS if rung != FULL)):
+    for rung in (FULL, *(rung for rung in scene.rungs() if rung != FULL)):
         posed, row = full if rung == FULL else solved(scene, load, rung, meshes[rung.rigid])
         reference, straight = full
         if rung.leaves_out:

@@ -50,15 +50,20 @@ class Row:
     reason: str = ""
 
     def factor(self, name: str) -> float:
-        """Ratio of estimated and true error; nan if there is no error."""
+        """Ratio of estimated and true error; nan if there is no error, or no estimate."""
         true, estimate = self.true[name], self.estimate[name]
-        if not true > SEEN:
+        if not true > SEEN or np.isnan(estimate):
             return np.nan
         return max(true / estimate, estimate / true) if estimate > 0.0 else np.inf
 
     def is_hidden(self, name: str) -> bool:
         """Whether true and estimated error differ by less than the error of the mesh."""
         return abs(self.true[name] - self.estimate[name]) <= self.mesh[name]
+
+    @property
+    def has_estimate(self) -> bool:
+        """Whether its errors were estimated."""
+        return not np.isnan(self.estimate[ENERGY])
 
     @property
     def verdict(self) -> tuple[bool, bool]:

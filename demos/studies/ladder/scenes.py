@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Four scenes for all models of the hierarchy: Hertz, press fit, ironing, rolling.
+"""Scenes for the models of the hierarchy: Hertz, press fit, ironing, rolling, and others.
+
+The others have bodies of revolution, mass, a law with memory, or contact of a body with itself.
 
 A soft body, the slave, is in contact with a stiff tool: a meshed body or a rigid circle. Lengths
 are in any unit, the soft body has Young's modulus 1; nu = 0.3, plane strain. Facets of the tool are
@@ -9,24 +11,16 @@ displacement.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 
-import ufl
-from dolfinx import fem
-
 import fenics_mortar as fm
-from demos.studies.common import lame, linear_elastic, neo_hookean, read_mesh
+from demos import laws
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, mapped, sector
-
-NU = 0.3
-MU, LMBDA = lame(1.0, NU)
 
 
 @dataclass(frozen=True)
@@ -86,6 +80,12 @@ class Scene:
         interference: Whether instead the meshed overlap is applied gradually.
         ratio: Young's modulus of the tool.
         steps: Load steps.
+        geometry: "plane" or "axisymmetric".
+        law: Makes the law of the pair, for a load.
+        duration: Time in waves through a length of one, of a soft body with mass that flies at the
+            tool with the speed ``load`` of the waves' speed; 0 in statics.
+        pressure: Dead pressure on "soft/top" at the end of a load; then there is no tool, and
+            ``slave`` may touch itself.
     """
 
     name: str
@@ -102,6 +102,21 @@ class Scene:
     interference: bool = False
     ratio: float = 20.0
     steps: int = 4
+    geometry: str = "plane"
+    law: Callable[[float], Any] | None = None
+    duration: float = 0.0
+    pressure: Callable[[float], float] | None = None
+
+    def rungs(self) -> list[Rung]:
+        """The models that make sense: cheaper models have no inertia, see ``AdequacyCheck``."""
+        moves, alone = self.duration > 0.0, self.pressure is not None
+        return [
+            rung
+            for rung in RUNGS
+            if not ((rung.climbs or rung.leaves_out) and moves)
+            and not (rung.leaves_out and self.law is not None)
+            and not (rung.rigid and alone)
+        ]
 
 
 def graded_block(columns: int, rows: int, width: float, height: float) -> np.ndarray:
@@ -125,6 +140,35 @@ def wheel(columns: int, rows: int) -> Grid:
     return Grid("tool", sector(columns, rows, radii=(0.4, 1.0), centre=(0.0, 1.0)), closed=True)
 
 
+def half_block(columns: int, rows: int, width: float, height: float) -> np.ndarray:
+    """A block below y = 0 right of the axis, its rows thinner towards the top."""
+    x = graded_block(columns, rows, 2.0 * width, height)
+    x[..., 0] = 0.5 * (x[..., 0] + width)
+    return x
+
+
+def hairpin(gap: float, along: int, across: int) -> np.ndarray:
+    """Two arms of length 1 along x, a gap apart, and the bend that joins them."""
+    radius, bend, arm = 0.2, 16 * along, 20 * along
+    angles = -0.5 * np.pi - np.linspace(0.0, np.pi, bend + 1)
+    x = np.linspace(1.0, 0.0, arm + 1)[:-1]
+    arms = [np.stack([x, np.full(arm, y)], axis=1) for y in (-radius, radius)]
+    turn = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    middle = np.concatenate([arms[0], turn, arms[1][::-1]])
+    tangent = np.repeat([[-1.0, 0.0]], arm, axis=0)
+    tangent = np.concatenate([
+        tangent, np.stack([np.sin(angles), -np.cos(angles)], axis=1), -tangent
+    ])  # fmt: skip
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    depth = (2.0 * radius - gap) * np.linspace(-0.5, 0.5, across + 1)
+    return middle[:, None] + depth[:, None] * normal[:, None]
+
+
+def no_tool(load: float, k: int) -> Grid:
+    """Stands in the place of a tool where there is none."""
+    return Grid("none", mapped_grids.block(1, 1, width=1.0, height=1.0))
+
+
 def ironed(load: float, t: float) -> tuple[float, float, float]:
     """Motion down in the first half of the time, along in the second."""
     return load * max(2 * t - 1, 0.0), -0.08 * min(2 * t, 1.0), 0.0
@@ -136,6 +180,7 @@ def rolled(load: float, t: float) -> tuple[float, float, float]:
     return angle, -0.02 * min(2 * t, 1.0), -angle
 
 
+TO_THE_RIGHT = (-0.5 * np.pi, -0.2 * np.pi)
 BOTTOM = (("soft/bottom", None),)
 SCENES = (
     Scene(
@@ -184,93 +229,56 @@ SCENES = (
         motion=rolled,
         steps=12,
     ),
+    Scene(
+        "ball",
+        "depth / R",
+        lambda load, k: half_block(50 * k, 24 * k, 1.5, 1.5),
+        lambda load, k: Grid(
+            "tool",
+            sector(80 * k, 5 * k, radii=(0.5, 1.0), angles=TO_THE_RIGHT, centre=(0.0, 1.0)),
+        ),
+        lambda load: (1.0, (0.0, 1.0)),
+        (*BOTTOM, ("soft/left", 0)),
+        (0.001, 0.01, 0.05),
+        symmetry=(("tool/left", 0),),
+        motion=lambda load, t: (0.0, -load * t, 0.0),
+        geometry="axisymmetric",
+    ),
+    Scene(
+        "impact",
+        "speed / c",
+        lambda load, k: graded_block(30 * k, 16 * k, 1.5, 1.0),
+        lambda load, k: tool_segment(1.0, 60 * k, 5 * k),
+        lambda load: (1.0, (0.0, 1.0)),
+        (),
+        (0.001, 0.01, 0.1),
+        steps=24,
+        duration=1.5,
+    ),
+    Scene(
+        "wear",
+        "slide / R",
+        lambda load, k: graded_block(100 * k, 16 * k, 6.0, 2.0),
+        lambda load, k: tool_segment(1.0, 60 * k, 5 * k),
+        lambda load: (1.0, (0.0, 1.0)),
+        BOTTOM,
+        (0.01, 0.1, 1.0),
+        motion=ironed,
+        steps=16,
+        law=lambda load: laws.Worn(0.2, 0.1),
+    ),
+    Scene(
+        "hairpin",
+        "gap / length",
+        lambda load, k: hairpin(load, 2 * k, 8 * k),
+        no_tool,
+        lambda load: (1.0, (0.0, 1.0)),
+        (("soft/left", None), ("soft/right", None)),
+        (0.002, 0.01, 0.03),
+        slave="soft/bottom",
+        grip="",
+        steps=8,
+        law=lambda load: fm.Coulomb(0.3),
+        pressure=lambda load: 4.0 * load,
+    ),
 )
-
-
-def first_piola(u: Any, strain: str) -> Any:
-    """Stress of a body of Young's modulus 1, linear elastic or neo-Hookean."""
-    if strain == "linear":
-        return linear_elastic(u, MU, LMBDA)
-    return neo_hookean(u, MU, LMBDA)
-
-
-def read(scene: Scene, load: float, bodies: str = "soft tool", finer: int = 1) -> Any:
-    """Mesh of some bodies of the scene, refined by the factor ``finer``."""
-    soft, tool = Grid("soft", scene.soft(load, finer)), scene.tool(load, finer)
-    grids = [grid for grid in (soft, tool) if grid.name in bodies.split()]
-    return read_mesh(lambda: mapped_grids.build(grids), MPI.COMM_SELF)
-
-
-@dataclass
-class Posed:
-    """A problem, the residual at finite strain, and a function that sets the load for a time."""
-
-    problem: fm.ContactProblem
-    finite: Any
-    set_time: Callable[[float], None]
-
-
-def internal_forces(scene: Scene, u: Any, data: Any, strain: str) -> Any:
-    """Residual of the bodies of a mesh."""
-    dx = ufl.dx(subdomain_data=data.cell_tags, metadata={"quadrature_degree": 2})
-    work = ufl.inner(first_piola(u, strain), ufl.grad(ufl.TestFunction(u.function_space)))
-    moduli = {"soft": 1.0, "tool": scene.ratio}
-    return sum(moduli[name] * work * dx(tag) for name, tag in data.bodies.items())
-
-
-def fix(V: Any, data: Any, places: Iterable[tuple[str, int | None]]) -> list[Any]:
-    """Conditions that fix one component, or both, on boundaries."""
-    return [
-        fm.dirichlet(V, data, name, np.zeros(2) if which is None else 0.0, which)
-        for name, which in places
-    ]
-
-
-def pose(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0) -> Posed:
-    """Set up a scene with a model."""
-    V = fm.vector_space(data.mesh, 1)
-    u, grip = fem.Function(V), fem.Function(V)
-    radius, centre = scene.circle(load)
-    circle = fm.Circle(centre, radius)
-    bcs = fix(V, data, scene.fixed + (() if rung.rigid else scene.symmetry))
-    if scene.grip and not rung.rigid:
-        bcs.append(fm.dirichlet(V, data, scene.grip, grip))
-    master = circle if rung.rigid else "tool/bottom"
-    law = fm.Coulomb(friction) if friction else None
-    check = None
-    if rung.climbs or rung.leaves_out:
-        friction_left_out = rung.leaves_out or None
-        check = fm.AdequacyCheck(TOLERANCE, hierarchy=rung.climbs, friction=friction_left_out)
-    problem = fm.ContactProblem(
-        internal_forces(scene, u, data, rung.strain),
-        u,
-        [fm.ContactPair(data, scene.slave, master, law=law, sliding=rung.sliding)],
-        bcs=bcs,
-        petsc_options_prefix="ladder_",
-        linearization=rung.linearization,
-        newton=fm.NewtonOptions(max_iterations=100),
-        adequacy=check,
-    )
-    overlap = np.nan_to_num(problem.equations.contacts[0].gap)
-
-    def set_time(t: float) -> None:
-        x, y, angle = scene.motion(load, t)
-        if scene.interference:
-            problem.equations.contacts[0].offset = (1 - t) * overlap
-        circle.move(x=x, y=y, angle=angle)
-        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        middle = np.array(centre)[:, None]
-        shift = np.array([[x], [y]])
-        grip.interpolate(lambda X: turn @ (X[:2] - middle) + middle + shift - X[:2])
-
-    return Posed(problem, internal_forces(scene, u, data, "finite"), set_time)
-
-
-def elastic_tool(scene: Scene, circle: fm.Obstacle, data: Any) -> fm.ElasticObstacle:
-    """The elastic body represented by the rigid circle, on a mesh of the tool alone."""
-    V = fm.vector_space(data.mesh, 1)
-    u = fem.Function(V)
-    gripped = ((scene.grip, None),) if scene.grip else ()
-    bcs = fix(V, data, (*scene.symmetry, *gripped))
-    residual = internal_forces(scene, u, data, "linear")
-    return fm.ElasticObstacle(circle, residual, u, data, "tool/bottom", bcs=bcs)

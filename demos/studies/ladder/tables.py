@@ -32,7 +32,8 @@ def table(rows: list[Row]) -> str:
             continue
         pairs = [percent(kind[name]) for name in QUANTITIES for kind in (row.true, row.estimate)]
         said, is_so = row.verdict
-        cells = [*pairs, "enough" if said else "not enough", "yes" if said == is_so else "NO"]
+        words = ["enough" if said else "not enough", "yes" if said == is_so else "NO"]
+        cells = [*pairs, *(words if row.has_estimate else ("", ""))]
         seconds = [f"{s:.2f}" for s in (row.setup, row.seconds)]
         check = "" if np.isnan(row.check) else f"{row.check:.2f}"
         cells += [str(row.dofs), *seconds, check, str(row.iterations)]
@@ -58,7 +59,8 @@ def summary(rows: list[Row]) -> str:
     ]
     everything = [*rows, *by_rule]
     for rung in dict.fromkeys(r.rung for r in everything):
-        mine = [r for r in everything if r.rung == rung and not r.reason and r.true[ENERGY] > SEEN]
+        mine = [r for r in everything if r.rung == rung and r.has_estimate and not r.reason]
+        mine = [r for r in mine if r.true[ENERGY] > SEEN]
         if mine:
             cells = [rung, str(len(mine))]
             for names in ((ENERGY, FORCE), (PEAK,)):

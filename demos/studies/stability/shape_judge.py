@@ -14,7 +14,7 @@ import numpy as np
 
 from demos.studies.stability.case import Case
 from demos.studies.stability.random_bodies import Array, distances
-from demos.studies.stability.shape_scenes import ShapeCase
+from demos.studies.stability.shape_case import ShapeCase
 from demos.studies.stability.user_laws import Rule
 
 # Largest relative error of the pressure between tubes, whose circles have straight facets [1].

@@ -3,48 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
-from demos.studies.stability.case import Case, Prescribed
+from demos.studies.stability.case import Prescribed
 from demos.studies.stability.random_bodies import Array, draw_cells
+from demos.studies.stability.shape_case import ShapeCase, grips, motion_along, shape_case
 from demos.studies.stability.shapes import Shape, box, mapped, strip
 from demos.studies.stability.user_laws import Rule
-
-
-@dataclass(frozen=True)
-class ShapeCase(Case):
-    """A scene of thin or folded bodies, or of a pad.
-
-    Attributes:
-        rules: Law of each pair.
-        planes: Rigid planes by name, a point and a normal, among the masters.
-        ends_free: Whether there is no contact at the end, and no strain.
-        pressure: Pressure of the first pair at the end, if known [stress].
-    """
-
-    rules: list[Rule] = field(default_factory=list)
-    planes: dict[str, tuple[Array, Array]] = field(default_factory=dict)
-    ends_free: bool = False
-    pressure: float | None = None
-
-    @property
-    def stop(self) -> float:
-        """Final time of the prescribed motion."""
-        return float(max(len(prescribed.motion) for prescribed in self.prescribed) - 1)
-
-    @property
-    def smallest(self) -> float:
-        """Smallest step: a thousandth of the motion."""
-        return 1e-3
-
-    @property
-    def can_be_swapped(self) -> bool:
-        """Planes cannot be slaves."""
-        return not self.planes and super().can_be_swapped
 
 
 def ring(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
@@ -63,10 +30,10 @@ def ring(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     body = body.gripped(fixed=outer[1:grip], moved=outer[-grip:-1])
     push = rng.uniform(0.05, 0.3) * thickness
     slide = rng.choice([0.0, 1.0]) * rng.uniform(-0.3, 0.3) * thickness
-    motion = _motion([(0.0, gap + push), (slide, gap + push)])
+    motion = motion_along([(0.0, gap + push), (slide, gap + push)])
     pairs = [("ring/first", "ring/last")]
     about = {"scene": "ring", "thickness": thickness, "gap": gap, "push": push / thickness}
-    return _shape_case(rng, seed, family, about, [body], pairs, _grips("ring", motion))
+    return shape_case(rng, seed, family, about, [body], pairs, grips("ring", motion))
 
 
 def folds(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
@@ -93,9 +60,9 @@ def folds(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     push = rng.uniform(0.05, 0.3) * thickness
     slide = rng.choice([0.0, 1.0]) * rng.uniform(-0.5, 0.5) * facet
     depth = -folds * gap - push
-    motion = _motion([(0.0, depth), (slide, depth)])
+    motion = motion_along([(0.0, depth), (slide, depth)])
     about = {"scene": f"{folds} folds", "thickness": thickness, "gap": gap / thickness}
-    return _shape_case(rng, seed, family, about, [body], pairs, _grips("strip", motion))
+    return shape_case(rng, seed, family, about, [body], pairs, grips("strip", motion))
 
 
 def _folded(length: float, radius: float, folds: int, facet: float) -> tuple[Array, list[int]]:
@@ -136,10 +103,10 @@ def spiral(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     body = body.gripped(fixed=_side(body, x, -1)[half - half // 2 : half + half // 2], moved=moved)
     inward = -middle[place] / np.linalg.norm(middle[place])
     depth = pitch - thickness + rng.uniform(0.05, 0.25) * thickness
-    motion = _motion([depth * inward])
+    motion = motion_along([depth * inward])
     pairs = [("spiral/winding", "spiral/around_it")]
     about = {"scene": "spiral", "thickness": thickness, "pitch": pitch / thickness}
-    return _shape_case(rng, seed, family, about, [body], pairs, _grips("spiral", motion))
+    return shape_case(rng, seed, family, about, [body], pairs, grips("spiral", motion))
 
 
 def _whole(body: Shape) -> Shape:
@@ -161,11 +128,11 @@ def plates(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     bodies = [_whole(lower), _whole(upper)]
     prescribed = [
         Prescribed("lower/low", np.zeros((2, 2))),
-        Prescribed("upper/high", _motion([(0.0, -depth), (slide, -depth)])),
+        Prescribed("upper/high", motion_along([(0.0, -depth), (slide, -depth)])),
     ]
     pairs = [("lower/outline", "upper/outline")]
     about = {"scene": "plates", "heights": heights.tolist(), "depth": depth / heights.min()}
-    return _shape_case(rng, seed, family, about, bodies, pairs, prescribed)
+    return shape_case(rng, seed, family, about, bodies, pairs, prescribed)
 
 
 def _arms(rng: np.random.Generator, gap: float, overlap: float) -> list[Shape]:
@@ -190,10 +157,13 @@ def passing(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     meets = rng.random() < 0.5
     if meets:
         way.append((way[-1][0], down + rng.uniform(0.12, 0.2)))
-    prescribed = [Prescribed("left/start", np.zeros((2, 2))), Prescribed("right/end", _motion(way))]
+    prescribed = [
+        Prescribed("left/start", np.zeros((2, 2))),
+        Prescribed("right/end", motion_along(way)),
+    ]
     about = {"scene": "arm goes past", "overlap": overlap, "meets": meets}
     pairs = [("left/outline", "right/outline")]
-    case = _shape_case(rng, seed, family, about, bodies, pairs, prescribed)
+    case = shape_case(rng, seed, family, about, bodies, pairs, prescribed)
     return replace(case, ends_free=not meets)
 
 
@@ -204,10 +174,13 @@ def catching(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     bodies = _arms(rng, gap, overlap)
     depth, lifted = gap + rng.uniform(0.02, 0.2), rng.random() < 0.4
     way = [(0.0, -depth)] + [(0.0, 0.1)] * lifted
-    prescribed = [Prescribed("left/start", np.zeros((2, 2))), Prescribed("right/end", _motion(way))]
+    prescribed = [
+        Prescribed("left/start", np.zeros((2, 2))),
+        Prescribed("right/end", motion_along(way)),
+    ]
     about = {"scene": "arm on arm", "overlap": overlap, "depth": depth, "lifted": lifted}
     pairs = [("left/outline", "right/outline")]
-    case = _shape_case(rng, seed, family, about, bodies, pairs, prescribed)
+    case = shape_case(rng, seed, family, about, bodies, pairs, prescribed)
     return replace(case, ends_free=lifted)
 
 
@@ -232,11 +205,11 @@ def hook(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     lift = rng.uniform(0.2, 0.5) * ridge_high
     prescribed = [
         Prescribed("catch/low", np.zeros((2, 2))),
-        Prescribed("hook/end", _motion([(-0.75, lift), (-1.5, lift)])),
+        Prescribed("hook/end", motion_along([(-0.75, lift), (-1.5, lift)])),
     ]
     about = {"scene": "hook", "barb": barb, "wide": wide, "ridge": ridge_high}
     pairs = [("hook/outline", "catch/outline")]
-    case = _shape_case(rng, seed, family, about, bodies, pairs, prescribed)
+    case = shape_case(rng, seed, family, about, bodies, pairs, prescribed)
     # the hook comes to rest behind the ridge; contact with the arm depends on lift
     return case
 
@@ -274,7 +247,7 @@ def tubes(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     inner, outer = inner.covered(face=inner.sides["high"]), outer.covered(face=outer.sides["low"])
     about = {"scene": "tubes", "walls": walls.tolist(), "interference": interference}
     pairs = [("inner/face", "outer/face")]
-    case = _shape_case(rng, seed, family, about, [inner, outer], pairs, prescribed, step=1.0)
+    case = shape_case(rng, seed, family, about, [inner, outer], pairs, prescribed, step=1.0)
     case = replace(case, rules=[Rule("Coulomb", 0.0)])
     return replace(case, pressure=interference / softness)
 
@@ -306,7 +279,7 @@ def pad(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     depth = height * 10.0 ** rng.uniform(-3.0, -1.5)
     mu = rng.uniform(0.1, 0.8)
     slide = rng.choice([-1.0, 1.0]) * rng.uniform(1.0, 6.0) * depth
-    prescribed[0] = replace(prescribed[0], motion=_motion([(0.0, -depth), (slide, -depth)]))
+    prescribed[0] = replace(prescribed[0], motion=motion_along([(0.0, -depth), (slide, -depth)]))
     kinds = ["tanh", "Stribeck", "saturating", "sticky"] if family == "laws" else ["Coulomb"]
     kind = str(rng.choice(kinds))
     length = depth * 10.0 ** rng.uniform(-3.0, -0.3)
@@ -315,39 +288,10 @@ def pad(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     if kind == "sticky":
         rule = replace(rule, stress=0.3 * depth / height * rng.random())
     about = {"scene": f"pad, {kind}", "depth": depth, "slide/depth": slide / depth, "mu": mu}
-    case = _shape_case(rng, seed, family, about, bodies, [("pad/bottom", master)], prescribed)
+    case = shape_case(rng, seed, family, about, bodies, [("pad/bottom", master)], prescribed)
     return replace(case, rules=[rule], planes=planes)
 
 
 def _side(body: Shape, x: Array, row: int) -> Array:
     """Numbers of the nodes of a row of a body's grid."""
     return np.arange(len(body.x)).reshape(x.shape[:2])[row]
-
-
-def _motion(way: Sequence[Any]) -> Array:
-    """Positions at times 0, 1, 2 and so on, shape (times, 2); the first is the initial one."""
-    return np.array([(0.0, 0.0), *way], float)
-
-
-def _grips(name: str, motion: Array) -> list[Prescribed]:
-    """The fixed grip and the moved one of a body."""
-    return [Prescribed(f"{name}/fixed", np.zeros((2, 2))), Prescribed(f"{name}/moved", motion)]
-
-
-def _shape_case(
-    rng: np.random.Generator,
-    seed: int,
-    family: str,
-    about: dict[str, Any],
-    bodies: list[Shape],
-    pairs: list[tuple[str, str]],
-    prescribed: list[Prescribed],
-    step: float = 0.0,
-) -> ShapeCase:
-    """Assemble a scene; some scenes have friction."""
-    mu = float(rng.choice([0.0, 0.0, rng.uniform(0.1, 0.5)]))
-    step = step or float(rng.choice([0.1, 0.2, 0.25]))
-    about = {"family": family, **about, "friction": mu, "step": step}
-    rules = [Rule("Coulomb", mu)] * len(pairs)
-    still = np.zeros((2, 2))
-    return ShapeCase(seed, about, list(bodies), pairs, prescribed, "", still, step, rules=rules)

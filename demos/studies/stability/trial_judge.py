@@ -17,8 +17,8 @@ import numpy as np
 import fenics_mortar as fm
 from demos.studies.stability.case import Case
 from demos.studies.stability.random_bodies import corner_areas, depths, distances, lengths
+from demos.studies.stability.shape_case import ShapeCase
 from demos.studies.stability.shape_judge import own_overlap, shape_wrongs
-from demos.studies.stability.shape_scenes import ShapeCase
 from demos.studies.stability.supported_case import SupportedCase
 from demos.studies.stability.supported_limits import earliest_end_of_mesh, end_of_mesh
 from demos.studies.stability.trial_scene import Scene, build

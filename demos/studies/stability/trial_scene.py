@@ -19,7 +19,7 @@ import fenics_mortar as fm
 from demos.studies.common import lame, neo_hookean
 from demos.studies.stability.case import Case, Prescribed
 from demos.studies.stability.random_bodies import Array, Body
-from demos.studies.stability.shape_scenes import ShapeCase
+from demos.studies.stability.shape_case import ShapeCase
 from demos.studies.stability.shapes import Shape
 from demos.studies.stability.supported_case import SupportedCase
 from fenics_mortar.mesh.numbering import input_nodes

@@ -31,7 +31,7 @@ from fenics_mortar.contact.slip import Partners
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.facing import nearest_facets
 from fenics_mortar.interface.integrals import evaluate_normals, share_of
-from fenics_mortar.interface.mortar import EXACT, Block, MortarOperators
+from fenics_mortar.interface.mortar import EXACT, Block, MortarOperators, minus_offset
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.sensitivity.partials.fields import off_planes
 from fenics_mortar.sensitivity.partials.maps import Dofs, NodalDerivative, PairVector, rows_at_nodes
@@ -64,7 +64,9 @@ class Earlier:
                 operators, _ = contact.integration.evaluate(u, state, EXACT)
             finally:
                 contact.integration.view = view
-            self.fields = ContactFields(contact, state, operators)
+            if state.offset.any():
+                operators = minus_offset(operators, state.offset)
+            self.fields: ContactFields = type(contact.now)(contact, state, operators)
             if obstacle is not None:
                 self.turn = obstacle.turn
                 self.gradient = _gradient(self.operators)
@@ -90,9 +92,13 @@ class Earlier:
 
     @property
     def touches(self) -> Flags:
-        """Nodes whose partners are along the slave's own normal, shape (slave nodes,), bool."""
-        small = self.contact.pair.sliding == "small"
-        return self.fields.state.active | small
+        """Nodes whose partners are along the slave's own normal, as in ``Contact.accept``.
+
+        Shape (slave nodes,), bool.
+        """
+        pair, state = self.contact.pair, self.fields.state
+        touches = state.active | (pair.sliding == "small")
+        return touches | self.fields.acts if pair.law.bridges_gap else touches
 
 
 def _feet(o: ObstacleOperators) -> Array:

@@ -27,9 +27,11 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.rounding import EPSILON
 
-# Step of difference quotients, relative to the parameter [1], and largest relative difference from
-# the complex step [1]: errors of the quotients are of the order of the step.
-QUOTIENT, SAME_DERIVATIVE = 1e-6, 1e-3
+# Steps of difference quotients, relative to the parameter [1]: errors of the quotients are of the
+# order of the step. The shorter steps are for nodes near a kink, and for parameters that are zero
+# at all nodes. The square root of the largest one is the largest relative difference from the
+# complex step.
+QUOTIENTS = (1e-6, 1e-9, 1e-12)
 
 
 # Arguments of laws that are converted to complex numbers, so that arrays created like them are
@@ -124,6 +126,38 @@ def _rows_of(
     return rows
 
 
+def rows_by_weight(contact: Contact, name: str) -> Array:
+    """Change of the rows with the factor of a weight, at 1 (collective).
+
+    Args:
+        contact: The contact, evaluated.
+        name: "c_n", or "stiffness" k, which is also a weight of the rows of closed gaps and the
+            stiffness of redundant sticks.
+
+    Returns:
+        Shape (slave nodes, 2) [stress length].
+
+    Raises:
+        ValueError: On all ranks, if the law cannot be differentiated.
+    """
+    law, f = contact.pair.law, contact.now
+    given, one = (f.of_geometry if isinstance(f, LawFields) else f.nodal), np.array(1.0)
+    weight = getattr(given, name)
+
+    def residuals(factor: Any) -> Array:
+        changed = {name: factor * weight.astype(complex)}
+        return _residuals(law, f, contact.parameters, given.memory, changed)
+
+    rows = _rows_of(contact, name, one, one, residuals)
+    if name == "stiffness":
+        normal, _, along, _, *closing = contact.rows.frame()
+        elastic = np.where(f.state.redundant, -given.stiffness * f.slip, 0.0)
+        rows += normal * f.operators.gap[:, None] - along * elastic[:, None]
+        for scaled, row in zip(closing, f.law_rows[2:], strict=True):
+            rows -= scaled * row.residual[:, None]
+    return rows
+
+
 def parameter_by_rows(contact: Contact, name: str, rows: Array) -> Array:
     """Gradient of the sum of the rows times ``rows``, shape of the parameter (collective)."""
     value = parameter(contact, name)
@@ -143,12 +177,16 @@ def with_parameter(law: Law, name: str, value: Any) -> Law:
 
 
 def _residuals(
-    law: Law, f: ContactFields, fields: Mapping[str, Any], memory: Mapping[str, Any]
+    law: Law,
+    f: ContactFields,
+    fields: Mapping[str, Any],
+    memory: Mapping[str, Any],
+    changed: Mapping[str, Any] | None = None,
 ) -> Array:
     """Tangential residual, adhesion and closing gap, complex, (3, slave nodes) (local)."""
     given = f.of_geometry if isinstance(f, LawFields) else f.nodal
     numbers: dict[str, Any] = {name: getattr(given, name).astype(complex) for name in NUMBERS}
-    node = replace(given, fields=fields, memory=memory, **numbers)
+    node = replace(given, fields=fields, memory=memory, **{**numbers, **(changed or {})})
     found = np.zeros((3, len(f.state.z)), complex)
     if law.has_closing_gap:
         node = replace(node, gap=np.where(f.covered, law.closing_gap(node).residual, node.gap))
@@ -182,14 +220,17 @@ def differentiate(
     if not np.isfinite(value).all():  # an infinite limit is not reached
         return derivative
     size = np.abs(value).max(initial=0.0) or 1.0
-    step = QUOTIENT * size / np.abs(direction).max()
-    errors = []
-    for sign in (step, -step):
-        moved = np.real(function(value + sign * direction))
-        errors.append(np.abs((moved - start) / sign - derivative))
-    rounding = 10.0 * EPSILON * np.maximum(np.abs(start).max(axis=1), terms) / step
-    allowed = SAME_DERIVATIVE * np.abs(derivative).max(axis=1) + rounding
-    if (np.minimum(*errors) > allowed[:, None]).any():
+    contradicts = np.ones_like(start, bool)
+    for quotient in QUOTIENTS:
+        step = quotient * size / np.abs(direction).max()
+        rounding = 10.0 * EPSILON * np.maximum(np.abs(start).max(axis=1), terms) / step
+        allowed = np.sqrt(QUOTIENTS[0]) * np.abs(derivative).max(axis=1) + rounding
+        for sign in (step, -step):
+            moved = np.real(function(value + sign * direction))
+            contradicts &= np.abs((moved - start) / sign - derivative) > allowed[:, None]
+        if not contradicts.any():
+            break
+    if contradicts.any():
         raise ValueError(
             f"{words} contradicts difference quotients; expected the law to be analytic in the "
             "parameter, without abs, real parts or conversions to float"

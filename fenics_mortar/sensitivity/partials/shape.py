@@ -17,33 +17,15 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.integrals import hand_over
-from fenics_mortar.interface.on_obstacle import ObstacleOperators, integrate_facets, thickness_of
-from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.interface.on_obstacle import ObstacleOperators, gap_weights, thickness_of
 from fenics_mortar.sensitivity.partials.gap import weights_of_gaps
 from fenics_mortar.sensitivity.partials.history import Earlier
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, call_together
 
 
-class _Changed:
-    """The change of an obstacle's distance, which replaces the obstacle in integrals."""
-
-    def __init__(self, obstacle: Obstacle, name: str, direction: Array) -> None:
-        self._obstacle, self._name, self._direction = obstacle, name, direction
-
-    def evaluate(self, x: Array) -> tuple[Array, Array, Array]:
-        """Changes of phi (n,) and its gradient (n, 2) at points in space; the Hessian is zero."""
-        o = self._obstacle
-        phi, gradient = o.local_by_shape(o.to_own_frame(x), self._name, self._direction)
-        return phi, gradient @ o.turn.T, np.zeros((*x.shape, 2))
-
-    def motions(self, x: Array, arm: float) -> Array:
-        """Motions of the obstacle."""
-        return self._obstacle.motions(x, arm)
-
-
 class FieldChange(NamedTuple):
-    """Changes of nodal fields, each of shape (slave nodes,); multipliers z are fixed.
+    """Changes of nodal fields along m directions, each of shape (m, slave nodes); z is fixed.
 
     Attributes:
         gap: Change of the weighted gaps [length^2].
@@ -56,16 +38,26 @@ class FieldChange(NamedTuple):
     z_tau: Array
     slip: Array
 
+    @property
+    def only(self) -> dict[str, Array]:
+        """The changes along the first direction by name, (slave nodes,) each."""
+        return {name: values[0] for name, values in self._asdict().items()}
+
+
+def units_of(value: Array) -> Array:
+    """All directions in which one number of a parameter changes, (size, *shape) (local)."""
+    return np.eye(value.size).reshape(value.size, *value.shape)
+
 
 def change_by_shape(
-    contact: Contact, name: str, direction: Array, earlier: Earlier | None = None
+    contact: Contact, name: str, directions: Array, earlier: Earlier | None = None
 ) -> FieldChange:
-    """Change of fields along a direction of a parameter of the shape (collective).
+    """Change of fields along directions of a parameter of the shape (collective).
 
     Args:
         contact: The contact, evaluated, with the obstacle at its present position.
         name: Name of the parameter, see ``Obstacle.shape``.
-        direction: Shape of the parameter, in its unit.
+        directions: Shape (m, *shape of the parameter), in its unit.
         earlier: Accepted state from which slip is counted; needed with friction.
 
     Raises:
@@ -74,36 +66,37 @@ def change_by_shape(
     if contact.pair.sliding == "small":
         raise MortarError("shapes of obstacles cannot be controls with sliding='small'")
     f, o = contact.now, contact.now.on_obstacle
-    changed = _Changed(o.obstacle, name, np.asarray(direction, float))
     words = f"the derivative of '{o.obstacle.name}' by '{name}'"
     gap, dn = call_together(
-        o.slave.comm, words, lambda: (_gap(contact, changed), _normals(contact, o, changed))
+        o.slave.comm,
+        words,
+        lambda: (_gap(contact, name, directions), _normals(contact, o, name, directions)),
     )
     o.slave.comm.Allreduce(MPI.IN_PLACE, gap)
-    dtau = np.stack([-dn[:, 1], dn[:, 0]], axis=1)
-    slip = np.zeros(len(gap))
+    dtau = np.stack([-dn[..., 1], dn[..., 0]], axis=-1)
+    slip = np.zeros_like(gap)
     if contact.pair.law.has_friction or contact.pair.law.needs_nodal_state:
-        slip = np.einsum("jc,jc->j", dtau, contact.partners.apart(o))
+        slip = np.einsum("mjc,jc->mj", dtau, contact.partners.apart(o))
         if earlier is not None:
-            slip += _slip_of_earlier(contact, earlier, name, direction)
+            slip += _slip_of_earlier(contact, earlier, name, directions)
         slip = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, slip)
     z = f.state.z
-    return FieldChange(gap, np.einsum("jc,jc->j", dn, z), np.einsum("jc,jc->j", dtau, z), slip)
+    return FieldChange(gap, np.einsum("mjc,jc->mj", dn, z), np.einsum("mjc,jc->mj", dtau, z), slip)
 
 
 def rows_by_shape(
-    contact: Contact, name: str, direction: Array, earlier: Earlier | None = None
+    contact: Contact, name: str, directions: Array, earlier: Earlier | None = None
 ) -> Array:
-    """Change of the rows along a direction of a parameter of the shape (collective).
+    """Change of the rows along directions of a parameter of the shape (collective).
 
-    Returns shape (slave nodes, 2) [stress length]; arguments: see ``change_by_shape``.
+    Returns shape (m, slave nodes, 2) [stress length]; arguments: see ``change_by_shape``.
     """
-    change = change_by_shape(contact, name, direction, earlier)
-    rows = weights_of_gaps(contact) * change.gap[:, None]
+    change = change_by_shape(contact, name, directions, earlier)
+    rows = weights_of_gaps(contact) * change.gap[..., None]
     _, _, *laws = contact.rows.frame()
     for scaled, row in zip(laws, contact.now.law_rows, strict=True):
         of_row = row.by_z_n * change.z_n + row.by_z_tau * change.z_tau + row.by_slip * change.slip
-        rows = rows - scaled * of_row[:, None]
+        rows = rows - scaled * of_row[..., None]
     return rows
 
 
@@ -112,41 +105,47 @@ def shape_by_rows(
 ) -> Array:
     """Gradient of the sum of the rows times ``rows``, shape of the parameter (collective)."""
     value = np.asarray(contact.now.on_obstacle.obstacle.shape()[name])
-    gradient = np.zeros(value.size)
-    for i, unit in enumerate(np.eye(value.size)):
-        direction = unit.reshape(value.shape)
-        gradient[i] = (rows * rows_by_shape(contact, name, direction, earlier)).sum()
-    return gradient.reshape(value.shape)
+    changes = rows_by_shape(contact, name, units_of(value), earlier)
+    return np.einsum("mjc,jc->m", changes, rows).reshape(value.shape)
 
 
-def _gap(contact: Contact, changed: Any) -> Array:
-    """This rank's share of the change of the weighted gaps, (slave nodes,) [length^2] (local)."""
+def _distances(o: Any, x: Array, name: str, directions: Array) -> tuple[Array, Array]:
+    """Changes of phi (m, n) and of its gradient (m, n, 2) at points ``x`` in space (local)."""
+    phi, gradient = o.local_by_shapes(o.to_own_frame(x), name, directions)
+    return phi, gradient @ o.turn.T
+
+
+def _gap(contact: Contact, name: str, directions: Array) -> Array:
+    """This rank's share of the change of the weighted gaps, (m, slave nodes) [length^2] (local)."""
     o, slave, s = contact.operators, contact.slave, contact.operators.segments
     nodes = o.facet_nodes
     weights = hand_over(contact.multiplier_nodes[nodes])
-    integrals = integrate_facets(
-        changed, contact.arm, o.x[nodes], weights, (s.points, s.weights), contact.options,
-        thickness_of(slave, o.x, nodes),
-    )  # fmt: skip
-    gap = np.zeros(slave.num_nodes)
-    np.add.at(gap, nodes, integrals[2])
+    at, of_gap = gap_weights(
+        o.x[nodes], weights, (s.points, s.weights), contact.options, thickness_of(slave, o.x, nodes)
+    )
+    gap = np.zeros((len(directions), slave.num_nodes))
+    if len(nodes):
+        phi, _ = _distances(contact.obstacle, at.reshape(-1, 2), name, directions)
+        of_facets = np.einsum("ejp,mep->mej", of_gap, phi.reshape(-1, *at.shape[:2]))
+        for total, share in zip(gap, of_facets, strict=True):
+            np.add.at(total, nodes, share)
     return gap
 
 
-def _normals(contact: Contact, o: ObstacleOperators, changed: Any) -> Array:
-    """Change of the normals of the slave nodes, zero on symmetry planes, (slave nodes, 2)."""
+def _normals(contact: Contact, o: ObstacleOperators, name: str, directions: Array) -> Array:
+    """Change of the normals of the slave nodes, zero on symmetry planes, (m, slave nodes, 2)."""
     size = np.linalg.norm(o.obstacle.evaluate(o.x)[1], axis=1)[:, None]
-    change = changed.evaluate(o.x)[1] / size
-    dn = -(change - np.einsum("jc,jc->j", o.n, change)[:, None] * o.n)
+    change = _distances(o.obstacle, o.x, name, directions)[1] / size
+    dn = -(change - np.einsum("jc,mjc->mj", o.n, change)[..., None] * o.n)
     return np.where(np.isfinite(contact.plane_normals), 0.0, dn)
 
 
-def _slip_of_earlier(contact: Contact, earlier: Earlier, name: str, direction: Array) -> Array:
-    """Change of the slip due to the nearest points of the earlier state, (slave nodes,) (local)."""
+def _slip_of_earlier(contact: Contact, earlier: Earlier, name: str, directions: Array) -> Array:
+    """Change of the slip due to nearest points of the earlier state, (m, slave nodes) (local)."""
     now, o, obstacle = contact.operators, earlier.operators, contact.obstacle
     assert obstacle is not None
     with earlier.at_earlier_position():
-        changed = _Changed(obstacle, name, direction)
-        phi, dn = changed.evaluate(o.x)[0], _normals(contact, o, changed)
+        phi = _distances(obstacle, o.x, name, directions)[0]
+        dn = _normals(contact, o, name, directions)
     along = -now.tau @ obstacle.turn @ earlier.turn.T
-    return np.einsum("jc,jc->j", along, phi[:, None] * o.n + o.phi[:, None] * dn)
+    return np.einsum("jc,mjc->mj", along, phi[..., None] * o.n + o.phi[:, None] * dn)

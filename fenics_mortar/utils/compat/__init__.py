@@ -28,7 +28,13 @@ from fenics_mortar.utils.compat.libraries import (
     option_is_used,
     scalar_is_complex,
 )
-from fenics_mortar.utils.compat.meshes import cell_name, create_mesh, geometry_dofmap, model_to_mesh
+from fenics_mortar.utils.compat.meshes import (
+    cell_name,
+    create_mesh,
+    geometry_dofmap,
+    model_to_mesh,
+    num_corners,
+)
 from fenics_mortar.utils.compat.spaces import (
     dofmap,
     is_part_of,
@@ -57,6 +63,7 @@ __all__ = [
     "is_sub_space",
     "mixed_space",
     "model_to_mesh",
+    "num_corners",
     "option_is_used",
     "petsc_vec",
     "prescribed_value",

@@ -26,6 +26,11 @@ def cell_name(mesh: dmesh.Mesh) -> str:
     return mesh.topology.cell_type.name
 
 
+def num_corners(mesh: dmesh.Mesh) -> int:
+    """Return the number of vertices of a cell, 3 or 4."""
+    return {"triangle": 3, "quadrilateral": 4}[cell_name(mesh)]
+
+
 @quiet_compiler()
 def create_mesh(
     comm: MPI.Comm, cells: npt.ArrayLike, x: npt.ArrayLike, cell_name: str, degree: int = 1

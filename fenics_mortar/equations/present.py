@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: MIT
+"""Forces, matrices, derivatives and the error estimate of a problem at its present state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from fenics_mortar.bulk.checks import refuse_inertia
+from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.equations.solver import Solver
+from fenics_mortar.equations.undo import restored_if_interrupted
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
+from fenics_mortar.verify.matrices import OperatorMatrices
+from fenics_mortar.verify.tangent import TangentCheck, check_tangent
+
+
+class PresentState:
+    """Evaluates the equations of a problem at its present state; all methods are collective.
+
+    Operators are evaluated first, since users may have set the displacement.
+
+    Args:
+        equations: The equations of the problem.
+        solver: Its solver, created again after an interruption.
+        adequacy: Its ``AdequacyCheck``, or ``None``.
+    """
+
+    def __init__(self, equations: ContactEquations, solver: Solver, adequacy: Any) -> None:
+        self._equations, self._solver, self._adequacy = equations, solver, adequacy
+        self._estimator: Estimator | None = None
+
+    def renew_if_interrupted(self) -> None:
+        """Create the solver and the estimator again after an interruption."""
+        if self._equations.comm.allreduce(self._equations.interrupted, MPI.LOR):
+            self._solver.renew()
+            self._estimator = None
+            self._equations.interrupted = False
+
+    def forces(self) -> tuple[Array, Array, Array]:
+        """See ``ContactProblem.forces``."""
+        self._equations.evaluate_operators()
+        return self._equations.residual.forces()
+
+    def estimate(self) -> ErrorEstimate:
+        """See ``ContactProblem.estimate``."""
+        e = self._equations
+        refuse_inertia(e.bulk, "estimate()")
+        self.renew_if_interrupted()
+        self._estimator = self._estimator or Estimator(e.bulk)
+        e.evaluate_operators()
+        e.bulk.free_garbage()
+        return self._estimator.evaluate(e.contacts)
+
+    def matrices(self) -> OperatorMatrices:
+        """See ``ContactProblem.matrices``."""
+        self._equations.evaluate_operators()
+        return OperatorMatrices(self._equations.bulk, self._equations.contacts)
+
+    def tangent(self) -> PETSc.Mat:
+        """See ``ContactProblem.tangent``."""
+        self.renew_if_interrupted()
+        e = self._equations
+        e.bulk.free_garbage()
+        e.evaluate_operators()
+        e.bulk.assemble_tangent()
+        e.bulk.assemble_residual()
+        e.system.assemble()
+        return e.system.matrix
+
+    def linear_solve(self, rhs: LinearVector, *, transpose: bool) -> LinearVector:
+        """See ``ContactProblem.linear_solve``."""
+        self.renew_if_interrupted()
+        e = self._equations
+        with restored_if_interrupted(e, self._adequacy):
+            e.evaluate_operators()
+            e.bulk.free_garbage()
+            return e.linearized().solve(rhs, transpose=transpose)
+
+    def check_tangent(self, **options: Any) -> TangentCheck:
+        """See ``ContactProblem.check_tangent``."""
+        self.renew_if_interrupted()
+        with restored_if_interrupted(self._equations, self._adequacy):
+            return check_tangent(self._equations, **options)

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: MIT
+"""The dense system of a linear bulk: displacements of contact dofs and multipliers.
+
+    u + A (K_c u + B^T z) = d,        C u + A_z z = h,
+
+with the compliance A and the displacement d without contact forces; see ``reduced``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Self
+
+import numpy as np
+from scipy.sparse import coo_array
+
+from fenics_mortar.la.solver import LINEAR_TOLERANCE
+from fenics_mortar.utils.arrays import Array, Indices
+
+
+class Parts(NamedTuple):
+    """Matrices on the contact dofs and n multipliers.
+
+    Attributes:
+        K_c: Derivative of forces with respect to displacements at fixed multipliers, (size, size).
+        B_T: Derivative of forces with respect to multipliers, (size, n).
+        C: Derivative of the multipliers' rows with respect to displacements, (n, size).
+        A_z: Derivative of the multipliers' rows with respect to multipliers, (n, n); a block per
+            node.
+    """
+
+    K_c: coo_array
+    B_T: coo_array
+    C: coo_array
+    A_z: coo_array
+
+    @property
+    def transposed(self) -> Self:
+        """The matrices of the transposed equations."""
+        return type(self)(self.K_c.T, self.C.T, self.B_T.T, self.A_z.T)
+
+
+def solve_dense(
+    A: Array, parts: Parts, some: Indices, d: Array, rhs: Array, weight: Array
+) -> tuple[Array, Array, Array] | None:
+    """Solve the dense system for some multipliers, the others being zero (local).
+
+    Args:
+        A: Compliance, symmetric, (size, size) [1 / stress].
+        parts: The matrices.
+        some: Numbers of the multipliers, ascending.
+        d: Displacements without contact forces, (size,) [length].
+        rhs: Right-hand side h, (n,).
+        weight: Factors of the rows of multipliers, (n,), for the norm of the error.
+
+    Returns:
+        Displacements and contact forces, (size,) each, multipliers, (n,); ``None`` if the system is
+        singular.
+    """
+    K_c, B_T, C, A_z = parts
+    coupled = B_T.row[np.isin(B_T.col, some)]
+    t = np.unique(np.concatenate([K_c.row, K_c.col, coupled, C.col[np.isin(C.row, some)]]))
+    K_t, B_t, A_t = _dense(K_c, t, t), _dense(B_T, t, some), A[t]
+    scale = weight[some, None]
+    matrix = np.block(
+        [
+            [np.eye(t.size) + A_t[:, t] @ K_t, A_t[:, t] @ B_t],
+            [scale * _dense(C, some, t), scale * _dense(A_z, some, some)],
+        ]
+    )
+    right = np.concatenate([d[t], weight[some] * rhs[some]])
+    try:
+        x = np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        return None
+    defect = np.linalg.norm(matrix @ x - right)
+    if not defect <= LINEAR_TOLERANCE * np.linalg.norm(right):
+        return None
+    z, force = np.zeros(rhs.size), np.zeros(d.size)
+    z[some] = x[t.size :]
+    force[t] = K_t @ x[: t.size] + B_t @ z[some]
+    return d - force[t] @ A_t, force, z
+
+
+def solve_alone(A_z: coo_array, nodes: Indices, rhs: Array) -> Array:
+    """Solve the blocks of nodes with uncoupled multipliers, (n,); zero elsewhere (local).
+
+    Args:
+        A_z: See ``Parts``.
+        nodes: Numbers of the nodes.
+        rhs: Right-hand side, (n,).
+
+    Raises:
+        LinAlgError: If a block is singular.
+    """
+    blocks = np.zeros((rhs.size // 2, 2, 2))
+    np.add.at(blocks, (A_z.row // 2, A_z.row % 2, A_z.col % 2), A_z.data)
+    z = np.zeros((rhs.size // 2, 2))
+    z[nodes] = np.linalg.solve(blocks[nodes], rhs.reshape(-1, 2)[nodes, :, None])[..., 0]
+    return z.ravel()
+
+
+def _dense(matrix: coo_array, rows: Indices, columns: Indices) -> Array:
+    """Dense submatrix of ascending rows and columns (local)."""
+    inside = np.isin(matrix.row, rows) & np.isin(matrix.col, columns)
+    i, j = (
+        np.searchsorted(some, place[inside])
+        for some, place in ((rows, matrix.row), (columns, matrix.col))
+    )
+    shape = rows.size, columns.size
+    entries = np.bincount(i * shape[1] + j, matrix.data[inside], shape[0] * shape[1])
+    return entries.reshape(shape).astype(np.float64)

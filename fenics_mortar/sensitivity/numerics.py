@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: MIT
+"""Derivatives of an objective with respect to numerical choices, which are not part of the model.
+
+================  =================================================================================
+choice            derivative
+================  =================================================================================
+nodal offsets     of each slave node; faceting changes gaps by such offsets, see ``faceting``
+c_n               weight of the gap in the active-set test: zero
+stiffness         weight k of the rows of contact: zero but for redundant sticks, which are elastic
+residual          what Newton's method left of it: the error of the objective by stopping there
+================  =================================================================================
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.controls import Offset
+from fenics_mortar.sensitivity.faceting import offset_by_faceting
+from fenics_mortar.sensitivity.gradient import gradient, recorded
+from fenics_mortar.sensitivity.numeric_controls import NumericWeight, RemainingResidual
+from fenics_mortar.sensitivity.over_steps import OverSteps, last
+from fenics_mortar.sensitivity.path_record import RecordedPath
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.markdown import Markdown
+
+
+@dataclass(frozen=True)
+class PairNumerics:
+    """Derivatives of an objective with respect to the numerical choices of one pair.
+
+    Attributes:
+        pair: Number of the pair.
+        X: Undeformed positions of the slave nodes, shape (slave nodes, 2) [length].
+        by_offset: Derivative with respect to the nodal offsets, shape (slave nodes,)
+            [objective / length].
+        faceting: Offsets by which faceting widens the gap, shape (slave nodes,) [length].
+        by_c_n: Derivative with respect to the factor of c_n [objective].
+        by_stiffness: Derivative with respect to the factor of the stiffness k [objective].
+    """
+
+    pair: int
+    X: Array
+    by_offset: Array
+    faceting: Array
+    by_c_n: float
+    by_stiffness: float
+
+    @property
+    def by_faceting(self) -> float:
+        """Change of the objective if gaps are those of the exact curves [objective]."""
+        return float(self.by_offset @ self.faceting)
+
+    def rows(self) -> list[tuple[str, str, str]]:
+        """Rows of the table: choice, derivative, effect."""
+        j = int(np.abs(self.by_offset).argmax())
+        at, height = place(self.X[j]), np.abs(self.faceting).max()
+        return [
+            (f"pair {self.pair}: offset of all nodes", f"{self.by_offset.sum():.3g}", ""),
+            (f"pair {self.pair}: offset of node {j} at {at}", f"{self.by_offset[j]:.3g}", ""),
+            (f"pair {self.pair}: faceting, up to {height:.1e}", "", f"{self.by_faceting:.1e}"),
+            (f"pair {self.pair}: factor of c_n", f"{self.by_c_n:.1e}", ""),
+            (f"pair {self.pair}: factor of the stiffness k", f"{self.by_stiffness:.1e}", ""),
+        ]
+
+
+@dataclass(frozen=True)
+class NumericsReport(Markdown):
+    """Derivatives with respect to numerical choices; prints as a Markdown table.
+
+    Attributes:
+        value: The objective.
+        pairs: Derivatives with respect to the choices of each contact; ties have none.
+        residual: Error of the objective due to the remaining residual of Newton's method
+            [objective], to first order.
+    """
+
+    value: float
+    pairs: tuple[PairNumerics, ...]
+    residual: float
+
+    def __str__(self) -> str:
+        """The table (local)."""
+        rows = [row for pair in self.pairs for row in pair.rows()]
+        rows.append(("residual left by Newton's method", "", f"{self.residual:.1e}"))
+        head = [f"| objective {self.value:.6g}: choice | derivative | effect |", "|---|---:|---:|"]
+        return "\n".join([*head, *(f"| {' | '.join(row)} |" for row in rows)])
+
+
+def by_numerics(
+    objective: Any, path: RecordedPath | ContactProblem, *, over_steps: OverSteps = last
+) -> NumericsReport:
+    """Derivatives of an objective with respect to numerical choices (collective).
+
+    Args:
+        objective: See ``gradient``.
+        path: See ``gradient``. A choice acts in all of its steps.
+        over_steps: See ``gradient``.
+
+    Returns:
+        The derivatives, at the cost of one gradient.
+
+    Raises:
+        ValueError: See ``gradient``.
+        MortarError: See ``gradient``.
+
+    Example:
+        Sensitivity of the force to these choices, after a solve::
+
+            force = fm.sensitivity.TotalForce(0, (0.0, 1.0))
+            print(fm.sensitivity.by_numerics(force, problem))
+    """
+    problem, left = recorded(path).problem, RemainingResidual()
+    contacts = [(i, c) for i, c in enumerate(problem.equations.contacts) if isinstance(c, Contact)]
+    controls = {
+        i: (Offset(i), NumericWeight(i, "c_n"), NumericWeight(i, "stiffness")) for i, _ in contacts
+    }
+    each = [control for several in controls.values() for control in several]
+    found = gradient(objective, [*each, left], path, over_steps=over_steps)
+    pairs = []
+    for i, contact in contacts:
+        offset, c_n, stiffness = (found[control] for control in controls[i])
+        faceting = offset_by_faceting(contact)
+        pairs.append(
+            PairNumerics(i, contact.slave.X, offset, faceting, float(c_n), float(stiffness))
+        )
+    return NumericsReport(found.value, tuple(pairs), float(found[left]))
+
+
+class Numerics:
+    """Argument of a solve: ``report.sensitivity`` then has derivatives, see ``by_numerics``.
+
+    Args:
+        objective: See ``gradient``.
+
+    Example:
+        ::
+
+            force = fm.sensitivity.TotalForce(0, (0.0, 1.0))
+            report = problem.solve(sensitivity=fm.sensitivity.Numerics(force))
+            print(report.sensitivity)
+    """
+
+    def __init__(self, objective: Any) -> None:
+        self.objective = objective
+
+    def of(self, problem: ContactProblem) -> NumericsReport:
+        """The derivatives at the present, solved state (collective); see ``by_numerics``."""
+        return by_numerics(self.objective, problem)
