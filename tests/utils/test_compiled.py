@@ -30,7 +30,9 @@ def test_a_form_is_named_when_it_is_compiled(caplog):
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
-@pytest.mark.parametrize("module, count", [("fenics_mortar.kernels.one", 1), ("users", 0)])
+@pytest.mark.parametrize(
+    "module, count", [("fenics_mortar.kernels.one", 1), ("users", 0), (None, 0)]
+)
 def test_a_kernel_is_named_when_it_is_compiled(module, count, caplog):
     caplog.set_level(logging.INFO, "fenics_mortar")
 
