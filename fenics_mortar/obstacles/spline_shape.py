@@ -55,9 +55,9 @@ class SplineShape:
         rows = np.arange(len(after))
         A = np.zeros((*h.shape[:-1], len(rows), count))
         first = before % (count - 1) if self._closed else before
-        np.add.at(A, (..., rows, first), h[..., before] / 6.0)
-        np.add.at(A, (..., rows, after), (h[..., before] + h[..., after]) / 3.0)
-        np.add.at(A, (..., rows, after + 1), h[..., after] / 6.0)
+        A[..., rows, first] += h[..., before] / 6.0
+        A[..., rows, after] += (h[..., before] + h[..., after]) / 3.0
+        A[..., rows, after + 1] += h[..., after] / 6.0
         return A
 
     def _bends(self, rhs: Array) -> Array:

@@ -31,7 +31,7 @@ from fenics_mortar.contact.slip import Partners
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.facing import nearest_facets
 from fenics_mortar.interface.integrals import evaluate_normals, share_of
-from fenics_mortar.interface.mortar import EXACT, Block, MortarOperators
+from fenics_mortar.interface.mortar import EXACT, Block, MortarOperators, minus_offset
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.sensitivity.partials.fields import off_planes
 from fenics_mortar.sensitivity.partials.maps import Dofs, NodalDerivative, PairVector, rows_at_nodes
@@ -65,7 +65,7 @@ class Earlier:
             finally:
                 contact.integration.view = view
             if state.offset.any():
-                operators = operators.less_offset(state.offset)
+                operators = minus_offset(operators, state.offset)
             self.fields: ContactFields = type(contact.now)(contact, state, operators)
             if obstacle is not None:
                 self.turn = obstacle.turn

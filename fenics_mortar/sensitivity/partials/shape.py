@@ -17,7 +17,8 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.integrals import hand_over
-from fenics_mortar.interface.on_obstacle import ObstacleOperators, gap_weights, thickness_of
+from fenics_mortar.interface.obstacle_facets import gap_weights
+from fenics_mortar.interface.on_obstacle import ObstacleOperators, thickness_of
 from fenics_mortar.sensitivity.partials.gap import weights_of_gaps
 from fenics_mortar.sensitivity.partials.history import Earlier
 from fenics_mortar.utils.arrays import Array
@@ -126,8 +127,8 @@ def _gap(contact: Contact, name: str, directions: Array) -> Array:
     gap = np.zeros((len(directions), slave.num_nodes))
     if len(nodes):
         phi, _ = _distances(contact.obstacle, at.reshape(-1, 2), name, directions)
-        of_facets = np.einsum("ejp,mep->mej", of_gap, phi.reshape(-1, *at.shape[:2]))
-        np.add.at(gap, (slice(None), nodes), of_facets)
+        of_facets = np.einsum("ejp,mep->ejm", of_gap, phi.reshape(-1, *at.shape[:2]))
+        np.add.at(gap.T, nodes, of_facets)
     return gap
 
 
