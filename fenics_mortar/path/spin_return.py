@@ -153,7 +153,7 @@ class SpinReturn:
             np.bincount(group, marks, count) == 0.0
             for marks in (self._supported, before.on_obstacle | after.on_obstacle)
         )
-        inertia = np.zeros(count) + np.bincount(group, second, count)
+        inertia = np.bincount(group, second, count).astype(float)
         return Rotations(group, velocity, inertia, free, free & obstacles)
 
     def _rotate(self, rotations: Rotations, momentum: Array, moved: Flags) -> Array:

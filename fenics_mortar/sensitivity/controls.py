@@ -57,6 +57,7 @@ class Control(Protocol):
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """Set the ``values``, equal on all ranks (local)."""
+        raise TypeError(f"{self.name} cannot be set")
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """Change of the residuals along a change ``dm`` of the values (collective)."""

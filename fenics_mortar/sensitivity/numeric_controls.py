@@ -16,7 +16,6 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.controls import Before, Control
 from fenics_mortar.sensitivity.pair_vectors import contact_of, from_rows, rows_at
 from fenics_mortar.sensitivity.partials.law import rows_by_weight
-from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array
 
 
@@ -34,14 +33,6 @@ class NumericWeight(Control):
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``."""
         return np.array(1.0)
-
-    def set(self, problem: ContactProblem, values: Array) -> None:
-        """The value is always 1.
-
-        Raises:
-            ValueError: If another value is given.
-        """
-        check_number(self.name, np.asarray(values).item(), "1", lambda value: value == 1.0)
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""
@@ -65,14 +56,6 @@ class RemainingResidual(Control):
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``."""
         return np.array(1.0)
-
-    def set(self, problem: ContactProblem, values: Array) -> None:
-        """The value is always 1.
-
-        Raises:
-            ValueError: If another value is given.
-        """
-        check_number(self.name, np.asarray(values).item(), "1", lambda value: value == 1.0)
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""

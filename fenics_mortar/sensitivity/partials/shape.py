@@ -127,8 +127,9 @@ def _gap(contact: Contact, name: str, directions: Array) -> Array:
     gap = np.zeros((len(directions), slave.num_nodes))
     if len(nodes):
         phi, _ = _distances(contact.obstacle, at.reshape(-1, 2), name, directions)
-        of_facets = np.einsum("ejp,mep->ejm", of_gap, phi.reshape(-1, *at.shape[:2]))
-        np.add.at(gap.T, nodes, of_facets)
+        of_facets = np.einsum("ejp,mep->mej", of_gap, phi.reshape(-1, *at.shape[:2]))
+        for total, share in zip(gap, of_facets, strict=True):
+            np.add.at(total, nodes, share)
     return gap
 
 
