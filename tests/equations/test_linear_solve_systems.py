@@ -33,7 +33,7 @@ def test_driven_obstacle(algorithm, kind):
 
 @pytest.mark.once
 def test_two_obstacles_on_one_body():
-    """One at rest, one driven, each with a border of its own."""
+    """One at rest, one driven, each with a separate border."""
     problem, _ = test_several_masters.disk(np.pi / 3, 0.02)
     problem.solve()
     check(problem)
@@ -89,7 +89,7 @@ def test_multigrid(algorithm):
 
 
 def test_multigrid_of_tied_bodies():
-    """Its cycle is conjugate gradients, to 1e-9 of their own."""
+    """Its cycle is conjugate gradients with the tolerance 1e-9."""
     data = tied_scenes.blocks((5, 8), width_lower=1.2)
     options = {"solver": "iterative", "petsc_options": {"ksp_rtol": 1e-13}}
     problem, _ = tied_scenes.tied(
@@ -114,7 +114,7 @@ def test_transposed_iterations_are_about_as_many():
 @pytest.mark.once
 @pytest.mark.serial
 def test_sensitivities_are_those_of_the_solution():
-    """By the push and by a prescribed motion, against central differences of solves."""
+    """Sensitivities to the push and to a prescribed motion, and central differences."""
     step = 1e-4
 
     def solved(**change):
@@ -161,7 +161,7 @@ def test_wrong_right_hand_sides_are_refused(rhs, words):
 
 @pytest.mark.parametrize("transpose", [False, True])
 def test_free_body_is_singular(transpose):
-    """No spring of Newton's method hides it."""
+    """Springs of Newton's method must not conceal the singularity."""
     data = read(three_blocks)
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)

@@ -48,7 +48,7 @@ def test_radial_dofs_on_the_axis():
 
 
 def test_a_residual_without_the_radius_is_refused():
-    """Its bodies would be plane under the forces of bodies of revolution."""
+    """Plane bodies would be loaded by forces of bodies of revolution."""
     data = cylinders((3, 4))
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Bodies supported by friction or adhesion stay up to the load of limit analysis."""
+"""Bodies supported by friction or adhesion remain at rest up to the limit load."""
 
 import numpy as np
 import pytest
@@ -17,13 +17,13 @@ from supported_problem import NU
 import fenics_mortar as fm
 
 E = 1e4
-# Newton iterations of a step of an assembly supported by contact alone.
+# Largest number of Newton iterations of a step of an assembly supported by contact alone.
 MOST = 10
 BASES = pytest.mark.parametrize("base", ["plane", "body"])
 
 
 def stays(scene, most=None):
-    """Solve all steps: sound states in which bodies moved as far as they are elastic."""
+    """Solve all steps: sound states with elastic displacements only."""
     reports = []
     for step, report in enumerate(scene.solve()):
         assert scene.verdict(step)[0].feasible, "limit analysis"
@@ -36,7 +36,7 @@ def stays(scene, most=None):
 
 
 def gives_way(scene):
-    """The last step has no solution: limit analysis and the package say so, in words."""
+    """The last step has no solution by limit analysis and by the package's message."""
     last = len(scene.path) - 1
     verdict, _ = scene.verdict(last)
     assert not verdict.feasible or verdict.factor < 1.0
@@ -61,7 +61,7 @@ def test_block_on_an_incline_sticks_up_to_the_angle_of_friction(mu, base):
         scene = incline(slope, mu, base)
         stays(scene)
         assert scene.force(0) == pytest.approx([-np.sin(slope), np.cos(slope)], abs=1e-8)
-        sheared = np.sin(slope) * 0.5 / (E / (2 * (1 + NU)))  # by all of the weight at its top
+        sheared = np.sin(slope) * 0.5 / (E / (2 * (1 + NU)))  # by the whole weight at its top
         slid = scene.motion("block")[0]
         assert 0.0 < slid < sheared if base == "plane" else 0.0 < slid < 20.0 * sheared
     gives_way(incline(np.arctan(1.05 * mu), mu, base))
@@ -93,7 +93,7 @@ def test_block_in_one_step_under_weight_and_push_sticks(base):
 
 @BASES
 def test_block_pushed_by_more_than_friction_bears_ends_at_the_wall_if_anywhere(base):
-    """The wall bears what friction leaves: it acts against the slide, whatever moved the block."""
+    """The wall carries the push minus friction, which acts against the slide."""
     scene = block_and_wall(0.6, 0.5, base)
     scene.set(**scene.path[0])
     scene.problem.solve()
@@ -119,7 +119,7 @@ def test_wheel_in_a_groove_sticks_under_less_than_the_torque_that_friction_bears
 @pytest.mark.once
 @BASES
 def test_ladder_stands_above_its_critical_angle(base):
-    """Of the thin ladder tan = 1 / (2 mu); limit analysis knows the thick one's."""
+    """For the thin ladder tan = 1 / (2 mu); for the thick one the angle of limit analysis."""
     for factor in (1.03, 1.3):
         scene = ladder(np.arctan(factor / 0.8), 0.4, base=base)
         stays(scene)
@@ -169,7 +169,7 @@ def test_block_pressed_to_a_ceiling_stays_sideways_by_friction(base):
 @pytest.mark.once
 @pytest.mark.parametrize("kind", ["planes", "bodies"])
 def test_block_between_jaws_is_supported_by_friction(kind):
-    """Two jaws bear 2 mu P."""
+    """The limit load of two jaws is 2 mu P."""
     for weight in (0.0, 0.3, 0.9):
         scene = jaws(weight, 1.0, 0.5, kind)
         stays(scene)
@@ -201,6 +201,6 @@ def test_block_that_a_prescribed_motion_presses_moves_along_by_friction(base):
 
 
 def without_judge(scene):
-    """Motions that are prescribed press with forces that limit analysis does not know."""
+    """Prescribed motions cause forces that are unknown to limit analysis."""
     scene.verdict = lambda step: (type("Verdict", (), {"feasible": True}), 0.0)
     return scene

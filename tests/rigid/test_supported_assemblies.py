@@ -18,7 +18,7 @@ import fenics_mortar as fm
 
 
 def bears(scene, number):
-    """Both springings together bear the weight; half each, but for what their meshes differ."""
+    """Both springings together carry the weight, each half up to the difference of the meshes."""
     left, right = scene.force(number - 1), scene.force(number)
     assert left + right == pytest.approx([0.0, 1.0], abs=1e-7)
     assert left[1] == pytest.approx(0.5, rel=0.005)
@@ -26,7 +26,7 @@ def bears(scene, number):
 
 @pytest.mark.once
 def test_arch_of_stiff_voussoirs_stands_if_it_is_thick_enough():
-    """Milankovitch: t/R = 0.1075 for many; for few limit analysis knows."""
+    """Milankovitch: t/R = 0.1075 for many voussoirs; for few by limit analysis."""
     scene = arch(0.15, 7)
     stays(scene, most=MOST)
     bears(scene, 7)
@@ -48,7 +48,7 @@ def test_arch_of_stiff_voussoirs_stands_if_it_is_thick_enough():
     ids=str,
 )
 def test_arch_of_stiff_voussoirs_takes_few_iterations(thickness, number, options):
-    """No spring supports it: the sets are those of the linearized problem."""
+    """No springs are used: the sets are those of the linearized problem."""
     scene = arch(thickness, number, **options)
     (report,) = stays(scene, most=MOST)
     assert report.certificate.springs == 0.0
@@ -72,7 +72,7 @@ def test_walls_whose_sets_would_go_in_circles(options):
 
 @pytest.mark.once
 def test_bricks_that_tilt_on_their_edges_do_so_elastically():
-    """Half a brick at the end rocks on two nodes: by far, but in proportion to 1 / E."""
+    """Half a brick at the end rocks on two nodes: far, but in proportion to 1 / E."""
     moved = {}
     for E in (1e4, 1e6):
         scene = wall(3, 2, 0.9, cells=(5, 4, 3), layers=1, push=0.7, E=E)
@@ -158,7 +158,7 @@ def test_random_tower_gives_way_beyond_it():
 
 @BASES
 def test_path_of_an_incline_ends_where_friction_does(base):
-    """It sticks up to the critical angle; what ends the path is said in words."""
+    """It sticks up to the critical angle; the message gives the reason for the end."""
     mu = 0.5
     scene = incline(0.3, mu, base, turn=0.0)
 
@@ -169,5 +169,5 @@ def test_path_of_an_incline_ends_where_friction_does(base):
     with pytest.raises(fm.NotConvergedError, match="freely") as error:
         fm.follow_path(scene.problem, tilt, options, start=0.2, stop=1.0)
     end = error.value.report.steps[-1].time
-    # A soft base bears a little more, by the dent that the block presses into it.
+    # The limit is slightly higher on a soft base, by its indentation.
     assert np.arctan(mu) - 2e-3 < end < np.arctan(mu) + (1e-2 if base == "body" else 1e-9)
