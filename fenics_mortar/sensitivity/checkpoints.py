@@ -50,7 +50,7 @@ class Checkpoints:
         return self.every > 1 or self._folder is not None
 
     def put(self, number: int, u: Array) -> None:
-        """Store the displacement of a step if its number is a multiple of the spacing.
+        """Store the displacement (local dofs,) of a step, for each multiple of the spacing.
 
         Raises:
             MortarError: On all ranks, if the file cannot be written.
@@ -68,7 +68,7 @@ class Checkpoints:
         return self._folder / f"step_{number}_rank_{self._comm.rank}.npy"
 
     def get(self, number: int, count: int, again: Callable[[int, Array], Array]) -> Array:
-        """Displacement of a step.
+        """Displacement of a step, shape (local dofs,) [length].
 
         Args:
             number: Number of the step.

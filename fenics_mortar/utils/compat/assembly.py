@@ -101,7 +101,7 @@ def prescribed_value(bc: Any) -> Array:
 
 
 def condition_numbers(bc: Any) -> Array:
-    """The numbers of a condition's constant or function, not a copy (local).
+    """The values of a condition's function (local dofs,) or constant, not a copy (local).
 
     ``DirichletBC`` became a class of Python in 0.7; ``g`` stayed.
     """
