@@ -35,6 +35,14 @@ class NumericWeight(Control):
         """See ``Control``."""
         return np.array(1.0)
 
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """Multiply the present weight."""
+        contact, factor = contact_of(problem.equations, self.pair), float(values)
+        if self.weight == "c_n":
+            contact.c_n = contact.c_n * factor
+        else:
+            contact.set_stiffness(contact.stiffness * factor)
+
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""
         rows = float(dm) * self._rows(problem)
@@ -57,6 +65,10 @@ class RemainingResidual(Control):
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``."""
         return np.array(1.0)
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """Refused: it follows from the tolerance of Newton's method."""
+        raise ValueError("the residual left follows from NewtonOptions: expected another control")
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""

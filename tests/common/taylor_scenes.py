@@ -17,7 +17,8 @@ import fenics_mortar as fm
 from fenics_mortar import sensitivity
 from fenics_mortar.sensitivity.over_steps import last
 from fenics_mortar.sensitivity.protocols import controls_of, dot, quantities_of
-from meshes import two_blocks
+from meshes import mapped_grids, two_blocks
+from meshes.mapped_grids import Grid, block
 
 MESH = {"n_upper": 4, "n_lower": 5, "layers_upper": 2, "layers_lower": 2}
 # Positions of the upper block: pressed, then drawn over facets and back.
@@ -60,6 +61,9 @@ class Path:
                 shift = change
             else:
                 control.set(self.problem, value + change)
+        if any(isinstance(control, sensitivity.ObstacleShape) for control in made):
+            self.problem.restore(self.problem.state())  # slip counts from points of this shape
+            self.problem.accept()
         for place in self.places:
             self.move(np.asarray(place) + shift)
             self.problem.solve(predict=False)
@@ -127,6 +131,31 @@ def obstacle_on_block(obstacle, law=None, *, degree=1, places=ROLL, **more):
         obstacle.place = place
 
     return Path(problem, u, controls, move, places)
+
+
+def tied_blocks(places, *, degree=1):
+    """Non-matching blocks joined by a tie; controls: modulus, body force, place."""
+    grids = [
+        Grid("lower", block(3, 2, width=1.0, height=0.5)),
+        Grid("upper", block(4, 2, width=1.0, height=0.5, corner=(0.0, 0.5))),
+    ]
+    data = mapped_grids.mesh(grids)
+    V = fm.vector_space(data.mesh, degree)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    E, load = fem.Constant(data.mesh, 100.0), fem.Function(V, name="load")
+    push = fem.Constant(data.mesh, (0.0, 0.0))
+    residual = ufl.inner(neo_hookean(u, E, 0.3), ufl.grad(v)) * ufl.dx(degree=2)
+    residual -= ufl.inner(load, v) * ufl.dx
+    bcs = [fm.dirichlet(V, data, "lower/bottom", (0, 0)), fm.dirichlet(V, data, "upper/top", push)]
+    tie = fm.TiedPair(data, "upper/bottom", "lower/top")
+    problem = fm.ContactProblem(
+        residual, u, [tie], bcs=bcs, newton=TIGHT, petsc_options_prefix="ties_"
+    )
+
+    def move(place):
+        push.value[:] = place
+
+    return Path(problem, u, {"E": E, "load": load, "place": push}, move, places)
 
 
 def wave(x, y):

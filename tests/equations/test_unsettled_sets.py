@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from scenes import internal, linear_elastic, neo_hookean, read, rectangles
+from small_scenes import small_blocks
 
 from dolfinx import fem
 
@@ -52,6 +53,15 @@ def test_thin_plates_that_touch_settle(cell, mu):
         forces.append(problem.contacts[0].forces[:, 1].sum())
     assert forces[0] > 0.0
     assert forces[1] / forces[0] == pytest.approx(2.0, rel=1e-3)  # a receding contact is linear
+
+
+def test_nothing_is_linearized_where_nothing_may_touch():
+    """As after a hook has snapped: an error of numpy before."""
+    scene = small_blocks()
+    scene.loads["push"].value[1] = 1.0
+    scene.problem.solve()
+    e = scene.problem.equations
+    assert not LinearizedContact(e.bulk, e.floating, e.system, e.motions).applies
 
 
 def test_multipliers_of_the_linearized_problem_are_those_of_small_loads():

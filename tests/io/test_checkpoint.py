@@ -89,6 +89,12 @@ class _Nothing:
 # Of this problem
 
 
+@pytest.mark.parametrize("function", [fm.save_state, fm.load_state])
+def test_another_object_than_a_problem_is_refused(function):
+    with pytest.raises(ValueError, match="problem=None: expected a ContactProblem"):
+        function(None, "state")
+
+
 def altered(shared_path, change):
     """A checkpoint with some arrays changed, and a problem like the one that wrote it."""
     fm.save_state(pressed_blocks(**MESH).problem, shared_path / "state")

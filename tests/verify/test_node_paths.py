@@ -109,3 +109,14 @@ def test_nodes_on_an_obstacle_that_turns_with_them_do_not_go_through(seed):
         knots = Motions(x0, x1, np.zeros(len(x0), np.int64)).node_paths()
         depth = passed_through(sheet, knots, np.zeros(len(x0)), np.full(len(x0), 0.1))
         assert (depth > 0.0).any() == through
+
+
+@pytest.mark.parametrize("middle", [0.0, 0.03, 0.05, -0.02])
+@pytest.mark.parametrize("depth", [0.4, 3.0])
+def test_a_round_obstacle_of_the_size_of_a_facet_does_not_pass_between_nodes(middle, depth):
+    """Of a radius of 1.1 facets; nodes beside its middle passed unseen."""
+    ball = fm.Circle((middle, 0.11), 0.11)
+    x0 = np.stack([np.linspace(-0.5, 0.5, 11), np.zeros(11)], axis=1)
+    moved = own_frame(ball, x0, np.array((0.0, -depth, 0.0)))
+    knots = Motions(x0, moved, np.zeros(11, np.int64)).node_paths()
+    assert (passed_through(ball, knots, np.zeros(11), np.full(11, 0.1)) > 0.0).any()

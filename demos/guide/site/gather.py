@@ -49,7 +49,7 @@ GROUPS = {
 MET = (Iteration, InterfaceState, PairView, State, PathStep, OperatorMatrices)
 # Members of laws and obstacles are described once, at their base classes.
 NOT_REPEATED = "ABC, BaseException, Exception, tuple, Law, Obstacle"
-OF_CLASSES = ("   :members:", "   :show-inheritance:", f"   :inherited-members: {NOT_REPEATED}")
+OF_CLASSES = ("   :members:", f"   :inherited-members: {NOT_REPEATED}")
 STEPS = ("two_blocks", "finite_strain", "friction", "enough", "research")
 
 
@@ -226,7 +226,7 @@ class Gathered:
             for full in found[group]:
                 name = full.rpartition(".")[2]
                 kind, about = documented(in_reference()[full])
-                options = [] if kind == "function" else OF_CLASSES
+                options = [] if kind == "function" else options_of(in_reference()[full])
                 lines += [f"## {name}", "", "```{eval-rst}", f".. auto{kind}:: {full}", *options,
                           "```", ""]  # fmt: skip
                 rows.append(f"| {{py:obj}}`{name} <{full}>` | {about} |")
@@ -287,6 +287,12 @@ def documented(thing: Any) -> tuple[str, str]:
     kind = "exception" if inspect.isclass(thing) and issubclass(thing, Exception) else "class"
     about = (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ").replace("|", "\\|")
     return kind if inspect.isclass(thing) else "function", about.replace("``", "`")
+
+
+def options_of(cls: type) -> list[str]:
+    """Options of the directive of a class; bases are shown if the reference has one of them."""
+    has_base = any(base in in_reference().values() for base in cls.__bases__)
+    return [*OF_CLASSES, *(["   :show-inheritance:"] if has_base else [])]
 
 
 def automodule(module: str) -> list[str]:
