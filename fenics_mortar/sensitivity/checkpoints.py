@@ -32,7 +32,7 @@ class Checkpoints:
         folder: Folder of the files, one per stored step and rank; ``None``: in memory.
 
     Raises:
-        ValueError: If ``every`` is not such a number, or ``folder`` is no name.
+        ValueError: If ``every`` is not a positive integer, or ``folder`` is not a name.
         MortarError: On all ranks, if the folder cannot be created.
     """
 
