@@ -179,8 +179,10 @@ def test_sides_of_several_names_are_one_surface(kind):
         problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="parts_")
         problem.solve()
         found.append((u.x.array.copy(), problem.contacts[0].tractions))
+    last_bits = 0.0 if COMM.size == 1 else 1e-12  # on several, MUMPS adds in any order
     for alone, together in zip(*found, strict=True):
-        assert np.array_equal(alone, together)
+        size = np.abs(alone).max(initial=0.0)
+        assert np.abs(alone - together).max(initial=0.0) <= last_bits * size
 
 
 def test_unknown_and_missing_names_among_several_are_refused():

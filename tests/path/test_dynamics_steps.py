@@ -70,8 +70,9 @@ def test_a_restart_continues_bit_for_bit(tmp_path):
     assert again.time == pytest.approx(0.1)
     for _ in range(6):
         again.step(0.01)
-    assert np.array_equal(other.u.x.array, made.u.x.array)
-    assert np.array_equal(again.velocity.x.array, motion.velocity.x.array)
+    last_bits = 0.0 if MPI.COMM_WORLD.size == 1 else 1e-10  # on several, MUMPS adds in any order
+    for one, two in ((other.u, made.u), (again.velocity, motion.velocity)):
+        assert np.abs(one.x.array - two.x.array).max() <= last_bits
 
 
 def test_a_checkpoint_of_statics_is_refused(shared_path):

@@ -316,7 +316,7 @@ def pictures_of(demo: str) -> list[Path]:
 
 
 def standing_alone(notebook: Any) -> Any:
-    """The notebook with pictures that it draws itself, and without links to pages of the site."""
+    """The notebook with pictures drawn by its cells, and without links to pages of the site."""
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
             cell.source = cell.source.replace("](../pictures/", "](results/")
