@@ -62,7 +62,8 @@ options = {"geometry": "axisymmetric", "petsc_options_prefix": "interference_"}
 problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, **options)
 # -
 
-# The offset of a node is the interference there. L-BFGS-B sees it in units of Lame's for p0.
+# The offset of a node is the interference there. The unknowns of L-BFGS-B are in units of Lame's
+# interference for p0.
 
 # +
 contact, offset = problem.contacts[0], fm.sensitivity.Offset(0)

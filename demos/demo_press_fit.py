@@ -99,7 +99,7 @@ if comm.rank == 0:
     print(f"pressure in the middle {middle:.2f} MPa, by Lame {lame:.2f} MPa")
     print(f"force {force[-1] / 1e3:.2f} kN, limit of friction {limit / 1e3:.2f} kN")
     figure = Figure((6, 3.2), layout="constrained")
-    axes = figure.add_subplot(xlabel="z [mm]", ylabel="contact pressure [MPa]", ylim=(0, None))
+    axes = figure.add_subplot(xlabel="z [mm]", ylabel="contact pressure [MPa]", ylim=(0, 240))
     axes.plot(z, fitted, "o-", z, contact.pressure, "s-", [-20, 20], [lame, lame], "k-", ms=3)
     axes.legend(["fitted", "slipping", "Lame"], frameon=False)
     figure.savefig("results/press_fit_pressure.png", dpi=150)

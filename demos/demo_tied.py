@@ -1,6 +1,6 @@
 # # Tied meshes: a finely meshed inclusion in a coarse plate under tension
 #
-# `TiedPair` joins two bodies whose meshes do not match. It stands beside `ContactPair` in the list
+# `TiedPair` joins two bodies whose meshes do not match. It is used beside `ContactPair` in the list
 # of pairs.
 #
 # ## Problem

@@ -201,8 +201,8 @@ class ContactProblem:
                 continue in their direction, see ``continuation``; it is the last state otherwise.
             accept_violations: Whether to return a state that violates its certificate instead of
                 raising an error; see ``report.certificate``.
-            sensitivity: A ``fm.sensitivity.Numerics``: the dependence of a quantity on choices of
-                the numerics is then ``report.sensitivity``.
+            sensitivity: A ``fm.sensitivity.Numerics``: ``report.sensitivity`` then has the
+                derivatives of a quantity with respect to numerical choices.
 
         Returns:
             The record of the Newton iterations.

@@ -21,26 +21,26 @@ from mpi4py import MPI  # noqa: E402
 
 import pytest  # noqa: E402
 
-# Without JIT a kernel takes a hundred times as long: of tests with many cases one of so many runs.
+# Without JIT a kernel takes a hundred times as long: one in this number of a test's cases is run.
 ONE_OF = 20
-# Cases of a test function in the short run; 0, as in a plain pytest: all, and long tests, too. With
-# one case, and on several ranks, the short run has no test marked once.
+# Cases of a test function in the short run; 0, as in a plain pytest: all, with the long tests.
+# Tests marked once are left out of the short run if it has one case, and on several ranks.
 CASES = int(os.environ.get("FENICS_MORTAR_CASES", "0"))
 # Whether long tests are in the short run, too, in serial.
 LONG = os.environ.get("FENICS_MORTAR_LONG", "0") == "1"
-# Tests run on several ranks because bodies are cut there: of many cases the first and the last do.
+# Number of cases on several ranks, where only the partition matters: the first and the last one.
 CASES_ON_RANKS = 2
 # One half of all kernels each: two processes compile them, others load them from the cache.
 COMPILING = ("test_crossing_kernels", "test_mortar_kernels")
 
 
 def pytest_collection_modifyitems(items):
-    """Leave out what needs exactly one rank, or several, and what the short run leaves out.
+    """Deselect tests for another number of ranks, and those not in the short run.
 
     Kernels and files with slow tests come first.
 
-    Each kernel is compiled once, before many processes need it. Where a core works on one file at a
-    time, the longest must not be the last. Kernels know no ranks.
+    Each kernel is compiled once, before many processes need it. The longest files must not be the
+    last, since a core runs one file at a time. Kernels do not depend on ranks.
     """
     for item in items:
         if of_kernels(item):
@@ -78,10 +78,10 @@ def by_function(items):
 
 
 def count_of(cases):
-    """How many of the cases of a test function run, 0 for all.
+    """Number of cases of a test function to be run, 0 for all.
 
-    All do of kernels, which take next to nothing, of what looks at each file or demo, and of what
-    only several ranks run.
+    All cases run of kernel tests, which are fast, of tests for each file or demo, and of tests for
+    several ranks only.
     """
     first = cases[0]
     if "ranks" in first.keywords or folder(first) in ("kernels", "repository"):
@@ -93,10 +93,10 @@ def count_of(cases):
 
 
 def some(cases, number):
-    """Cases from the first to the last: in those all that is varied differs.
+    """Cases from the first to the last one, which differ most.
 
-    Where one is to run it is the first or the last of the functions in turn, and the last of what
-    is marked once.
+    A single case is alternately the first or the last one of the functions; of tests marked once
+    it is the last one.
     """
     last, count = len(cases) - 1, count_of(cases)
     if not 0 < count <= last:
@@ -108,9 +108,9 @@ def some(cases, number):
 
 @pytest.fixture(autouse=True)
 def together():
-    """Destructors of PETSc objects are collective: collect garbage in step, then wait.
+    """Destructors of PETSc objects are collective: collect garbage on all ranks, then wait.
 
-    What survives is modules and caches: frozen, it is not looked through after each test again.
+    Surviving objects are modules and caches; they are frozen, so that they are not traversed again.
     """
     yield
     gc.collect()

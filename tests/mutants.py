@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""How strong the tests are: change the package at random in one place, and see if a test fails.
+"""Strength of the tests: change the package at random in one place, and check that a test fails.
 
     python3 tests/mutants.py                    40 mutants, in a temporary copy of the checkout
     python3 tests/mutants.py -n 100 --seed 3    others
@@ -7,12 +7,12 @@
 
 A mutant is one change in one file of the package: of a sign, a constant or a comparison, or a term,
 factor or statement dropped. Files are drawn by their number of lines. First all tests run once in
-serial, and the lines that each test runs are noted (``--map FILE`` keeps that, or reads it if it is
-there). Then each mutant gets the tests that run the line changed, cheapest first, until one fails
-or they have used ``--budget`` seconds of CPU time; what survives in serial gets the same tests on
-two ranks. Of compiled functions no lines are seen: their tests are those of files that import the
-module, first without JIT. Needs nothing but what the tests need. Prints a table, and
-survivors with place and difference; ``--log FILE`` has a line of JSON for each mutant.
+serial, and the lines run by each test are recorded (``--map FILE`` stores this map, or reads an
+existing one). Then the tests that run the changed line are run for each mutant, cheapest first,
+until one fails or ``--budget`` seconds of CPU time are used; survivors are tested on two ranks,
+too. Lines of compiled functions are not traced: their tests are those of files that import the
+module, first without JIT. Prints a table, and survivors with position and difference;
+``--log FILE`` has a line of JSON for each mutant.
 """
 
 from __future__ import annotations

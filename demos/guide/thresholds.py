@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 PACKAGE = Path(__file__).resolve().parents[2] / "fenics_mortar"
-# Modules whose frozen classes have thresholds that no user sets.
+# Modules with frozen classes of thresholds that are no options of users.
 OPTIONS = (
     "equations/options.py", "la/costs.py", "models/options.py", "rigid/options.py",
     "verify/limits.py",
@@ -24,7 +24,7 @@ OPTIONS = (
 
 
 class Threshold(NamedTuple):
-    """A number with its meaning."""
+    """A number with its module, name and meaning."""
 
     module: str
     name: str
@@ -76,7 +76,7 @@ def _in_module(file: Path) -> Iterator[Threshold]:
 
 
 def _is_number(value: ast.expr | None) -> bool:
-    """Whether an expression is a number but zero, or made of numbers by arithmetic."""
+    """Whether an expression is a nonzero number, or arithmetic of numbers."""
     if isinstance(value, ast.UnaryOp):
         return _is_number(value.operand)
     if isinstance(value, ast.BinOp):

@@ -4,9 +4,10 @@
 A mesh of straight cells covers each point at most once if
 
 - the two cells of each inner facet lie on opposite sides of it, and no cell is twisted: otherwise
-the mesh is folded at the facet; - the outline of a body does not cross itself: otherwise the body
-overlaps itself without a fold, for example a strip wound by more than one turn; - no two facets of
-the outlines coincide with their bodies on the same side, and no body lies
+  the mesh is folded at the facet;
+- the outline of a body does not cross itself: otherwise the body overlaps itself without a fold,
+  for example a strip wound by more than one turn;
+- no two facets of the outlines coincide with their bodies on the same side, and no body lies
   completely inside another one: otherwise two bodies occupy the same area, for example an inclusion
   and a matrix without a hole.
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""A matrix in rows and once more in blocks of the two dofs of a node, on one rank.
+"""A matrix stored in rows and also in blocks of the two dofs of a node, on one rank.
 
-PETSc adds the matrices of cells to blocks, and factors blocks, in about half of the time that it
-takes in rows; everything else is done in rows. Values are copied by their positions, which are
-found once for each pattern; a copy takes a hundredth of the time of an assembly.
+PETSc assembles and factors blocks in about half of the time needed with rows; all other operations
+use rows. Values are copied by their positions, which are found once for each pattern; a copy takes
+a hundredth of the time of an assembly.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fenics_mortar.kernels import node_blocks
 from fenics_mortar.utils.arrays import Array
 
 _petsc = ctypes.CDLL(PETSc.__file__)
-# Functions by the type of the matrix, which petsc4py lacks: get and restore its values.
+# Functions by type of the matrix to get and restore its values, which petsc4py does not have.
 _VALUES = {
     kind: (getattr(_petsc, f"Mat{name}GetArray"), getattr(_petsc, f"Mat{name}RestoreArray"))
     for kind, name in (("seqaij", "SeqAIJ"), ("seqbaij", "SeqBAIJ"))
@@ -50,7 +50,7 @@ class NodeBlocks:
         self._copied = -1  # state of the rows, as PETSc counts it
 
     def fit(self, rows: PETSc.Mat) -> bool:
-        """Whether a matrix is that in rows, with the same number of entries."""
+        """Whether ``rows`` is the matrix in rows, with an unchanged number of entries."""
         return bool(rows == self._rows and _num_used(rows) == self._num_used)
 
     def copy_to_rows(self) -> None:
@@ -61,7 +61,8 @@ class NodeBlocks:
     def copy_to_blocks(self) -> None:
         """Copy the values from the rows to the blocks, which contain all entries.
 
-        Without effect if the rows are as at the last copy, so that factors of the blocks are kept.
+        Without effect if the rows have not changed since the last copy, so that factors of the
+        blocks remain valid.
         """
         if self._rows.stateGet() != self._copied:
             node_blocks.copy_to_blocks(self._of_rows, self._places, self._of_blocks)
@@ -70,7 +71,7 @@ class NodeBlocks:
 
 
 def _values(matrix: PETSc.Mat, size: int) -> Array:
-    """Values of a matrix in PETSc's memory, where they stay while it has these entries, (size,)."""
+    """Values of a matrix in PETSc's memory, valid until its pattern changes, (size,)."""
     get, restore = _VALUES[matrix.getType()]
     address = ctypes.c_void_p()
     get(matrix.handle, ctypes.byref(address))
@@ -80,7 +81,7 @@ def _values(matrix: PETSc.Mat, size: int) -> Array:
 
 
 def come_in_pairs(rows: PETSc.Mat) -> bool:
-    """Whether the rows of a matrix on one rank are those of the two dofs of a node in turn."""
+    """Whether the rows of a matrix on one rank alternate between the two dofs of each node."""
     return bool(rows.getType() == "seqaij" and rows.getBlockSize() == 2)
 
 

@@ -10,7 +10,8 @@ Besides the tangential row and an adhesion, see ``laws``, a law may have
   Wear h is g_c = g + h; a soft layer of compliance 1 / k is g_c = g + z_n / k; a layer with the
   pressure p(overlap) is g_c = (z_n - p(-g)) / k with any stiffness k.
 - ``memory``: numbers stored at each node, which ``remember`` replaces at the end of a step. They
-are part of the state of the interface: they are restored if a step fails, and saved in checkpoints.
+  are part of the state of the interface: they are restored if a step fails, and saved in
+  checkpoints.
 - ``fields``: parameters that vary in space.
 
 The argument ``Nodal`` of each method contains positions, time, step and memory. Derivatives are

@@ -28,7 +28,7 @@ class TiedPair:
               stress. Interpolate functions after the set-up. A displacement of degree 2 needs cells
               of second order, unless the interface is straight.
             - "kept": mesh and gap vector are unchanged. The vector does not rotate with the bodies,
-            so that a nonzero gap is admissible for small rotations only.
+              so that a nonzero gap is admissible for small rotations only.
         search_radius: Largest distance of partners along the slave normal [length]; half the
             longest facet of both sides by default. Nodes without partner are not tied.
         discretization: ``Discretization``, of which a tie uses basis, points and max_angle only, or

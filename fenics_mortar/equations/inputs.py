@@ -61,7 +61,7 @@ class Inputs:
 
         Args:
             newton: Options of the next solve.
-            sensitivity: What asks for sensitivities after it, or ``None``.
+            sensitivity: Request for sensitivities after the solve, or ``None``.
             flags: Options of the next solve, true or false.
 
         Raises:

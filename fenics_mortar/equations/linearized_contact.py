@@ -59,13 +59,15 @@ class LinearizedContact:
 
     @property
     def applies(self) -> bool:
-        """Whether few nodes may touch and all laws are Coulomb's or frictionless.
+        """Whether some but few nodes may touch and all laws are Coulomb's or frictionless.
 
         If bodies float, one law has to have friction: without friction a round body on facets may
         have no equilibrium nearby, and with the sets of the linearized problem it would roll on.
         """
         touching = [_may_touch(contact) for contact in self._contacts]
         tied = [c.active for c in self._system.contacts if not isinstance(c, Contact)]
+        if not any(nodes.any() for nodes in touching):
+            return False
         if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > EQUATIONS.max_touching:
             return False
         laws = [contact.pair.law for contact in self._contacts]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class EquationOptions:
-    """Thresholds that no user sets.
+    """Thresholds that are no options of users.
 
     Attributes:
         longest: Largest ratio of a step to the last one [1], for extrapolated loads and load steps.

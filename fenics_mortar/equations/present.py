@@ -35,7 +35,7 @@ class PresentState:
         self._estimator: Estimator | None = None
 
     def renew_if_interrupted(self) -> None:
-        """Create again the solver and the estimator after an interruption."""
+        """Create the solver and the estimator again after an interruption."""
         if self._equations.comm.allreduce(self._equations.interrupted, MPI.LOR):
             self._solver.renew()
             self._estimator = None

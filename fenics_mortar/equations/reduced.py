@@ -213,7 +213,7 @@ class ReducedEquations:
         return step, zeta, force
 
     def tangent(self) -> ReducedTangent | None:
-        """Solves with the tangent by the factors of the bulk, ``None`` where they do not pay."""
+        """Solves with the tangent by the factors of the bulk, ``None`` if they are not faster."""
         if self._tangent is None:
             self._tangent = self._tangent_by(self._compliance)
         return self._tangent

@@ -21,10 +21,11 @@ class Parts(NamedTuple):
     """Matrices on the contact dofs and n multipliers.
 
     Attributes:
-        K_c: Forces by displacements at fixed multipliers, (size, size).
-        B_T: Forces by multipliers, (size, n).
-        C: Rows of the multipliers by displacements, (n, size).
-        A_z: Rows of the multipliers by multipliers, (n, n); blocks of nodes.
+        K_c: Derivative of forces with respect to displacements at fixed multipliers, (size, size).
+        B_T: Derivative of forces with respect to multipliers, (size, n).
+        C: Derivative of the multipliers' rows with respect to displacements, (n, size).
+        A_z: Derivative of the multipliers' rows with respect to multipliers, (n, n); a block per
+            node.
     """
 
     K_c: coo_array
@@ -81,7 +82,7 @@ def solve_dense(
 
 
 def solve_alone(A_z: coo_array, nodes: Indices, rhs: Array) -> Array:
-    """Solve the blocks of nodes whose multipliers are not coupled, (n,); else zero (local).
+    """Solve the blocks of nodes with uncoupled multipliers, (n,); zero elsewhere (local).
 
     Args:
         A_z: See ``Parts``.

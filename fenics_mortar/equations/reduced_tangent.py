@@ -6,13 +6,13 @@ With the stiffness K of the bodies, factored with the supports H prescribed, the
 
     K u + K_c u + B^T z = f - K_H u_H,        C u + A_z z = h.
 
-On the contact dofs they are the dense system of ``reduced_dense``, whose forces then give u in one
-solve with K. The transposed equations have the same form: K_c^T takes the place of K_c, C^T that of
-B^T, B that of C and A_z^T that of A_z; those of the prescribed values are computed last.
+On the contact dofs they are the dense system of ``reduced_dense``. One solve with K and the forces
+of its solution yields u. The transposed equations have the same form: K_c^T replaces K_c, C^T
+replaces B^T, B replaces C, and A_z^T replaces A_z. The values at prescribed dofs are computed last.
 
-The dense system has the multipliers with displacements in their rows, C. Those of other nodes, most
-of them open, are computed alone: before it, since they are forces in A x = b, and after it, since
-they follow from the displacements in A^T y = b.
+The dense system contains the multipliers with displacements in their rows, C. Multipliers of other
+nodes, most of them open, are computed separately: for A x = b before it, since they exert forces,
+and for A^T y = b after it, since they depend on the displacements.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class ReducedTangent:
         self._compliance, self._collect = compliance, collect
         self._away = ~bulk.prescribed[: bulk.num_owned]
         self._away[dofs.local] = False
-        bulk.assemble_tangent()  # a step on all dofs may have added to it
+        bulk.assemble_tangent()  # a step on all dofs may have added contact terms
         rows = (bulk.prescribed_dofs + bulk.first).astype(PETSc.IntType)
         self._K_H = bulk.K.createSubMatrix(PETSc.IS().createGeneral(rows, bulk.comm))
 
@@ -112,7 +112,7 @@ class ReducedTangent:
         return u, forces, [zeta.reshape(-1, 2)[place] for place in self._system.places]
 
     def _without_contact(self, f: Array) -> Array:
-        """Displacements of the contact dofs by forces, (size,) [length]; complete on rank 0."""
+        """Displacements of the contact dofs under forces, (size,) [length]; complete on rank 0."""
         if self._bulk.comm.allreduce(bool(f[self._away].any())):
             return self._dofs.gather(self._of_bulk(f))
         return self._compliance.by_forces(self._dofs.gather(f))
@@ -138,7 +138,7 @@ class ReducedTangent:
         return force + pushed, z + alone
 
     def _of_bulk(self, f: Array) -> Array:
-        """Displacements of the owned dofs by forces on the free ones, zero at prescribed dofs."""
+        """Displacements of the owned dofs under forces on the free ones, (owned dofs,) [length]."""
         force = self._bulk.r.duplicate()
         force.array[:] = f
         return np.array(self._compliance.solve(force).array_r)

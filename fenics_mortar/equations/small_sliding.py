@@ -52,7 +52,7 @@ class SmallSlidingEquations(ReducedEquations):
         return FactoredBulk(self._bulk, self._dofs, prefix)
 
     def tangent(self) -> ReducedTangent | None:
-        """See ``ReducedEquations``; the compliance is computed first, if this pays."""
+        """See ``ReducedEquations``; the compliance is computed first if this reduces the cost."""
         unknowns, dofs = self._bulk.r.getSize(), self._dofs.size
         factors = COSTS.factors(unknowns, COSTS.expected)
         pays = COSTS.fits(unknowns, dofs) and COSTS.compliance(unknowns, dofs) < factors

@@ -75,8 +75,8 @@ def evaluate_mortar(
         options: Discretization.
         linearization: Derivatives to evaluate; the others are zero.
         view: Limits of the search behind the slave facets at these positions.
-        searched: Operators at the same positions with other multiplier nodes, and the same
-            linearization: their normals and segments are taken if they are of the same facets.
+        searched: Operators at the same positions and with the same linearization, but other
+            multiplier nodes: their normals and segments are used if the facets are equal.
 
     Returns:
         The operators.

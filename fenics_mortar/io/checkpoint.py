@@ -27,6 +27,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.instant import instant_arrays, restore_instant
 from fenics_mortar.contact.integration import place_of
 from fenics_mortar.contact.state import INDEPENDENT
+from fenics_mortar.io.shared import check_problem
 from fenics_mortar.mesh.numbering import mesh_by_input_node
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.errors import MortarError, place
@@ -157,7 +158,8 @@ def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
 
 
 def _state_file(problem: ContactProblem, path: str | Path) -> Path:
-    """Path with the suffix .npz, which numpy requires (collective)."""
+    """Path with the suffix .npz, which numpy requires; refuse other objects (collective)."""
+    check_problem(problem)
     stem = without_suffix(problem.comm, path, ".npz")
     return stem.with_name(f"{stem.name}.npz")
 

@@ -31,7 +31,8 @@ def keep_area(before, after, cells, gradients, undeformed, fraction):
         after: Positions after the motion, shape (n, 2) [length].
         cells: Nodes of each cell, shape (cells, k).
         gradients: See ``tabulate_areas``.
-        undeformed: Areas in the reference state, nan where nothing is asked, (cells, k) [length^2].
+        undeformed: Areas in the reference state, nan at nodes that are not examined, (cells, k)
+            [length^2].
         fraction: Smallest area after over that before, which counts as zero if negative [1].
     """
     for e in range(cells.shape[0]):

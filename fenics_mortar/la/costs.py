@@ -23,7 +23,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Costs:
-    """Measured costs, and sizes from which they decide.
+    """Measured costs, and sizes at which the choice changes.
 
     Hertz with 3,600 to 160,000 unknowns, degrees 1 and 2, one core.
 
@@ -37,7 +37,7 @@ class Costs:
         per_entry: Memory of the dense matrices that exist at a time, per entry [bytes].
         many: Number of unknowns from which solver="auto" is iterative.
         few: Number of unknowns up to which ``SMALL`` factors a condensed system.
-        long_rows: Mean number of entries in a row of the factors above which MUMPS takes over.
+        long_rows: Mean number of entries in a row of the factors above which MUMPS is used.
     """
 
     iteration: float = 5.0

@@ -17,7 +17,7 @@ REASON = PETSc.KSP.ConvergedReason
 
 
 class LaggedFactors:
-    """Solves by GMRES with kept factors; for one rank.
+    """GMRES preconditioned by factors of an earlier matrix; for one rank.
 
     Args:
         pc: The factors, which remain unchanged.
@@ -43,7 +43,7 @@ class LaggedFactors:
             tolerance: Largest relative residual [1].
 
         Returns:
-            Whether the residual is as small.
+            Whether the tolerance was reached.
         """
         _, factored = self._pc.getOperators()
         self._ksp.setConvergenceTest(_judge, (tolerance, []))
@@ -59,7 +59,7 @@ class LaggedFactors:
 def _judge(
     _: PETSc.KSP, step: int, residual: float, tolerance: float, residuals: list[float]
 ) -> int:
-    """Whether GMRES stops, as a reason: also after half of the steps without half of the digits."""
+    """Reason for the end of GMRES: tolerance, number of steps, or slow convergence."""
     residuals.append(residual)
     allowed = tolerance * residuals[0]
     if residual <= allowed:

@@ -63,7 +63,7 @@ class LinearSolver:
         ksp: PETSc's solver.
         forcing: Allowed relative residual of the next solve if it is iterative, or by GMRES with
             the factors of an earlier iteration [1].
-        same_step: Whether the next matrix is that of a further iteration of the same load step.
+        same_step: Whether the next matrix belongs to a further iteration of the same load step.
         may_factor: Whether MUMPS is used permanently after a failure of an iterative solver, or of
             one without pivoting.
         remark: Message on such a change of the solver or on unused options; else "".
@@ -110,8 +110,8 @@ class LinearSolver:
             self.ksp.getPC().setPythonContext(self.multigrid)
         self._finest, *_ = self.ksp.getTolerances()
         self._is_direct = self.ksp.getType() == "preonly"
-        asked = [*options, *PETSc.Options(self._prefix).getAll()]
-        self._is_shown = any(name.startswith("ksp_view") for name in asked)
+        names = [*options, *PETSc.Options(self._prefix).getAll()]
+        self._is_shown = any(name.startswith("ksp_view") for name in names)
 
     def _begin_anew(self) -> None:
         """Read PETSc's options and make vectors at the next solve (local)."""
@@ -122,7 +122,7 @@ class LinearSolver:
 
     def _reset(self) -> None:
         self.ksp.reset()
-        if self._is_shown:  # a reset makes PETSc forget that it shall show the solver
+        if self._is_shown:  # the reset removes PETSc's viewers
             with options_added(self._prefix, self._options, self._used):
                 self.ksp.setFromOptions()
         self._begin_anew()
@@ -193,7 +193,7 @@ class LinearSolver:
         return kept and self.forcing > 0.0 and matrix.getSize()[0] >= MIN_LAGGED
 
     def _solve_with_last_factors(self, matrix: PETSc.Mat, values: Array) -> Array | None:
-        """Solution by GMRES with the last factors, ``None`` where that takes too many steps."""
+        """Solution by GMRES with the last factors, ``None`` if it takes too many steps."""
         if self._lagged is None:
             self._lagged = LaggedFactors(self.ksp.getPC())
         rhs, solution, *_ = self._vectors

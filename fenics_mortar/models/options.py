@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ModelOptions:
-    """Thresholds that no user sets.
+    """Thresholds that are no options of users.
 
     Attributes:
         max_corrections: Largest number of steps of the richer model.

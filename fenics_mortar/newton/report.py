@@ -49,7 +49,8 @@ class NewtonReport(Markdown):
         notes: Messages on all deviations from full Newton steps.
         certificate: Measured defects of a converged state, a ``Certificate``.
         adequacy: Estimated errors of the model's assumptions, an ``AdequacyReport``, if requested.
-        sensitivity: Derivatives by the choices of the numerics, a ``NumericsReport``, if requested.
+        sensitivity: Derivatives with respect to numerical choices, a ``NumericsReport``, if
+            requested.
         force: Reference force of the residuals, the largest norm of the nodal forces in the
             iteration; not the contact force, see ``PairView.total_force`` [stress length].
         allowed: Residual at which the last iteration converges [stress length].

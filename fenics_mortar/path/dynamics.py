@@ -204,7 +204,7 @@ class Dynamics:
     def _correct(
         self, work: Work, dt: float, forces: tuple[Forces, Forces], before: Balance | None
     ) -> None:
-        """Return what a step took from angular momentum and energy.
+        """Return the angular momentum and energy lost in a step.
 
         Args:
             work: Work done in the step.

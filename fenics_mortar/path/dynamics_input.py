@@ -76,7 +76,7 @@ def _check_density(density: Any, mesh: Any) -> None:
 
 
 def _check_velocity(velocity: Any, problem: ContactProblem) -> None:
-    """Reject a velocity that is not in the residual, and a missing one that is in the residual."""
+    """Reject a velocity that the residual does not contain, and a missing one."""
     bulk = problem.equations.bulk
     if velocity is not None:
         check_kind("velocity", velocity, Velocity, "a Velocity(u)")
@@ -117,7 +117,7 @@ class DensityValues:
         self._values = self._present()
 
     def check(self, problem: ContactProblem) -> None:
-        """Refuse a density that has changed (collective).
+        """Reject a density that has changed (collective).
 
         Raises:
             MortarError: On all ranks.

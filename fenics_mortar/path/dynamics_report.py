@@ -76,8 +76,8 @@ class DynamicsReport(Markdown):
         """Energy dissipated by friction [stress length^2].
 
         By the mean of the shear at both ends of each step. It may be negative with
-        "generalized_alpha" where nodes with mass meet: their shear and slip alternate from step to
-        step. The shear at the end of a step always opposes the slip in it.
+        "generalized_alpha" for contact of nodes with mass: their shear and slip alternate from step
+        to step. The shear at the end of a step always opposes the slip in it.
         """
         return sum(step.work.friction for step in self.steps)
 

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""Angular momentum that a time step takes from the bodies, returned by rigid rotations.
+"""Angular momentum lost by bodies in a time step, and its return by rigid rotations.
 
 Closed mortar gaps are zero on average, not at each point, and normals of nodes are not those of
 facets: pressures of slave and master have a moment of third order in the length of the facets. The
 trapezoidal rule conserves the angular momentum in the middle of equal steps, not that of present
-positions and velocities. After each step bodies get the velocity of a rigid rotation about their
-centre of mass, so that
+positions and velocities. After each step the velocity of a rigid rotation about the centre of mass
+is added to each body, so that
 
     L_(n+1) - L_n = dt / 2 (T_n + T_(n+1))
 
-with the moments T of loads, internal forces and obstacles, without those that bodies exert on
-each other. Bodies that touch each other rotate as one. Bodies with prescribed dofs have none: their
-supports exert moments. Linear momentum is balanced anyway, and does not change.
+with the moments T of loads, internal forces and obstacles, without those exerted by other bodies.
+Bodies in contact rotate together. Bodies with prescribed dofs are not corrected, since their
+supports exert moments. Linear momentum is already balanced, and is not changed by rotations.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Balance:
 
     Attributes:
         momentum: Angular momentum, shape (bodies,) [stress length^2 time].
-        moment: Moment of all forces but those between bodies, shape (bodies,) [stress length^2].
+        moment: Moment of all forces except those between bodies, shape (bodies,) [stress length^2].
         touching: Whether a pair exerts forces on a body, shape (pairs, bodies), bool.
         on_obstacle: Whether an obstacle exerts forces on a body, shape (bodies,), bool.
     """
@@ -52,7 +52,7 @@ class Rotations:
         velocity: Velocity at a rotation by one per time, array of all local dofs [length].
         inertia: Moments of inertia, shape (groups,) [stress length^2 time^2].
         free: Whether no dof of a group is prescribed, shape (groups,), bool.
-        between_bodies: Whether a group has no forces from obstacles either, (groups,), bool.
+        between_bodies: Whether a group also has no forces from obstacles, (groups,), bool.
     """
 
     group: Indices
@@ -102,7 +102,7 @@ class SpinReturn:
     def restore(self, before: Balance, after: Balance, dt: float) -> Rotations:
         """Balance the angular momentum at the end of a step.
 
-        The energy that this adds is subtracted from what is owed, see ``energy_return``.
+        The energy added is subtracted from the energy to be returned, see ``energy_return``.
 
         Args:
             before: Balance at the start of the step.

@@ -207,9 +207,9 @@ class BodySettling:
         return force
 
     def _touching(self, contact: Contact, pressure: float) -> Touching:
-        """Nodes that touch for limit analysis, with friction at a typical pressure.
+        """Touching nodes for limit analysis, with friction at a typical pressure.
 
-        With an active node those of the same pair touch that do after a motion that counts as rest.
+        If the pair has active nodes, nodes that nearly touch are included.
         """
         on = contact.active
         on, weight = on | (nearly_touching(contact) & bool(on.any())), contact.operators.weight

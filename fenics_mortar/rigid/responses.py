@@ -40,7 +40,7 @@ def is_ahead(bodies: BodyMotions, contact: Contact, body: FloatingBody, motion: 
 
 
 def nearly_touching(contact: Contact) -> Flags:
-    """Slave nodes whose gap closes in a motion that counts as rest, (slave nodes,) (local)."""
+    """Slave nodes whose gap closes in a motion considered as rest, (slave nodes,) (local)."""
     gap = np.nan_to_num(contact.now.closing_gap, nan=np.inf)
     near = gap < RIGID.overlap * contact.slave.nodal_lengths
     return np.asarray(near & contact.multiplier_nodes)

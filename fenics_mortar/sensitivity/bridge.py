@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Paths of contact as functions for frameworks of automatic differentiation.
 
-Such a framework needs a function and the product of a vector with its Jacobian (pullback), as a
-``Simulation`` has them. ``to_autograd`` is the rule for autograd (https://github.com/HIPS/autograd).
+Such a framework needs a function and the product of a vector with its Jacobian (pullback): the
+methods of ``Simulation``. ``to_autograd`` defines the function for autograd
+(https://github.com/HIPS/autograd).
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ class Simulation:
 
     Args:
         problem: The problem.
-        run: Solves from the same state each time, and returns the recorded path, or the problem.
+        run: Function that solves from one and the same state, and returns the recorded path or the
+            problem.
         objectives: See ``gradient``.
         controls: See ``gradient``.
 
@@ -50,7 +52,7 @@ class Simulation:
         self._last: tuple[list[Array], RecordedPath] | None = None
 
     def __call__(self, *values: npt.ArrayLike) -> Array:
-        """Values of the quantities, shape (steps, quantities), for these values of the controls.
+        """Values of the quantities at given values of the controls, shape (steps, quantities).
 
         Raises:
             ValueError: On all ranks, if number or shapes differ from those of the controls.
@@ -62,7 +64,7 @@ class Simulation:
     def pullback(self, weights: npt.ArrayLike, *values: npt.ArrayLike) -> list[Array]:
         """Derivatives of the sum of ``weights`` (steps, quantities) times values of the quantities.
 
-        One array for each control. The path is solved again if it has other values of these.
+        Returns one array per control. The path is solved again if the values have changed.
         """
         w = np.asarray(weights, float)
         found = gradient(
@@ -72,7 +74,7 @@ class Simulation:
         return [np.asarray(np.sum(parts, axis=0)) for parts in found.by_step]
 
     def _path(self, values: tuple[npt.ArrayLike, ...]) -> RecordedPath:
-        """The path for these values; the last one if it has them (collective)."""
+        """The path for these values, solved again if they have changed (collective)."""
         given, comm = [np.array(value, float) for value in values], self._problem.comm
         with together(comm, "Simulation"):
             shapes = [control.get(self._problem).shape for control in self._made]
@@ -88,7 +90,7 @@ class Simulation:
 
 
 def to_autograd(simulation: Simulation) -> Any:
-    """A simulation as a function for autograd, which has to be installed (local)."""
+    """Convert a simulation to a function of autograd, which must be installed (local)."""
     from autograd.extend import defvjp, primitive
 
     def rule(i: int) -> Callable[..., Any]:

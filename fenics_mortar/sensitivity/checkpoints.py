@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from os import PathLike
 from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.utils.arguments import check_number
+from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.files import make_folder, try_together
 
@@ -31,13 +32,15 @@ class Checkpoints:
         folder: Folder of the files, one per stored step and rank; ``None``: in memory.
 
     Raises:
-        ValueError: If ``every`` is not such a number.
+        ValueError: If ``every`` is not such a number, or ``folder`` is no name.
         MortarError: On all ranks, if the folder cannot be created.
     """
 
     def __init__(self, comm: MPI.Comm, every: int, folder: str | Path | None) -> None:
         check_number("every", every, "a spacing of at least 1", lambda n: n >= 1, whole=True)
         self._comm, self.every = comm, every
+        expected = "the name of a folder, or None"
+        check_kind("folder", comm.bcast(folder), (str, PathLike, type(None)), expected)
         self._folder = None if folder is None else Path(str(comm.bcast(str(folder))))
         if self._folder is not None:
             make_folder(comm, self._folder)

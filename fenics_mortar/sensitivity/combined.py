@@ -24,7 +24,7 @@ class ContactQuantity(ABC):
     """
 
     def check(self) -> None:  # noqa: B027
-        """Check the arguments, in the call that all ranks make (local).
+        """Check the arguments, in a call made on all ranks (local).
 
         Raises:
             ValueError: If an argument has a value that is not allowed.

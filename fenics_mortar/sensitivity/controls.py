@@ -80,7 +80,7 @@ class _OfPair(Control):
         self.pair = pair
 
     def check(self) -> None:
-        """Refuse what is no number of a pair, see ``check_pair`` (local)."""
+        """Reject a value that is not the number of a pair, see ``check_pair`` (local)."""
         check_pair(self.pair)
 
 
@@ -201,7 +201,7 @@ class _OfObstacle(Control):
         self.name = f"{self.quantity} of '{getattr(obstacle, 'name', obstacle)}'"
 
     def check(self) -> None:
-        """Refuse what is no obstacle (local)."""
+        """Reject a value that is not an obstacle (local)."""
         check_kind("obstacle", self.obstacle, Obstacle, "an obstacle of the problem")
 
     def _number(self, problem: ContactProblem) -> int:
@@ -280,7 +280,7 @@ class ObstacleShape(Control):
         self.name = f"{name} of '{getattr(obstacle, 'name', obstacle)}'"
 
     def check(self) -> None:
-        """Refuse what is no obstacle with this parameter (local)."""
+        """Reject a value that is not an obstacle with this parameter (local)."""
         check_kind("obstacle", self.obstacle, Obstacle, "an obstacle of the problem")
         check_choice("shape parameter", self.parameter, self.obstacle.shape())
 

@@ -3,9 +3,9 @@
 
 Facets of length l are chords of the surface that was meshed. If it turns to the left by the angle t
 between two of them, its curvature is t / l, and it bulges out of the body by l^2 (t / l) / 12 in
-the mean of a facet, so that the gap of the mesh is too wide by this much. Less than the bulge that
-facets with a node in the middle have themselves; corners are no curvature. Positions are those of
-the undeformed mesh.
+the mean of a facet, so that the gap of the mesh is too wide by this length. For facets with a
+middle node their own bulge is subtracted. Corners have no curvature. Positions are those of the
+undeformed mesh.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from fenics_mortar.utils.arrays import Array
 
 
 def offset_by_faceting(contact: Contact) -> Array:
-    """Nodal offsets that close the gap by the bulges of both surfaces, (slave nodes,) (local).
+    """Nodal offsets that reduce the gap by the bulges of both surfaces, (slave nodes,) (local).
 
-    Those of the master are taken from its node nearest to each slave node; obstacles have none
+    The bulge of the master is that at its node nearest to the slave node; obstacles have none
     [length].
     """
     offset, master = mean_bulges(contact.slave), contact.master
@@ -48,7 +48,7 @@ def mean_bulges(surface: Surface) -> Array:
 
 
 def _curvatures(surface: Surface) -> Array:
-    """Curvature of each facet, the mean of those at its ends where it has them, (facets,)."""
+    """Curvature of each facet, the mean of those defined at its ends, (facets,) [1 / length]."""
     inside = (surface.previous >= 0) & (surface.following >= 0) & ~surface.inner
     smooth = np.flatnonzero(inside & (np.abs(surface.turns) <= TURN))
     before, after = surface.chords(surface.X, smooth)
@@ -60,7 +60,7 @@ def _curvatures(surface: Surface) -> Array:
 
 
 def _heights(surface: Surface) -> Array:
-    """Height of the middle node of each facet over its chord, out of the body, (facets,)."""
+    """Outward height of the middle node of each facet over its chord, (facets,) [length]."""
     a, middle, b = surface.X[surface.facets].swapaxes(0, 1)
     chord = b - a
     outward = np.stack([chord[:, 1], -chord[:, 0]], axis=1) / np.linalg.norm(chord, axis=1)[:, None]

@@ -104,6 +104,7 @@ def earlier_of(e: ContactEquations, i: int, contact: Contact, before: State) -> 
     if not apart <= ROUNDING * contact.slave.extent:
         raise MortarError(
             f"the slip of {contact.pair!r} is not counted from the state before, but from one "
-            f"that differs by {apart:.3g}: bodies or obstacles were moved before the solve"
+            f"that differs by {apart:.3g}: bodies or obstacles were moved before the solve, or an "
+            "obstacle has another shape since; accept() at the start counts slip from there"
         )
     return earlier

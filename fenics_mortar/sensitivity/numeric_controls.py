@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Choices of the numerics as controls: weights of the rows and of the active-set test, residual.
+"""Numerical choices as controls: weights of the rows and of the active-set test, residual.
 
-A solution depends on none of them: derivatives by weights are zero but for the elastic stick of
-redundant nodes, and that by the residual is the error of stopping Newton's method.
+An exact solution does not depend on them. Derivatives with respect to weights are zero except for
+the elastic stick of redundant nodes. The derivative with respect to the residual is the error due
+to the end of Newton's method.
 """
 
 from __future__ import annotations
@@ -34,6 +35,14 @@ class NumericWeight(Control):
         """See ``Control``."""
         return np.array(1.0)
 
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """Multiply the present weight."""
+        contact, factor = contact_of(problem.equations, self.pair), float(values)
+        if self.weight == "c_n":
+            contact.c_n = contact.c_n * factor
+        else:
+            contact.set_stiffness(contact.stiffness * factor)
+
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""
         rows = float(dm) * self._rows(problem)
@@ -49,13 +58,17 @@ class NumericWeight(Control):
 
 
 class RemainingResidual(Control):
-    """Part of the residual that Newton's method left, at present 1; at 0 equilibrium is exact."""
+    """Factor of the remaining residual of Newton's method: 1; with 0 equilibrium is exact."""
 
     name = "residual left"
 
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``."""
         return np.array(1.0)
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """Refused: it follows from the tolerance of Newton's method."""
+        raise ValueError("the residual left follows from NewtonOptions: expected another control")
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""

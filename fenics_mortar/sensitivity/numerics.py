@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What an objective depends on beside the model: derivatives by the choices of the numerics.
+"""Derivatives of an objective with respect to numerical choices, which are not part of the model.
 
 ================  =================================================================================
 choice            derivative
@@ -33,15 +33,16 @@ from fenics_mortar.utils.markdown import Markdown
 
 @dataclass(frozen=True)
 class PairNumerics:
-    """Derivatives of an objective by the choices of one pair.
+    """Derivatives of an objective with respect to the numerical choices of one pair.
 
     Attributes:
         pair: Number of the pair.
         X: Undeformed positions of the slave nodes, shape (slave nodes, 2) [length].
-        by_offset: Derivative by the nodal offsets, shape (slave nodes,) [objective / length].
+        by_offset: Derivative with respect to the nodal offsets, shape (slave nodes,)
+            [objective / length].
         faceting: Offsets by which faceting widens the gap, shape (slave nodes,) [length].
-        by_c_n: Derivative by the factor of c_n [objective].
-        by_stiffness: Derivative by the factor of the stiffness k [objective].
+        by_c_n: Derivative with respect to the factor of c_n [objective].
+        by_stiffness: Derivative with respect to the factor of the stiffness k [objective].
     """
 
     pair: int
@@ -53,7 +54,7 @@ class PairNumerics:
 
     @property
     def by_faceting(self) -> float:
-        """Change of the objective if gaps were those of the surfaces meshed [objective]."""
+        """Change of the objective if gaps are those of the exact curves [objective]."""
         return float(self.by_offset @ self.faceting)
 
     def rows(self) -> list[tuple[str, str, str]]:
@@ -71,12 +72,13 @@ class PairNumerics:
 
 @dataclass(frozen=True)
 class NumericsReport(Markdown):
-    """Derivatives of an objective by the choices of the numerics; prints as a Markdown table.
+    """Derivatives with respect to numerical choices; prints as a Markdown table.
 
     Attributes:
         value: The objective.
-        pairs: Derivatives by the choices of each contact; ties have none.
-        residual: Error of the objective by the residual that Newton's method left, to first order.
+        pairs: Derivatives with respect to the choices of each contact; ties have none.
+        residual: Error of the objective due to the remaining residual of Newton's method
+            [objective], to first order.
     """
 
     value: float
@@ -94,7 +96,7 @@ class NumericsReport(Markdown):
 def by_numerics(
     objective: Any, path: RecordedPath | ContactProblem, *, over_steps: OverSteps = last
 ) -> NumericsReport:
-    """Derivatives of an objective by the choices of the numerics (collective).
+    """Derivatives of an objective with respect to numerical choices (collective).
 
     Args:
         objective: See ``gradient``.
@@ -102,14 +104,14 @@ def by_numerics(
         over_steps: See ``gradient``.
 
     Returns:
-        The derivatives; one gradient.
+        The derivatives, at the cost of one gradient.
 
     Raises:
         ValueError: See ``gradient``.
         MortarError: See ``gradient``.
 
     Example:
-        How much the force depends on them, after a solve::
+        Sensitivity of the force to these choices, after a solve::
 
             force = fm.sensitivity.TotalForce(0, (0.0, 1.0))
             print(fm.sensitivity.by_numerics(force, problem))
@@ -132,7 +134,7 @@ def by_numerics(
 
 
 class Numerics:
-    """Asks a solve for the derivatives by the choices of the numerics, as ``report.sensitivity``.
+    """Argument of a solve: ``report.sensitivity`` then has derivatives, see ``by_numerics``.
 
     Args:
         objective: See ``gradient``.

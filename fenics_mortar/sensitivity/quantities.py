@@ -173,7 +173,7 @@ class PeakPressure(PairQuantity):
 
 
 def _check_nodes(nodes: Any) -> None:
-    """Refuse what are no numbers of slave nodes (local).
+    """Reject values that are not numbers of slave nodes (local).
 
     Raises:
         ValueError: If they are not numbers from 0 on.

@@ -22,7 +22,7 @@ class Value:
             vars(self)[name] = protected(value)
 
     def replaced(self, **values: Any) -> Self:
-        """As ``dataclasses.replace``, without a new check of the attributes that stay."""
+        """As ``dataclasses.replace``, without repeated checks of unchanged attributes."""
         new = object.__new__(type(self))
         vars(new).update(vars(self))
         for name, value in values.items():

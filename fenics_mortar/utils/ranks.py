@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Reductions of one number over the ranks; on one rank without a call of MPI, of microseconds."""
+"""Reductions of one number over the ranks, without calls of MPI on one rank."""
 
 from __future__ import annotations
 

@@ -164,8 +164,8 @@ class Crossings:
     def _allowed(self, x: Array) -> Array:
         """Overlap of nodes admitted by the offsets and soft layers of contacts, (n,) [length].
 
-        What a slave node admits holds for all nodes in a circle of this radius, and a facet: those
-        of the master below it, and those of its own body beside an end of the surface.
+        The admitted overlap of a slave node applies to all nodes within this length plus the nodal
+        length: to nodes of the master, and of its own body beside an end of the surface.
 
         Args:
             x: Positions of the nodes, shape (n, 2) [length].

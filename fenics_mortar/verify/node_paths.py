@@ -4,7 +4,8 @@
 The signed distance of an obstacle is sampled along a path in the frame of the obstacle, with steps
 equal to the distance (sphere tracing, Hart 1996), and steps of a small fraction of a facet near the
 surface. A path passes through the obstacle if the gradients at entry and exit are opposed and the
-obstacle extends by a facet to both sides; otherwise the path goes round an edge.
+obstacle extends by half a facet to both sides; otherwise the path goes round an edge. So some path
+passes through each round obstacle whose radius is a facet or more.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy.typing as npt
 from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.rounding import SMALL_ANGLE, TINY
+from fenics_mortar.utils.rounding import HALF_FACET, SMALL_ANGLE, TINY
 from fenics_mortar.verify.limits import LIMITS
 
 
@@ -163,8 +164,8 @@ def _trace(
 def _goes_on(
     obstacle: Obstacle, x: Array, normal: Array, lengths: Array, offset: Array
 ) -> npt.NDArray[np.bool_]:
-    """Whether the obstacle extends by a facet to both sides of points on their paths."""
-    along = lengths[:, None] * np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+    """Whether the obstacle extends by half a facet to both sides of points on their paths."""
+    along = HALF_FACET * lengths[:, None] * np.stack([-normal[:, 1], normal[:, 0]], axis=1)
     sides = [_distance(obstacle, x + sign * along, offset)[0] <= 0.0 for sign in (1.0, -1.0)]
     return np.asarray(sides[0] & sides[1])
 

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: MIT
 """Bodies that pressures on the covered parts of their surfaces cannot balance.
 
-Where the only force acts beyond the end of a master, see ``resultant``, a body stands that would
-tip over the edge. Limit analysis decides: the rigid motions of floating bodies, the loads on them,
-and pressures between the ends of the segments beside touching nodes instead of at these nodes. Each
-choice admits more than bodies bear: friction is doubled, nodes touch that nearly do, and the ends
-of segments are moved outward by the distance that is a remark only.
+If the resultant of the pressures acts beyond the end of a master, see ``resultant``, the body would
+tip over the edge. This is decided by limit analysis with the rigid motions of floating bodies and
+the loads on them. Pressures act at the ends of the segments beside touching nodes instead of at
+these nodes. All assumptions overestimate the limit load: friction is doubled, nodes that nearly
+touch are included, and the ends of segments are moved outward by the distance that causes only a
+remark.
 """
 
 from __future__ import annotations
@@ -30,8 +31,11 @@ def tipping_bodies(bodies: BodyMotions, pairs: Sequence[PairCertificate]) -> lis
 
     Args:
         bodies: The bodies, with the bulk residual and all contacts at the present state.
-        pairs: Certificates of the pairs; without a resultant beyond the cover, or with adhesion,
-            nothing is examined.
+        pairs: Certificates of the pairs.
+
+    Returns:
+        One message, or an empty list: if all bodies are balanced, if no resultant acts beyond the
+        cover, or if a law has adhesion.
     """
     beyond = [pair for pair in pairs if pair.outside > LIMITS.coarse_distance]
     if not (beyond and bodies.bodies) or any(c.pair.law.has_adhesion for c in bodies.contacts):
@@ -64,12 +68,12 @@ def tipping_bodies(bodies: BodyMotions, pairs: Sequence[PairCertificate]) -> lis
 
 
 def _joined(pairs: Sequence[Touching]) -> Touching:
-    """Places of all pairs."""
+    """Arrays of all pairs, joined."""
     return Touching(*map(np.concatenate, zip(*pairs, strict=True)))
 
 
 def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
-    """Where the sides of a pair touch, with twice the friction of any node (collective)."""
+    """Places at which a pair touches, with twice the largest friction of its nodes (collective)."""
     near = contact.active | nearly_touching(contact)
     if contact.obstacle is not None:
         opens, slips = (
@@ -84,9 +88,9 @@ def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
     pressure = float(np.abs(loads).sum()) / covered if covered > 0.0 else 0.0
     slope, shear, _ = contact.now.strength(pressure)
     one = np.ones(len(opens))
-    most = 2.0 * float(slope[near].max(initial=0.0))
+    largest = 2.0 * float(slope[near].max(initial=0.0))
     return Touching(
-        opens, slips, most * one, 2.0 * float((weight * shear)[near].sum()) * one, 0.0 * one
+        opens, slips, largest * one, 2.0 * float((weight * shear)[near].sum()) * one, 0.0 * one
     )
 
 
@@ -96,7 +100,7 @@ def _rates_at_ends(
     """Opening and slip rates at the ends of segments beside ``near`` nodes (collective).
 
     Returns:
-        Rates by the motions of the body, both of shape (places, motions) [1].
+        Rates caused by the motions of the body, both of shape (places, motions) [1].
     """
     o, s = contact.operators, contact.intersections()
     beside = near[s.slave].any(axis=1)
@@ -107,9 +111,9 @@ def _rates_at_ends(
     n /= np.linalg.norm(n, axis=1)[:, None]
     moves = np.repeat(bodies.labels_of(contact.slave)[slave[:, 0]] == body.label, 2)
     moves_other = np.repeat(bodies.labels_of(contact.master)[master[:, 0]] == body.label, 2)
-    apart = moves_other.astype(float) - moves
-    rates = body.displacement(x) * apart[:, None]
+    sign = moves_other.astype(float) - moves
+    rates = body.displacement(x) * sign[:, None]
     tangent = np.stack([-n[:, 1], n[:, 0]], axis=1)
-    mine = [np.einsum("mpc,pc->pm", rates, along) for along in (n, tangent)]
-    opens, slips = (np.concatenate(bodies.bulk.comm.allgather(part)) for part in mine)
+    local = [np.einsum("mpc,pc->pm", rates, along) for along in (n, tangent)]
+    opens, slips = (np.concatenate(bodies.bulk.comm.allgather(part)) for part in local)
     return opens, slips

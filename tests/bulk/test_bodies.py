@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Free rigid motions of a body in words."""
+"""Descriptions of free rigid motions of a body."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Meshes that cover a place twice, and those that only look so."""
+"""Meshes that cover an area twice, and similar valid meshes."""
 
 import gmsh
 import numpy as np
@@ -15,7 +15,7 @@ import fenics_mortar as fm
 
 
 def folded(kind):
-    """Cells, nodes and kind of cells of a mesh that covers a place twice, or does not."""
+    """Cells, nodes and kind of cells of a mesh that covers an area twice, or of a valid one."""
     cells, x = grid(8, 4)
     cell = "quadrilateral"
     if kind == "a second copy":
@@ -88,7 +88,7 @@ def test_mesh_that_covers_places_once_is_taken(kind):
 
 
 def test_shaft_that_is_too_large_for_its_hole_is_an_interference():
-    """All of its outline lies in the other body, but that has a hole there."""
+    """The outline lies inside the other body, which has a hole at this position."""
     inner, x = grid(3, 3, (-0.51, -0.51), (1.02, 1.02))
     frame, y = grid(6, 6, (-1.5, -1.5), (3.0, 3.0), first=len(x))
     middle = np.abs(np.concatenate([x, y])[frame].mean(axis=1)).max(axis=1) < 0.5

@@ -36,7 +36,7 @@ def shear_and_compliance(nu):
 
 
 def neo_hookean(w, nu, part=0, scale=1.0, test=None):
-    """Residual of displacement ``part`` and pressure; ``scale``: of the pressure's equation."""
+    """Residual of displacement ``part`` and pressure, whose equation has the factor ``scale``."""
     mu, compliance = shear_and_compliance(nu)
     test = test or ufl.TestFunction(w.function_space)
     (u, p), (v, q) = (ufl.split(function) for function in (w, test))
@@ -50,7 +50,7 @@ def neo_hookean(w, nu, part=0, scale=1.0, test=None):
 
 
 def three_fields(w, nu):
-    """The same with a third unknown, the change of volume: J and p / kappa agree with it."""
+    """Residual with a third unknown, the change of volume: J and p / kappa are equal to it."""
     mu, compliance = shear_and_compliance(nu)
     (u, p, t), (v, q, s) = (ufl.split(f) for f in (w, ufl.TestFunction(w.function_space)))
     F = ufl.Identity(2) + ufl.grad(u)
@@ -61,7 +61,7 @@ def three_fields(w, nu):
 
 
 def linear_elastic(w, nu):
-    """The same for small strains."""
+    """Residual for small strains."""
     mu, compliance = shear_and_compliance(nu)
     (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(w.function_space)
     stress = 2 * mu * ufl.sym(ufl.grad(u)) + p * ufl.Identity(2)
@@ -128,7 +128,7 @@ def test_uniaxial_pressure_of_incompressible_blocks_is_uniform(basis, cell, nu):
         partial(neo_hookean, nu=nu), cell=cell, basis=basis, sides_slide=True,
         width_upper=1.0, width_lower=1.0,
     )  # fmt: skip
-    for push in (-0.1, -0.2):  # of a height of two
+    for push in (-0.1, -0.2):  # for a height of two
         scene.loads["push"].value = push
         report = scene.problem.solve()
     a, p, pressure = uniaxial(nu)
@@ -182,7 +182,7 @@ def test_displacement_may_be_another_part():
 @pytest.mark.once
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
 def test_convergence_does_not_depend_on_the_scale_of_the_pressure_equation(scale):
-    """Residuals are forces and increments lengths, in whatever units the pressure's rows are."""
+    """Residuals are forces and increments lengths for any unit of the pressure's rows."""
     plain, report = pressed(partial(neo_hookean, nu=0.4999))
     scaled, again = pressed(partial(neo_hookean, nu=0.4999, scale=scale))
     assert again.num_iterations == report.num_iterations

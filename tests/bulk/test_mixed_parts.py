@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Files, states and refused parts of mixed functions."""
+"""Files, states and rejected components of mixed functions."""
 
 from functools import partial
 
@@ -21,7 +21,7 @@ from meshes import two_blocks
 
 
 def fill(w):
-    """Give displacement and pressure values that differ from node to node."""
+    """Set different values of displacement and pressure at all nodes."""
     w.sub(0).interpolate(lambda X: np.stack([0.1 * X[0] ** 2, X[0] * X[1] - 0.2 * X[1] ** 2]))
     w.sub(1).interpolate(lambda X: X[0] + 10 * X[1])
 
@@ -47,12 +47,12 @@ def test_files_hold_the_displacement_and_the_pressure(shared_path):
         writer.write(1.0)
     fm.plot(scene.problem, shared_path / "picture", stress=pressure)
     for file in steps(shared_path / "series.pvd")[1.0]:
-        branch = meshio.read(file)
-        x, y, _ = branch.points.T
+        grid = meshio.read(file)
+        x, y, _ = grid.points.T
         right = np.stack([0.1 * x**2, x * y - 0.2 * y**2], axis=1)
-        assert np.abs(branch.point_data["displacement"][:, :2] - right).max() < 1e-14
-        corners = branch.points[branch.cells[0].data[:, :3]].mean(axis=1)
-        found = branch.cell_data["p"][0]
+        assert np.abs(grid.point_data["displacement"][:, :2] - right).max() < 1e-14
+        corners = grid.points[grid.cells[0].data[:, :3]].mean(axis=1)
+        found = grid.cell_data["p"][0]
         assert np.abs(found.ravel() - corners[:, 0] - 10 * corners[:, 1]).max() < 1e-12
     assert (shared_path / "picture.png").exists()
 

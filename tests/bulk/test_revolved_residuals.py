@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Residuals and conditions of bodies of revolution that are those of plane bodies."""
+"""Residuals and conditions of plane bodies used with axisymmetry."""
 
 import numpy as np
 from refusal import refused
@@ -66,7 +66,7 @@ def test_a_traction_without_the_radius_is_told():
 
 
 def test_the_axis_may_not_be_moved():
-    """A hole along the axis, or matter beyond it."""
+    """Such a motion opens a hole along the axis, or moves matter beyond it."""
     for motion in (0.01, -0.01):
         with refused(fm.MortarError, "nodes on the axis are moved away from it by 0.01"):
             solved(revolved, axis=motion)

@@ -15,7 +15,7 @@ from fenics_mortar.utils import compat
 
 
 def mesh_of(cells, x, cell="quadrilateral"):
-    """Create a mesh from what rank 0 gives."""
+    """Create a mesh from the arrays of rank 0."""
     if COMM.rank:
         cells, x = np.empty((0, np.shape(cells)[1]), int), np.empty((0, 2))
     mesh = compat.create_mesh(COMM, cells, x, cell)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Problems with bodies that may cross, and what is told of them."""
+"""Problems with bodies that may cross, and the messages on crossings."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def problem_of(data, pairs, bcs, u, load=0.0, **options):
 
 
 def move_body(problem, where, new):
-    """Put the nodes of the body that is at ``where`` (x -> bool) to ``new`` (x) by hand."""
+    """Move the nodes of the body at ``where`` (x -> bool) to ``new`` (x) directly."""
     bulk, labels = problem.equations.bulk, problem.equations.floating.labels
     x = bulk.positions()
     found = {body for mine in problem.comm.allgather(labels[where(x)].tolist()) for body in mine}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Blocks with friction, on each other or on an obstacle, and how they are moved."""
+"""Blocks with friction, on each other or on an obstacle, and functions that move them."""
 
 from typing import get_args
 
@@ -31,7 +31,7 @@ def blocks(law, *, degree=1, mesh=None, pair=None, **problem):
 
 
 def drive(scene, *pushes):
-    """Solve for each place of the top; return the records."""
+    """Solve for each position of the top; return the records."""
     records = []
     for push in pushes:
         scene.loads["push"].value[:] = push

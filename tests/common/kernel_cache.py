@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Folder of numba's cache for the kernels of this checkout as they are now."""
+"""Folder of numba's cache for the present kernels of this checkout."""
 
 import hashlib
 import os
@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-# Caches of kernels that have changed since are removed after so long [s], when no run uses them.
+# Time after which caches of other kernels that no run uses are removed [s].
 KEPT = 24 * 3600.0
 
 
@@ -18,10 +18,10 @@ def digest(*parts):
 
 
 def folder_of_kernels(root=ROOT):
-    """The folder, named by the place of the checkout and the contents of all kernels.
+    """The folder, named by the path of the checkout and the contents of all kernels.
 
-    numba does not see that a helper in another file has changed: with any kernel changed, the
-    folder is another one. Where the user's cache cannot be written it is a temporary one.
+    numba does not detect changes of a helper in another file: if any kernel changes, another folder
+    is used. If the user's cache is not writable, the folder is a temporary one.
     """
     kernels = sorted((root / "fenics_mortar" / "kernels").rglob("*.py"))
     contents = digest(*(kernel.name.encode() + kernel.read_bytes() for kernel in kernels))

@@ -68,13 +68,13 @@ def nodes_on(data, boundary):
 
 
 def gathered(x):
-    """Put together the rows of all ranks, in an order that round-off does not change."""
+    """Gather the rows of all ranks in an order that does not depend on rounding."""
     x = np.concatenate(COMM.allgather(x))
     return x[np.lexsort(x.round(10).T + 0.0)]
 
 
 def raises_on_all_ranks(match, function, *args, **options):
-    """Check that each rank gets a MeshError that says the same."""
+    """Check that each rank raises a MeshError with the same message."""
     with pytest.raises(MeshError, match=match) as caught:
         function(*args, **options)
     assert len(set(COMM.allgather(str(caught.value)))) == 1

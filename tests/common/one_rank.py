@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What one rank only does, and what the others have to be told of it."""
+"""Errors on one rank only, and the resulting errors on the others."""
 
 from contextlib import contextmanager
 
@@ -16,7 +16,7 @@ several_ranks = pytest.mark.ranks
 
 @contextmanager
 def raised_on_the_last_rank(kind, words):
-    """Check that the last rank raises ``kind``, and all others an error that says so."""
+    """Check that the last rank raises ``kind``, and all others an error with this message."""
     with pytest.raises(kind if LAST else fm.MortarError) as caught:
         yield
     expected = words if LAST else f"raised on rank {COMM.size - 1}: {kind.__name__}: .*{words}"
@@ -24,5 +24,5 @@ def raised_on_the_last_rank(kind, words):
 
 
 def either(one, other):
-    """The second on the last of several ranks."""
+    """``one``, or ``other`` on the last of several ranks."""
     return other if LAST and COMM.size > 1 else one

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: MIT
-"""Comparison of lines that a page shows with lines that a script prints."""
+"""Comparison of lines on a page with lines printed by a script."""
 
 import re
 
-# Numbers that the form of the linear algebra decides, as of converged residuals, are not compared.
+# Numbers below this are rounding, such as converged residuals, and are not compared.
 ROUNDING = 1e-7
-TOLERANCE = 0.02  # of all others: the least that a reader would notice
+TOLERANCE = 0.02  # relative, of all others: the smallest difference noticed by a reader
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]\d+)?")
 
 
 def missing(shown, printed):
-    """Those of the lines shown that agree with none of the printed ones."""
+    """Lines on the page that agree with no printed line."""
     return [line for line in shown if not any(agree(line, other) for other in printed)]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Errors that all ranks have to raise alike."""
+"""Errors that all ranks must raise equally."""
 
 import re
 from contextlib import contextmanager
@@ -13,7 +13,7 @@ COMM = MPI.COMM_WORLD
 
 @contextmanager
 def refused(kind, *parts):
-    """Check that each rank raises ``kind``, all with one message that has all ``parts``."""
+    """Check that each rank raises ``kind`` with a common message that contains all ``parts``."""
     error = None
     try:
         yield
@@ -28,7 +28,7 @@ def refused(kind, *parts):
 
 @contextmanager
 def refused_words(kind, words):
-    """As ``refused``, of a message that shows an object, whose address differs."""
+    """As ``refused``, for a message that contains an object, whose address differs."""
     with pytest.raises(kind, match=words):
         yield
     COMM.barrier()

@@ -66,7 +66,7 @@ def cylinders(
 
 
 def on_axis(V, data, names):
-    """Condition that holds the radial component of boundaries on the axis."""
+    """Condition that prescribes the radial component of boundaries on the axis."""
     return fm.dirichlet(V, data, names, 0.0, component=0)
 
 

@@ -18,7 +18,7 @@ import fenics_mortar as fm
 from meshes import two_blocks
 
 TIGHT = fm.NewtonOptions(residual_tolerance=1e-13)
-# Blocks that cover each other in part, turned.
+# Blocks that cover each other partly, rotated.
 PARTLY_COVERED = {
     "n_upper": 6,
     "n_lower": 5,
@@ -97,7 +97,7 @@ def pair_options(options: dict[str, Any] | None = None, **more: Any) -> dict[str
 
 @dataclass
 class Scene:
-    """A problem and what a test turns."""
+    """A problem with its loads."""
 
     data: fm.MeshData
     u: Any
@@ -167,7 +167,7 @@ def homogeneous_blocks(
 
 
 def disturbed(scene: Scene) -> Scene:
-    """All nodes moved at random, alike on any number of ranks; the covered ones are active."""
+    """All nodes moved at random, equally on any number of ranks; the covered ones are active."""
     bulk = scene.problem.equations.bulk
     perturbation = np.random.default_rng(0).uniform(-0.01, 0.01, bulk.r.getSize())
     scene.u.x.array[: bulk.num_owned] = perturbation[bulk.first :][: bulk.num_owned]
@@ -180,7 +180,7 @@ def disturbed(scene: Scene) -> Scene:
 def nodal(problem) -> np.ndarray:
     """Displacement of all nodes in the order of the mesh's input, equal on all ranks.
 
-    Two meshes of the same input may be shared out among the ranks in different ways.
+    Two meshes of the same input may be partitioned differently.
     """
     return problem.equations.bulk.by_input_node()[1]
 

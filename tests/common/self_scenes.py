@@ -22,7 +22,7 @@ E, NU = 100.0, 0.3
 
 
 class Driven:
-    """A problem whose loads are the motions of parts of boundaries.
+    """A problem loaded by prescribed motions of parts of boundaries.
 
     Attributes:
         data: Mesh and names.
@@ -40,7 +40,7 @@ class Driven:
 
         Args:
             grids: The bodies, or their mesh.
-            parts: By name, where nodes are held: functions of x (3, n) that return bool (n,).
+            parts: Prescribed parts by name: functions of x (3, n) that mark nodes, bool (n,).
             pairs: Function of the mesh data that returns the pairs.
             problem: Options of the problem.
             order: Order of cells and displacement.
@@ -97,7 +97,7 @@ class Driven:
 
 
 def backwards(grid: Grid) -> Grid:
-    """The same body with its columns and rows numbered from the other end."""
+    """The body with its columns and rows numbered from the other end."""
     other = {"left": "right", "right": "left", "top": "bottom", "bottom": "top"}
     names = {other[side]: grid.boundary(side) for side in mapped_grids.SIDES}
     return replace(grid, x=grid.x[::-1, ::-1], joined=names)
@@ -205,8 +205,8 @@ def ten_bodies(
 ) -> Driven:
     """Ten blocks of random sizes between a ground and a tool, on weak springs.
 
-    ``joined``: whether ``pairs`` gets the names of whole outlines, or else two lists, of lower and
-    upper sides and of left and right ones.
+    ``joined``: whether the argument of ``pairs`` is the list of whole outlines; otherwise two
+    lists, of lower and upper sides and of left and right sides.
     """
     rng = np.random.default_rng(seed)
     grids, y = [], 0.0
@@ -246,6 +246,6 @@ def ten_bodies(
 
 
 def honeycomb(pairs: Any) -> Driven:
-    """A honeycomb of 3 x 3 cells; the lower ends of its columns are held, the upper ones moved."""
+    """A honeycomb of 3 x 3 cells; the lower ends of its columns are fixed, the upper ones moved."""
     data, (low, high), _ = random_itself.honeycomb(3, 0.15, 0.02, along=4, seed=1)
     return Driven(data, {"low": low, "high": high}, pairs)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A law of users that answers wrongly from some time on."""
+"""A user's law that returns wrong values from some time on."""
 
 import numpy as np
 from small_scenes import small_blocks
@@ -8,7 +8,7 @@ import fenics_mortar as fm
 
 
 class Spoilt(fm.Coulomb):
-    """Coulomb's law with adhesion, an answer of which is spoilt from some time on."""
+    """Coulomb's law with adhesion; one of its results is wrong from some time on."""
 
     def __init__(self, method, spoil):
         super().__init__(0.3)

@@ -2,11 +2,11 @@
 """Scenes of bodies supported by friction or adhesion, each with the verdict of limit analysis.
 
     python3 tests/common/supported.py               all scenes, a row for each step
-    python3 tests/common/supported.py wall tower    those whose name begins so
+    python3 tests/common/supported.py wall tower    scenes whose names begin so
 
-A scene is made in a frame of its own and turned as a whole. Its loads are dead: the weight of
-bodies, a push on some of them and a torque, all spread over the body; ``Assembly.set`` says how
-large they are. ``Assembly.path`` has the loads of its steps.
+A scene is created in a local frame and rotated as a whole. Its loads are dead: the weight of
+bodies, a push on some of them and a torque, all distributed over the body; ``Assembly.set`` sets
+their size. ``Assembly.path`` has the loads of its steps.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def block_and_wall(
 
 
 def wall_force(scene: Assembly) -> str:
-    """A block that slid bears on the wall what friction leaves; one that sticks is not there."""
+    """Force on the wall: the push minus friction after sliding; zero for a sticking block."""
     push, (slid, *_) = scene.path[-1].get("push", 0.0), scene.motion("block")
     slid = slid > 0.5 * scene.stop
     pushed = scene.push.value @ rotation(scene.turn)[:, 0]
@@ -113,7 +113,7 @@ def wheel(
     weight: float = 1.0,
     **options: Any,
 ) -> Assembly:
-    """A wheel in a right-angled groove under a part of the torque that friction bears."""
+    """A wheel in a right-angled groove under a fraction of its limit torque."""
     x = sector(n, 2, radii=(0.4 * radius, radius))
     most = np.sqrt(2.0) * mu / (1.0 + mu**2) * weight * radius
     bottom = -np.sqrt(2.0) * radius
@@ -141,7 +141,7 @@ def wheel(
         touches,
         [{"weight": 1.0}, {"weight": 1.0, "torque": part}],
         note=lambda scene: f"turned {scene.motion('wheel')[2]:.2g}",
-        reserve=np.inf,  # a polygon rests on its facets, and a dead couple fades with the turn
+        reserve=np.inf,  # a polygon rests on its facets, and a dead couple decreases with rotation
         **options,
     )
 
@@ -162,8 +162,8 @@ def ladder(
 ) -> Assembly:
     """A beam at an angle ``angle`` [radian] above a rough floor, against a frictionless wall.
 
-    It stands on a plane on its corner, on a body on a foot that is cut level, or ``on_corner``,
-    with its end and its lower side as slave.
+    On a plane it stands on its corner; on a body on a level foot, or ``on_corner`` with its end and
+    its lower side as slave.
     """
     square = base == "plane" or on_corner
     e = np.array([np.cos(angle), np.sin(angle)])
@@ -209,7 +209,7 @@ def hanging(
     rows: int = 2,
     **options: Any,
 ) -> Assembly:
-    """A block on an adhesive ceiling that pulls with ``pull`` per width."""
+    """A block on an adhesive ceiling with the strength ``pull`` per width."""
     grid = Grid("block", block(n, rows, width=width, height=height, corner=(0.0, -height)))
     bodies = [Body(grid, weight=1.0, push=1.0)]
     ceiling: str | Flat = Flat((0.0, 0.0), (0.0, -1.0), "ceiling")
@@ -299,9 +299,9 @@ def pressed(
     E: float = 1e4,
     **options: Any,
 ) -> Assembly:
-    """A block whose top is moved down by ``depth``, free along x; friction alone supports it.
+    """A block whose top is moved down by ``depth``, free along x; supported by friction alone.
 
-    ``push`` is the part of about mu times the pressing force.
+    ``push`` is a fraction of about mu times the pressing force.
     """
     bodies, floor = floor_of(base, width=3.0 * width, columns=7, left=-width)
     grid = Grid("block", block(n, rows, width=width, height=height))

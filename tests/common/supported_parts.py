@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Parts of scenes supported by friction or adhesion, and the rigid bodies that they make."""
+"""Parts of scenes supported by friction or adhesion, and their rigid bodies."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ class Body:
     """A body in the frame of its scene.
 
     Attributes:
-        grid: Its nodes.
-        weight: Force along gravity, where gravity is one.
-        push: Force along the push, where the push is one.
-        torque: Moment about its centre, where the torque is one.
+        grid: Grid of the body.
+        weight: Force along gravity, for gravity one.
+        push: Force along the push, for a push of one.
+        torque: Moment about its centre, for a torque of one.
         E: Young's modulus over that of the scene.
         clamped: Sides that are fixed.
-        guided: Sides of which one component is fixed, and which one.
+        guided: Sides with one fixed component, and its number.
     """
 
     grid: Grid
@@ -56,7 +56,7 @@ class Flat:
 class Touch:
     """A pair: slave boundary, master boundary or plane, its law.
 
-    ``at``: where they touch for limit analysis, if that is not seen from the lines.
+    ``at``: contact points for limit analysis, if they do not follow from the lines.
     """
 
     slave: str
@@ -67,7 +67,7 @@ class Touch:
 
 
 class Glue(fm.Coulomb):
-    """Coulomb's friction and adhesion that fades away over a length."""
+    """Coulomb's friction and adhesion that decreases over a length."""
 
     def __init__(self, mu: float, pull: float, length: float) -> None:
         super().__init__(mu)
@@ -113,7 +113,7 @@ def measure(grid: Grid) -> tuple[float, Array, float]:
 def structure(
     bodies: list[Body], touches: list[Touch], directions: dict[str, Array], dead: Loads, live: Loads
 ) -> Structure:
-    """Limit analysis of what is meshed: bodies that are not clamped, and driven planes."""
+    """Limit analysis of bodies that are not clamped, and of driven planes."""
     free = [body for body in bodies if not body.clamped]
     number = {body.grid.name: k for k, body in enumerate(free)}
     driven = {t.master.name: t.master for t in touches if isinstance(t.master, Flat)}
@@ -155,7 +155,7 @@ def _wrench(body: Body, directions: dict[str, Array], loads: Loads) -> Array:
 
 
 def _points(touch: Touch, grids: dict[str, Grid], number: dict[str, int]) -> Iterator[Point]:
-    """Where a pair touches."""
+    """Contact points of a pair."""
     owner, side = touch.slave.split("/")
     one, line = number.get(owner, GROUND), line_of(grids[owner], side)
     if isinstance(touch.master, Flat):

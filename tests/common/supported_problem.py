@@ -28,21 +28,21 @@ NU = 0.3
 
 @dataclass
 class Assembly:
-    """A scene: the problem, and what turns its loads.
+    """A scene: the problem and its loads.
 
     Attributes:
-        name: What it is, with its parameters.
-        problem: Ready to be solved.
-        gravity, push: Direction times size of the loads, ``fem.Constant`` of shape (2,).
+        name: Description with parameters.
+        problem: The problem, to be solved.
+        gravity, push: Loads as vectors, ``fem.Constant`` of shape (2,).
         torque: Size of the torque, a scalar ``fem.Constant``.
         traction: Tractions on named boundaries, ``fem.Constant`` of shape (2,) each.
         path: Loads of the steps.
         turn: Rotation of the whole scene [radian].
         small: Displacement that elastic bodies may have under the loads of the path [length].
-        stop: Where a body ends that slides, if something stops it: displacement [length].
-        reserve: Part by which a body that has moved may bear more than one that has not.
-        note: What a row of the table shows besides, of the solved scene.
-        wrong: What is wrong with a solved scene, in words.
+        stop: Displacement at which a sliding body is stopped, if it is [length].
+        reserve: Fraction by which the limit load of a body may increase after it has moved [1].
+        note: Function of the solved scene that returns an additional entry of the table's row.
+        wrong: Function that returns a message on errors of a solved scene.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Assembly:
     wrong: Callable[[Assembly], str] = lambda scene: ""
 
     def set(self, weight: float = 0.0, push: float = 0.0, torque: float = 0.0) -> None:
-        """Set all loads; what is not given is zero."""
+        """Set all loads; zero by default."""
         R = rotation(self.turn)
         self.gravity.value[:] = weight * R @ self.directions["gravity"]
         self.push.value[:] = push * R @ self.directions["push"]
@@ -144,26 +144,26 @@ def pose(
     newton: fm.NewtonOptions | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> Assembly:
-    """Make the problem of a scene (collective).
+    """Create the problem of a scene (collective).
 
     Args:
         name: What it is.
         bodies: Its bodies, in the scene's frame.
         touches: Its pairs.
         path: Loads of the steps.
-        E: Young's modulus that those of the bodies are relative to.
-        turn: Rotation of all.
+        E: Reference of the bodies' Young's moduli.
+        turn: Rotation of the scene.
         gravity: Direction of the weights, in the scene's frame.
         push: Direction of the pushes.
-        small: Displacement that is elastic; by default 20 times the sum of the loads over E.
-        stop: Displacement at which something stops a body that slides.
+        small: Largest elastic displacement; by default 20 times the sum of the loads over E.
+        stop: Displacement at which a sliding body is stopped.
         cell: "quadrilateral" or "triangle".
         material: Stress.
         traction: Boundaries with a traction per reference length, ``Assembly.traction``.
         prescribed: Boundaries with one prescribed component and its value.
-        reserve: Part by which a body that has moved may bear more.
-        note: What a row of the table shows besides.
-        wrong: What is wrong with a solved scene.
+        reserve: Fraction by which the limit load may increase after a motion.
+        note: Function that returns an additional entry of the table's row.
+        wrong: Function that returns a message on errors of a solved scene.
         algorithm: As of ``ContactProblem``.
         newton: As of ``ContactProblem``.
         comm: Communicator.
@@ -273,7 +273,7 @@ def ground(
 
 
 def floor_of(kind: str, **sizes: Any) -> tuple[list[Body], str | Flat]:
-    """The ground's bodies and the master of what stands on it: "plane" or "body"."""
+    """Bodies of the ground, and the master of the bodies on it: "plane" or "body"."""
     if kind == "plane":
         return [], Flat((0.0, 0.0), (0.0, 1.0), "floor")
     return [ground(**sizes)], "ground/top"

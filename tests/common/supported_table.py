@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""All scenes of ``supported.py`` by the present code, each judged by limit analysis."""
+"""All scenes of ``supported.py`` solved by the present code, and compared with limit analysis."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from supported_problem import Assembly
 
 import fenics_mortar as fm
 
-# A load is borne, or not, for certain if the factor of limit analysis is off it by this part.
+# Distance of the factor of limit analysis from one, above which the verdict is certain [1].
 MARGIN = 0.02
 
 
@@ -124,7 +124,7 @@ def trial(build: Callable[..., Assembly], options: dict[str, Any]) -> dict[str, 
 
 
 def limit(scene: Assembly, step: int) -> tuple[str, str]:
-    """What limit analysis says of a step, in words, and whether bodies stay, move, or either."""
+    """Result of limit analysis for a step as text, and whether bodies stay, move, or either."""
     if not any(body.weight for body in scene.bodies):
         return "by construction", _of_pressing(scene, step)
     verdict, needed = scene.verdict(step)
@@ -140,7 +140,7 @@ def limit(scene: Assembly, step: int) -> tuple[str, str]:
 
 
 def _of_pressing(scene: Assembly, step: int) -> str:
-    """The same where a prescribed motion presses: mu times the force that it took."""
+    """Result of limit analysis under a prescribed motion: mu times its force."""
     if step == 0:
         return "stays"
     push = scene.path[step]["push"] * sum(body.push for body in scene.bodies)

@@ -68,20 +68,20 @@ def wall(
 ) -> Assembly:
     """Bricks in running bond; odd rows begin and end with half a brick.
 
-    Weight one a brick, then a push of the part ``push`` of mu times the weight.
+    Weight one per brick, then a push of the fraction ``push`` of mu times the weight.
 
     Args:
         rows, cols: Rows, and whole bricks in the lowest one.
         mu: Friction of all joints.
-        push: Part of mu times the weight that is pushed along x.
+        push: Force along x over mu times the weight [1].
         load: Which bricks are pushed: "all", or the "top" row.
         base: "plane" or "body".
-        cells: Facets along a whole brick, of the bricks one after the other.
+        cells: Facets along a whole brick, for successive bricks.
         layers: Cells over the height of a brick.
         upright: Whether the upright joints are paired; else they are open by 1 % of the width.
         size: Width and height of a brick.
         press: Force of jaws at both sides, rigid planes; none by default.
-        weight: Of a whole brick.
+        weight: Weight of a whole brick.
         friction: Whether there is friction at all.
         E: Young's modulus.
     """
@@ -95,7 +95,7 @@ def wall(
         line = []
         for c, (a, b) in enumerate(itertools.pairwise(ends)):
             part = (b - a) / width
-            b -= 0.01 * width * (not upright and c < len(ends) - 2)  # those that bulge do not meet
+            b -= 0.01 * width * (not upright and c < len(ends) - 2)  # bulging bricks do not meet
             n = max(round(part * cells[count % len(cells)]), 1)
             x = block(n, layers, width=b - a, height=height, corner=(a, r * height))
             pushed = part * weight if load == "all" or r == rows - 1 else 0.0
@@ -156,11 +156,11 @@ def t_junction(
     joint_slave: str = "A",
     **options: Any,
 ) -> Assembly:
-    """C upon A and B side by side, with friction everywhere: a homogeneous state without slip.
+    """C on A and B side by side, with friction everywhere: a homogeneous state without slip.
 
     A and B stand on a frictionless guide, A's left side is fixed along x; ``pressure`` on C's top,
-    ``side`` on the right sides of B and C and the left one of C [stress]; ``None`` holds these
-    along x instead. Exact is a linear displacement, with the pressure ``pressure`` on the level
+    ``side`` on the right sides of B and C and the left one of C [stress]; ``None`` fixes these
+    along x instead. The exact solution is a linear displacement, with ``pressure`` on the level
     joint per reference length and ``side`` on the upright one; see ``t_junction_exact``.
 
     Args:
@@ -214,7 +214,7 @@ def t_junction(
 
 
 def t_junction_exact(pressure: float, side: float, E: float) -> dict[str, float]:
-    """Linear elasticity: strains, and pressures per deformed length of the joints."""
+    """Strains, and pressures per deformed length of the joints, by linear elasticity."""
     strain_x = (1.0 + NU) / E * (-(1.0 - NU) * side + NU * pressure)
     strain_y = (1.0 + NU) / E * (-(1.0 - NU) * pressure + NU * side)
     return {
@@ -245,7 +245,7 @@ def tower(
 ) -> Assembly:
     """4 to 8 blocks with random sizes, offsets and friction; then a lateral force.
 
-    ``part``: of the lateral force, spread like the weight, that limit analysis allows.
+    ``part``: lateral force, distributed like the weight, over the limit load [1].
     """
     rng = np.random.default_rng(seed)
     while True:

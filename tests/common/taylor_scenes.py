@@ -17,27 +17,28 @@ import fenics_mortar as fm
 from fenics_mortar import sensitivity
 from fenics_mortar.sensitivity.over_steps import last
 from fenics_mortar.sensitivity.protocols import controls_of, dot, quantities_of
-from meshes import two_blocks
+from meshes import mapped_grids, two_blocks
+from meshes.mapped_grids import Grid, block
 
 MESH = {"n_upper": 4, "n_lower": 5, "layers_upper": 2, "layers_lower": 2}
-# Places of the upper block: pressed, then drawn over facets and back.
+# Positions of the upper block: pressed, then drawn over facets and back.
 PRESS = [(0.003, -0.05)]
 SLIDE = [(0.002, -0.03), (0.01, -0.05), (0.05, -0.05), (0.12, -0.05), (0.1, -0.045)]
-# Places of a circle, likewise.
+# Positions of a circle, likewise.
 ROLL = [(0.0, -0.03, 0.1), (0.01, -0.05, 0.1), (0.06, -0.05, 0.1)]
 
 
 @dataclass
 class Path:
-    """A problem, its controls by name, and how its steps are loaded.
+    """A problem, its controls by name, and the loads of its steps.
 
     Attributes:
         problem: The problem.
         u: Its displacement.
         controls: The controls by name. "place" is that of the upper block or of the obstacle; a
             change of it acts in all steps.
-        move: Sets the place of a step.
-        places: The places of the steps.
+        move: Function that sets the position of a step.
+        places: The positions of the steps.
     """
 
     problem: fm.ContactProblem
@@ -50,7 +51,7 @@ class Path:
         self.start = self.problem.state()
 
     def solve(self, names=(), changes=()) -> fm.RecordedPath:
-        """All steps from the undeformed state, with changed controls that are reset then."""
+        """Solve all steps from the undeformed state with changed controls; reset the controls."""
         self.problem.restore(self.start)
         made = controls_of(self.problem, [self.controls[n] for n in names]) if names else []
         before = [control.get(self.problem) for control in made]
@@ -60,6 +61,9 @@ class Path:
                 shift = change
             else:
                 control.set(self.problem, value + change)
+        if any(isinstance(control, sensitivity.ObstacleShape) for control in made):
+            self.problem.restore(self.problem.state())  # slip counts from points of this shape
+            self.problem.accept()
         for place in self.places:
             self.move(np.asarray(place) + shift)
             self.problem.solve(predict=False)
@@ -129,6 +133,31 @@ def obstacle_on_block(obstacle, law=None, *, degree=1, places=ROLL, **more):
     return Path(problem, u, controls, move, places)
 
 
+def tied_blocks(places, *, degree=1):
+    """Non-matching blocks joined by a tie; controls: modulus, body force, place."""
+    grids = [
+        Grid("lower", block(3, 2, width=1.0, height=0.5)),
+        Grid("upper", block(4, 2, width=1.0, height=0.5, corner=(0.0, 0.5))),
+    ]
+    data = mapped_grids.mesh(grids)
+    V = fm.vector_space(data.mesh, degree)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    E, load = fem.Constant(data.mesh, 100.0), fem.Function(V, name="load")
+    push = fem.Constant(data.mesh, (0.0, 0.0))
+    residual = ufl.inner(neo_hookean(u, E, 0.3), ufl.grad(v)) * ufl.dx(degree=2)
+    residual -= ufl.inner(load, v) * ufl.dx
+    bcs = [fm.dirichlet(V, data, "lower/bottom", (0, 0)), fm.dirichlet(V, data, "upper/top", push)]
+    tie = fm.TiedPair(data, "upper/bottom", "lower/top")
+    problem = fm.ContactProblem(
+        residual, u, [tie], bcs=bcs, newton=TIGHT, petsc_options_prefix="ties_"
+    )
+
+    def move(place):
+        push.value[:] = place
+
+    return Path(problem, u, {"E": E, "load": load, "place": push}, move, places)
+
+
 def wave(x, y):
     """A smooth field, shape (n, 2)."""
     return np.stack([np.sin(3.0 * x + y), np.cos(2.0 * y - x)], axis=1)
@@ -146,7 +175,7 @@ def value_of(path, objective, over_steps=last):
 
 
 def directions_of(scene, names, sizes):
-    """Directions of controls, alike on any number of ranks."""
+    """Directions of controls, equal on any number of ranks."""
     rng, found = np.random.default_rng(1), []
     for name, size in zip(names, sizes, strict=True):
         (control,) = controls_of(scene.problem, scene.controls[name])
@@ -195,7 +224,7 @@ def check(scene, objective, names, sizes, *, over_steps=last, step=1e-3, exact=1
         there = scene.solve(names, [h * direction for direction in directions])
         remainders.append(abs(value_of(there, objective, over_steps) - start - h * found))
     slopes = np.log2(np.array(remainders[:-1]) / remainders[1:])
-    # Where the objective is linear, remainders are errors of the solves: 1e-13 of the forces.
+    # If the objective is linear, remainders are errors of the solves: 1e-13 of the forces.
     rounding = 1e-11 * (abs(start) + size)
     assert remainders[0] <= rounding or slopes.min() > 1.9, (remainders, slopes, found)
     return gradient

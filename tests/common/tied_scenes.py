@@ -30,7 +30,7 @@ def linear(u):
 
 
 def tied(data, pairs, names, gradient, *, degree=1, start=0.9, law=neo, **options):
-    """A problem with the displacement gradient . X prescribed on boundaries, and that."""
+    """A problem with the displacement gradient . X prescribed on boundaries, and this field."""
     V = fm.vector_space(data.mesh, degree)
     u, exact = fem.Function(V), fem.Function(V)
     exact.interpolate(lambda X: gradient @ X[:2])
@@ -96,7 +96,7 @@ def tool_on_halves(comm=comm, slave="tool", joined=True, law=None):
     reports = []
     for place in ((0.0, -0.02), (0.0, -0.05), (0.1, -0.05), (0.2, -0.05), (0.3, -0.05)):
         push.value[:] = place
-        # Where the right half is in no pair, the tool goes into it: a violation that is meant.
+        # If the right half is in no pair, the tool penetrates it: an intended violation.
         missed = slave == "left/top"
         reports.append(problem.solve(accept_violations=missed))
     return problem, reports

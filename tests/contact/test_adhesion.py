@@ -13,13 +13,13 @@ import fenics_mortar as fm
 from meshes import two_blocks
 
 E, NU = 100.0, 0.3
-# Less steep than a column is stiff, 134 / 2: else it would jump.
+# Below the stiffness of a column, 134 / 2: otherwise it would jump.
 STRESS, RANGE = 4.0, 0.1
 MESH = {"n_upper": 3, "n_lower": 4, "layers_upper": 2, "layers_lower": 2}
 
 
 class Sticky(fm.Coulomb):
-    """As in the docstring of ``laws``: adhesion fades away exponentially."""
+    """As in the docstring of ``laws``: adhesion decreases exponentially."""
 
     def adhesion(self, gap):
         pull = STRESS * np.exp(-gap / RANGE)
@@ -33,7 +33,7 @@ class Clinging(fm.Frictionless):
 
 
 class Glued(Sticky):
-    """Friction by what presses the surfaces together, adhesion included."""
+    """Friction proportional to pressure plus adhesion."""
 
     def limit(self, node):
         bound, by_gap, by_z_n = super().limit(replaced(node, z_n=node.z_n + STRESS))
@@ -48,7 +48,7 @@ def replaced(node, **values):
 
 
 def columns(law, *, degree=1, material=neo_hookean, **problem):
-    """Two blocks between walls without friction; what moves the top [length]."""
+    """Two blocks between frictionless walls, and the constant that moves the top [length]."""
     data = read(two_blocks.build, width_upper=1.0, width_lower=1.0, **MESH)
     V = fm.vector_space(data.mesh, degree)
     u, lift = fem.Function(V), fem.Constant(data.mesh, 0.0)
@@ -85,7 +85,7 @@ def traction(stretch: float) -> float:
 def test_columns_are_pulled_by_the_closed_form(degree, law, options):
     """The stress of two columns of height 2 is the adhesion across their gap, to rounding.
 
-    Closed they bear all tensions up to a(0); apart they bear a(g).
+    Closed gaps transmit tensions up to a(0), open gaps a(g).
     """
     problem, lift = columns(law, degree=degree, **options)
     height = 2.0
@@ -135,7 +135,7 @@ def test_tangent_has_slope_two(degree, law):
 
 @pytest.mark.once
 def test_tangent_at_an_obstacle_that_pulls_has_slope_two():
-    """Its motions are directions of the test, too."""
+    """The motions of the obstacle are directions of the test, too."""
     circle = fm.Circle((0.5, -2.0), 2.01)
     problem, _ = block_on(circle, law=Sticky(0.3))
     record = problem.solve()
@@ -155,7 +155,7 @@ def test_tangent_at_an_obstacle_that_pulls_has_slope_two():
     "pair", [{"law": Sticky(0.3)}, {"law": Clinging(), "sliding": "small"}], ids=["large", "small"]
 )
 def test_all_ways_to_solve_agree(pair, options):
-    """Partly closed, partly pulled apart."""
+    """Partly closed, partly open gaps."""
     states = []
     for problem in ({"linear_bulk": False, "solver": "direct"}, options):
         scene = pressed_blocks(material=linear_elastic, pair=pair, problem=problem, **MESH)
@@ -170,7 +170,7 @@ def test_all_ways_to_solve_agree(pair, options):
 
 @pytest.mark.once
 def test_friction_by_what_presses_adhesion_included():
-    """Blocks that pull at each other rub all the same."""
+    """Blocks under tension have friction, too."""
     scene = pressed_blocks(pair={"law": Glued(0.3)}, **MESH)
     push, contact = scene.loads["push"], scene.contact
     for place in ((0.0, -0.01), (0.0, 0.01), (0.1, 0.01), (0.2, 0.01)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Laws of users whose answers are none, that raise, or that differ between ranks."""
+"""Users' laws with invalid results, with errors, or with differences between ranks."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Active sets: complementarity, nodes that touch or have no partner, weight c_n, merged sets."""
+"""Active sets: complementarity, touching nodes, nodes without partner, weight c_n, merged sets."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def test_complementarity_holds_node_by_node():
 @pytest.mark.once
 @pytest.mark.parametrize("c_n", [1e-8, 1e-5, 1.0, 1e3, 1e8])
 def test_result_does_not_depend_on_the_weight_of_the_gap(c_n):
-    """Too large a weight makes the set cycle: the cycle is left and recorded."""
+    """With too large a weight the set cycles: the cycle is left and recorded."""
     pressures, reports = [], []
     for value in (1e-3, c_n):
         scene = pressed_blocks(pair={"c_n": value}, gap=0.01, **MESH)
@@ -84,10 +84,10 @@ def test_total_force_is_what_the_nodes_carry():
 
 @pytest.mark.once
 def test_node_whose_cover_grows_presses_on(monkeypatch):
-    """An edge slides a facet on: of the node under it much more is covered then.
+    """An edge slides by a facet, and the cover of the node under it increases strongly.
 
-    The linear system knows its force; its multiplier alone pulls, which would release the node, to
-    come back two iterations later.
+    The linear system contains the nodal force; by its multiplier alone, which is tensile, the node
+    would open and close again two iterations later.
     """
     scene = pressed_blocks(slave="lower", pair={"law": fm.Coulomb(0.3)}, **MESH)
     contact, facet = scene.contact, scene.contact.slave.nodal_lengths.max()
@@ -139,7 +139,7 @@ def test_force_of_a_node_whose_cover_grows_is_w_z_to_first_order(monkeypatch):
     scene.problem.solve()
     moved = [each for each in moved if each[-1][0].any()]
     u0, old, weight, step, z, (presses, force) = moved[0]
-    part = 1e-6  # far enough from rounding, 1e-10, and from the next segment
+    part = 1e-6  # well above rounding, 1e-10, and below the next segment
     contact.evaluate(u0 + part * step, equations.linearization)
     growth = (contact.operators.weight - weight) / part
     expected = weight[:, None] * z + growth[:, None] * old
@@ -148,7 +148,7 @@ def test_force_of_a_node_whose_cover_grows_is_w_z_to_first_order(monkeypatch):
 
 @pytest.mark.once
 def test_operators_are_those_of_the_nodes_that_carry_multipliers(monkeypatch):
-    """Where a node hands its function over, or takes it back, all is integrated again."""
+    """If a node's function is handed over or returned, all operators are integrated again."""
     scene = pressed_blocks(gap=0.01, **{**MESH, "layers_lower": 1})
     contact, equations, u = scene.contact, scene.problem.equations, scene.u
     X = u.function_space.tabulate_dof_coordinates()

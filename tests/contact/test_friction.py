@@ -17,7 +17,7 @@ from meshes.mapped_grids import Grid, mapped
 
 
 class Creeping(fm.Law):
-    """What the docstring of ``laws`` shows."""
+    """Law in the docstring of ``laws``."""
 
     def branch(self, node: Nodal, before):
         return np.ones_like(before)
@@ -36,7 +36,7 @@ class Creeping(fm.Law):
 
 
 def slopes(problem, branches=None):
-    """Slopes of the whole system; 1 where a term is missing."""
+    """Slopes of the whole system; 1 if a term is missing."""
     if branches is not None:
         problem.equations.contacts[0].change(
             branch=np.resize(branches, problem.equations.contacts[0].branch.size)
@@ -55,7 +55,7 @@ def slopes(problem, branches=None):
 )
 @pytest.mark.parametrize("degree", [1, 2])
 def test_tangent_has_slope_two(law, pair, degree):
-    """Mixed as solved, then all sticking, all sliding, and sliding both ways by force."""
+    """Solved sets, then all sticking, all sliding, and sliding in both directions, as set."""
     scene = blocks(LAWS.get(law) or Creeping(), degree=degree, pair=pair)
     drive(scene, (0.0, -0.03), (0.02, -0.04))
     for branches in (None, [0], [1], [1, 0, -1, 0]):
@@ -65,7 +65,7 @@ def test_tangent_has_slope_two(law, pair, degree):
 @pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 def test_tangent_on_an_obstacle_has_slope_two(degree):
-    """The obstacle's motions take part: they are directions of the test."""
+    """The obstacle's motions are directions of the test, too."""
     circle = fm.Circle((0.5, -2.0), 2.03)
     problem, _ = block_on(circle, degree=degree, law=fm.Coulomb(0.4))
     problem.solve()
@@ -80,7 +80,7 @@ def test_tangent_on_an_obstacle_has_slope_two(degree):
 def test_sticking_blocks_are_one(algorithm, degree):
     """A homogeneous deformation with shear: the multiplier is minus Cauchy's traction.
 
-    It is exact but for rounding: the state lies in both spaces, and the meshes do not match.
+    It is exact up to rounding: the state lies in both spaces, and the meshes do not match.
     """
     gradient = np.array([[0.01, 0.03], [0.0, -0.1]])
     sides = [f"{body}/{side}" for body in ("upper", "lower") for side in ("left", "right")]
@@ -129,7 +129,7 @@ def test_shear_outside_the_cone_is_told():
 
 
 def test_wedge_takes_the_closed_form():
-    """H = W (tan a + mu) / (1 - mu tan a), however the block deforms: the plane stays plane."""
+    """H = W (tan a + mu) / (1 - mu tan a) for any deformation of the block."""
     angle, mu, weight = 0.2, 0.3, 4.0
     plane = fm.Plane((0.0, 0.0), (-np.sin(angle), np.cos(angle)))
     problem, along = block_on(plane, law=fm.Coulomb(mu), angle=angle, weight=weight)
@@ -182,7 +182,7 @@ def test_wrong_numbers_are_refused(wrong):
 
 
 def test_edge_that_shear_peels_off_is_named_with_a_law_that_has_a_solution():
-    """A circle slid on a block: where an edge node closes, its shear opens it again."""
+    """A circle slides on a block: when an edge node closes, its shear opens it again."""
     circle, law = fm.Circle((1.3, 2.0), 1.0), fm.Tresca(0.1 * E)
     grid = Grid("block", mapped(20, 6, lambda s, t: (4.0 * s, t)))
     data = read(lambda: mapped_grids.build([grid]))

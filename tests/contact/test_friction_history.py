@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Friction over steps: loops, work, steps that are rejected, ranks."""
+"""Friction over steps: loops, work, rejected steps, ranks."""
 
 from operator import attrgetter
 
@@ -22,7 +22,7 @@ WORKS = "contact", "friction"
 @pytest.mark.once
 @pytest.mark.serial
 def test_reversal_closes_a_loop():
-    """Forth and back twice: the second loop is the first, and friction takes up its area."""
+    """Forth and back twice: the second loop equals the first, and its area is the friction work."""
     scene = blocks(fm.Coulomb(0.3))
     top = [0.04, 0.08, 0.04, 0.0, -0.04, -0.08, -0.04, 0.0]
     times = np.arange(1.0, 18.0)
@@ -82,7 +82,7 @@ def ironing(cells: int):
 @pytest.mark.once
 @pytest.mark.serial
 def test_ironing_in_long_steps_balances_its_work():
-    """What contact takes up is the work of friction, but for what vanishes with the facets."""
+    """The work of contact is that of friction up to a term that vanishes with the facet length."""
     defects = []
     for cells in (1, 2):
         path = ironing(cells)
@@ -92,7 +92,7 @@ def test_ironing_in_long_steps_balances_its_work():
         assert friction > 0.0
         defects.append(abs(contact / friction - 1.0))
     assert defects[0] < 0.02
-    assert defects[1] < 0.6 * defects[0]  # at first order it would be a half
+    assert defects[1] < 0.6 * defects[0]  # first order would be a half
 
 
 def test_slip_counts_from_the_place_to_which_a_body_was_moved_rigidly():
@@ -105,9 +105,9 @@ def test_slip_counts_from_the_place_to_which_a_body_was_moved_rigidly():
 
 @pytest.mark.parametrize("pair", MEASURES)
 def test_rejected_step_leaves_no_trace(shared_path, pair):
-    """Restored in memory and from a file, the same step has the same answer.
+    """After restoring from memory and from a file, a step has the same result.
 
-    On one rank to the last bit; on several, MUMPS adds up in any order.
+    Bit for bit on one rank; on several ranks the summation order of MUMPS varies.
     """
     last_bits = 0.0 if MPI.COMM_WORLD.size == 1 else 1e-12
     scene = blocks(fm.Coulomb(0.3), pair=pair)
@@ -129,7 +129,7 @@ def test_rejected_step_leaves_no_trace(shared_path, pair):
 
 @pytest.mark.parametrize("pair", MEASURES)
 def test_ranks_agree(pair):
-    """The same path on one rank: nodes stick and slide alike."""
+    """Comparison with the path on one rank: equal stick and slip."""
     path = (0.0, -0.05), (0.03, -0.05), (0.12, -0.05)
     law = fm.Coulomb(0.3)
     mine = pressed_blocks(pair={"law": law, **pair}, comm=MPI.COMM_SELF, **MESH)
@@ -149,7 +149,7 @@ def test_ranks_agree(pair):
 @pytest.mark.serial
 @pytest.mark.long
 def test_four_ranks_agree(tmp_path):
-    """The test above on more ranks than the others run on, and than there may be cores."""
+    """The test above on more ranks than other tests use, possibly more than there are cores."""
     test = f"{__file__}::test_ranks_agree[pair0]"
     finished = run(tmp_path, 4, "-m", "pytest", "-q", "-p", "no:cacheprovider", test)
     assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-2000:]

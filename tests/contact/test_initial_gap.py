@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Gaps and overlaps of the mesh: kept and told of, closed, or made an interference; ramped."""
+"""Gaps and overlaps of the mesh: kept and reported, closed, or used as interference; ramped."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ E, NU = 100.0, 0.3
 def press_fit(material=neo_hookean, n_inner=16, n_outer=12, fixed=(), **pair):
     """Rings between the radii 1, 2 and 3; the outer one fixed at its outside, the inner one free.
 
-    Free, the inner polygon turns until it fits best, and there are several such places.
+    If free, the inner polygon rotates to one of several best-fitting positions.
     """
     data = read(rings.build, n_inner=n_inner, n_outer=n_outer, layers_inner=3, layers_outer=3)
     V = fm.vector_space(data.mesh, 1)
@@ -62,7 +62,7 @@ def test_overlap_of_polygons_is_interference_and_is_told():
 
 
 def test_pair_that_never_faces_is_told():
-    """The inside of the inner ring looks at its hollow: no part of the outer ring is in its way."""
+    """The inside of the inner ring faces its hole: no part of the outer ring is ahead of it."""
     data = read(rings.build, n_inner=16, n_outer=12, layers_inner=3, layers_outer=3)
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
@@ -90,7 +90,7 @@ def test_closed_gaps_leave_polygons_without_stress():
 @pytest.mark.once
 @pytest.mark.parametrize("n, uneven", [(24, 0.003), (48, 0.001)])
 def test_interference_of_polygons_gives_the_pressure_of_circles(n, uneven):
-    """Three layers of cells cost 0.6 % on either mesh; what is uneven are the facets alone."""
+    """Three layers of cells have an error of 0.6 % on either mesh; only the facets are uneven."""
     problem = press_fit(linear_elastic, n, n + n // 3, initial_gap=-1e-4)
     problem.solve()
     pressure = problem.equations.contacts[0].pressure
@@ -131,7 +131,7 @@ def test_derivatives_with_an_offset(basis):
 
 @pytest.mark.once
 def test_offset_moves_the_surface_by_as_much():
-    """An offset of -d is a block that starts higher by d, but for the arm of tilted facets."""
+    """An offset of -d equals a block higher by d, except for the lever arm of tilted facets."""
     mesh = {"n_upper": 5, "n_lower": 7, "layers_upper": 3, "layers_lower": 3}
     shifted = pressed_blocks(pair={"initial_gap": 0.02}, **mesh)
     opened = pressed_blocks(gap=0.02, **mesh)
@@ -144,7 +144,7 @@ def test_offset_moves_the_surface_by_as_much():
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_initial_gap_of_a_slave_of_one_facet(degree):
-    """On several ranks all but one have no facet to integrate."""
+    """On several ranks all except one have no facet to integrate."""
     scene = pressed_blocks(n_upper=1, n_lower=3, gap=0.05, degree=degree, pair={"initial_gap": 0.0})
     scene.problem.solve()
     assert np.abs(scene.contact.gap[scene.contact.covered]).max() < 1e-12

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Memory of a law: kept, taken back, saved and restarted; refusals; all ways to solve."""
+"""Memory of a law: stored, restored, saved and restarted; errors; all solution methods."""
 
 from dataclasses import replace
 
@@ -31,7 +31,7 @@ def blocks(law, **options):
 
 
 def drive(scene, steps):
-    """Press and shear at a constant rate; steps are numbers."""
+    """Press and shear at a constant rate; ``steps`` are step numbers."""
     for number in steps:
         scene.problem.time = 0.5 * number
         scene.loads["push"].value[:] = 0.01 * number, -0.02 - 0.002 * number
@@ -145,7 +145,7 @@ def test_another_law_starts_with_its_own_memory():
 
 
 class Wrong(Worn):
-    """Wear one method of which returns something else from some time on."""
+    """Wear law, one method of which returns a wrong value from some time on."""
 
     def __init__(self, method, spoil):
         super().__init__(0.1, 1e-2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Names that laws declare, and the name a law has in messages."""
+"""Names declared by laws, and names of laws in messages."""
 
 import numpy as np
 import pytest
@@ -42,14 +42,14 @@ def test_a_derived_law_has_its_own_name_and_numbers():
 
 @pytest.mark.serial
 def test_closing_gap_of_a_law_without_a_layer_is_the_gap():
-    """Laws with a layer may add to it: its derivatives count."""
+    """Derivatives are checked, too, since laws with a layer add to them."""
     gap = np.array([-0.1, 0.0, 0.3])
     row = fm.Coulomb(0.3).closing_gap(Nodal(gap, *np.zeros((5, 3))))
     assert row == Row(gap, by_gap=1.0, by_slip=0.0, by_z_n=0.0, by_z_tau=0.0)
 
 
-def test_slip_couples_nodes_of_laws_with_friction_or_that_see_nodes_alone():
-    """Room for the others in the matrix would only cost."""
+def test_slip_couples_nodes_of_laws_with_friction_or_nodal_state_alone():
+    """Other nodes need no entries in the matrix."""
     clinging = type("Clinging", (fm.Frictionless,), {})
     for law, couples in ((fm.Frictionless(), 0), (clinging(), 0), (fm.Coulomb(0.3), 1)):
         slave, master = small_blocks(pair={"law": law}).contact.coupled_by_slip()

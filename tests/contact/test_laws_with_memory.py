@@ -28,7 +28,7 @@ LAWS = {
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_wear_under_a_held_top_is_implicit_euler(degree):
-    """p' = -(E / H) wear p |v|: p falls by the same factor in each step."""
+    """p' = -(E / H) wear p |v|: p decreases by the same factor in each step."""
     law = Worn(0.0, 1e-2)
     problem, push, plane = block_on_plane(law, degree=degree)
     push.value[1] = -0.05
@@ -82,7 +82,7 @@ def test_cohesive_zone_is_loaded_unloaded_and_broken():
             expected, largest = strength - left * gap, gap
         assert contact.gap == pytest.approx(gap, abs=1e-12)
         assert contact.pressure == pytest.approx(-expected, abs=1e-10)
-    push.value[1] = 0.01  # broken for good
+    push.value[1] = 0.01  # permanently broken
     problem.solve()
     assert np.abs(contact.pressure).max() < 1e-10
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which slave nodes carry a multiplier where a surface is hardly covered."""
+"""Slave nodes that carry a multiplier on hardly covered surfaces."""
 
 from types import SimpleNamespace
 
@@ -23,7 +23,7 @@ def line():
 
 
 @pytest.mark.parametrize("cover, carry", [
-    ([0.0, 0.99, 1.01, 0.0], [1, 1, 1, 1]),  # alike: rounding does not choose
+    ([0.0, 0.99, 1.01, 0.0], [1, 1, 1, 1]),  # equal covers: rounding must not decide
     ([0.0, 0.5, 1.5, 0.0], [1, 1, 1, 1]),
     ([0.0, 0.99, 3.0, 20.0], [1, 0, 1, 1]),
     ([0.99, 20.0, 20.0, 0.99], [0, 1, 1, 0]),

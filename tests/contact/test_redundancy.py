@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Sticks that follow from other constraints: found where pairs meet, elastic, exact in patches."""
+"""Stick that follows from other constraints: detected, elastic, exact in patch tests."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def test_only_rows_whose_slave_nodes_other_pairs_touch_are_compared():
 @pytest.mark.parametrize("cells", [(2, 2, 3), (3, 4, 5), (2, 2, 4)])
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 def test_uniform_pressure_across_a_joint_is_exact(cells, slave):
-    """A facet spans the joint of two blocks; its gaps make their corners stick already."""
+    """A facet spans the joint of two blocks; its closed gaps prevent slip of their corners."""
     scene = supported.t_junction(cells, side=0.5, slave=slave)
     (report,) = scene.solve()
     assert report.num_iterations <= 10
@@ -42,7 +42,7 @@ def test_uniform_pressure_across_a_joint_is_exact(cells, slave):
 @pytest.mark.once
 @pytest.mark.parametrize("mu, cells", [(0.2, (4,)), (0.6, (4, 6, 2)), (0.4, (3, 5))])
 def test_walls_take_few_iterations_and_tell_of_shears_that_are_not_unique(mu, cells):
-    """Running bond, weight, then a quarter of the push that it bears; 68 to 78 before or none."""
+    """Running bond, weight, then a quarter of the limit push; 68 to 78 iterations before."""
     scene = supported.wall(2, 2, mu, push=0.25, cells=cells)
     reports = list(scene.solve())
     assert max(report.num_iterations for report in reports) <= 10
@@ -62,12 +62,12 @@ def test_state_of_redundant_shears_is_kept_by_a_further_solve():
     scene.problem.solve()
     largest = max(np.abs(z).max() for z in before)
     for contact, z in zip(scene.problem.equations.contacts, before, strict=True):
-        # As exact as the residual's tolerance, over the compliance of the elastic stick.
+        # Accuracy: the residual's tolerance over the compliance of elastic stick.
         assert np.abs(contact.z - z).max() < 1e-5 * largest
 
 
 def test_marks_of_the_last_solve_are_cleared_where_the_next_begins():
-    """A mark is kept while the node sticks: within a solve."""
+    """Within a solve a mark remains as long as the node sticks."""
     problem = small_blocks(pair={"law": fm.Coulomb(0.5)}).problem
     contact = problem.equations.contacts[0]
     for start in (False, True):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Operators are integrated anew only where something they depend on has changed."""
+"""Operators are integrated again only if their arguments have changed."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def test_operators_are_those_of_the_last_place():
 
 
 class Pair:
-    """What ``runs_of`` needs of a contact: who is active, and the order along the curves."""
+    """Attributes of a contact used by ``runs_of``: active set, and order along the curves."""
 
     def __init__(self, active, following):
         self.active, self.slave = np.array(active, bool), self

@@ -35,7 +35,7 @@ def imbalance(scene):
 
 @pytest.mark.parametrize("law", [None, MU])
 def test_ends_of_a_ring_as_with_chosen_sides(law):
-    """Two surfaces that may touch: the first one in the order is the slave, to rounding."""
+    """Two surfaces that may touch: the first one in the order is the slave."""
     chosen = close(lambda data: [fm.ContactPair(data, *ENDS, law=law)])
     found = close(with_itself(ENDS, law=law))
     assert found.problem.certificate().violations() == []
@@ -60,7 +60,7 @@ def test_whole_outline_of_a_ring_as_with_chosen_sides():
 @pytest.mark.once
 @pytest.mark.parametrize("order", [1, 2])
 def test_strip_folded_into_an_s_touches_on_both_sides(order):
-    """The middle arm is a master of the lower one and a slave of, or a master of, the upper one."""
+    """The middle arm is a master of the lower one, and a slave or master of the upper one."""
     strip = strip_in_s(with_itself("strip/outline"), order=order)
     strip.move(10, high=np.array([0.0, -0.25]))
     assert strip.problem.certificate().violations() == []
@@ -93,7 +93,7 @@ def test_numbers_of_nodes_do_not_matter():
 
 
 def test_start_of_a_hole_has_no_multiplier():
-    """There the roles change; where nodes meet, the gap would be constrained twice."""
+    """Roles change at this node; where nodes meet, the gap would be constrained twice."""
     inside = tube(with_itself("tube/inside")).contact
     assert (~inside.multiplier_nodes).sum() == 1
     assert np.allclose(inside.slave.X[~inside.multiplier_nodes], [[-0.85, 0.0]])

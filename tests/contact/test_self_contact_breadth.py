@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Contact of a surface with itself where problems have more than plane statics.
+"""Self-contact in problems beyond plane statics.
 
-The ends of a C-ring are closed by chosen sides, and as two surfaces that may touch: the roles are
-the same ones, so all numbers agree to rounding, and those of chosen sides are proven elsewhere.
+The ends of a C-ring are closed by chosen sides, and as two surfaces that may touch: roles are
+equal, so that all numbers agree up to rounding; chosen sides are verified elsewhere.
 """
 
 from functools import partial
@@ -91,7 +91,7 @@ def test_a_surface_in_contact_with_itself_wears():
 @pytest.mark.serial
 @pytest.mark.parametrize("scheme", ["generalized_alpha", "massless", "conserving"])
 def test_found_sides_are_as_chosen_ones_with_mass(scheme):
-    """Without mass at the contact nodes, found sides have none on both sides: nearly equal."""
+    """With "massless", found sides have no mass on both sides: results are nearly equal."""
     found = []
     for sides in (ENDS, [ENDS]):
         ring = ring_of(sides, law=MU)
@@ -122,7 +122,7 @@ def test_solvers_that_need_separate_sides_are_refused(option, words):
 
 
 def test_forces_of_one_body_of_a_list_do_not_load_the_others():
-    """Each body has only the multipliers of its own nodes and of nodes that face it."""
+    """Only multipliers of its nodes and of nodes that face it act on a body."""
     stack = ten_bodies(lambda data, names: [fm.ContactPair(data, names)], foundation=0.0)
     stack.problem.solve()
     floating, contact = stack.problem.equations.floating, stack.contact
@@ -174,7 +174,7 @@ def test_ten_free_bodies_are_compressed_far():
 
 
 def problem_with_masters(*parts):
-    """A block on a block whose upper side and right one are divided into named parts."""
+    """A block on a block whose upper and right sides are divided into named parts."""
     lower = block(4, 2, width=1.0, height=0.5)
     upper = block(3, 2, width=1.0, height=0.5, corner=(0.0, 0.5))
     arrays = mapped_grids.arrays([Grid("lower", lower), Grid("upper", upper)])

@@ -51,7 +51,7 @@ def disk(half, depth=None, **options):
 @pytest.mark.parametrize("half", [np.pi / 4, np.pi / 3])
 @pytest.mark.parametrize("depth", [None, 0.02])
 def test_flanks_of_a_groove_share_the_load_of_a_disk(half, depth):
-    """Each bears W / (2 sin half) along its normal, exactly, and by as many nodes."""
+    """Each flank carries W / (2 sin half) along its normal, with equal numbers of nodes."""
     problem, sides = disk(half, depth)
     report = problem.solve()
     assert report.certificate.violations() == []
@@ -68,7 +68,7 @@ def test_flanks_of_a_groove_share_the_load_of_a_disk(half, depth):
 
 @pytest.mark.once
 def test_nearest_of_two_is_the_same_where_no_node_sees_both():
-    """The distance to the nearer flank as a single obstacle: another formula, the same disk."""
+    """The nearer flank as a single obstacle: another formula with equal results."""
     problem, sides = disk(np.pi / 4, 0.02)
     problem.solve()
 
@@ -91,7 +91,7 @@ def test_nearest_of_two_is_the_same_where_no_node_sees_both():
 
 @pytest.mark.once
 def test_tangent_and_the_form_of_the_system():
-    """Taylor slopes with nodes active against both; what cannot be condensed says why."""
+    """Taylor slopes with nodes active on both masters; reasons against condensation."""
     problem, _ = disk(np.pi / 3, 0.02)
     for contact in problem.equations.contacts:
         contact.change(active=contact.covered)
@@ -103,7 +103,7 @@ def test_tangent_and_the_form_of_the_system():
 
 
 def tip(strain, part=0.02, **options):
-    """A square that stands on its corner in a groove, made smaller by ``part`` from above."""
+    """A square that stands on its corner in a groove, compressed by ``part`` from above."""
     turn = np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2.0)
     x = block(6, 5, width=1.0, height=1.0) @ turn.T
     grid = Grid("square", x, {"bottom": "low", "left": "low", "right": "high", "top": "high"})
@@ -131,7 +131,7 @@ def test_corner_in_the_tip_of_a_groove_is_pressed_evenly(strain, sliding):
         "linear": 2 * (mu + lmbda) * 0.02,
         "finite": mu * (1 / 0.98 - 0.98) - lmbda * 2 * np.log(0.98) / 0.98,
     }
-    length = {"small": 1.0, "finite": 0.98}  # what a pressure of the model is counted over
+    length = {"small": 1.0, "finite": 0.98}  # of a segment, to which pressures of the model refer
     u, X = (
         problem.equations.bulk.u.x.array.reshape(-1, 2),
         problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2],
@@ -145,7 +145,7 @@ def test_corner_in_the_tip_of_a_groove_is_pressed_evenly(strain, sliding):
 
 @pytest.mark.once
 def test_driven_separately():
-    """Two walls of a channel press a disk that they alone support: each with its own force."""
+    """Two walls of a channel press a disk supported by them alone, each with a separate force."""
     walls = (
         fm.Plane((-1.05, 0.0), (1.0, 0.0), name="left"),
         fm.Plane((1.0, 0.0), (-1.0, 0.0), name="right"),
@@ -187,7 +187,7 @@ def test_two_bodies_side_by_side_as_masters(law):
 
 
 def cornered(meshed, **options):
-    """A square pressed into the corner of a floor and a wall with friction, and what moves all."""
+    """A square pressed into the corner of floor and wall with friction, and the constants."""
     sides = {"bottom": "low", "right": "low", "left": "high", "top": "high"}
     grids = [Grid("square", block(6, 6, width=1.0, height=1.0), sides)]
     if meshed:
@@ -226,9 +226,9 @@ PATH = [
     [(False, "finite", None), (True, "finite", None), (False, "linear", True)],
 )
 def test_corner_sticks_to_floor_and_wall(meshed, strain, linear_bulk):
-    """Two gaps fix it, and stick does so again: of obstacles the system would be singular.
+    """Two gaps fix the corner, and stick again: with obstacles the system would be singular.
 
-    Floor and wall that deform by themselves leave it free to stick to both.
+    With deformable floor and wall it can stick to both.
     """
     problem, move = cornered(meshed, strain=strain, linear_bulk=linear_bulk)
     corner = np.argmin(np.hypot(*(problem.equations.contacts[0].slave.X - [1.0, 0.0]).T))

@@ -53,7 +53,7 @@ def test_rigid_rotation_is_no_slip(degree, pair):
 
 
 def test_slip_on_an_obstacle_is_against_its_material():
-    """A plane that moves along itself under a fixed block, and one that turns with the block."""
+    """A plane that moves tangentially under a fixed block, and one that rotates with the block."""
     plane = fm.Plane((0.0, 0.0), (0.0, 1.0))
     problem, _ = block_on(plane, law=fm.Coulomb(0.3))
     plane.move(x=0.2)
@@ -154,7 +154,7 @@ def bowed_block_under_a_tool(half, degree):
 @pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 def test_half_of_a_symmetric_scene_has_the_shears_and_slips_of_the_whole(degree):
-    """What is left is the solver's tolerance."""
+    """The remaining difference is the solver's tolerance."""
     (shear, pressure, slip), (half_shear, half_pressure, half_slip) = (
         bowed_block_under_a_tool(half, degree) for half in (False, True)
     )

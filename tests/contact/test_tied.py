@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Tied pairs: crosspoints, other pairs beside them, ranks, files, bad input."""
+"""Tied pairs: crosspoints, combination with other pairs, ranks, files, bad input."""
 
 from itertools import product
 
@@ -98,12 +98,12 @@ def test_a_contact_surface_goes_on_across_the_joint(slave):
     assert max(report.num_iterations for report in reports) <= 8
     assert reports[-1].certificate.violations() == []
     force = np.abs(problem.equations.contacts[0].total_force)
-    assert force[0] == pytest.approx(0.2 * force[1], rel=0.02)  # the surface is about level
+    assert force[0] == pytest.approx(0.2 * force[1], rel=0.02)  # the surface is approximately level
     assert min(problem.check_tangent(print_table=False).slopes.values()) > 1.95
 
 
 def test_a_contact_surface_may_end_at_the_joint():
-    """The corner has a multiplier in contact only, and bears what the tie's neighbour passes on."""
+    """The corner has a multiplier in contact only, and carries the force handed over by the tie."""
     problem, reports = tool_on_halves(slave="left/top")
     contact, tie = problem.equations.contacts
     corner = np.intersect1d(contact.slave.nodes, tie.slave.nodes)
@@ -114,7 +114,7 @@ def test_a_contact_surface_may_end_at_the_joint():
 
 
 def test_a_body_supported_by_a_tie_alone_does_not_float():
-    """The same as the upper of two blocks; what is pulled at its top would fly off else."""
+    """Such a body as the upper of two blocks, pulled at its top."""
     data = blocks(layers_upper=2)
 
     def law(u):

@@ -49,8 +49,8 @@ def test_uniaxial_tension_passes_with_its_traction(degree, counts, basis):
         assert off(problem, exact) < EXACT
         assert np.abs(problem.equations.contacts[0].pressure + 1.0).max() < 1e-11
 
-    # What holds exactly
-    assert problem.estimate().relative < 1e-9  # the exact solution is told as such
+    # Exact properties
+    assert problem.estimate().relative < 1e-9  # the estimate of an exact solution vanishes
 
 
 @pytest.mark.once
@@ -76,7 +76,7 @@ def test_turned_rings_are_free_of_stress_and_torques_cancel(degree, sides, algor
 
 
 def test_a_kept_gap_does_not_turn_with_the_bodies():
-    """And so strains them and makes a torque; the mesh stays where it was."""
+    """It therefore strains them and causes a torque; the mesh is not moved."""
     data, turn = ring_data(1), rotation(0.8) - np.eye(2)
     pair = fm.TiedPair(data, "inner/bottom", "outer/top", gap="kept")
     problem, exact = tied(data, [pair], ["outer/bottom"], turn)
@@ -104,7 +104,7 @@ def test_tangent_has_second_order_remainder_and_newton_is_quadratic(degree, basi
 @pytest.mark.parametrize("roles", ROLES)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_forces_balance_where_facets_have_no_partner_in_part(degree, roles):
-    """The upper block stands out at both sides, by parts of facets."""
+    """The upper block protrudes at both sides, by parts of facets."""
     data = blocks((7, 5), width_upper=1.33, width_lower=1.2)
     shear = np.array([[0.0, 0.3], [0.0, 0.2]])
     problem, _ = tied(data, [fm.TiedPair(data, *roles)], ENDS, shear, degree=degree, start=0.0)

@@ -11,7 +11,7 @@ import fenics_mortar as fm
 
 
 def test_matrix_of_a_linear_bulk_is_constant_and_the_condensed_one_symmetric():
-    """A T = Q^T K Q with the slave's motion put in, in the rows of the other nodes."""
+    """A T = Q^T K Q, with the slave's motion eliminated, in the rows of the other nodes."""
     data, gradient = blocks(), np.array([[0.0, 0.3], [0.0, 0.2]])
     pair = fm.TiedPair(data, *ROLES[0])
     problem, _ = tied(data, [pair], ENDS, gradient, start=0.0, law=linear, algorithm="condensed")
@@ -50,7 +50,7 @@ def test_saddle_matrix_is_symmetric():
 @pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 def test_conjugate_gradients_with_multigrid_solve_the_reduced_system(degree):
-    """As many iterations on a mesh of half the size, and what a direct solver finds."""
+    """Equal numbers of iterations on a refined mesh, and the result of a direct solver."""
     shear, counts = np.array([[0.0, 0.3], [0.0, 0.2]]), []
     for n in (1, 2):
         data = blocks((5 * n, 8 * n), layers_upper=5 * n, layers_lower=8 * n, width_lower=1.2)

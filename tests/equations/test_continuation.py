@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Solves in a row begin where the last two lead, as load paths do, wherever loads continue."""
+"""Successive solves start from extrapolated states if loads continue, as load paths do."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ ROUGH = fm.Coulomb(0.2)
 
 
 class Starts:
-    """A scene, and the displacement that each of its solves begins from."""
+    """A scene, and the initial displacement of each solve."""
 
     def __init__(self, **options):
         self.scene = pressed_blocks(**MESH, **options)
@@ -44,7 +44,7 @@ def extrapolated(before, last, ratio=1.0):
 
 
 def pressed_twice(**options):
-    """The scene, and its states, after loads that go on straight."""
+    """The scene and its states after proportional loads."""
     starts = Starts(**options)
     states = []
     for y in (-0.05, -0.1):
@@ -102,7 +102,7 @@ def test_states_and_laws_that_a_user_sets_are_taken_as_they_are():
 
 @pytest.mark.once
 def test_step_that_failed_and_is_cut_by_the_user_is_part_of_the_path():
-    """The guess failed, so that the next step has none; the one after that starts from a guess."""
+    """After a failed guess the next step has no guess; the following one has a guess."""
     starts, states = pressed_twice()
     here, options = starts.problem.state(), starts.problem.newton
     starts.problem.newton = replace(options, max_iterations=1, residual_tolerance=1e-15)
@@ -132,13 +132,13 @@ def test_plain_loop_takes_the_iterations_of_a_path():
         for time in loads:
             at(scene, time)
             counts[predict].append(scene.problem.solve(predict=predict).num_iterations)
-    # a path knows the unloaded state, too
+    # a path also uses the unloaded state
     assert counts[True][2:] == [step.report.num_iterations for step in path.steps][2:]
     assert sum(counts[True]) < sum(counts[False])
 
 
 def test_bodies_with_inertia_start_from_the_last_state():
-    """Their acceleration is a load, too; a state of statics has none."""
+    """Their acceleration acts as a load, too; a static state has none."""
     starts, states = pressed_twice()
     motion = fm.Dynamics(starts.problem, 1.0)
     states = [states[-1]]

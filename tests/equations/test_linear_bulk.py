@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""When the bulk is factored once: from the first solve on, where that is predicted to cost less."""
+"""Use of one factorization of the bulk: from the first solve on if its predicted cost is lower."""
 
 from dataclasses import replace
 
@@ -68,7 +68,7 @@ def test_dense_matrices_that_cost_more_are_not_made(monkeypatch, options, words)
 
 @pytest.mark.once
 def test_many_solves_pay_for_dense_matrices(monkeypatch):
-    """The general path was predicted to be cheaper for one solve; it has been taken too often."""
+    """The general method was predicted to be cheaper for one solve; after many solves it is not."""
     unknowns = pressed_blocks(material=linear_elastic, **MESH).problem.equations.bulk.r.getSize()
     twice = COSTS.factors(unknowns, 2 * COSTS.expected) / (1e-6 * unknowns)
     monkeypatch.setattr(linear_bulk, "COSTS", replace(COSTS, once=twice, dense=0.0))
@@ -97,7 +97,7 @@ def disc_on_block(reduced):
 
 @pytest.mark.once
 def test_steps_that_would_invert_cells_are_shortened_as_on_all_dofs():
-    """One node touches at first, and would hold the disc's cells."""
+    """One node touches at first, and the cells of the disc would be inverted."""
     one, other = (disc_on_block(reduced) for reduced in (False, True))
     general, report = one.solve(), other.solve()
     assert min(it.fraction for it in general.iterations) < 1.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Linear solves with the tangent and its transpose, against the matrix assembled by other means."""
+"""Linear solves with the tangent and its transpose, and an independently assembled matrix."""
 
 from functools import partial
 
@@ -24,7 +24,7 @@ from fenics_mortar.la.saddle import SaddleSystem
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 5, "n_lower": 8, "layers_upper": 3, "layers_lower": 3}
-# Of one solve, relative; the matrices have conditions up to 1e5.
+# Relative error of one solve [1]; condition numbers are up to 1e5.
 EXACT = 1e-10
 
 
@@ -69,13 +69,13 @@ def assembled(problem):
 
 
 def flat(problem, x):
-    """The whole of a vector, in the order of ``assembled``."""
+    """All entries of a vector in the order of ``assembled``."""
     u = np.concatenate(comm.allgather(x.u))
     return np.concatenate([u, *(np.ravel(z) for z in x.z), np.ravel(x.q)])
 
 
 def random_vector(problem, seed, sizes):
-    """Random entries, alike on any number of ranks; ``sizes``: of u, z, q."""
+    """Random entries, equal on any number of ranks; ``sizes``: of u, z, q."""
     rng, bulk = np.random.default_rng(seed), problem.equations.bulk
     u = sizes[0] * rng.uniform(-1.0, 1.0, bulk.r.getSize())
     z = [sizes[1] * rng.uniform(-1.0, 1.0, c.z.shape) for c in problem.equations.contacts]
@@ -88,7 +88,7 @@ def check(problem, exact=EXACT):
     u, z = problem.equations.bulk.u.x.array.copy(), [c.z.copy() for c in problem.equations.contacts]
     A = assembled(problem)
     b, c = (random_vector(problem, seed, (1.0, 1.0, 1.0)) for seed in (1, 2))
-    for _ in range(2):  # factors are those of the state, whatever was factored before
+    for _ in range(2):  # factors are those of the state, independent of earlier ones
         x, y = problem.linear_solve(b), problem.linear_solve(c, transpose=True)
     for matrix, solution, rhs in ((A, x, b), (A.T, y, c)):
         found, wanted = flat(problem, solution), np.linalg.solve(matrix, flat(problem, rhs))
@@ -106,7 +106,7 @@ def check(problem, exact=EXACT):
 
 
 def rubbing(algorithm, *, pair=None, degree=1, material=neo_hookean, **options):
-    """Blocks some of whose nodes are then said to slide and to be open: no equilibrium."""
+    """Blocks with some nodes set to sliding and open: not in equilibrium."""
     pair = {"law": fm.Coulomb(0.2), **(pair or {})}
     scene = pressed_blocks(
         pair=pair, problem={"algorithm": algorithm, **options}, degree=degree, material=material,
@@ -236,7 +236,7 @@ def test_driven_obstacle(algorithm, kind):
 
 @pytest.mark.once
 def test_two_obstacles_on_one_body():
-    """One at rest, one driven, each with a border of its own."""
+    """One at rest, one driven, each with a separate border."""
     problem, _ = test_several_masters.disk(np.pi / 3, 0.02)
     problem.solve()
     check(problem)
@@ -292,7 +292,7 @@ def test_multigrid(algorithm):
 
 
 def test_multigrid_of_tied_bodies():
-    """Its cycle is conjugate gradients, to 1e-9 of their own."""
+    """Its cycle is conjugate gradients with the tolerance 1e-9."""
     data = tied_scenes.blocks((5, 8), width_lower=1.2)
     options = {"solver": "iterative", "petsc_options": {"ksp_rtol": 1e-13}}
     problem, _ = tied_scenes.tied(
@@ -317,7 +317,7 @@ def test_transposed_iterations_are_about_as_many():
 @pytest.mark.once
 @pytest.mark.serial
 def test_sensitivities_are_those_of_the_solution():
-    """By the push and by a prescribed motion, against central differences of solves."""
+    """Sensitivities to the push and to a prescribed motion, and central differences."""
     step = 1e-4
 
     def solved(**change):
@@ -364,7 +364,7 @@ def test_wrong_right_hand_sides_are_refused(rhs, words):
 
 @pytest.mark.parametrize("transpose", [False, True])
 def test_free_body_is_singular(transpose):
-    """No spring of Newton's method hides it."""
+    """Springs of Newton's method must not conceal the singularity."""
     data = read(three_blocks)
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Solves that fail: what is told, what is kept, and that a smaller step is solved after."""
+"""Failed solves: messages, retained data, and the solution of a smaller step afterwards."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def failure(problem):
 
 
 def assert_nothing_lost(problem, report):
-    """The record so far, the displacement and the multipliers can be looked at."""
+    """The record so far, the displacement and the multipliers are accessible."""
     assert not report.converged
     assert len(report.iterations) >= 1
     assert report.reason in report.table()

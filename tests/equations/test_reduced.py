@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Newton on the contact dofs alone: the iterates of the general path, and when it is taken."""
+"""Newton's method on the contact dofs alone: equal iterates, and criteria for its use."""
 
 from mpi4py import MPI
 
@@ -15,7 +15,7 @@ import fenics_mortar as fm
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
 PATH = [(0.0, -0.05), (0.02, -0.08), (0.07, -0.08), (0.07, 0.01), (0.1, -0.06)]
-# An edge slides on by facets: of a node under it much more is covered in a step than before.
+# An edge slides by facets: the cover of a node under it increases strongly in a step.
 EDGE = [(0.04, -0.05), (0.04, -0.1), (0.24, -0.1), (0.44, -0.1)]
 
 
@@ -87,9 +87,9 @@ def test_load_steps_take_the_same_iterations(path, scene, algorithm):
 
 @pytest.mark.once
 def test_a_step_on_all_dofs_in_between_changes_nothing():
-    """It adds contact to K, which the next one, along a new direction, has to have without.
+    """Such a step adds contact terms to K, which must not be present for the next direction.
 
-    The upper block is one cell high: contact adds to rows that prescribed values are in.
+    The upper block is one cell high: contact terms are added to rows with prescribed values.
     """
     general, reduced = pair_of(layers_upper=1)
     for number, step in enumerate(PATH[:3]):
@@ -157,7 +157,7 @@ def test_body_supported_by_contact_alone_takes_the_general_path_and_says_so():
     assert problem.equations.contacts[0].total_force[1] == pytest.approx(
         1.0, rel=1e-9
     )  # its weight
-    assert not any("free to move" in note for note in problem.solve().notes)  # said once
+    assert not any("free to move" in note for note in problem.solve().notes)  # reported once
 
 
 @pytest.mark.once
@@ -175,7 +175,7 @@ def test_choice_follows_from_the_form():
 
 @pytest.mark.once
 def test_forced_where_the_bulk_is_not_linear_it_notices():
-    """The residual that the linear bulk would leave is looked at in the end."""
+    """The residual of a bulk that is not linear is checked at the end."""
     scenes = [
         pressed_blocks(material=neo_hookean, problem={"linear_bulk": reduced}, **MESH)
         for reduced in (False, True)

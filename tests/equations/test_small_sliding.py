@@ -28,7 +28,7 @@ def small_blocks(**options):
 
 
 def test_one_factorization_and_the_general_paths_agree():
-    """Alg. 1, Alg. 2 and the complementarity problem of the pressures are one method."""
+    """Alg. 1, Alg. 2 and the complementarity problem of the pressures have equal results."""
     choices = ({}, *({"linear_bulk": False, "algorithm": a} for a in ("condensed", "saddle")))
     scenes = [small_blocks(problem=choice) for choice in choices]
     for step in PATH:
@@ -65,7 +65,7 @@ def test_tangent_is_exact(algorithm):
     scene.loads["push"].value[:] = PATH[1]
     scene.problem.solve()
     slopes = scene.problem.check_tangent(print_table=False).slopes
-    # linear: the remainder is rounding, there is no slope to be seen
+    # linear: the remainder is rounding, no slope is defined
     assert all(slope == np.inf for slope in slopes.values()), slopes
 
 
@@ -141,7 +141,7 @@ def test_obstacles(obstacle):
 
 @pytest.mark.once
 def test_friction_on_undeformed_operators():
-    """On the contact dofs and on all dofs; the pressures alone would not do."""
+    """On the contact dofs and on all dofs; pressures alone do not suffice."""
     law = {"law": fm.Coulomb(0.2)}
     scenes = [small_blocks(pair=law, problem={"linear_bulk": reduced}) for reduced in (True, False)]
     for step in PATH[:2]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""States are values: frozen, listed once, put by one method, and gone back to bit for bit."""
+"""States are values: frozen, listed once, replaced by one method, and restored bit for bit."""
 
 import ast
 from dataclasses import fields, is_dataclass
@@ -15,7 +15,7 @@ from fenics_mortar.equations.state import State
 
 PACKAGE = Path(fm.__file__).parent
 PARTS = {field.name for field in fields(InterfaceState)}
-# Parts that may be set, and those that an interface shows by its state only.
+# Attributes that may be set, and those that an interface has in its state only.
 NOT_SHOWN = {"offset", "c_n", "reference", "force_decided", "load_time", "past"}
 # Of an interface, beside its state: replaced by ``set_operators`` and ``set_stiffness``.
 OTHERS = {"now", "operators", "stiffness", "state", "_state"}
@@ -47,7 +47,7 @@ def test_no_module_assigns_to_the_state_of_an_interface():
         for name, line in assignments(module)
         if name in (PARTS | OTHERS) - {"offset", "c_n"}
     ]
-    # What is left is setting what users may set.
+    # The remaining assignments are those of attributes that users may set.
     assert [place for place in found if "contact/" not in place] == []
 
 
@@ -71,7 +71,7 @@ def test_interface_is_changed_by_its_state_only(name):
 
 
 def numbers(value, name="", seen=None):
-    """All arrays and numbers below a value, by the way to them."""
+    """All arrays and numbers below a value, by their path."""
     if isinstance(value, np.ndarray | float | int | bool):
         yield name, np.asarray(value)
     elif hasattr(value, "indptr"):

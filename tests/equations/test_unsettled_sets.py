@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Active sets that do not settle where no body floats: those of the linearized problem."""
+"""Active sets that do not settle without floating bodies: sets of the linearized problem."""
 
 import numpy as np
 import pytest
 from scenes import internal, linear_elastic, neo_hookean, read, rectangles
+from small_scenes import small_blocks
 
 from dolfinx import fem
 
@@ -42,7 +43,7 @@ def plates(cell, law):
 @pytest.mark.parametrize("mu", [0.0, 0.3, 2.0])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_thin_plates_that_touch_settle(cell, mu):
-    """Bent plates open and close over wide parts at once; the force grows as the push."""
+    """Bent plates open and close over wide parts simultaneously; the force grows with the push."""
     problem, push = plates(cell, fm.Coulomb(mu) if mu else None)
     forces = []
     for depth in (1e-6, 2e-6):
@@ -52,6 +53,15 @@ def test_thin_plates_that_touch_settle(cell, mu):
         forces.append(problem.contacts[0].forces[:, 1].sum())
     assert forces[0] > 0.0
     assert forces[1] / forces[0] == pytest.approx(2.0, rel=1e-3)  # a receding contact is linear
+
+
+def test_nothing_is_linearized_where_nothing_may_touch():
+    """As after a hook has snapped: an error of numpy before."""
+    scene = small_blocks()
+    scene.loads["push"].value[1] = 1.0
+    scene.problem.solve()
+    e = scene.problem.equations
+    assert not LinearizedContact(e.bulk, e.floating, e.system, e.motions).applies
 
 
 def test_multipliers_of_the_linearized_problem_are_those_of_small_loads():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Corners inside a slave surface: which facet's normal they take, and the sets that follow."""
+"""Corners inside a slave surface: choice of the normal, and the resulting active sets."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from meshes.mapped_grids import block
 
 
 def arms(slave="left", mu=0.0, thickness=0.06, overlap=0.3, cells=9, **options):
-    """An arm upon another, both clamped at their far ends, with whole outlines."""
+    """An arm on another one, both clamped at their far ends, with whole outlines."""
     grids = [
         whole("left", block(14, 2, width=1.0, height=thickness, corner=(-1.0, -thickness))),
         whole("right", block(cells, 2, width=1.0, height=thickness, corner=(-overlap, 0.0))),
@@ -24,7 +24,7 @@ def arms(slave="left", mu=0.0, thickness=0.06, overlap=0.3, cells=9, **options):
 
 
 def chosen(scene, x=None):
-    """Facets of the corners of the slave by their places in the mesh, rounded."""
+    """Facets at the corners of the slave, by their rounded positions in the mesh."""
     c = scene.contact
     corners = corners_of(c.slave)
     o = c.operators
@@ -78,7 +78,7 @@ def test_a_facet_between_corners_keeps_its_partner_if_one_of_them_takes_its_norm
 
 
 def test_a_corner_between_two_walls_keeps_its_averaged_normal():
-    """Both parts of the master are as near: neither facet is preferred."""
+    """Both parts of the master are equally near: no facet is preferred."""
     scene = arms("right")
     c = scene.contact
     x = c.operators.x

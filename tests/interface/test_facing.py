@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which facets points face, by hand."""
+"""Facets faced by points, computed by hand."""
 
 from types import SimpleNamespace
 

@@ -40,7 +40,7 @@ def test_row_sums_of_D_and_M_are_equal(slave, basis, degree):
     problem = moved_scene(slave=slave, pair={"basis": basis}, degree=degree).problem
     D, M = dense(problem.matrices.D(0)), dense(problem.matrices.M(0))
     assert np.abs(D.sum(axis=1) - M.sum(axis=1)).max() < 1e-15
-    if basis == "dual":  # but for what a node hands over whose integral is negative
+    if basis == "dual":  # except for functions with negative integral, which are handed over
         kept = np.diag(D) > 0.0
         assert np.abs(D - np.diag(np.diag(D)))[:, kept].max() == 0.0
         assert kept.all() or degree == 2

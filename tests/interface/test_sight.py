@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What lies behind a slave surface: no partner is seen through the bodies, and no option needed."""
+"""Search behind a slave surface: no partners through the bodies, without options."""
 
 import numpy as np
 import pytest
@@ -51,11 +51,11 @@ class Scene:
         )  # fmt: skip
 
     def move(self, number, x, y):
-        """Prescribe the motion of the place of this number."""
+        """Prescribe the motion of the condition with this number."""
         self.moved[number].x.array.reshape(-1, 2)[:] = x, y
 
     def follow(self, way, steps):
-        """Go along ``way``, places (k, 2) of the second condition at equal times."""
+        """Follow ``way``, positions (k, 2) of the second condition at equal times."""
         times = np.linspace(0.0, 1.0, len(way))
 
         def set_loads(time):
@@ -118,7 +118,7 @@ def test_thin_plates_are_pressed_deep(slave, degree, depths):
 
 @pytest.mark.parametrize("slave", ["lower", "upper"])
 def test_thin_plate_is_pressed_by_more_than_its_thickness_in_one_step(slave):
-    """It goes into a thick block, from a distance: the nearer way out is that which it came."""
+    """It penetrates a thick block from a distance: the shorter way out is backwards."""
     grids = [
         Grid("lower", block(12, 6, width=1.2, height=1.0, corner=(-0.6, -1.0))),
         Grid("upper", block(9, 1, width=0.9, height=0.05, corner=(-0.45, 0.01))),
@@ -133,7 +133,7 @@ def test_thin_plate_is_pressed_by_more_than_its_thickness_in_one_step(slave):
 
 @pytest.mark.once
 def test_a_radius_is_a_bound_behind_as_well():
-    """One below the overlap of two bodies finds nothing in it."""
+    """With a radius below the overlap of two bodies no partner is found."""
     data = read(lambda: mapped_grids.build([
         Grid("lower", block(4, 4, width=1.0, height=1.0, corner=(0.0, -0.9))),
         Grid("upper", block(5, 4, width=1.0, height=1.0, corner=(0.0, 0.0))),
@@ -274,7 +274,7 @@ def on_its_corner(tilt, reach, wall):
 @pytest.mark.once
 @pytest.mark.parametrize("tilt, reach", [(-10.0, 0.1), (-25.0, 0.1), (-10.0, 0.3)])
 def test_corner_that_touches_does_not_feel_a_wall_that_its_other_side_sees(tilt, reach):
-    """The wall is on the same facet as the floor beneath the corner, 3 to 4 facets away."""
+    """The wall is opposite to the facet that faces the floor, 3 to 4 facets away."""
     forces = []
     for wall in (False, True):
         contact = on_its_corner(tilt, reach, wall)

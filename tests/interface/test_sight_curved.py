@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What lies behind curved slave surfaces: tubes and spirals."""
+"""Search behind curved slave surfaces: tubes and spirals."""
 
 import re
 
@@ -17,7 +17,7 @@ from meshes.mapped_grids import Grid, block, mapped, sector
 
 
 def tubes(outlines, slave="inner", degree=1, **options):
-    """A tube in one that it is too wide for."""
+    """A tube in a narrower one."""
     body = whole if outlines else Grid
     count = 24 * degree
     grids = [
@@ -103,7 +103,7 @@ def test_spiral_that_is_pressed_does_not_find_its_own_back():
 
 
 def test_deep_overlap_of_an_active_node_is_named_with_the_reach():
-    """Bodies that are meshed in one another: what Newton could not do is said."""
+    """Bodies meshed inside one another: the failure of Newton's method is described."""
     grids = [
         Grid("lower", block(16, 8, width=1.0, height=1.0, corner=(0.0, -1.0))),
         Grid("upper", block(12, 8, width=1.0, height=1.0, corner=(0.0, -0.45))),

@@ -24,7 +24,7 @@ DEGREES = [(degree, cell) for degree in (1, 2) for cell in ("triangle", "quadril
 
 
 class Sticky(fm.Coulomb):
-    """Friction, and adhesion that fades away exponentially."""
+    """Friction, and adhesion that decreases exponentially."""
 
     def adhesion(self, gap):
         """Stress and its derivative."""
@@ -81,7 +81,7 @@ def test_tangent_is_exact(degree, cell, axis):
     choices = [*OPTIONS]
     if degree == 2:
         choices += [{"basis": "vertices"}, {"basis": "linear"}]
-    # Sides in turn: with a quadrilateral as slave what with a triangle is master.
+    # Alternate sides: slave and master are exchanged between triangles and quadrilaterals.
     sides = ("upper", "lower") if cell == "triangle" else ("lower", "upper")
     for choice, slave in zip(choices, cycle(sides)):
         holes = (0.0, 0.0) if axis else (0.4, 0.3)
@@ -149,7 +149,7 @@ def with_thickness(scene, factor, thickness, nu=0.3):
 
 
 def test_thickness_multiplies_forces_and_no_pressures():
-    """With a bulk as thick, everything but the forces is as without."""
+    """With the same thickness of the bulk, everything except the forces is unchanged."""
     scene = pressed_blocks(n_upper=5, n_lower=7, width_upper=0.8, pair={"law": fm.Coulomb(0.2)})
     scene.loads["push"].value[:] = (0.01, -0.05)
     found = []
@@ -277,7 +277,7 @@ def test_an_obstacle_pushed_along_the_axis_feels_the_total_force():
 
 
 def test_adequacy_of_small_strains_and_of_a_rigid_sphere():
-    """With an elastic sphere, ten times as stiff, the force is 1 / 11 less, by Hertz."""
+    """With an elastic sphere, ten times as stiff, the force is smaller by 1 / 11 (Hertz)."""
     centre = (0.0, 2.0)
     sphere = sector(40, 12, radii=(0.2, 1.0), angles=(-np.pi / 2, 0.0), centre=centre)
     data = cylinders((3, 60), gap=2.0, bulge=False, layers=12)
@@ -342,7 +342,7 @@ def test_radial_dofs_on_the_axis():
 
 
 def test_a_residual_without_the_radius_is_refused():
-    """Its bodies would be plane under the forces of bodies of revolution."""
+    """Plane bodies would be loaded by forces of bodies of revolution."""
     data = cylinders((3, 4))
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Checkpoints: whole or not there, of this problem or refused, and all that a run depends on."""
+"""Checkpoints: complete or absent, matching the problem or rejected, with all data of a run."""
 
 import resource
 
@@ -41,7 +41,7 @@ def test_a_file_is_replaced_when_it_is_whole(tmp_path):
 
 @pytest.mark.serial
 def test_a_full_disk_leaves_the_last_checkpoint(tmp_path):
-    """Files may be as long as half of what is to be written."""
+    """File sizes are limited to half of the required size."""
     scene = pressed_blocks(**MESH)
     scene.loads["push"].value[1] = -0.02
     scene.problem.solve()
@@ -80,13 +80,19 @@ def test_a_full_disk_leaves_the_list_of_steps(tmp_path):
 
 
 class _Nothing:
-    """A piece that takes no room."""
+    """A part without data."""
 
     def write(self, path):
         path.write_text("")
 
 
 # Of this problem
+
+
+@pytest.mark.parametrize("function", [fm.save_state, fm.load_state])
+def test_another_object_than_a_problem_is_refused(function):
+    with pytest.raises(ValueError, match="problem=None: expected a ContactProblem"):
+        function(None, "state")
 
 
 def altered(shared_path, change):
@@ -182,7 +188,7 @@ def test_weight_of_gaps_and_offsets_are_kept(shared_path):
     ],
 )
 def test_restart_of_a_climb_is_the_uninterrupted_run(shared_path, law, check):
-    """The same models are tried, and slip counts from what those that were enough have faced."""
+    """Equal models are tried, and slip is counted from the partners in the sufficient ones."""
     path = [(0.0, -0.02), (0.05, -0.03), (0.1, -0.05), (0.15, -0.05)]
     whole, push, steps = climbing(law, **check)
     for load in path[:2]:
@@ -220,7 +226,7 @@ def on_a_circle(x):
 
 
 def test_small_sliding_goes_on_by_the_operators_that_it_began_with(shared_path):
-    """Those of the obstacle where it was when the first run was set up."""
+    """Operators for the position of the obstacle at the set-up of the first run."""
     problem, circle = on_a_circle(0.0)
     problem.solve()
     fm.save_state(problem, shared_path / "state")

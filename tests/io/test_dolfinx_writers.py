@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The displacement of a problem is an ordinary function, which dolfinx's own writers take."""
+"""The displacement of a problem is an ordinary function, which can be written by dolfinx."""
 
 import xml.etree.ElementTree as ET
 

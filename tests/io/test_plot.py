@@ -149,4 +149,4 @@ def test_plot_refuses_arguments_on_all_ranks(options, words):
     scene = pressed()
     with pytest.raises((ValueError, fm.MortarError), match=words):
         plot(scene.problem, **options)
-    COMM.barrier()  # hangs if a rank was left behind
+    COMM.barrier()  # hangs if a rank has left

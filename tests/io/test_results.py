@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Files and tables show what the problem holds."""
+"""Files and tables contain the data of the problem."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -277,7 +277,7 @@ def test_a_field_of_no_use_raises_on_all_ranks(shared_path, fields, message):
     fields = {name: special.get(e, e) for name, e in fields.items()}
     with pytest.raises(fm.MortarError, match=message):
         ResultsWriter(shared_path / "series", scene.problem, fields)
-    COMM.barrier()  # hangs if a rank was left behind
+    COMM.barrier()  # hangs if a rank has left
 
 
 def test_a_path_of_no_use_raises_on_all_ranks(shared_path):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Mortar integrals of two-node facets in closed form: the oracle of the package's kernels.
 
-Derived apart from them, for two nodes only: projections by formulas for lines, D and the dual
+Derived independently for two nodes only: projections by formulas for lines, D and the dual
 functions from mean and variance of the cover. Plain Python; derivatives by complex steps.
 
 =======  ============================================================================
@@ -76,8 +76,8 @@ def gap_weight(kinds, alone, sign, end, mean, variance):
 def integrate_facet(kinds, left, segments):
     """D (2, 2), M (n, 2, 2), g (2,) and cover (2,) of one facet.
 
-    ``kinds`` = (basis, what weighs the gap); ``segments``: of each (y, is_fixed, ends found,
-    points, weights).
+    ``kinds`` = (basis, weights of the gap); ``segments``: (y, is_fixed, ends, points, weights) of
+    each segment.
     """
     ends = [
         [
@@ -88,7 +88,7 @@ def integrate_facet(kinds, left, segments):
     ]
     xi = [(a + b) / 2 + (b - a) / 2 * s for (a, b), (*_, s, _) in zip(ends, segments)]
     W = [(b - a) / 2 * w for (a, b), (*_, w) in zip(ends, segments)]
-    first = xi[0][0]  # a single tiny interval keeps all digits
+    first = xi[0][0]  # accurate for a single tiny interval, too
     size = sum(w.sum() for w in W)
     mean = first + sum(w @ (place - first) for w, place in zip(W, xi)) / size
     variance = sum(w @ (place - mean) ** 2 for w, place in zip(W, xi)) / size

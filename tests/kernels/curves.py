@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Two curves facing each other, and the mortar integrals of them without mesh or PETSc."""
+"""Two curves facing each other, and their mortar integrals without mesh or PETSc."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -28,7 +28,7 @@ class Curves:
     radius: float = 10.0
     integration: str = "segments"
     thickness: tuple | None = None  # at the slave nodes, and its derivative by x
-    coupled = False  # whether all segments of a facet make pairs
+    coupled = False  # whether all segments of a facet are paired
 
     def __post_init__(self):
         count = len(self.x)
@@ -43,12 +43,12 @@ class Curves:
 
     @property
     def weights(self):
-        """H of each facet: who has the functions of its nodes."""
+        """H of each facet: hand-over of multiplier functions."""
         of_left = np.array([np.eye(2), [[1, 1], [0, 0]], [[0, 0], [1, 1]]])
         return of_left[self.left]
 
     def find(self, n):
-        """Find the segments as a problem does."""
+        """Find the segments as in a problem."""
         moves = self.coupled or (self.thickness is not None and self.thickness[1] != 0.0)
         slave = SimpleNamespace(facets=self.slave, functions_move=moves, roles=None)
         self.segments = s = find_segments(
@@ -75,7 +75,7 @@ class Curves:
     def evaluate(self, positions):
         """D, M, weighted gap and cover, and the derivatives, at ``positions`` = (x, m) stacked.
 
-        The segments keep the kind of their ends; complex positions give complex values.
+        The kinds of segment ends are fixed; complex positions yield complex values.
         """
         kind, size = positions.dtype, self.slave.shape[1]
         x, m = positions[: len(self.x)], positions[len(self.x) :]
@@ -136,7 +136,7 @@ class Curves:
         return {name: array[..., :-1] for name, array in found.items()}
 
     def exact_derivatives(self, evaluate=None):
-        """Those of ``evaluate`` by complex steps."""
+        """Derivatives of ``evaluate`` by complex steps."""
         evaluate = evaluate or self.evaluate
         values = evaluate(self.positions)
         exact = complex_step(
@@ -172,11 +172,11 @@ def wavy(seed, slaves=5, masters=8, start=-0.05, stop=1.05):
 
 @dataclass
 class CurvedCurves(Curves):
-    """The same with ``degree`` + 1 nodes a facet."""
+    """Curves with ``degree`` + 1 nodes per facet."""
 
     degree: int = 2
     drop: int | None = None
-    share: bool = False  # whether the node inside a facet hands its function to both ends
+    share: bool = False  # whether the function of a node inside a facet is handed over to both ends
     coupled = True
     weights = None
 
@@ -214,7 +214,7 @@ class CurvedCurves(Curves):
 
 
 def with_inner_nodes(x, seed, bulge=0.1):
-    """Nodes of quadratic facets: between two nodes of ``x`` one near the middle."""
+    """Nodes of quadratic facets: one near the middle between two nodes of ``x``."""
     rng = np.random.default_rng(seed)
     length = np.linalg.norm(np.diff(x, axis=0), axis=1)[:, None]
     nodes = np.empty((2 * len(x) - 1, 2))

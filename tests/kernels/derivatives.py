@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Complex-step derivatives: exact to round-off, no step size to choose."""
+"""Complex-step derivatives: exact up to rounding, without choice of a step size."""
 
 import numpy as np
 

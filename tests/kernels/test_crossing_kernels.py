@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Outlines that cross and ways through them: against all pairs, fine steps, and by hand."""
+"""Crossing outlines and paths through them: compared with all pairs, fine steps, and by hand."""
 
 from fractions import Fraction
 
@@ -46,7 +46,7 @@ def crossings(*loops, allowed=0.0):
 
 
 def passages(start, end):
-    """Rows for loops that go from ``start`` to ``end`` in one step on straight lines."""
+    """Rows for loops that move from ``start`` to ``end`` in one step on straight lines."""
     x0, segments, after, before, bodies = outline(*start)
     x1 = outline(*end)[0]
     events = passage.find_events(x0, x1, segments, bodies, bodies, passage.OTHERS)
@@ -56,7 +56,7 @@ def passages(start, end):
 
 
 def exactly_cross(a, b, c, d):
-    """Whether two segments cross at inner points, in fractions."""
+    """Whether two segments cross at inner points, in exact fractions."""
 
     def side(p, q, r):
         (px, py), (qx, qy), (rx, ry) = ([Fraction(float(v)) for v in node] for node in (p, q, r))
@@ -147,7 +147,7 @@ def test_faceted_curves_in_contact_overlap_by_their_sagitta(counts, phase):
 
 @pytest.mark.parametrize("seed", range(40))
 def test_rough_faces_in_contact_are_as_deep_as_they_are_rough(seed):
-    """Blocks of any facets, graded ones as well, whose faces overlap by a part of a facet."""
+    """Blocks with any facets, also graded ones, whose faces overlap by a fraction of a facet."""
     random = np.random.default_rng(seed)
     faces = []
     for count in random.integers(4, 60, 2):
@@ -181,7 +181,7 @@ def test_what_may_overlap_is_taken_off():
 
 
 def test_outline_that_crosses_itself_is_seen():
-    """A C whose ends have gone past each other."""
+    """A C whose ends have passed each other."""
     angle = np.linspace(0.05, 2.0 * np.pi + 0.4, 80)
     arc = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     loop = np.concatenate([1.2 * arc, 0.9 * arc[::-1]])
@@ -229,14 +229,14 @@ def test_way_that_ends_inside_tells_how_deep(deep):
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
 @pytest.mark.parametrize("seed", range(20))
 def test_way_out_along_the_line_of_an_edge_does_not_end_inside(seed, turn):
-    """Bodies fitted with interference, whose ends are on one line but for rounding."""
+    """Bodies fitted with interference, whose ends are on one line up to rounding."""
     rng = np.random.default_rng(seed)
     outer, inner = rectangle(0.0, 0.0, 1.0, 0.1, 0.005), rectangle(-0.5, 0.0, 0.55, 0.1, 0.005)
     R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     start = [x + rng.uniform(-1e-17, 1e-17, x.shape) for x in (outer, inner)]
     end = [outer + np.array([0.01, 0.0]), inner - np.array([0.04, 0.0])]
     found = passages([x @ R.T for x in start], [x @ R.T for x in end])
-    assert found[:, 3].max(initial=0.0) < 1e-12  # nodes that end on the edge but for rounding
+    assert found[:, 3].max(initial=0.0) < 1e-12  # nodes that end on the edge up to rounding
     moved = np.array([0.2, 0.03]) + inner
     deeper = passages([x @ R.T for x in start], [outer @ R.T, moved @ R.T])
     assert deeper[:, 3].max() == pytest.approx(0.03)
@@ -245,7 +245,7 @@ def test_way_out_along_the_line_of_an_edge_does_not_end_inside(seed, turn):
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
 @pytest.mark.parametrize("seed", range(20))
 def test_blocks_side_by_side_with_tops_in_a_line_overlap_by_rounding(seed, turn):
-    """Their corners are equally high, as if they stuck: the tops cross in the joint, and go on."""
+    """Their corners are equally high, as with stick: the tops cross in the joint, and continue."""
     rng = np.random.default_rng(seed)
     size = 1e-6
     left, right = rectangle(-1.0, 0.0, 1.0, 1.0, 0.5), rectangle(0.0, 0.0, 1.0, 1.0, 0.25)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Points that are fixed on the slave facets: at the nodes, or those of a Gauss rule per facet."""
+"""Points fixed on the slave facets: the nodes, or those of a Gauss rule per facet."""
 
 from itertools import product
 
@@ -15,7 +15,7 @@ RULES = [("elements", 2), ("elements", 5), ("nodes", None)]
 
 
 def options(integration, points, kind=basis.DUAL):
-    """Options of the curves; with points at the nodes one basis serves all."""
+    """Options of the curves; with points at the nodes all bases are equal."""
     if integration == "nodes":
         return {"integration": "nodes", "basis": basis.STANDARD}
     return {"integration": integration, "points": points, "basis": kind}
@@ -33,7 +33,7 @@ def make(cover, degree, **more):
     return pair
 
 
-# cover, degree, integration, points; on the island lie two of five points, in the pieces no node
+# cover, degree, integration, points; two of five points lie on the island, no node in the parts
 CASES = [
     *((cover, 1, *rule) for cover, rule in product(["full", "one end", "both ends"], RULES)),
     ("island", 1, "elements", 9),
@@ -87,10 +87,10 @@ def test_values_are_sums_over_points_with_the_basis_that_is_biorthogonal_on_them
     pair = make(cover, degree, **options(integration, points))
     values, exact = pair.evaluate(pair.positions), by_sums(pair)
     for name, array in exact.items():
-        # the inverse of a mass matrix of few points close to each other costs digits
+        # the inverse of a mass matrix of few close points is less accurate
         assert np.abs(values[name] - array).max() < 1e-12, name
     off_diagonal = values["D"][:, ~np.eye(degree + 1, dtype=bool)]
-    # of three nodes it is rounding; a problem cuts it off
+    # for three nodes this is rounding, which a problem removes
     assert np.abs(off_diagonal).max() <= (1e-16 if degree == 2 else 0.0)
 
 
@@ -156,7 +156,7 @@ def test_facet_with_fewer_points_than_nodes_counts_as_uncovered(covered, counts)
 @pytest.mark.parametrize("shift", [0.0, 1e-16, -1e-16, 1e-13, -1e-13])
 @pytest.mark.parametrize("angle", np.linspace(0.0, 6.0, 13))
 def test_nodes_upon_nodes_have_the_same_partners_whatever_rounding_says(shift, angle):
-    """Those at the ends as well; the master's facet that ends there is the partner."""
+    """Also at the ends; the partner is the master facet that ends there."""
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     x, m = flat(np.arange(6), 0), flat(np.arange(5, -1, -1) + shift, -0.1)
     pair = Curves(x @ turn, m @ turn, **options("nodes", None))
@@ -169,7 +169,7 @@ def test_nodes_upon_nodes_have_the_same_partners_whatever_rounding_says(shift, a
 
 
 def test_nearest_of_two_walls_is_taken_point_by_point():
-    """A bump in front of a wall: its run of points lies between two runs of the wall."""
+    """A bump in front of a wall: the points on the bump lie between two runs on the wall."""
     x = flat([0, 3], 0)
     m = np.concatenate([flat([4, -1], -0.5), [[-9, -9], [9, -9]], flat([2, 1], -0.2)])
     pair = Curves(x, m, **options("elements", 9))
@@ -201,7 +201,7 @@ def test_partners_beyond_the_radius_or_turned_away_are_none(integration, points)
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_many_points_approach_the_segments(degree):
-    """Points see kinks of the master only on average: first order in their distance, at least."""
+    """Points resolve kinks of the master only on average, with at least first order."""
     kind, build = (Curves, wavy) if degree == 1 else (CurvedCurves, wavy_curved)
     exact = kind(*build(2))
     exact = exact.evaluate(exact.positions)["g"]

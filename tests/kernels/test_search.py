@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Search: nothing lost, nothing counted twice, far walls refused, large curves fast enough."""
+"""Search: no segment lost or counted twice, far walls rejected, large curves fast enough."""
 
 import numpy as np
 import pytest
@@ -78,7 +78,7 @@ def test_found_segments_do_not_depend_on_size():
 
 
 def test_control_points_of_a_quadratic_facet_are_where_its_end_tangents_meet():
-    """A parabola over a chord, and a straight facet, whose nodes stay."""
+    """A parabola over a chord, and a straight facet, whose control points are the nodes."""
     x = np.array([(1.0, 2.0), (2.0, 2.5), (3.0, 2.0), (4.0, 2.0)])
     found = search.control_points(x, np.array([[0, 1, 2]]))
     assert np.allclose(found, [(1.0, 2.0), (2.0, 3.0), (3.0, 2.0), (4.0, 2.0)], atol=1e-15)

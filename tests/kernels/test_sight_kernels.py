@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""How far a line stays in a body, by its outline."""
+"""Length of a line inside a body, by its outline."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def box(low, high, width=1.0):
 
 
 def length(where, shape, x=0.4, down=False, own=0):
-    """From a height up or down."""
+    """Length inside from a height, up or down."""
     way = np.array([0.0, -1.0 if down else 1.0])
     return length_inside(np.array([x, where]), way, shape, own, LEAST)
 
@@ -61,7 +61,7 @@ def test_body_that_overlaps_itself_goes_on():
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 1.2, 2.5])
 def test_lengths_behind_facets_are_lengths_whatever_their_normals(angle):
-    """Nodal normals that spread have a mean that is shorter than one."""
+    """The mean of nodal normals that differ is shorter than one."""
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, -s], [s, c]])
     shape = outline((0, np.array(box(0.0, 0.3)) @ turn.T), (1, np.array(box(0.5, 0.6)) @ turn.T))
@@ -75,14 +75,14 @@ def test_lengths_behind_facets_are_lengths_whatever_their_normals(angle):
 
 @pytest.mark.parametrize("x", [0.0, 1.0, 0.5])
 def test_line_through_a_corner_is_counted_once(x):
-    """At the ends of the sides it is within the body, or without, but never half."""
+    """At the ends of sides the line is counted inside the body or outside, never half."""
     shape = outline((0, [(0, 0), (0.5, 0), (1, 0), (1, 1), (0.5, 1), (0, 1)]))
     assert length(0.0, shape, x=x) in (1.0, np.inf)
     assert length(0.0, shape, x=0.5) == pytest.approx(1.0)
 
 
 def test_a_place_just_beside_its_own_facet_is_on_it():
-    """As a point of a curved facet is beside its chords, outside or inside."""
+    """Like a point of a curved facet, which lies beside its chords, outside or inside."""
     shape = outline((0, box(0.0, 0.3)))
     for off in (-1e-3, 1e-3, -1e-16, 1e-16):
         assert length(off, shape) == pytest.approx(0.3 - off)
@@ -97,9 +97,9 @@ def test_many_crossings_are_sorted():
 @pytest.mark.parametrize("thick, other", [(0.1, 0.1), (0.1, 1.0), (1.0, 0.1)])
 @pytest.mark.parametrize("overlap", [-0.05, 0.01, 0.09])
 def test_of_two_ways_out_the_shorter_one_counts(thick, other, overlap):
-    """A slave on a master, that overlaps it: its bottom is behind by the overlap, its top by more.
+    """A slave overlaps a master: the master's bottom is behind by the overlap, its top by more.
 
-    Without an overlap neither is: the bottom has the master in front.
+    Without an overlap neither counts: the bottom has the master in front.
     """
     shape = outline((0, box(0.0, thick)), (1, box(overlap - other, overlap)))
     N = np.empty((3, 2))
@@ -115,7 +115,7 @@ def test_of_two_ways_out_the_shorter_one_counts(thick, other, overlap):
 
 @pytest.mark.parametrize("angle", np.linspace(0.05, 6.2, 24))
 def test_the_back_of_a_strip_is_no_way_out_of_itself(angle):
-    """Slave and master on one part of one body, wherever it is: rounding does not decide."""
+    """Slave and master on one part of one body, at any position: rounding does not decide."""
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, -s], [s, c]])
     tapered = np.array([(0.0, 0.0), (1.0, -0.02), (1.0, 0.13), (0.0, 0.1)])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Factors of the bulk on one rank: by CHOLMOD where it can, else by MUMPS."""
+"""Factorization of the bulk on one rank: by CHOLMOD if possible, else by MUMPS."""
 
 from petsc4py import PETSc
 
@@ -32,7 +32,7 @@ def test_definite_matrix_is_factored_by_cholmod():
 
 
 def test_indefinite_matrix_as_of_mixed_elements_is_left_to_mumps(capfd):
-    """Dense enough that CHOLMOD takes Cholesky's L L^T, as of large meshes."""
+    """Dense enough that CHOLMOD uses Cholesky's L L^T, as for large meshes."""
     rng = np.random.default_rng(0)
     A = rng.normal(size=(200, 200))
     K = matrix(A + A.T)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The iterative solver: results of the direct one, iterations that do not grow with the mesh."""
+"""Iterative solver: results of the direct solver, mesh-independent numbers of iterations."""
 
 from itertools import pairwise
 
@@ -55,7 +55,7 @@ def test_results_are_those_of_the_direct_solver(slave, degree, pair):
 
 
 def pressed(k, upper, lower, inclination, basis="dual"):
-    """Linear iterations for eight digits, mean of three; k facets to the length of the slave."""
+    """Linear iterations for eight digits, mean of three; k facets along the slave."""
     mesh = {"n_upper": k, "n_lower": 2 * k, "layers_upper": k, "layers_lower": k}
     data = read(two_blocks.build, inclination=np.radians(inclination), **mesh)
     V = fm.vector_space(data.mesh, 1)
@@ -97,7 +97,7 @@ def pressed(k, upper, lower, inclination, basis="dual"):
     ],
 )
 def test_iterations_do_not_grow_with_the_mesh(upper, lower, inclination, basis):
-    """By a fifth at the most each time that the mesh is refined, whichever body is the stiffer."""
+    """Growth by at most a fifth per refinement, independent of which body is stiffer."""
     counts = [pressed(k, upper, lower, inclination, basis) for k in (8, 16, 32)]
     assert max(counts) <= 12.5
     assert all(fine <= 1.2 * coarse for coarse, fine in pairwise(counts))
@@ -105,17 +105,17 @@ def test_iterations_do_not_grow_with_the_mesh(upper, lower, inclination, basis):
 
 @pytest.mark.skipif(comm.size == 1, reason="on one rank PETSc has no such algorithm")
 def test_components_are_coarsened_apart_also_after_products_of_large_matrices():
-    """On several ranks PETSc multiplies them by an algorithm that forgets the block size."""
+    """On several ranks PETSc's product algorithm loses the block size."""
     name, counts = "mattransposematmult_via", []
     for algorithm in ("nonscalable", "scalable"):
         PETSc.Options().setValue(name, algorithm)
         counts.append(pressed(16, 1, 1, 0.0))
         PETSc.Options().delValue(name)
-    assert counts[0] == pytest.approx(counts[1], rel=0.1)  # rounding costs 4 %, else 100 %
+    assert counts[0] == pytest.approx(counts[1], rel=0.1)  # rounding: 4 %, no block size: 100 %
 
 
 def refined_cylinder(refinements):
-    """A half cylinder on a block, all cells halved so many times."""
+    """A half cylinder on a block, refined ``refinements`` times."""
     model = half_cylinder_on_block.build(
         radius=8.0, width=48.0, height=24.0, h=0.16, fine=1.0, growth=0.2
     )
@@ -165,9 +165,9 @@ def pressed_cylinder(refinements, cylinder, block):
     ],
 )
 def test_iterations_do_not_grow_where_the_contact_is_curved(cylinder, block, most):
-    """From nothing, so that the active set moves all the time: by a fifth at the most, too.
+    """From first contact on, where the active set changes in each iteration: at most a fifth too.
 
-    On several ranks rounding scatters the counts by 4 % from run to run.
+    On several ranks the counts vary by 4 % from run to run by rounding.
     """
     coarse, fine = (pressed_cylinder(refinements, cylinder, block) for refinements in range(2))
     assert max(coarse, fine) <= most
@@ -177,7 +177,7 @@ def test_iterations_do_not_grow_where_the_contact_is_curved(cylinder, block, mos
 @pytest.mark.once
 @pytest.mark.parametrize("options", [{"solver": "iterative"}, {"linear_bulk": True}])
 def test_rigid_obstacle_is_pressed_into_a_block(options):
-    """An obstacle has no dofs: there is nothing that the nodes upon it would follow."""
+    """An obstacle has no dofs: nodes on it have no partners to follow."""
     results = []
     for choice in ({"linear_bulk": False}, options):
         circle = fm.Circle((0.5, 2.02), 1.0)
@@ -245,7 +245,7 @@ def test_factors_take_over_where_iterations_fail_and_the_report_says_so(monkeypa
 
 @pytest.mark.once
 def test_errors_of_petsc_in_the_set_up_lead_to_factors_or_an_error_of_ours(monkeypatch):
-    """PETSc knows no such factors: an error, not a solve that diverged."""
+    """PETSc has no such factorization: an error, not a diverged solve."""
     monkeypatch.setattr("fenics_mortar.la.choice.COSTS", Costs(many=0))
     monkeypatch.setitem(ITERATIVE, "strip_redundant_pc_factor_mat_solver_type", "nobody")
     scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
@@ -260,7 +260,7 @@ def test_errors_of_petsc_in_the_set_up_lead_to_factors_or_an_error_of_ours(monke
 
 
 def test_an_error_of_petsc_in_an_iteration_leaves_nothing_locked(monkeypatch):
-    """Right-hand side and matrix are filled anew afterwards."""
+    """Right-hand side and matrix can be filled again afterwards."""
 
     def fail(*_):
         raise PETSc.Error(76)

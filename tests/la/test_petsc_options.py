@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Options of PETSc: read, told where they are misspelt, refused in words."""
+"""Options of PETSc: read, reported if misspelt, rejected with a message."""
 
 import subprocess
 import sys
@@ -29,7 +29,7 @@ def test_misspelt_option_of_petsc_is_told_once():
 
 @pytest.mark.parametrize("sliding", ["small", "finite"])
 def test_misspelt_option_is_told_where_the_linear_bulk_is_factored_once(sliding):
-    """The solver of the whole system never runs there."""
+    """The solver of the whole system is not used in this case."""
     options = {"ksp_rtoll": 1e-3, "ksp_type": "preonly"}
     on_line = PETSc.Options("test_")
     on_line["compliance_mat_mumps_icntl_144"] = 1
@@ -108,7 +108,7 @@ print(problem.equations.system.ksp.getType(), *report.notes)
 @pytest.mark.serial
 @pytest.mark.parametrize("options", [{}, {"ksp_type": "gmres", "ksp_monitor": ""}], ids=str)
 def test_solver_is_shown_after_each_solve(options, capfd):
-    """PETSc forgets it where a solver is made anew for another pattern."""
+    """Also after the solver has been created again for another pattern."""
     report = solved_with({"ksp_view": "", **options}).solve()
     shown = capfd.readouterr().out
     assert shown.count("KSP Object: (test_)") == report.num_iterations > 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Room in the pattern of the system: enough for sliding, made again where contact goes further."""
+"""Pattern of the system: sufficient for sliding, created again if contact exceeds it."""
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -72,7 +72,7 @@ def test_pattern_stays_where_other_nodes_come_to_carry_multipliers():
 
 
 def pressed_cylinder(degree, algorithm):
-    """A half cylinder on a block that it touches, and what moves its flat side."""
+    """A half cylinder in contact with a block, and the constant that moves its flat side."""
     h = 0.2 * degree
     data = read(
         half_cylinder_on_block.build, radius=8.0, width=12.0, height=12.0, h=h, fine=1.0, growth=0.2
@@ -95,7 +95,7 @@ def pressed_cylinder(degree, algorithm):
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_pattern_is_made_once_while_contact_grows(degree, algorithm, monkeypatch):
-    """Where it is open the arc turns: it meets other facets, and comes to the block's ends."""
+    """The open part of the arc rotates: it faces other facets, up to the block's ends."""
     problem, push = pressed_cylinder(degree, algorithm)
     made, make_room = [], type(problem.equations.system)._make_room
     monkeypatch.setattr(
@@ -111,7 +111,7 @@ def test_pattern_is_made_once_while_contact_grows(degree, algorithm, monkeypatch
 
 
 def test_multiplier_of_a_node_that_has_just_left_needs_room(monkeypatch):
-    """Until the next solve it acts where the node is now, though the node is open."""
+    """Until the next solve it acts at the node's present position, although the node is open."""
     scene = pressed_blocks(**MESH)
     scene.loads["push"].value[1] = -0.01
     scene.problem.solve()

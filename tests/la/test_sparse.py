@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Small matrices of some rows, added to a large one: what is added, and what it costs."""
+"""Small matrices of some rows, added to a large one: result and cost."""
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -40,7 +40,7 @@ def with_rows(large, rows, blocks):
 
 
 def everywhere(row, column, value):
-    """A block of one entry, of which each rank adds a part."""
+    """A block of one entry, to which each rank contributes."""
     return Block(np.array([[row]]), np.array([[column]]), np.full((1, 1, 1), value / comm.size))
 
 

@@ -118,7 +118,7 @@ def test_node_with_prescribed_displacement_has_no_multiplier(algorithm):
 
 @pytest.mark.parametrize("algorithm", [None, "saddle"])
 def test_body_that_moves_only_vertically_feels_the_oblique_normal(algorithm):
-    """The upper block is fixed sideways: the force is along the normal all the same."""
+    """The upper block is fixed sideways: the force acts along the normal nevertheless."""
     data = read(two_blocks.build, inclination=np.radians(25), **MESH)
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
@@ -145,7 +145,7 @@ def test_body_that_moves_only_vertically_feels_the_oblique_normal(algorithm):
     tangential = np.einsum("jc,jc->j", contact.operators.tau, contact.z)
     assert np.abs(tangential).max() < 1e-12 * np.abs(contact.z).max()
     fx, fy = contact.total_force
-    # The block gives way, by 2.4 % of this.
+    # The block yields by 2.4 % of this.
     assert abs(fx / fy) == pytest.approx(np.tan(np.radians(25)), rel=0.03)
     with pytest.raises(ValueError, match="oblique to its normal"):
         fm.ContactProblem(
@@ -182,7 +182,7 @@ def test_problem_without_pairs_is_that_of_the_bulk():
 
 
 def three_blocks():
-    """Three blocks upon each other, the middle one slave above and below."""
+    """Three blocks on top of each other, the middle one slave above and below."""
     from meshes._shared import add_block, generate
 
     gmsh.model.add("three_blocks")
@@ -271,7 +271,7 @@ def test_petsc_options_of_the_prefix_reach_the_solver():
 @pytest.mark.once
 @pytest.mark.serial
 def test_problems_that_are_gone_leave_no_memory_behind():
-    """Matrices and factors of one take 5 MB here; the pages in use hardly grow."""
+    """Matrices and factors of one problem take 5 MB here; memory in use hardly grows."""
 
     def solve_and_forget():
         scene = pressed_blocks(n_upper=60, n_lower=80)

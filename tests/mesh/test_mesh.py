@@ -159,7 +159,7 @@ def test_reading_a_file_needs_no_gmsh_session_and_leaves_none(msh_path, capfd):
     on_root(gmsh.finalize)
     capfd.readouterr()
     read_gmsh(str(msh_path), COMM)
-    data = read_gmsh(str(msh_path), COMM)  # the first one leaves gmsh as it finds it
+    data = read_gmsh(str(msh_path), COMM)  # the first read restores the state of gmsh
     running = compat.gmsh_is_initialized(gmsh)
     on_root(gmsh.initialize)  # for the fixture
     assert capfd.readouterr() == ("", "")
@@ -179,7 +179,7 @@ def test_last_rank_can_read(msh_path):
 
 
 def plate(*, order=1, mesh=True, groups=True, dim=2, z=0.0, nan=False):
-    """Build a plate that lacks something."""
+    """Build an incomplete plate."""
     gmsh.model.add("plate")
     occ, model = gmsh.model.occ, gmsh.model
     occ.addRectangle(0, 0, 0, 1, 1) if dim == 2 else occ.addBox(0, 0, 0, 1, 1, 1)
@@ -266,7 +266,7 @@ def test_file_of_something_else_raises_on_all_ranks(msh_path):
 
 
 def test_file_with_one_name_twice_raises_on_all_ranks(msh_path):
-    """gmsh's own sessions drop the second name, but files can hold it."""
+    """gmsh drops the second name, but files can contain it."""
 
     def write():
         two_blocks.build()

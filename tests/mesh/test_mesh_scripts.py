@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The scripts of meshes/: sizes, names, places of nodes."""
+"""Scripts of meshes/: sizes, names, positions of nodes."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Files of gmsh are read without gmsh, as gmsh reads them."""
+"""Files of gmsh are read without gmsh, with equal results."""
 
 import subprocess
 import sys

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Was the model rich enough? Estimates beside true errors, and what a check leaves behind."""
+"""Adequacy of models: estimates compared with true errors, and restored states."""
 
 import numpy as np
 import pytest
@@ -32,13 +32,13 @@ RUNGS = [("linear", "finite"), ("finite", "small"), ("linear", "small")]
 @pytest.mark.parametrize("strain, sliding", RUNGS)
 @pytest.mark.parametrize("push", [(0.0, -0.02), (0.0, -0.15), (0.1, -0.1)])
 def test_estimates_are_within_a_factor_of_the_true_error(push, strain, sliding):
-    """One Newton step is right to first order; at strains of 15 % the rest is below a half."""
+    """One Newton step is correct to first order; at strains of 15 % the rest is below a half."""
     problem, report = blocks(push, strain=strain, sliding=sliding)
     full, _ = blocks(push, strain="finite")
     true = differences(problem, SolutionQuantities.of(problem), SolutionQuantities.of(full))
     found = report.adequacy.assumptions[-1].errors
     for name in QUANTITIES:
-        if true[name] > 1e-5:  # below, the cheap model is as good as rounding of other kinds
+        if true[name] > 1e-5:  # below, errors of the cheap model are rounding
             assert true[name] / 2.0 < found[name] < 2.0 * true[name], (name, true, found)
     assert true[ENERGY] > 1e-5
 
@@ -59,12 +59,12 @@ def test_a_check_leaves_the_state_and_later_steps_as_they_are():
     one, other = problem.solve(), alone.solve()
     assert other.adequacy is None and one.num_iterations == other.num_iterations
     u, w = nodal(problem), nodal(alone)
-    assert np.abs(u - w).max() < 1e-10 * np.abs(u).max()  # MUMPS on ranks rounds as it likes
+    assert np.abs(u - w).max() < 1e-10 * np.abs(u).max()  # rounding of MUMPS
 
 
 @pytest.mark.once
 def test_the_table_says_enough_and_not_enough():
-    """One row per assumption and their sum; slip and rotation are what the scene makes."""
+    """One row per assumption and their sum; slip and rotation are those of the scene."""
     _, report = blocks((0.1, -0.1), sliding="small")
     adequacy = report.adequacy
     names = [assumption.name for assumption in adequacy.assumptions]
@@ -107,7 +107,7 @@ STIFFER = 20.0
 
 
 def soft_on(tool, *, angle=0.0):
-    """A soft block on a stiffer one, both as meshes, or on a plane that was made turned."""
+    """A soft block on a stiffer one, both meshed, or on a rotated plane."""
     turn = rotation(angle)
     shape = Grid("tool", TOOL @ turn.T)
     grids = [SOFT, shape] if tool == "meshed" else [SOFT]
@@ -136,7 +136,7 @@ def soft_on(tool, *, angle=0.0):
 
 @pytest.mark.once
 def test_a_meshed_tool_says_what_it_is_worth_that_an_obstacle_is_rigid():
-    """Right up to second order, a tenth here, in whatever frame the tool was meshed."""
+    """Correct up to second order, a tenth here, for any frame of the tool's mesh."""
     full, _ = soft_on("meshed")
     found = []
     for angle in (0.0, 0.7):
@@ -162,7 +162,7 @@ def test_a_meshed_tool_says_what_it_is_worth_that_an_obstacle_is_rigid():
 
 
 def ring_on(tool, data):
-    """A quarter of a ring around a stiffer one that is too large for it, or around a circle."""
+    """A quarter of a ring around a larger, stiffer ring, or around a circle."""
     V = fm.vector_space(data.mesh, 1)
     u, circle = fem.Function(V), fm.Circle((0.0, 0.0), 1.01)
     bodies = {"meshed": ("soft", "tool"), "circle": ("soft",), "alone": ("tool",)}[tool]
@@ -183,10 +183,10 @@ def ring_on(tool, data):
 
 
 def test_facets_of_a_meshed_tool_stand_beside_its_elasticity():
-    """Of 9 facets on a quarter circle: they are off by (pi / 18)^2 / 8 = 3.8e-3 at the most.
+    """With 9 facets on a quarter circle the deviation is at most (pi / 18)^2 / 8 = 3.8e-3.
 
-    Both together are the difference from the meshed tool but for second order, about the square of
-    their sum: that of the overlap is 10 to 30 %.
+    The sum of both is the difference from the meshed tool up to second order, about the square of
+    their sum: 10 to 30 % of the overlap.
     """
     quarter = (0.0, np.pi / 2)
     soft = Grid("soft", sector(6, 4, radii=(1.0, 1.5), angles=quarter))
@@ -218,7 +218,7 @@ def test_a_tool_has_to_be_fixed():
 
 
 def test_small_sliding_on_an_obstacle_that_has_moved():
-    """A richer model is set up where the obstacle is now, and yet counts from where it was."""
+    """A richer model is set up at the obstacle's present position, not at its first."""
     scene = pressed_blocks(**MESH)
     found = {}
     for strain in ("linear", "finite"):
@@ -243,7 +243,7 @@ def test_small_sliding_on_an_obstacle_that_has_moved():
 
 
 def test_strain_and_rotation_of_a_known_state():
-    """A turn by 0.1 radian after a stretch by 3 %, in every cell."""
+    """A rotation by 0.1 radian after a stretch of 3 %, in every cell."""
     problem, _ = blocks((0.0, 0.0), strain="finite", solve=False)
     turn = np.array([[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]])
     H = turn @ np.diag([1.03, 1.0]) - np.eye(2)
@@ -252,7 +252,7 @@ def test_strain_and_rotation_of_a_known_state():
 
 
 def test_rigid_motions_of_the_bodies_are_no_strain():
-    """Both are stretched by 2 % and turned by 0.4 radian; what is left is the stretch, turned."""
+    """Both are stretched by 2 % and rotated by 0.4 radian; the remainder is the rotated stretch."""
     problem, _ = blocks((0.0, 0.0), strain="finite", solve=False)
     bulk = problem.equations.bulk
     turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
@@ -279,14 +279,14 @@ def test_options_are_checked(options, message):
 @pytest.mark.parametrize(
     "width, push, friction, verdict",
     [
-        (1.0, (0.0, -0.05), 0.3, "enough"),  # equal blocks: neither of the two wants to slip
+        (1.0, (0.0, -0.05), 0.3, "enough"),  # equal blocks: no tendency to slip
         (2.2, (0.0, -0.05), 0.01, "enough"),
         (2.2, (0.0, -0.05), 0.3, "not enough"),
         (2.2, (0.1, -0.1), 0.05, "not enough"),
     ],
 )
 def test_frictionless_against_stick(width, push, friction, verdict):
-    """Stick and its demand foretell what Coulomb's law does, with a true error of the same side."""
+    """Stick and the required friction predict the result of Coulomb's law."""
     found = {}
     for law in (fm.Frictionless(), fm.Coulomb(friction)):
         scene = pressed_blocks(**MESH, width_upper=1.0, width_lower=width, pair={"law": law})

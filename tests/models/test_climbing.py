@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Solves that climb the hierarchy of models: where they end, and what remains."""
+"""Solves with the model hierarchy: final models and restored states."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ PATH = [(0.0, -0.02), (0.05, -0.1), (0.1, -0.1)]
 
 
 def climbing(law=None, **check):
-    """Blocks of the full model, alone or with a climb, and how often K is factored for them."""
+    """Blocks with the full model or with the hierarchy, and the number of factorizations of K."""
     scene = pressed_blocks(**MESH)
     u = fem.Function(scene.u.function_space)
     pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", law=law)
@@ -32,7 +32,7 @@ def climbing(law=None, **check):
 
 @pytest.mark.parametrize("law", [None, fm.Coulomb(0.2)])
 def test_climb_reaches_the_full_model_where_it_is_needed(law):
-    """Slip counts from the accepted states, whatever models were tried in between."""
+    """Slip is counted from the accepted states, independent of the models tried in between."""
     (full, push, _), (problem, same_push, _) = climbing(law), climbing(law, **STRICT)
     for step in PATH:
         push[:] = same_push[:] = step
@@ -47,9 +47,9 @@ def test_climb_reaches_the_full_model_where_it_is_needed(law):
 
 
 def test_climb_stays_where_it_is_enough():
-    """A step of the full model for a load instead of all; the answer is the cheap model's.
+    """One step of the full model per load; the result is that of the cheap model.
 
-    For the second load there is none: it is by a tenth more than what was checked before.
+    No step for the second load, which is only a tenth above the checked one.
     """
     (full, push, steps), (problem, same_push, few) = climbing(), climbing(tolerance=0.05)
     for depth in (0.005, 0.0055, 0.02):
@@ -60,13 +60,13 @@ def test_climb_stays_where_it_is_enough():
         assert assumption.name == "linear strain and small sliding" and report.adequacy.suffices
         assert report.certificate.violations() == []
         true = differences(problem, SolutionQuantities.of(problem), SolutionQuantities.of(full))
-        for name in QUANTITIES:  # of the rung's own forces, not of its pressures on moved segments
+        for name in QUANTITIES:  # errors of the model's forces
             assert 0.9 < assumption.errors[name] / true[name] < 1.1, (name, true)
     assert len(few) == 2 and len(steps) >= 8
 
 
 def test_climb_ends_on_a_rung_between():
-    """Slip of a facet, hardly any strain: linear, but sliding as it is."""
+    """Slip of a facet with hardly any strain: linear bulk with finite sliding."""
     problem, push, steps = climbing(tolerance=0.02)
     full, same_push, _ = climbing()
     push[:] = same_push[:] = (0.3, -0.003)
@@ -77,12 +77,12 @@ def test_climb_ends_on_a_rung_between():
     assert 1e-5 < true[ENERGY] < 0.02
     del steps[:]
     problem.solve()
-    assert not steps  # the rung below is not tried again, nor this one checked where it was
+    assert not steps  # the cheaper model is not tried again, and this one not checked again
 
 
 @pytest.mark.once
 def test_climb_stops_at_the_error_of_the_mesh():
-    """Known or estimated; the table says so."""
+    """The error of the mesh is known or estimated, and stated in the table."""
     for known in ({}, {"discretisation": 0.5}):
         problem, push, _ = climbing(tolerance=1e-4, **known)
         push[1] = -0.02
@@ -94,7 +94,7 @@ def test_climb_stops_at_the_error_of_the_mesh():
 
 @pytest.mark.once
 def test_the_error_of_the_mesh_is_not_that_of_the_model():
-    """Slip of facets with small sliding leaves residuals that are no fault of the mesh."""
+    """Slip of facets with small sliding causes residuals that are not errors of the mesh."""
     problem, push, _ = climbing(tolerance=1e-4)
     (full, same_push, _) = climbing()
     push[:] = same_push[:] = (0.4, -0.03)
@@ -107,7 +107,7 @@ def test_the_error_of_the_mesh_is_not_that_of_the_model():
 
 @pytest.mark.once
 def test_climb_goes_on_where_a_rung_fails(monkeypatch):
-    """A cheap model that has no solution leaves no trace."""
+    """A cheap model without solution has no effect."""
     (full, push, _), (problem, same_push, _) = climbing(), climbing(tolerance=0.5)
     hierarchy = problem._adequacy._hierarchy
     models = [hierarchy._model, *hierarchy._models]

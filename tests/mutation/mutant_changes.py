@@ -68,7 +68,7 @@ class Changes(ast.NodeVisitor):
         return self.functions[-1]
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
-        """Neither annotations nor decorators; a closure counts to the function around it."""
+        """Skip annotations and decorators; a closure belongs to the enclosing function."""
         first = min([node.lineno, *(each.lineno for each in node.decorator_list)])
         self.functions.append(self.function or first)
         for part in (*node.args.defaults, *filter(None, node.args.kw_defaults), *node.body):
@@ -84,12 +84,12 @@ class Changes(ast.NodeVisitor):
             self.visit(node.value)
 
     def leave(self, node: ast.AST) -> None:
-        """Words of an error or a note are no behaviour that is to be tested to the letter."""
+        """Skip texts of errors and notes, which are not tested literally."""
 
     visit_Raise = visit_JoinedStr = visit_Import = visit_ImportFrom = leave
 
     def visit_keyword(self, node: ast.keyword) -> None:
-        """``strict`` of zip is a check of the code itself."""
+        """Skip ``strict`` of zip, a check of the code."""
         if node.arg != "strict":
             self.visit(node.value)
 
@@ -168,7 +168,7 @@ def draw(folder: Path, count: int, seed: int, only: str) -> list[Mutant]:
 
 
 def changed(path: Path, old: str, node: ast.AST, span, kind: str, new: str, function: int):
-    """The mutant, or None if it reads as before."""
+    """The mutant, or None if the text is unchanged."""
     first, last = span
     text = old[:first] + new + old[last:]
     if ast.dump(ast.parse(text)) == ast.dump(ast.parse(old)):

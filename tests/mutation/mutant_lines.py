@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which tests run which lines of the package, and what they cost."""
+"""Lines of the package run by each test, and CPU times of the tests."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Lines:
         self.tests, self.by_line, self.of_fixtures = [], defaultdict(int), defaultdict(set)
 
     def trace(self, frame, event, argument):
-        """Trace function of Python: None where a function is none of the package."""
+        """Trace function of Python: None for functions outside the package."""
         name = frame.f_code.co_filename
         if name not in self.paths:
             inside = name.startswith(self.prefix)
@@ -39,7 +39,7 @@ class Lines:
             return self.trace
 
     def pytest_runtest_logstart(self, nodeid, location):
-        """Anew for each test: some set a trace function of their own, and then none."""
+        """Set the trace function for each test again: some tests set and remove trace functions."""
         self.tests.append({"name": nodeid, "failed": False})
         self.now, self.used = set(), cpu()
         sys.settrace(self.trace)
@@ -55,7 +55,7 @@ class Lines:
                 self.by_line[place] |= 1 << (len(self.tests) - 1)
 
     def pytest_sessionfinish(self):
-        """What fixtures run counts for all tests of a file, as they may share the fixture."""
+        """Lines run by fixtures are assigned to all tests of a file."""
         sys.settrace(None)
         bits = defaultdict(int)
         for number, test in enumerate(self.tests):
@@ -65,7 +65,7 @@ class Lines:
                 self.by_line[place] |= bits[file]
 
     def compiled(self) -> list[tuple[str, int]]:
-        """Functions that numba compiles: no line of them is seen."""
+        """Functions compiled by numba, whose lines are not traced."""
         found = set()
         for module in [each for name, each in sys.modules.items() if name.startswith(PACKAGE)]:
             for value in vars(module).values():
@@ -88,7 +88,7 @@ def file_of(test: str) -> str:
 
 
 def cpu() -> float:
-    """CPU time of this process and of those that it has started and that have ended [s]."""
+    """CPU time of this process and of its finished child processes [s]."""
     kinds = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
     usage = [resource.getrusage(kind) for kind in kinds]
     return sum(each.ru_utime + each.ru_stime for each in usage)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A copy of the checkout in which mutants are judged by their tests."""
+"""A copy of the checkout in which mutants are tested."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from mutation.mutant_changes import PACKAGE, Mutant
 from mutation.mutant_lines import cpu, file_of
 
 START = 8.0  # CPU seconds of a process of pytest before its first test, on a slow machine
-# As many tests of a compiled function as take about ten seconds without JIT, cases in turn.
+# Number of tests of a compiled function, which take about ten seconds without JIT.
 INTERPRETED = 30
-# A process that uses this many times the CPU time of its tests hangs; busy cores are not counted.
+# CPU time over that of the tests [1] above which a process is considered to hang.
 PATIENCE = 6.0
 
 
 @dataclass
 class Run:
-    """A temporary copy of the checkout, and how tests run in it."""
+    """A temporary copy of the checkout, in which tests are run."""
 
     folder: Path
     seen: dict
@@ -76,7 +76,7 @@ class Run:
         return varied(sorted(found, key=lambda each: each[1]))
 
     def judge(self, mutant: Mutant) -> dict:
-        """Apply the mutant, run its tests, and take it back."""
+        """Apply the mutant, run its tests, and revert it."""
         begin, file = cpu(), self.folder / mutant.path
         old, stamps = file.read_text(), file.stat()
         cache = self.cache_without(mutant.path)
@@ -86,7 +86,7 @@ class Run:
             for group, options in self.groups(mutant):
                 names, allowed = [name for name, _ in group], START + sum(s for _, s in group)
                 if cache and options.get("jit", True):
-                    allowed += 60.0  # kernels are compiled anew
+                    allowed += 60.0  # kernels are compiled again
                 outcome, by = self.pytest(names, allowed, cache=cache, **options)
                 if outcome == "killed" or (outcome != "survived" and options.get("jit", True)):
                     break
@@ -108,7 +108,7 @@ class Run:
         if not chosen:
             return
         compiled = self.is_compiled(mutant)
-        if compiled:  # without JIT a test takes longer than is known: what hangs says nothing
+        if compiled:  # without JIT the time of a test is unknown: hanging tests are ignored
             yield varied(chosen, cases=1)[:INTERPRETED], {"jit": False}
         yield chosen[:40], {}
         if chosen[40:]:
@@ -117,7 +117,7 @@ class Run:
             yield chosen, {"ranks": 2}
 
     def cache_without(self, path: str) -> Path | None:
-        """A copy of numba's cache without what a compiled module changes; None: it changes none."""
+        """A copy of numba's cache without kernels affected by a module; None if there are none."""
         if not any(path == other for other, _ in self.seen["compiled"]):
             return None
         cache = Path(tempfile.mkdtemp(prefix="numba-", dir=self.folder))

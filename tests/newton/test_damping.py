@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Newton steps that end early: where the residual would grow, or the surfaces move far."""
+"""Shortened Newton steps: if the residual would grow, or surfaces would move far."""
 
 from dataclasses import dataclass
 
@@ -82,7 +82,7 @@ def test_contact_comes_to_the_same_state(options):
     if "max_motion" in options:  # the push is 0.15 over facets of 1/8: more than four iterations
         parts = [it.fraction for it in reports[1].iterations]
         assert min(parts) < 0.5 and reports[1].num_iterations > reports[0].num_iterations
-    else:  # never up but for what the shortest part allows
+    else:  # increases only within the limit of the shortest step
         steps = zip(reports[1].residuals, reports[1].iterations[1:], strict=False)
         assert all(it.residual <= before or it.fraction < 0.1 for before, it in steps)
 

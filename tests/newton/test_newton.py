@@ -61,11 +61,11 @@ def test_set_that_changes_keeps_newton_going():
     [
         ("", 0),
         ("ABC", 0),
-        ("ABA", 0),  # a set may come back on the way
+        ("ABA", 0),  # a set may occur again
         ("ABAB", 2),
         ("XABAB", 2),
         ("ABCABC", 3),
-        ("AAAA", 0),  # unchanged sets are no cycle
+        ("AAAA", 0),  # unchanged sets are not a cycle
         ("ABABAAAA", 0),
     ],
 )
@@ -95,7 +95,7 @@ def test_cycle_is_left_and_recorded():
 
 @pytest.mark.parametrize("factor, merged", [(2.0, False), (100.0, True)])
 def test_sets_that_change_for_long_are_merged_unless_the_residual_falls(factor, merged):
-    """The error is halved, or falls by a hundredth, in each of the 16 iterations that change."""
+    """The error is halved, or decreases by 1 %, in each of the 16 iterations with changes."""
     equations = Root(factor=factor, changes=[1] * 16)
     with pytest.raises(fm.NotConvergedError) as failure:
         solve(equations, fm.NewtonOptions(max_iterations=16))
@@ -104,7 +104,7 @@ def test_sets_that_change_for_long_are_merged_unless_the_residual_falls(factor, 
 
 @pytest.mark.parametrize("factor", [2.0, 4.0])
 def test_solve_ends_where_the_first_iteration_leaves_more_than_it_may(factor):
-    """Of x^2 - 2 at 3 it leaves 0.44 with half the step, 0.72 with a quarter; a whole one 0.1."""
+    """For x^2 - 2 at 3 the residual ratio is 0.44 with half the step and 0.1 with a full one."""
     assert solve(Root(x=3.0), fm.NewtonOptions(max_remaining=0.4)).converged
     with pytest.raises(fm.NotConvergedError, match="hardly reduced the residual") as failure:
         solve(Root(x=3.0, factor=factor), fm.NewtonOptions(max_remaining=0.4))
@@ -155,7 +155,7 @@ def test_table_is_markdown_with_a_row_per_iteration():
 @pytest.mark.parametrize("residuals", [[0.0], [0.0, 0.0], [1e-3, 0.0], [0.0, 1e-3], [1.0, 1e-3]])
 @pytest.mark.parametrize("goal", [0.0, 1e-12])
 def test_linear_solves_are_asked_for_something_whatever_the_residuals(residuals, goal):
-    """Without loads all is zero; between two iterations contact may begin."""
+    """Without loads all residuals are zero; contact may begin between two iterations."""
     assert 0.0 < forcing(residuals, goal) <= MAX_FORCING
 
 
@@ -182,7 +182,7 @@ class Springs:
 
 
 def test_record_of_a_failed_solve_with_springs_has_all_iterations(monkeypatch):
-    """Tied by springs it converges, free it does not, nor tied again."""
+    """It converges with springs, not without, and not with springs again."""
     iteration = Iteration(1.0, 0.0, 0.0, 1.0, 0, 0, {})
     outcomes = iter([(5, True), (30, False), (7, False)])
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Distances and obstacles of users: refused or told, on all ranks alike."""
+"""Users' distances and obstacles: errors and messages, equal on all ranks."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def on_obstacle(obstacle, slave="slave", **options):
 
 
 class Floor:
-    """Distance of y = 1 that a function spoils from some time on."""
+    """Distance of y = 1, modified by a function from some time on."""
 
     def __init__(self, spoil, at_once=True):
         self.spoil, self.on = spoil, at_once
@@ -128,7 +128,7 @@ def test_distance_that_raises_at_nodes_on_one_rank_raises_on_all():
 @several_ranks
 @pytest.mark.parametrize("after", ["solve", "estimate"])
 def test_distance_that_raises_between_the_nodes_on_one_rank_raises_on_all(after, monkeypatch):
-    """Certificate and estimate look at points of their own, each rank at those of its share."""
+    """Certificate and estimate use additional points, different ones on each rank."""
 
     def fails(x, *fields):
         if LAST:
@@ -162,7 +162,7 @@ def test_distance_that_differs_on_one_rank_is_refused():
 
 
 def test_distance_that_is_not_finite_far_from_a_start_is_a_failure_that_holds_the_record():
-    """What the iterates reach may be cured by a smaller step, unlike what a solve begins with."""
+    """Unlike errors at the initial state, errors at iterates may be avoided by a smaller step."""
     deep = Floor(lambda x, phi, g, H: (np.where(x[:, 1] < 0.9, np.nan, phi), g, H))
     data = blocks_of_arrays()
     u = fem.Function(fm.vector_space(data.mesh, 1))
@@ -216,7 +216,7 @@ def test_place_push_or_pivot_that_is_none_is_refused(what, value, words):
     ids=["plane", "plane far off", "circle", "spline", "distance"],
 )
 def test_obstacle_whose_solid_is_where_the_body_is_is_refused(obstacle):
-    """No facet faces it: a solve used to end without a force."""
+    """No facet faces it: a solve would converge without a force."""
     problem = on_obstacle(obstacle)
     with refused(fm.MortarError, "lies inside obstacle .*: the solid is on the side of the body"):
         problem.solve()
@@ -250,7 +250,7 @@ def test_spline_that_meets_itself_is_refused(closed):
 
 
 def test_spline_meets_itself_by_its_curve_and_not_by_a_coarse_picture_of_it():
-    """Four lines per interval cross in the first case only; by 64 and 512 it is the second one."""
+    """With four lines per interval only the first case crosses; with 64 and 512 the second one."""
     fm.Spline([(0, 0), (1, 0), (1.01, 0.01), (0.995, -0.004), (0.67, 0.74)])
     with pytest.raises(ValueError, match="the spline intersects itself"):
         fm.Spline([(0, 0), (1, 0), (1.2476, 0.0874), (0.8229, -0.0159), (0.4728, 0.842)])

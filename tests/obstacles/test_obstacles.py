@@ -78,7 +78,7 @@ def test_fields_are_derivatives(kind):
 @pytest.mark.parametrize("kind", ["plane", "circle", "hole"])
 @pytest.mark.parametrize("pair", ["dual", "standard", "petrov", "nodes"])
 def test_facets_and_normals_by_complex_step(kind, pair):
-    """Curved facets at random; their nodes and the motion of the obstacle take the steps."""
+    """Random curved facets, with complex steps of their nodes and of the obstacle's motion."""
     random = np.random.default_rng(3)
     x = np.array([[0.0, 0.9], [0.2, 0.93], [0.4, 0.9]])[None] + random.uniform(0.0, 0.02, (4, 3, 2))
     arm, h = 0.7, 1e-30
@@ -110,7 +110,7 @@ def test_facets_and_normals_by_complex_step(kind, pair):
 
 @pytest.mark.serial
 def test_polygon_by_hand():
-    """An L, clockwise: beside an edge, off a rounded corner, in the inward one, deep inside."""
+    """An L, clockwise: points beside an edge, off a rounded corner, in the concave one, inside."""
     corners = [(0, 0), (0, 2), (1, 2), (1, 1), (2, 1), (2, 0)]
     x = np.array([[0.5, -0.3], [2.3, -0.4], [1.2, 1.1], [0.9, 0.4], [0.8, 0.8]])
     phi, gradient, hessian = fm.Polygon(corners, 0.1).evaluate(x)
@@ -143,7 +143,7 @@ PAIRS = {
     ],
 )
 def test_tangent(kind, degree, pair):
-    """With friction where the choice is of obstacles, moved and turned."""
+    """With friction on obstacles that are moved and rotated."""
     obstacle = KINDS[kind]()
     rough = {"law": fm.Coulomb(0.3)} if pair == "dual" else {}
     problem = block_under(obstacle, degree=degree, pair=PAIRS[pair] | rough)
@@ -158,7 +158,7 @@ def test_tangent(kind, degree, pair):
 @pytest.mark.once
 @pytest.mark.parametrize("kind", KINDS)
 def test_balance_and_algorithms(kind):
-    """Condensed and saddle agree to the solver's rounding; the certificate finds nothing."""
+    """Condensed and saddle agree up to the solver's rounding; the certificate has no violations."""
     found = []
     for algorithm in ("condensed", "saddle"):
         obstacle = KINDS[kind]()
@@ -195,7 +195,7 @@ def test_bad_input(make):
 
 
 def test_linear_bulk_with_an_obstacle():
-    """Newton on the contact dofs alone ends where that on all dofs does, also when driven."""
+    """Newton's method on the contact dofs and on all dofs have equal results, also if driven."""
     found = []
     for reduced in (True, False):
         obstacle = KINDS["circle"]()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Paths that cannot be followed."""
+"""Paths with invalid arguments."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Why paths end: surfaces that slip off each other, and friction that leaves no equilibrium."""
+"""Ends of paths: surfaces that slip off each other, and friction without equilibrium."""
 
 from dataclasses import fields
 from types import SimpleNamespace
@@ -13,7 +13,7 @@ from demos.studies.stability import family
 from demos.studies.stability.model import Body, Grid, Scene, Support, block, fm, legs, pose_problem
 from fenics_mortar.path.dead_end import _slid_away, reason_for_end
 
-# A little load beyond a state, as a part of the whole.
+# Load increment beyond a state, over the whole load [1].
 ONWARD = 1e-4
 
 
@@ -23,7 +23,7 @@ def posed(scene):
 
 
 def cantilevers(way):
-    """One is pushed past another: their tips part at 0.551 of the way down."""
+    """One is pushed past another: their tips separate at 0.551 of the way down."""
     left = block(8, 1, width=1.0, height=0.1, corner=(-1.0, -0.1))
     right = block(7, 1, width=1.0, height=0.1, corner=(-0.05, 0.0))
     return Scene(
@@ -82,7 +82,7 @@ def test_path_says_why_it_ends(end):
 @pytest.mark.serial
 @pytest.mark.parametrize("end", ENDS)
 def test_no_end_is_seen_where_the_path_goes_on(end):
-    """The same scenes earlier; the question changes nothing."""
+    """The same scenes earlier; the state is not changed by the check."""
     scene, *_ = ENDS[end]
     at = posed(scene)
     fm.follow_path(at.problem, at.set_loads, fm.SteppingOptions(1.0 / scene.steps), stop=7 / 18)
@@ -98,7 +98,7 @@ def test_no_end_is_seen_where_the_path_goes_on(end):
 
 @pytest.mark.serial
 def test_cantilevers_have_an_equilibrium_beyond_their_dead_end():
-    """Aside, down and back there is a way to such an end: unloaded, one below the other.
+    """Via a detour aside, down and back such an end is reached: unloaded, one below the other.
 
     It goes down by a little more than both are thick.
     """

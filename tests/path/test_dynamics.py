@@ -114,14 +114,14 @@ def test_a_bouncing_block_keeps_its_energy_over_ten_impacts():
     assert impacts >= 10
     assert np.abs(total - total[0]).max() < 0.03
     in_flight = np.convolve(active, np.ones(9), "same") == 0.0
-    assert np.median(np.abs(total - total[0])[in_flight]) < 1e-10  # what is owed is returned
+    assert np.median(np.abs(total - total[0])[in_flight]) < 1e-10  # owed energy is returned
     assert abs(total[-1] - total[0]) < 1e-3
 
 
 @pytest.mark.once
 @pytest.mark.serial
 def test_two_rings_exchange_momentum_by_the_trapezoidal_rule():
-    """In the middle of equal steps, but for the moment of mortar pressures."""
+    """Momentum at the middle of equal steps, apart from the moment of mortar pressures."""
     made, dt = rings(24), 0.02
     motion = made.dynamics("massless")
     made.set_velocity(motion, {"left": (1.0, 0.0, 0.0)})
@@ -135,7 +135,7 @@ def test_two_rings_exchange_momentum_by_the_trapezoidal_rule():
         moments -= dt * (x[:, 0] * f[:, 1] - x[:, 1] * f[:, 0]).sum()
         change = motion.momentum(dt) - start
         errors.append((*change[:2], change[2] - moments))
-        assert abs(moments) < 5e-4  # of the facets; about 1 moves from ring to ring
+        assert abs(moments) < 5e-4  # error of the facets; 1 is transferred
     errors = np.abs(errors).max(axis=0)
     assert errors[:2].max() < 1e-12
     assert errors[2] < 1e-11
@@ -143,7 +143,7 @@ def test_two_rings_exchange_momentum_by_the_trapezoidal_rule():
 
 @pytest.mark.parametrize("mu", [None, 0.4])
 def test_two_rings_exchange_momentum_exactly(mu):
-    """Linear and angular momentum at all times, with friction, steps of any sizes."""
+    """Linear and angular momentum at all times, with and without friction, unequal steps."""
     made = rings(24, law=None if mu is None else fm.Coulomb(mu))
     motion = made.dynamics("conserving")
     made.set_velocity(motion, {"left": (1.0, 0.0, 0.0)})
@@ -153,7 +153,7 @@ def test_two_rings_exchange_momentum_exactly(mu):
         changes.append(motion.momentum() - start)
         active += made.problem.contacts[0].pressure.max() > 0.0
     assert active > 20
-    assert np.abs(changes).max() < 1e-11  # about 1 moves from ring to ring
+    assert np.abs(changes).max() < 1e-11  # about 1 is transferred
     if mu is None:
         assert motion.energies().total == pytest.approx(energy, rel=3e-3)
 
@@ -174,7 +174,7 @@ def test_steps_that_are_cut_keep_the_angular_momentum():
 
 
 def test_supports_and_obstacles_turn_bodies():
-    """Moments of supports and obstacles are no error: a block that meets a plane askew turns."""
+    """A plane changes the angular momentum of a block that hits it obliquely."""
     turned = []
     for scheme in ("massless", "conserving"):
         made = free_block(gap=0.01, cells=6)
@@ -194,7 +194,7 @@ def test_supports_and_obstacles_turn_bodies():
 
 @pytest.mark.serial
 def test_an_oscillator_with_friction_comes_to_rest_where_it_sticks():
-    """Each half period friction takes 2 mu N / k from the amplitude, until the spring is weaker."""
+    """In each half period friction reduces the amplitude by 2 mu N / k, until it sticks."""
     stiffness, pressure, mu = 0.4, 0.1, 0.3
     made, _ = oscillator(fm.Coulomb(mu), pressure=pressure, stiffness=stiffness)
     sliding, half = mu * pressure / stiffness, np.pi / np.sqrt(stiffness)
@@ -262,7 +262,7 @@ def test_drag_slows_a_body_exponentially():
     [pytest.param("massless", 1.0, marks=pytest.mark.long), ("generalized_alpha", 0.5)],
 )
 def test_the_rate_in_time_is_two(scheme, rho_inf):
-    """A neo-Hookean block that turns and vibrates in free flight, against finer steps."""
+    """A neo-Hookean block that rotates and vibrates in free flight, compared with finer steps."""
     found = []
     for number in (20, 40, 80):
         made = free_block(cells=2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What users hand to motions: damping, velocities, steps; solves beside them; gained energy."""
+"""Input of motions: damping, velocities, steps; static solves; gained energy."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def moving(**options):
 
 
 def test_damping_that_would_have_no_effect_is_refused():
-    """A ``Velocity`` in the residual stays zero unless it is given, and has to be that one."""
+    """A ``Velocity`` in the residual is zero unless this object is passed."""
     made, other = free_block(cells=3), free_block(cells=3)
     with refused(ValueError, "contains a Velocity that would remain zero"):
         fm.Dynamics(made.problem, RHO)
@@ -92,7 +92,7 @@ def test_velocities_and_steps_have_to_be_numbers_that_time_resolves():
 
 
 def test_a_velocity_set_on_the_owned_dofs_counts_on_all_ranks():
-    """Ghosts of the velocity are updated: damping and momentum see one velocity."""
+    """Ghosts of the velocity are updated: damping and momentum use one velocity."""
     _, motion = moving()
     V = motion.velocity.function_space
     owned = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
@@ -128,7 +128,7 @@ def test_friction_that_adds_energy_is_told():
 
 
 def test_rates_of_prescribed_motions_follow_from_these():
-    """They do not alternate after a start or a jump that the trapezoidal rule cannot follow."""
+    """They do not alternate after an inconsistent start or a jump."""
     made = free_block(cells=3, held=[("block/top", 1, 0.0)])
     motion = made.dynamics("conserving")
     made.set_velocity(motion, {"block": (0.0, -1.0, 0.0)})  # of the held nodes, too

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Motions and laws with memory that differ on one rank raise on all, where ranks waited."""
+"""Motions and laws with memory that differ on one rank raise on all, without a hang."""
 
 import pytest
 from one_rank import several_ranks

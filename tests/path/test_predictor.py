@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Steps that begin where the last two states lead: what that saves, and when they do not."""
+"""Steps begun at the extrapolation of the last two states: iterations saved, and exceptions."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ ROUGH = fm.Coulomb(0.1)
 
 
 def paths(scene, step, **ends):
-    """The records of a path without and with guesses, each after the same beginning."""
+    """The records of a path without and with guesses, each with equal first steps."""
     found = []
     for predict in (False, True):
         problem, set_loads = scene()
@@ -37,7 +37,7 @@ def counts(path):
 @pytest.mark.serial
 @pytest.mark.parametrize("facets, law", [(1.0, None), (1.7, ROUGH), (3.0, ROUGH)])
 def test_sliding_by_facets_takes_fewer_iterations(law, facets):
-    """Each step takes the tool on by some facets, after three that press it in."""
+    """Each step moves the tool by some facets, after three steps that press it in."""
     along = facets * FACET
 
     def scene():
@@ -47,7 +47,7 @@ def test_sliding_by_facets_takes_fewer_iterations(law, facets):
     stop = 3.0 + np.floor(3.0 / along)
     (plain, one), (guessed, other) = paths(scene, 1.0, stop=stop)
     assert plain.num_cuts == guessed.num_cuts == 0
-    # the first two steps along do not know yet where contact goes
+    # in the first two steps along the motion of contact is not known yet
     assert (counts(plain) - counts(guessed))[5:].mean() >= 1.5
     assert np.median(counts(guessed)[5:]) <= 5
     z, exact = (problem.equations.contacts[0].z for problem in (other, one))
@@ -56,7 +56,7 @@ def test_sliding_by_facets_takes_fewer_iterations(law, facets):
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_states_travel_with_the_contact(degree):
-    """Waves that go one column of nodes of the lower block a step: the guess is the next state."""
+    """Waves that travel one column of nodes per step: the guess is the next state."""
     columns = 8
     scene = pressed_blocks(slave="lower", degree=degree, n_lower=columns, n_upper=5)
     problem, contact = scene.problem, scene.contact
@@ -108,7 +108,7 @@ def test_path_that_turns_begins_at_its_last_state():
 
 
 def blocks_with_two_states():
-    """Two blocks pressed twice, what guesses their next state, and what presses them on."""
+    """Two blocks pressed twice, their predictor, and a function that presses them further."""
     scene = pressed_blocks(**MESH)
     predictor = Predictor(scene.problem.equations, 0.0)
 
@@ -138,7 +138,7 @@ def test_guess_is_where_the_last_two_states_lead():
 
 @pytest.mark.once
 def test_guess_in_vain_is_taken_back_and_then_made_more_rarely():
-    """The solves fail wherever they are tentative: what is found is what is found without."""
+    """Tentative solves fail: results are those without guesses."""
     problem, predictor, press = blocks_with_two_states()
     options, starts, tentative = problem.newton, [], []
 
@@ -175,7 +175,7 @@ def test_step_that_fails_from_both_starts_tells_of_both():
 
 @pytest.mark.once
 def test_obstacle_is_where_the_loads_put_it():
-    """Its motion turns, from down to along: a guess must not take it further down."""
+    """Its motion changes from down to along: a guess must not move it further down."""
     tool = KINDS["circle"]()
     problem = block_under(tool)
 

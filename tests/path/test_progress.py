@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a path tells while it runs: records of the logger, a bar, nothing by default."""
+"""Progress of a path: records of the logger, a bar, nothing by default."""
 
 import logging
 import sys
@@ -59,7 +59,7 @@ BARS = []
 
 
 class Bar:
-    """Stands in for tqdm."""
+    """Replacement of tqdm."""
 
     def __init__(self, total, **_):
         self.total, self.n, self.closed, self.postfix = total, 0.0, False, ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Adaptive load stepping: failed steps leave no trace, restarts continue, reports tell all."""
+"""Adaptive load steps: exact reverts of failed steps, restarts, complete reports."""
 
 from mpi4py import MPI
 
@@ -142,7 +142,7 @@ def test_state_of_another_mesh_is_refused(shared_path):
 
 
 def test_file_of_a_state_that_cannot_be_read_is_refused_by_all_ranks(shared_path):
-    """A rank that raised alone would leave the others waiting."""
+    """A rank that raises alone would make the others wait."""
     problem = pressed_blocks(**MESH).problem
     with pytest.raises(fm.MortarError, match=r"cannot read '.*missing.npz': .*No such file"):
         fm.load_state(problem, shared_path / "missing")
@@ -188,7 +188,7 @@ def test_stepping_options_that_cannot_work_are_refused(options):
 
 @pytest.mark.parametrize("name", ["set_loads", "on_step"])
 def test_error_of_a_function_of_the_user_on_one_rank_raises_on_all(name):
-    """A rank that left alone would have the others wait; state and record stay as they were."""
+    """A rank that leaves alone would make the others wait; state and record are unchanged."""
     scene = pressed_blocks(**MESH)
     guilty = comm.rank == comm.size - 1
 
@@ -235,7 +235,7 @@ def test_work_adds_up_and_contact_does_little_of_it():
 @pytest.mark.serial
 @pytest.mark.parametrize("below", ["body", "obstacle"])
 def test_contact_work_under_a_dead_load_is_small(below):
-    """Supports at rest do none, so that of the bodies is that of contact: this says nothing."""
+    """Supports at rest do no work, so that the work of the bodies is that of contact."""
     scene = pressed_blocks(**MESH)
     data, u = scene.data, fem.Function(scene.u.function_space)
     load = fem.Constant(data.mesh, (0.0, 0.0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""An oscillator on a belt with friction that falls with the rate: stick and slip in turns."""
+"""An oscillator on a belt with friction that decreases with the rate: stick-slip."""
 
 import numpy as np
 import pytest
@@ -14,9 +14,10 @@ LAW = Stribeck(0.5, 0.2, 0.06)
 
 
 def exact(stop: float):
-    """Time and place of a point mass 1 on a spring that starts at rest on the belt.
+    """Time and position of a point mass 1 on a spring that starts at rest on the belt.
 
-    It sticks until the spring has the static friction, then slides until it is as fast as the belt.
+    It sticks until the spring force is the static friction, then slides until its velocity is that
+    of the belt.
     """
     time, place, times, places = 0.0, 0.0, [0.0], [0.0]
 
@@ -58,6 +59,6 @@ def test_stick_and_slip_follow_the_point_mass():
         on_step=lambda time, _: places.append((time, made.mean(0), made.problem.time)),
     )
     time, place, seen = np.array(places).T
-    assert (seen == time).all()  # the time that the law sees
+    assert (seen == time).all()  # the time passed to the law
     wanted = np.interp(time, *exact(18.0))
     assert np.ptp(wanted) > 0.15 and np.abs(place - wanted).max() < 0.03 * np.ptp(wanted)

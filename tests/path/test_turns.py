@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Paths that turn where a node closes: the end of the path says so."""
+"""Paths that turn where a node closes, as stated in the message at their end."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def pushed_spiral():
 def test_end_of_a_path_that_turns_is_named():
     """Two windings touch in one node, whose normal is not that of the facet opposite.
 
-    Pressed, it would move further into it, since the strip gives way along itself.
+    Under pressure it would move further into it, since the strip is displaced along itself.
     """
     problem, set_push = pushed_spiral()
     fm.follow_path(problem, set_push, fm.SteppingOptions(0.25), stop=0.75)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Pairs, conditions, results and tools: arguments of a wrong kind."""
+"""Pairs, conditions, results and obstacles: arguments of a wrong type."""
 
 import numpy as np
 import pytest

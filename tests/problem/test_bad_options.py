@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Options of pairs, problems and Newton's method that are refused, and what is allowed."""
+"""Rejected and allowed options of pairs, problems and Newton's method."""
 
 import numpy as np
 import pytest
@@ -65,7 +65,7 @@ def test_option_of_a_pair_that_is_refused_says_what_is_allowed(option, allowed):
     [(fm.ContactPair, {"integration": "elements"}), (fm.ContactPair, {}), (fm.TiedPair, {})],
 )
 def test_fewer_points_than_nodes_of_a_facet_are_refused(kind, options):
-    """Two points do not tell the three functions of a facet apart that has one segment."""
+    """Two points cannot distinguish the three functions of a facet with one segment."""
     data = blocks_of_arrays()
     u = fem.Function(fm.vector_space(data.mesh, 2))
     pair = kind(data, "slave", "master", **pair_options(options, points=2))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Builds of PETSc, meshes, spaces and conditions that are refused."""
+"""Rejected builds of PETSc, meshes, spaces and conditions."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A KeyboardInterrupt anywhere leaves the problem as it was before, and usable."""
+"""After a KeyboardInterrupt anywhere the problem is restored and usable."""
 
 import re
 import sys
@@ -27,7 +27,7 @@ PACKAGE = str(Path(fm.__file__).parent)
 
 
 class Interrupt:
-    """Counts the lines of the package that are run, and raises at one of them."""
+    """Count of the lines of the package that are run, with an interruption at one of them."""
 
     def __init__(self, at=None):
         self.at, self.count = at, 0
@@ -57,7 +57,7 @@ class Interrupt:
 
 
 def everything(problem):
-    """All that a solve may change and an interruption has to leave, as copies."""
+    """Copies of all data that a solve may change and an interruption must restore."""
     state = problem.state()
     contacts = [c.operators for c in problem.equations.contacts]
     options = PETSc.Options("test_").getAll()
@@ -78,13 +78,13 @@ def are_equal(one, other):
 
 
 def interrupt_at_random(problem, work, seed, *, times):
-    """Interrupt some work at random lines: each time the problem is as before, and usable.
+    """Interrupt some work at random lines: each time the problem is restored and usable.
 
     Args:
         problem: The problem.
-        work: What is interrupted; starts from the present state.
-        seed: Of the lines.
-        times: How often.
+        work: Function to be interrupted; starts from the present state.
+        seed: Seed of the lines.
+        times: Number of interruptions.
     """
     start = problem.state()
     counter = Interrupt()
@@ -148,7 +148,7 @@ def test_a_driven_obstacle_may_be_interrupted_anywhere():
 @pytest.mark.once
 @pytest.mark.serial
 def test_a_path_may_be_interrupted_anywhere():
-    """It goes on from the last accepted step, whose time is in a note at the error."""
+    """It continues from the last accepted step, whose time is in a note of the error."""
     scene = pressed_blocks(pair={"law": fm.Coulomb(0.3)}, **MESH)
     times = [0.0]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Long runs stay in the memory of short ones, however the linear systems are solved."""
+"""Memory of long runs is that of short ones, for all linear solvers."""
 
 import ctypes
 import gc
@@ -16,19 +16,19 @@ import fenics_mortar as fm
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 20, "n_lower": 23, "layers_upper": 20, "layers_lower": 20}
 WARM, MEASURED = 40, 80
-# A vector of all dofs that is lost in each iteration takes 8 bytes a dof.
+# Allowed growth per iteration [bytes per dof]: a leaked vector of all dofs takes 8.
 ALLOWED = 3.0
 
 
 def memory():
-    """Bytes in use by this process; free pages of the heap are given back before."""
+    """Bytes in use by this process; after free pages of the heap are returned."""
     gc.collect()
     ctypes.CDLL(None).malloc_trim(0)
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
 
 
 def iterate(scene, least):
-    """Solve for loads that come and go until there were so many iterations."""
+    """Solve for varying loads until a number of iterations is reached."""
     done = 0
     while done < least:
         for depth in (0.02, 0.03, 0.04):
@@ -60,7 +60,7 @@ def test_iterations_take_no_memory(material, options):
 @pytest.mark.once
 @pytest.mark.serial
 def test_what_is_asked_of_a_state_takes_no_memory():
-    """Estimates, matrices and the check of the tangent make vectors and matrices of their own."""
+    """Estimates, matrices and the check of the tangent create vectors and matrices."""
     scene = pressed_blocks(n_upper=20, n_lower=23)
     scene.loads["push"].value[1] = -0.02
     problem = scene.problem

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Numbers that are not finite: named with their place, and differences between ranks."""
+"""Numbers that are not finite: reported with their position; differences between ranks."""
 
 import numpy as np
 import pytest
@@ -134,7 +134,7 @@ def test_offset_that_is_not_finite_since_it_was_set_is_refused_by_solve():
     "what", ["offset of", "a prescribed displacement", "place of", "push of", "nan in offset of"]
 )
 def test_input_that_differs_on_one_rank_is_refused_by_all(what):
-    """Each rank would go its own way, and the run hang or end in MPI."""
+    """Ranks would diverge, and the run would hang or fail in MPI."""
     wrong = float(COMM.rank == COMM.size - 1)
     if what in ("place of", "push of"):
         data = blocks_of_arrays()
@@ -155,7 +155,7 @@ def test_input_that_differs_on_one_rank_is_refused_by_all(what):
 
 
 def test_distance_that_raises_on_one_rank_raises_on_all():
-    """Nodes are known on all ranks, integration points are shared out."""
+    """Nodes are replicated, integration points are distributed."""
     fails = []
 
     def plane(x):

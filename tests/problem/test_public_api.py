@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What users import: it exists, is documented, and stays small."""
+"""Public names: they exist, are documented, and are few."""
 
 import dataclasses
 import inspect
@@ -54,7 +54,7 @@ def test_result_class_documents_each_attribute(name):
 
 
 def test_package_imported_from_above_its_clone_says_what_to_do(tmp_path):
-    """There the folder of the clone is an empty namespace package of the same name."""
+    """In this case the folder of the clone is an empty namespace package of the same name."""
     clone = tmp_path / "fenics_mortar"
     clone.mkdir()
     (clone / "fenics_mortar").symlink_to(Path(fm.__file__).parent)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What differs between the ranks is refused by all."""
+"""Differences between ranks raise errors on all ranks."""
 
 import pytest
 from array_meshes import bcs_of, blocks_of_arrays, problem_on

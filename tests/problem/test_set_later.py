@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Attributes that are set after the problem was made: checked by the next solve."""
+"""Attributes set after the problem was created: checked by the next solve."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ import fenics_mortar as fm
     ],
 )
 def test_option_of_a_pair_that_is_set_after_the_problem_is_refused(name, value):
-    """It would have no effect, or half of one."""
+    """It would have no effect, or an incomplete one."""
     scene = rubbing_blocks(fm.Coulomb(0.3))
     setattr(scene.contact.pair, name, value)
     with refused(fm.MortarError, f"{name} of ContactPair.* was set after .* new problem"):

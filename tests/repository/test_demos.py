@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Every demo as its own process, in serial or on several ranks; each ends in assertions.
+"""Every demo as a separate process, in serial or on several ranks; each ends with assertions.
 
-Numbers in the gallery are lines that the demo prints.
+Numbers in the gallery are lines printed by the demo.
 """
 
 import os
@@ -17,19 +17,19 @@ GALLERY = Path(__file__).resolve().parents[2] / "demos" / "README.md"
 DEMOS = sorted((Path(__file__).resolve().parents[2] / "demos").glob("demo_*.py"))
 # two_blocks runs on two ranks in the set-up of each machine; many steps take long on busy cores
 ON_RANKS = {"demo_tied": 2}
-# four to thirty seconds each: of many steps, solves or meshes
+# four to thirty seconds each, for many steps, solves or meshes
 LONG = (
     "demo_ball", "demo_identify", "demo_interference", "demo_ironing", "demo_profile",
     "demo_rollers", "demo_seal", "demo_snap_fit", "demo_tied", "demo_wear",
 )  # fmt: skip
-# a demo promises a minute; a loaded machine gets four
+# time limit of a demo [s]: a minute, four on a loaded machine
 LIMIT = 240
-# what MPI leaves in the environment: a process that mpirun starts would take it for its own
+# MPI variables of the environment, which processes started by mpirun must not inherit
 OF_THIS_RUN = ("OMPI_COMM", "OMPI_MCA_ess", "PMIX")
 
 
 def run(folder, ranks, *arguments):
-    """Run python as a process of its own, or as one on each of several ranks."""
+    """Run Python as a separate process, or as one on each of several ranks."""
     command = [sys.executable, *map(str, arguments)]
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks), *command]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Examples in docstrings run, and print what they show."""
+"""Examples in docstrings run, and print the output shown."""
 
 import doctest
 import importlib

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The cache of compiled kernels of the tests: never one of other kernels."""
+"""Cache of compiled kernels of the tests: never that of other kernels."""
 
 import os
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Numbers in the README and on the site are those that the commands of the studies have recorded.
+"""Numbers in the README and on the site are equal to recorded results of the studies.
 
 The studies take too long for a test; their records are Markdown tables. Numbers of the demos and
 of the tutorial are compared with a run, see ``test_demos.py`` and ``test_tutorial.py``.
@@ -22,16 +22,16 @@ def rows(file):
 
 
 def said(file, pattern):
-    """Numbers that a pattern finds in a file, which has to hold it; commas separate thousands."""
+    """Numbers matched by a pattern, which must be in the file; commas separate thousands."""
     text = re.sub(r"\s+", " ", file.read_text())
     found = re.search(pattern, text)
-    assert found, f"{file.name} does not hold '{pattern}'"
+    assert found, f"{file.name} does not contain '{pattern}'"
     return [float(number.replace(",", "")) for number in found.groups()]
 
 
 @pytest.fixture(scope="module")
 def outcomes():
-    """Of each method the numbers converged, cut, wrong, failed, dead end of the atlas."""
+    """Numbers of scenes of the atlas by method: converged, cut, wrong, failed, dead end."""
     table = rows(STUDIES / "stability" / "atlas.md")
     end = next(i for i, row in enumerate(table) if row[0] == "remedy")
     return {row[0]: [int(cell) for cell in row[1:6]] for row in table[2:end]}

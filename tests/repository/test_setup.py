@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The scripts, the installation by pip, and what no file of the repository may hold."""
+"""Scripts, installation by pip, and text forbidden in files of the repository."""
 
 import os
 import re
@@ -27,7 +27,7 @@ def run(*command, path=None, **kwargs):
 
 
 def put_command(folder, name, body):
-    """Write a shell script that stands in for a command."""
+    """Write a shell script that replaces a command."""
     script = folder / name
     script.write_text(f"#!/bin/sh\n{body}\n")
     script.chmod(0o755)
@@ -125,7 +125,7 @@ def test_pip_installs_the_package_beside_debians_dolfinx(tmp_path):
         assert (folder / path.relative_to(source / "fenics_mortar")).is_file(), f"no {path}"
 
 
-# Split, so that this file does not hold them itself.
+# Split, so that this file does not contain them.
 FORBIDDEN = [
     "py" + "pi.org",
     "pythonhosted" + ".org",

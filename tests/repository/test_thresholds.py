@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Each numeric threshold of the package has one name, a unit and a reason, and is listed."""
+"""Each numeric threshold of the package has one name, a unit and a reason, and is in the list."""
 
 from collections import Counter
 from pathlib import Path

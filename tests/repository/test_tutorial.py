@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The tutorial runs from top to bottom and prints what its pages show."""
+"""The tutorial runs completely and prints the output shown on its pages."""
 
 import os
 import re

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Solutions of linearized contact with friction: all inequalities hold, and who slides is right."""
+"""Solutions of linearized contact with friction: inequalities and branches."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from fenics_mortar.rigid.complementarity import FrictionProblem, lemke, solve_fr
 
 
 def problem(rng, n, *, rank=None, mu=0.5):
-    """Gaps of n nodes of bodies with a random compliance: gaps grow, slips fall by multipliers."""
+    """Gaps of n nodes of bodies with a random compliance."""
     A = rng.normal(size=(2 * n, rank or 2 * n))
     sign = np.repeat([1.0, -1.0], n)
     return FrictionProblem(sign[:, None] * (A @ A.T), rng.normal(size=2 * n), np.full(n, mu))
@@ -49,7 +49,7 @@ def test_without_friction_there_is_no_shear(seed):
 
 @pytest.mark.parametrize("push, branch", [(0.2, 0), (0.4, 0), (0.6, 1), (-0.6, -1)])
 def test_one_node_sticks_up_to_its_limit_and_slides_beyond(push, branch):
-    """A node pressed with a force of one: it sticks where the push is below mu."""
+    """A node pressed with a force of one: it sticks if the push is below mu."""
     p = FrictionProblem(np.diag([1.0, -1.0]), np.array([-1.0, push]), np.array([0.5]))
     found = solve_friction(p)
     assert found.active.all()

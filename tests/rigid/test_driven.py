@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Obstacles that forces and moments drive: their place is unknown, and found by the solve."""
+"""Obstacles driven by forces and moments, whose positions are unknowns of the solve."""
 
 from mpi4py import MPI
 
@@ -50,7 +50,7 @@ def test_force_leads_to_where_displacement_did(kind, degree, algorithm):
     assert report.certificate.violations() == []
     assert any("contact force" in note for note in report.notes)
     z, exact = found.equations.contacts[0].z, given.equations.contacts[0].z
-    # The last step is quadratic: what is left is rounding, 5e-13 of the pressure at a loose spline.
+    # The last step is quadratic: the rest is rounding, 5e-13 of the pressure at a loose spline.
     assert np.abs(z - exact).max() < 1e-11 * np.abs(exact).max()
     assert np.abs(driven.place - moved.place).max() < 1e-11
     assert np.abs(driven.reaction - moved.reaction).max() < 1e-12 * np.abs(moved.reaction).max()
@@ -84,7 +84,7 @@ def test_egg_rolls_until_it_lies(degree):
     "kind, solver", [("plane", "direct"), ("open", "direct"), ("plane", "iterative")]
 )
 def test_newton_is_quadratic(kind, solver):
-    """With the motions' terms left out the factor would be about constant."""
+    """Without the terms of the motions the factor would be approximately constant."""
     obstacle = KINDS[kind]()
     problem = block_under(obstacle, solver=solver)
     obstacle.push(y=-5.0, moment=0.0)
@@ -110,7 +110,7 @@ def columns(obstacle, **heights):
 
 @pytest.mark.once
 def test_lid_on_two_columns_finds_its_tilt():
-    """It touches the higher column first, turns, and then lies on both."""
+    """It touches the higher column first, rotates, and then rests on both."""
     lid = fm.Plane((1.5, 1.3), (0.0, -1.0))
     problem = columns(lid, left=1.0, right=0.9)
     lid.push(y=-4.0, moment=-1.0)
@@ -126,7 +126,7 @@ def test_lid_on_two_columns_finds_its_tilt():
 
 @pytest.mark.once
 def test_path_rolls_back_and_restarts(shared_path):
-    """The state comes back exactly, from memory and from a file."""
+    """The state is restored exactly, from memory and from a file."""
     obstacle = KINDS["open"]()
     problem = block_under(obstacle)
 
@@ -153,7 +153,7 @@ def test_path_rolls_back_and_restarts(shared_path):
 
 @pytest.mark.once
 def test_obstacle_that_is_dragged_sideways_does_not_leave_the_nodes_that_stick():
-    """Its driven motions are about normal to them: no multiple of these makes up for the drag."""
+    """Its driven motions are nearly normal to the surface and cannot compensate the drag."""
     lid = KINDS["plane"]()
     problem = block_under(lid, pair={"law": fm.Coulomb(0.3)})
     lid.push(y=-4.0, moment=0.0)
@@ -170,7 +170,7 @@ def test_obstacle_that_is_dragged_sideways_does_not_leave_the_nodes_that_stick()
 
 @pytest.mark.once
 def test_contact_adds_no_energy():
-    """What pushes the lid works on the block: the rest falls with the square of the steps."""
+    """The work of the push is that on the block, up to the square of the step size."""
     rests = []
     for step in (0.5, 0.25):
         lid = KINDS["plane"]()
@@ -208,7 +208,7 @@ def test_forces_and_moments_of_supports_and_obstacle_cancel():
 
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_body_falls_on_a_rigid_floor(algorithm):
-    """Nothing supports the block but the floor: it is let down by its weight, and lies evenly."""
+    """The block is supported by the floor alone: it falls by its weight, with uniform pressure."""
     data = read(rectangles, size=0.25, block=(0.0, 0.3, 1.0, 1.0))
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
@@ -232,7 +232,7 @@ def test_body_falls_on_a_rigid_floor(algorithm):
 
 @pytest.mark.once
 def test_block_between_a_floor_and_a_lid():
-    """Nothing supports the block but two planes: one at rest, one driven."""
+    """The block is supported by two planes alone: one at rest, one driven."""
     data = read(rectangles, size=0.25, block=(0.0, 0.0, 1.0, 1.0))
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
@@ -265,13 +265,13 @@ def test_block_between_a_floor_and_a_lid():
     ],
 )
 def test_obstacle_that_nothing_stops_is_refused(loads, message):
-    """A round one turns about its centre, whatever touches it; the same error on all ranks."""
+    """A round one rotates about its centre in spite of contact; equal errors on all ranks."""
     plane, circle = fm.Plane((0.5, 1.1), (0.0, -1.0)), fm.Circle((0.5, 2.1), 1.0)
     refuse(circle if "moment" in loads else plane, loads, message)
 
 
 def test_obstacle_that_no_facet_faces_is_refused():
-    """The solid is below, where the block is: its top looks away from the solid's surface."""
+    """The solid is below, like the block: the top of the block faces away from its surface."""
     refuse(fm.Plane((0.5, 1.1), (0.0, 1.0)), {"y": -1.0}, "the solid is on the side of the body")
 
 
@@ -301,8 +301,8 @@ def test_loaded_obstacle_that_slides_away_is_named():
 def test_wheel_that_friction_lets_go_slides_no_further_than_a_step_may():
     """A force keeps it on the slope y = 0.3 x^2 and is removed in one step or along a path.
 
-    It slides to where the slope is the coefficient of friction, x = 0.1667; its middle is then
-    above sin(angle) further inside. Corners of facets turn the slope by up to 0.3 h = 0.02.
+    It slides to the point where the slope is the coefficient of friction, x = 0.1667; its middle is
+    then above sin(angle) further inside. Corners of facets turn the slope by up to 0.3 h = 0.02.
     """
 
     def position(s, t):

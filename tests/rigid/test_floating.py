@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Bodies supported by contact alone: they are moved until it stops them, and no spring is left."""
+"""Bodies supported by contact alone: they are moved until contact stops them; no springs remain."""
 
 from mpi4py import MPI
 
@@ -24,7 +24,7 @@ comm = MPI.COMM_WORLD
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("gap", [0.1, 3.0])
 def test_body_free_to_slide_falls_straight_and_leaves_no_trace_of_the_spring(gap, algorithm):
-    """No force drives it sideways: wherever it falls from, the pressure is that of one that lay."""
+    """No force drives it sideways: for any initial gap the pressure is that without a gap."""
     falling, lying = (pushed_block(gap=g, algorithm=algorithm) for g in (gap, 0.0))
     report = falling.solve()
     lying.solve()
@@ -79,7 +79,7 @@ def disk_in_ring():
 
 @pytest.mark.once
 def test_disk_falls_in_a_ring_to_where_newton_finds_its_rest():
-    """Moved rigidly it creeps there, each time by as little as its facets may overlap."""
+    """Rigid moves creep there in small steps limited by the admitted overlap."""
     data = read(disk_in_ring)
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)
@@ -170,7 +170,7 @@ def test_disk_that_may_roll_falls_in_one_solve(size):
     assert force[1] == pytest.approx(0.5 * np.pi * 0.25, rel=0.008)
     told = any("springs carry" in note for note in report.notes)
     assert told == (certificate.springs > 0.0)
-    assert problem.solve().certificate.violations() == []  # and on from there
+    assert problem.solve().certificate.violations() == []  # and again from this state
 
 
 @pytest.mark.serial
@@ -204,13 +204,13 @@ def test_closest_vector_below_planes():
         ).x
         found = closest_below(wanted, rows, room)
         assert (rows @ found <= room + 1e-10).all()
-        assert np.abs(found - exact).max() < 1e-7  # SLSQP's: it ends where the sum changes by 1e-14
+        assert np.abs(found - exact).max() < 1e-7  # accuracy of SLSQP
 
 
 @pytest.mark.once
 @pytest.mark.parametrize("base", ["plane", "body"])
 def test_block_that_friction_supports_stays_and_one_that_slides_keeps_its_friction(base):
-    """Limit analysis decides before the solve; see also ``test_supported``, in serial."""
+    """Limit analysis is used before the solve; see also ``test_supported``, in serial."""
     for push, reaches in ((0.1, 0.0), (0.6, 0.1)):
         scene = supported.block_and_wall(push, 0.5, base)
         reports = list(scene.solve())
@@ -220,7 +220,7 @@ def test_block_that_friction_supports_stays_and_one_that_slides_keeps_its_fricti
 
 
 def test_adhesion_across_a_gap_carries_weight():
-    """Half of the ceiling's pull could be across gaps, there a load upwards, or downwards."""
+    """Half of the ceiling's adhesion may act across gaps: as a load, upwards or downwards."""
     scene = supported.hanging(weight=0.9, pull=1.0)
     list(scene.solve())
     equations = scene.problem.equations

@@ -10,7 +10,7 @@ pytestmark = pytest.mark.serial
 
 
 def block(width, mu=0.0, shear=0.0, adhesion=0.0, turn=0.0):
-    """A block that stands on two nodes; its motions: along the plane, off it, and turning."""
+    """A block on two nodes; its motions: along the plane, normal to it, and rotation."""
     x = np.array([-0.5 * width, 0.5 * width])
     opening = np.stack([0.0 * x, 1.0 + 0.0 * x, x], axis=1)
     height = 0.5  # of the centre above the plane

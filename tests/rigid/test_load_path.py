@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Linearized contact with friction along a load path: near solutions only, none beyond a jump."""
+"""Linearized contact with friction along a load path: no solutions beyond a jump."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from fenics_mortar.rigid.load_path import Turn, follow_loads
 # One node whose normal and tangential compliance are coupled. At mu = 2 > 1 / |coupling| it may
 # have no equilibrium next to a state in which it slides (Klarbring 1990).
 COUPLED = np.array([[1.0, -1.0], [1.0, -2.0]])
-# It slides with a pressure of one where gap and slip without multipliers are one and three.
+# It slides with a pressure of one if gap and slip without multipliers are one and three.
 SLIDES = Sets(np.array([True]), np.array([1]), np.array([1.0]), np.array([2.0]))
 
 
@@ -30,7 +30,7 @@ def test_surfaces_that_just_touch_are_loaded(seed, mu):
 
 
 def test_without_nodes_there_is_nothing_to_follow():
-    """As where a path ends while all surfaces are apart."""
+    """For example if all surfaces are separated at the end of a path."""
     p = FrictionProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0))
     assert follow_loads(p, *unloaded(0)).active.size == 0
 
@@ -57,7 +57,7 @@ def test_a_sliding_node_goes_on():
 
 @pytest.mark.parametrize("pulled", [1e-6, 0.1])
 def test_no_solution_beyond_a_jump(pulled):
-    """Pulled, the node can neither stick nor slide; it is open at a distance, after a jump."""
+    """Under tension the node can neither stick nor slide; it opens by a jump."""
     p = FrictionProblem(COUPLED, np.array([1.0 + pulled, 3.0]), np.array([2.0]))
     assert not solve_friction(p).active.any()
     assert follow_loads(p, SLIDES, np.zeros(1)).part == 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The proximal point method: where its solves begin, and how long their springs may be."""
+"""Proximal point method: initial states of its solves, and elongation of the springs."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from fenics_mortar.rigid.springs import over_contact
 
 
 class Scripted:
-    """Equations, their springs and solves: each solve ends as the script says, and moves by one."""
+    """Equations with springs; each solve ends as defined by the script, and moves by one."""
 
     def __init__(self, script):
         self.script, self.place, self.springs, self.anchored = list(script), 0, self, []
@@ -57,7 +57,7 @@ def test_springs_are_anchored_where_the_last_good_solve_ended(monkeypatch):
 
 
 def test_elongation_falls_by_failures_and_grows_again_but_never_beyond_the_first(monkeypatch):
-    """An eighth of it after a failure, twice after a success [shortest facets]."""
+    """An eighth after a failure, twice after a success [shortest facets]."""
     scripted = run(monkeypatch, "yes no no yes yes yes yes yes yes yes")
     first = np.array([1, 1, 1 / 8, 1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1]) / 4
     assert scripted.elongations == pytest.approx(first)

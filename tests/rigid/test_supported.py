@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Bodies supported by friction or adhesion stay up to the load of limit analysis."""
+"""Bodies supported by friction or adhesion remain at rest up to the limit load."""
 
 import numpy as np
 import pytest
@@ -21,13 +21,13 @@ from supported_problem import NU
 import fenics_mortar as fm
 
 E = 1e4
-# Newton iterations of a step of an assembly supported by contact alone.
+# Largest number of Newton iterations of a step of an assembly supported by contact alone.
 MOST = 10
 BASES = pytest.mark.parametrize("base", ["plane", "body"])
 
 
 def stays(scene, most=None):
-    """Solve all steps: sound states in which bodies moved as far as they are elastic."""
+    """Solve all steps: sound states with elastic displacements only."""
     reports = []
     for step, report in enumerate(scene.solve()):
         assert scene.verdict(step)[0].feasible, "limit analysis"
@@ -40,7 +40,7 @@ def stays(scene, most=None):
 
 
 def gives_way(scene):
-    """The last step has no solution: limit analysis and the package say so, in words."""
+    """The last step has no solution by limit analysis and by the package's message."""
     last = len(scene.path) - 1
     verdict, _ = scene.verdict(last)
     assert not verdict.feasible or verdict.factor < 1.0
@@ -65,7 +65,7 @@ def test_block_on_an_incline_sticks_up_to_the_angle_of_friction(mu, base):
         scene = incline(slope, mu, base)
         stays(scene)
         assert scene.force(0) == pytest.approx([-np.sin(slope), np.cos(slope)], abs=1e-8)
-        sheared = np.sin(slope) * 0.5 / (E / (2 * (1 + NU)))  # by all of the weight at its top
+        sheared = np.sin(slope) * 0.5 / (E / (2 * (1 + NU)))  # by the whole weight at its top
         slid = scene.motion("block")[0]
         assert 0.0 < slid < sheared if base == "plane" else 0.0 < slid < 20.0 * sheared
     gives_way(incline(np.arctan(1.05 * mu), mu, base))
@@ -97,7 +97,7 @@ def test_block_in_one_step_under_weight_and_push_sticks(base):
 
 @BASES
 def test_block_pushed_by_more_than_friction_bears_ends_at_the_wall_if_anywhere(base):
-    """The wall bears what friction leaves: it acts against the slide, whatever moved the block."""
+    """The wall carries the push minus friction, which acts against the slide."""
     scene = block_and_wall(0.6, 0.5, base)
     scene.set(**scene.path[0])
     scene.problem.solve()
@@ -123,7 +123,7 @@ def test_wheel_in_a_groove_sticks_under_less_than_the_torque_that_friction_bears
 @pytest.mark.once
 @BASES
 def test_ladder_stands_above_its_critical_angle(base):
-    """Of the thin ladder tan = 1 / (2 mu); limit analysis knows the thick one's."""
+    """For the thin ladder tan = 1 / (2 mu); for the thick one the angle of limit analysis."""
     for factor in (1.03, 1.3):
         scene = ladder(np.arctan(factor / 0.8), 0.4, base=base)
         stays(scene)
@@ -173,7 +173,7 @@ def test_block_pressed_to_a_ceiling_stays_sideways_by_friction(base):
 @pytest.mark.once
 @pytest.mark.parametrize("kind", ["planes", "bodies"])
 def test_block_between_jaws_is_supported_by_friction(kind):
-    """Two jaws bear 2 mu P."""
+    """The limit load of two jaws is 2 mu P."""
     for weight in (0.0, 0.3, 0.9):
         scene = jaws(weight, 1.0, 0.5, kind)
         stays(scene)
@@ -205,7 +205,7 @@ def test_block_that_a_prescribed_motion_presses_moves_along_by_friction(base):
 
 
 def without_judge(scene):
-    """Motions that are prescribed press with forces that limit analysis does not know."""
+    """Prescribed motions cause forces that are unknown to limit analysis."""
     scene.verdict = lambda step: (type("Verdict", (), {"feasible": True}), 0.0)
     return scene
 
@@ -214,7 +214,7 @@ def without_judge(scene):
 
 
 def bears(scene, number):
-    """Both springings together bear the weight; half each, but for what their meshes differ."""
+    """Both springings together carry the weight, each half up to the difference of the meshes."""
     left, right = scene.force(number - 1), scene.force(number)
     assert left + right == pytest.approx([0.0, 1.0], abs=1e-7)
     assert left[1] == pytest.approx(0.5, rel=0.005)
@@ -222,7 +222,7 @@ def bears(scene, number):
 
 @pytest.mark.once
 def test_arch_of_stiff_voussoirs_stands_if_it_is_thick_enough():
-    """Milankovitch: t/R = 0.1075 for many; for few limit analysis knows."""
+    """Milankovitch: t/R = 0.1075 for many voussoirs; for few by limit analysis."""
     scene = arch(0.15, 7)
     stays(scene, most=MOST)
     bears(scene, 7)
@@ -244,7 +244,7 @@ def test_arch_of_stiff_voussoirs_stands_if_it_is_thick_enough():
     ids=str,
 )
 def test_arch_of_stiff_voussoirs_takes_few_iterations(thickness, number, options):
-    """No spring supports it: the sets are those of the linearized problem."""
+    """No springs are used: the sets are those of the linearized problem."""
     scene = arch(thickness, number, **options)
     (report,) = stays(scene, most=MOST)
     assert report.certificate.springs == 0.0
@@ -268,7 +268,7 @@ def test_walls_whose_sets_would_go_in_circles(options):
 
 @pytest.mark.once
 def test_bricks_that_tilt_on_their_edges_do_so_elastically():
-    """Half a brick at the end rocks on two nodes: by far, but in proportion to 1 / E."""
+    """Half a brick at the end rocks on two nodes: far, but in proportion to 1 / E."""
     moved = {}
     for E in (1e4, 1e6):
         scene = wall(3, 2, 0.9, cells=(5, 4, 3), layers=1, push=0.7, E=E)
@@ -354,7 +354,7 @@ def test_random_tower_gives_way_beyond_it():
 
 @BASES
 def test_path_of_an_incline_ends_where_friction_does(base):
-    """It sticks up to the critical angle; what ends the path is said in words."""
+    """It sticks up to the critical angle; the message gives the reason for the end."""
     mu = 0.5
     scene = incline(0.3, mu, base, turn=0.0)
 
@@ -365,5 +365,5 @@ def test_path_of_an_incline_ends_where_friction_does(base):
     with pytest.raises(fm.NotConvergedError, match="freely") as error:
         fm.follow_path(scene.problem, tilt, options, start=0.2, stop=1.0)
     end = error.value.report.steps[-1].time
-    # A soft base bears a little more, by the dent that the block presses into it.
+    # The limit is slightly higher on a soft base, by its indentation.
     assert np.arctan(mu) - 2e-3 < end < np.arctan(mu) + (1e-2 if base == "body" else 1e-9)

@@ -49,7 +49,7 @@ def rows(problem, frames):
 
 
 def random_vector(problem, seed, sizes=(1.0, 1.0, 1.0)):
-    """Random entries, alike on any number of ranks; ``sizes``: of u, z, q."""
+    """Random entries, equal on any number of ranks; ``sizes``: of u, z, q."""
     rng, bulk = np.random.default_rng(seed), problem.equations.bulk
     everywhere = sizes[0] * rng.uniform(-1.0, 1.0, bulk.r.getSize())
     z = [sizes[1] * rng.uniform(-1.0, 1.0, c.z.shape) for c in problem.equations.contacts]
@@ -58,7 +58,7 @@ def random_vector(problem, seed, sizes=(1.0, 1.0, 1.0)):
 
 
 def moved(problem, state, d, t):
-    """The state moved by t d; sets and all other parts stay."""
+    """The state moved by t d; active sets and all other parts are unchanged."""
     u = problem.equations.bulk.u
     kept = u.x.array.copy()
     u.x.array[:] = state.u
@@ -72,7 +72,7 @@ def moved(problem, state, d, t):
 
 
 def count_slip_from(problem, state, present):
-    """Make the partners those of ``state``, with the sets it has; the present state else stays."""
+    """Set the partners of ``state`` and its sets; the present state is otherwise unchanged."""
     e = problem.equations
     e.put(state)
     e.evaluate_operators()

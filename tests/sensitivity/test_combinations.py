@@ -6,9 +6,18 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import revolved
-from scenes import TIGHT, neo_hookean
+from scenes import TIGHT
 from self_scenes import c_ring
-from taylor_scenes import SLIDE, Path, blocks, check, obstacle_on_block, value_of, wave
+from taylor_scenes import (
+    SLIDE,
+    Path,
+    blocks,
+    check,
+    obstacle_on_block,
+    tied_blocks,
+    value_of,
+    wave,
+)
 
 import ufl
 from dolfinx import fem
@@ -30,37 +39,15 @@ def sheared(u):
 @pytest.mark.parametrize("objective", ["force", "form"])
 def test_ties(objective):
     """Non-matching blocks joined and sheared."""
-    data = mapped_grids.mesh(
-        [
-            Grid("lower", block(3, 2, width=1.0, height=0.5)),
-            Grid("upper", block(4, 2, width=1.0, height=0.5, corner=(0.0, 0.5))),
-        ]
-    )
-    V = fm.vector_space(data.mesh, 1)
-    u, v = fem.Function(V), ufl.TestFunction(V)
-    E, load = fem.Constant(data.mesh, 100.0), fem.Function(V, name="load")
-    push = fem.Constant(data.mesh, (0.0, 0.0))
-    residual = ufl.inner(neo_hookean(u, E, 0.3), ufl.grad(v)) * ufl.dx(degree=2)
-    residual -= ufl.inner(load, v) * ufl.dx
-    bcs = [fm.dirichlet(V, data, "lower/bottom", (0, 0)), fm.dirichlet(V, data, "upper/top", push)]
-    tie = fm.TiedPair(data, "upper/bottom", "lower/top")
-    problem = fm.ContactProblem(
-        residual, u, [tie], bcs=bcs, newton=TIGHT, petsc_options_prefix="ties_"
-    )
-
-    def move(place):
-        push.value[:] = place
-
-    controls = {"E": E, "load": load, "place": push}
-    scene = Path(problem, u, controls, move, [(0.05, -0.02), (0.1, 0.03)])
-    quantity = TotalForce(0, (1.0, 0.3)) if objective == "force" else sheared(u)
+    scene = tied_blocks([(0.05, -0.02), (0.1, 0.03)])
+    quantity = TotalForce(0, (1.0, 0.3)) if objective == "force" else sheared(scene.u)
     check(scene, quantity, ["E", "load", "place"], [30.0, 3.0, 0.02])
 
 
 @pytest.mark.parametrize("law", [None, fm.Coulomb(0.3)], ids=["none", "Coulomb"])
 @pytest.mark.parametrize("shape", ["radius", "points"])
 def test_driven_obstacles(law, shape):
-    """A roller pressed by a force, and drawn by another one or by its place."""
+    """A roller pressed by a force, and drawn by another force or a prescribed motion."""
     if shape == "radius":
         roller = fm.Circle((0.45, 1.5), 0.5)
     else:

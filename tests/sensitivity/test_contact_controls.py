@@ -24,7 +24,7 @@ from fenics_mortar.sensitivity.positions import ContactPositions
 
 comm = MPI.COMM_WORLD
 DOT = 1e-12
-# Of difference quotients, see ``shape_change``.
+# Error of difference quotients, see ``shape_change`` [1].
 QUOTIENT = 1e-10
 
 
@@ -85,7 +85,7 @@ class Regular(fm.Law):
 
 
 class Rough(Regular):
-    """Its residual is not analytic in the parameter."""
+    """Law whose residual is not analytic in the parameter."""
 
     def tangential(self, node, branch):
         row = super().tangential(node, branch)
@@ -191,7 +191,7 @@ def test_adhesion_of_open_nodes():
         problem.equations.linearization = linearization
         problem.equations.evaluate_operators()
         slopes.append(contact.now.law_rows[1].by_gap[contact.attracted])
-    assert contact.now.fades_fast[contact.attracted].all()
+    assert contact.now.decreases_fast[contact.attracted].all()
     assert (slopes[0] != 0.0).all() and (slopes[1] == 0.0).all()
 
 
@@ -221,7 +221,7 @@ def slid_block(obstacle, law, degree=1):
     "law", [fm.Frictionless(), fm.Coulomb(0.3), fm.Coulomb(3.0)], ids=["smooth", "slides", "sticks"]
 )
 def test_points_of_a_spline(law):
-    """Only where nodes stick their slip counts, from the points of the earlier state."""
+    """The slip of sticking nodes only, counted from the points of the earlier state."""
     x = np.linspace(-1.0, 2.0, 9)
     spline = fm.Spline(np.stack([x, 0.015 - 0.1 * (x - 0.5) ** 2], axis=1)[::-1])
     problem, before = slid_block(spline, law)

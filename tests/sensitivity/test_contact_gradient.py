@@ -20,7 +20,7 @@ from fenics_mortar.sensitivity.controls import (
 from fenics_mortar.sensitivity.over_steps import last, total
 from fenics_mortar.sensitivity.quantities import FrictionWork, MeanGap, PressureIntegral, TotalForce
 
-# Of the step of Taylor tests; nodes change their sets near by.
+# Step of Taylor tests [1]; sets change nearby.
 STEP = 2e-4
 
 
@@ -109,7 +109,7 @@ def test_points_of_a_spline():
 
 
 def test_adhesion():
-    """Open nodes pull: their pressures depend on the gap."""
+    """Open nodes under adhesion: their pressures depend on the gap."""
     problem, lift = columns(Fading(0.3))
     controls = {"law": LawParameter(0, "pull"), "offset": Offset(0)}
 

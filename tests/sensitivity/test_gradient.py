@@ -102,7 +102,7 @@ def test_interference():
 @pytest.mark.once
 @pytest.mark.parametrize("law", ["none", "Coulomb"])
 def test_obstacle(law):
-    """Its place, radius, and the history of the slip along it."""
+    """Position and radius of an obstacle, and the history of the slip along it."""
     made, names, sizes = LAWS[law]
     scene = obstacle_on_block(fm.Circle((0.52, 1.8), 0.8), made())
     check(scene, FORCE, ["E", "place", "radius", *names], [30.0, 0.01, 0.05, *sizes])
@@ -159,7 +159,7 @@ def test_friction_force_on_a_wedge():
     assert float(H[mu]) == pytest.approx(by_mu * P.value + sign * ratio * float(P[mu]), rel=1e-9)
 
 
-# What is returned, and what is left as it was
+# Results, and restored states
 
 
 def test_values_are_in_the_spaces_of_the_controls():
@@ -199,7 +199,7 @@ def test_state_and_values_are_restored():
 
 
 def test_steps_contribute_the_derivatives_by_their_own_values():
-    """By the place of one step alone: the tangent-linear direction of that step."""
+    """By the position of one step alone: the tangent-linear direction of that step."""
     scene = blocks(fm.Coulomb(0.3), places=SLIDE[:3])
     path, push = scene.solve(), scene.controls["place"]
     gradient = fm.gradient(FORCE, push, path)
@@ -208,11 +208,11 @@ def test_steps_contribute_the_derivatives_by_their_own_values():
             FORCE, push, lambda k, number=number: [float(k == number), 0.0], path
         )
         assert tangent.derivative == pytest.approx(part[0], rel=1e-9)
-        assert part.any()  # the shear remembers
+        assert part.any()  # the shear depends on earlier steps
 
 
 def test_paths_with_a_missing_step_are_refused():
-    """Slip counts from a state that the path does not have."""
+    """Slip is counted from a state that is not in the path."""
     scene = blocks(fm.Coulomb(0.3), places=SLIDE[:3])
     path = scene.solve()
     del path.steps[1]
@@ -221,7 +221,7 @@ def test_paths_with_a_missing_step_are_refused():
 
 
 def test_undecided_nodes_are_named():
-    """Touching without pressure: each node is about to open and to close."""
+    """Touching without pressure: each node may open or close."""
     scene = blocks(places=[(0.0, 0.0)])
     scene.solve()
     touching = fm.gradient(FORCE, scene.controls["place"], scene.problem)

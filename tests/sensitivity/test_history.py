@@ -16,7 +16,7 @@ from fenics_mortar.sensitivity.history import History
 from fenics_mortar.sensitivity.pair_vectors import at_pair
 
 comm = MPI.COMM_WORLD
-# Relative, of sums of some hundred terms.
+# Relative rounding of sums of some hundred terms [1].
 DOT = 1e-12
 
 
@@ -82,7 +82,7 @@ def test_open_and_uncovered_nodes(slip, cell):
 
 @pytest.mark.once
 def test_nodes_that_were_open():
-    """No node touches at the start of the step: slip counts from tangents of both sides."""
+    """No node touches at the start of the step: slip uses the mean tangents of both sides."""
     scene, before, _ = scenes.two_steps(
         fm.Coulomb(0.3), pushes=((0.0, 0.01), (0.01, -0.05)), gap=0.005
     )

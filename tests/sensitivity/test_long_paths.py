@@ -113,6 +113,12 @@ def test_wrong_spacings_are_refused():
         fm.RecordedPath(blocks().problem, every=0)
 
 
+def test_a_folder_that_is_no_name_is_refused():
+    """Not taken as the folder "3"."""
+    with pytest.raises(ValueError, match="folder=3: expected the name of a folder"):
+        fm.RecordedPath(blocks().problem, every=2, folder=3)
+
+
 def test_derivatives_are_those_of_one_rank():
     """Linear bodies of one modulus: the force is proportional to it, dF/dE = F / E."""
     scene = blocks(fm.Coulomb(0.3), linear_elastic, places=LONG[:6])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""States that are no solutions, pairs and numbers that are none, laws with limits by node."""
+"""Errors for states that are not solutions and invalid pairs; laws with limits by node."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def pressed(law=None):
 
 @pytest.mark.parametrize("changed", ["displacement", "load", "law"])
 def test_a_state_of_other_loads_is_no_solution(changed):
-    """Its derivatives would be wrong without a sign; so would those of a path recorded late."""
+    """Its derivatives would be wrong without indication, also those of a path recorded late."""
     scene = pressed()
     path = fm.RecordedPath(scene.problem)
     path.record()
@@ -128,7 +128,7 @@ def test_an_interruption_in_compiled_code_is_one():
 
 
 def test_nodal_positions_of_ties_are_refused_in_words():
-    """An AttributeError before."""
+    """This was an AttributeError before."""
     data = small_blocks().data
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)

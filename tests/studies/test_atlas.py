@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The stability atlas: its runner, and a few cells that tell the methods apart."""
+"""The stability atlas: its runner, and some cells that distinguish the methods."""
 
 import functools
 import json
@@ -29,7 +29,7 @@ def task(scene, value, method="default"):
 
 
 def worker_that(body):
-    """A worker with a mind of its own: ``body`` is run for each line that it reads."""
+    """A worker that runs ``body`` for each line that it reads."""
     program = """
         import json, os, sys, time
         for line in sys.stdin:
@@ -68,7 +68,7 @@ def test_mapped_grids_have_their_areas_and_boundaries(cell):
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 def test_mapped_grids_of_order_2_bend(cell):
-    """Parabolas through three points of each arc; a chord of arc t lacks t^2 / 6 of the area.
+    """Parabolas through three points of each arc; a chord of arc t misses t^2 / 6 of the area.
 
     A parabola's sagitta is that of the arc, so that area is missing only from order t^4 on.
     """
@@ -144,9 +144,9 @@ def test_result_that_depends_on_ranks_is_wrong():
 
 # The cells
 
-# Remedies of what rolls take long to fail; see test_floating.py and test_driven.py
+# Remedies for rolling bodies are slow to fail; see test_floating.py and test_driven.py
 QUICK = [n for n in REMEDIES if REMEDIES[n].scene not in ("falling_wheel", "rigid_tool")]
-# What a cell must become, and a part of the reason
+# Expected state of a cell, and a part of the reason
 PINNED = {
     ("rigid_tool", "loose plate, 0.2", "default"): ("converged", ""),
     ("step_size", "5", "default"): ("converged", ""),
@@ -170,7 +170,7 @@ PINNED = {
 
 @pytest.fixture(scope="module")
 def record_of():
-    """The records of cells, each run when it is first asked for, by one worker."""
+    """The records of cells, each computed on first use by one worker."""
     worker = atlas.Worker()
 
     @functools.cache
@@ -191,8 +191,7 @@ def test_cell_is_what_theory_says(record_of, cell):
     assert reason in record["reason"]
 
 
-# A rolling wheel gets through by other steps on other machines; tests/rigid has bodies
-# that fall and do not roll.
+# Steps of a rolling wheel depend on the machine; tests/rigid has bodies that fall and do not roll.
 @pytest.mark.parametrize("name", QUICK)
 def test_scene_needs_its_remedy(record_of, name):
     remedy = REMEDIES[name]
@@ -202,7 +201,7 @@ def test_scene_needs_its_remedy(record_of, name):
 
 
 def test_frozen_cone_pays_in_iterations(record_of):
-    """Where friction slides, its bound converges at the rate mu times the slope, not Newton's."""
+    """With sliding friction the limit converges linearly, at the rate mu times the slope."""
     full, frozen = (
         record_of("slope", "0.4", method)["iterations"] for method in ("default", "frozen_cone")
     )

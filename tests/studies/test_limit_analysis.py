@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The judge by limit analysis against closed forms."""
+"""Limit analysis of the trial, compared with closed forms."""
 
 from dataclasses import replace
 
@@ -89,13 +89,13 @@ def arch(thickness, number):
 
 
 def test_arch_stands_above_milankovitch_thickness():
-    """Of 0.1075 radii; with finitely many joints a little less is enough."""
+    """Thickness 0.1075 radii; with finitely many joints slightly less is sufficient."""
     assert judge(arch(0.1080, 120)).feasible
     assert not judge(arch(0.1060, 120)).feasible
 
 
 def test_tower_of_two_blocks():
-    """Off by an eighth: the upper one slides, or both tip about the lower one's corner."""
+    """Offset by an eighth: the upper one slides, or both tip about the lower one's corner."""
     width, height, off = 1.0, 1.0, 0.125
     for mu, exact in ((0.2, 0.2), (2.0, (0.5 + 0.5 - off) / 1.5)):
         points = [Point(0, GROUND, np.array([x, 0.0]), UP, mu) for x in (0.0, width)]
@@ -118,7 +118,7 @@ def test_wheel_in_a_groove_bears_the_torque_of_two_sliding_points():
 
 
 def test_block_between_jaws_and_under_a_ceiling():
-    """Two guided jaws bear 2 mu P; adhesion bears what it pulls."""
+    """The limit load of two guided jaws is 2 mu P, that of adhesion its strength."""
     sides = [(0, GROUND, 0.0, 1.0), (0, 1, 1.0, -1.0)]
     points = [
         Point(one, other, np.array([x, y]), np.array([n, 0.0]), 0.5)

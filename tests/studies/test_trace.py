@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One Newton iteration stays short: Python calls, and calls from one module into another."""
+"""Length of one Newton iteration: Python calls, and calls between modules."""
 
 import pytest
 

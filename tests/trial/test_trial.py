@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Cases of the randomised trial, the same on any number of ranks, and its judges."""
+"""Cases of the randomised trial, equal on any number of ranks, and their checks."""
 
 import json
 from collections import Counter
@@ -40,9 +40,9 @@ OTHER_SEEDS = (
 AGAIN_SEEDS = (4_000_016, 5_000_004)
 # The last one on a coarse ground, near its limit.
 HANGING_SEEDS = (2, 3, 5, 19)
-# Cases of each family: each of its scenes, but for a bar that another test takes.
+# Number of cases of each family; a bar left out here is run by another test.
 COUNTS = {"revolved": 5, "moving": 2, "memory": 5, "itself": 2}
-# Solutions on several ranks differ by what Newton leaves.
+# Largest relative difference of solutions on several ranks, by Newton's tolerance [1].
 SAME = 1e-8
 
 
@@ -75,7 +75,7 @@ def test_a_pressure_with_an_error_is_judged_wrong(monkeypatch, family):
 
 @pytest.mark.serial
 def test_impacts_that_gain_energy_are_judged_wrong(monkeypatch):
-    """The trapezoidal rule does; a bar on a wall, whose exact solution is known."""
+    """With the trapezoidal rule a bar on a wall, whose exact solution is known, gains energy."""
     original = Scene.dynamics
     monkeypatch.setattr(Scene, "dynamics", lambda made, _: original(made, "generalized_alpha", 1.0))
     assert run_physics("moving", 5)["outcome"] == "wrong"
@@ -122,7 +122,7 @@ def test_blocks_hang_by_adhesion():
 
 @pytest.mark.serial
 def test_block_that_gives_way_does_not_slide_to_the_next_node_of_its_ground():
-    """Beyond its limit forces at the nodes hold it again where its edge has passed one of them."""
+    """Beyond its limit, nodal forces would support it again once its edge has passed a node."""
     record, _ = run(hanging_case(18))
     assert record["outcome"] == "dead end", record["reason"]
     assert "slid by 0.4" in record["reason"] and "depends on inertia" in record["reason"]
@@ -130,7 +130,7 @@ def test_block_that_gives_way_does_not_slide_to_the_next_node_of_its_ground():
 
 
 def test_jaw_gives_way_between_the_limits_of_associated_friction_and_the_least():
-    """A block between two jaws slides before the pressures are those of limit analysis."""
+    """A block between two jaws slides before the pressures reach those of limit analysis."""
     case = supported_case(31)
     assert earliest_end_of_mesh(case) < 1.9 < end_of_mesh(case) < case.end
     record = {"outcome": "failed", "time": 1.9375}
@@ -153,7 +153,7 @@ def test_forces_at_nodes_bear_less_than_those_anywhere():
 @pytest.mark.serial
 @pytest.mark.parametrize("family", FAMILIES)
 def test_shapes_are_drawn_alike_and_in_order(family):
-    """Outlines go counter-clockwise once, refined ones too; grips are no surfaces."""
+    """Outlines are counter-clockwise, also after refinement; grips are not surfaces."""
     for seed in range(1, 9):
         case, again = shape_case(family, seed), shape_case(family, seed)
         assert np.array_equal(case.x, again.x) and case.about == again.about
@@ -201,7 +201,7 @@ def test_judge_sees_forces_off_the_law_wrong_pressures_and_strained_bodies():
 
 @pytest.mark.serial
 def test_shears_of_a_law_are_those_of_its_residual():
-    """The formulas of the judge against the laws themselves, at slips of both signs."""
+    """Formulas of the check compared with the laws, at slips of both signs."""
     slip, pressure = np.linspace(-3.0, 3.0, 13), np.linspace(0.1, 2.0, 13)
     for seed in range(1, 30):
         (rule,) = case_of(5_000_000 + seed).rules
@@ -219,7 +219,7 @@ def test_shears_of_a_law_are_those_of_its_residual():
 @pytest.mark.once
 @pytest.mark.serial
 def test_limit_analysis_of_a_case_is_the_same_in_its_units_and_where_it_is_turned():
-    """The load of each case is a part of what it allows: its factor in real units is known."""
+    """The load of each case is a fraction of its limit load: its factor in real units is known."""
     for seed in range(1, 31):
         case = supported_case(seed)
         found = judge(rigid(case))
@@ -230,7 +230,7 @@ def test_limit_analysis_of_a_case_is_the_same_in_its_units_and_where_it_is_turne
 
 @pytest.mark.serial
 def test_confirmed_are_dead_ends_where_bodies_give_way_alone():
-    """Not earlier, not beyond, and none that slid; of few nodes, for which the program is small."""
+    """Only at the limit load, without slip before; few nodes, so that the program is small."""
     case = supported_case(10)
     assert 1.2 < case.end < 2.0
     late, early = case.end + 0.2, 0.5 * case.end
@@ -303,7 +303,7 @@ def test_judge_sees_what_is_wrong():
 
 
 def judged(scene):
-    """What is wrong, with the residual of the present state."""
+    """Messages on errors, with the residual of the present state."""
     scene.problem.equations.bulk.assemble_residual()
     return list(wrongs(scene, measure(scene)))
 

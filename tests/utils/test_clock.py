@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Time is shared out among phases: all of it, and none of it twice."""
+"""The whole time is distributed over phases, and none is counted twice."""
 
 import time
 

@@ -102,7 +102,7 @@ def test_interpolated_expression_is_exact_where_the_space_holds_it(cell):
 
 
 def test_interpolated_jump_is_the_same_on_all_ranks():
-    """A cellwise constant field has several values at a node; all ranks have to take the same."""
+    """A cellwise constant field has several values at a node; all ranks must use the same one."""
     mesh = unit_square("triangle")
     cellwise = fem.Function(compat.scalar_space(mesh, 0, "DG"))
     cellwise.x.array[:] = 1.0 + COMM.rank
@@ -190,7 +190,7 @@ def test_mesh_from_arrays_has_the_right_area(cell, shared):
 
 
 def test_mesh_from_arrays_can_have_curved_sides():
-    """Basix puts the middle of the side opposite to vertex i at place 3 + i."""
+    """Basix puts the middle of the side opposite to vertex i at index 3 + i."""
     x = np.array([(0, 0), (1, 0), (0, 1), (0.5, 0.5), (0, 0.5), (0.5, -0.3)])
     own = slice(None) if COMM.rank == 0 else slice(0, 0)
     mesh = compat.create_mesh(COMM, np.arange(6).reshape(1, 6)[own], x[own], "triangle", 2)
@@ -241,7 +241,7 @@ def test_prescribed_values_are_set_on_ghosts_too(component):
 
 @pytest.mark.serial
 def test_form_compiler_logs_nothing_and_leaves_the_root_logger_alone(tmp_path):
-    """In a fresh cache, where all is compiled."""
+    """In an empty cache, where everything is compiled."""
     code = """
 import logging
 from mpi4py import MPI

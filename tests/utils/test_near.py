@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Pairs of near points by bins are those by comparing all."""
+"""Pairs of near points by bins equal those by comparison of all points."""
 
 import numpy as np
 import pytest

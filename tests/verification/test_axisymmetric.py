@@ -151,7 +151,7 @@ def press_fit(count, material, *, overlap=False, sliding="finite"):
     return problem
 
 
-# rounding of factors that ranks share is larger
+# rounding is larger with distributed factors
 ROUNDED = 1e-11 if MPI.COMM_WORLD.size == 1 else 5e-11
 
 

@@ -21,7 +21,7 @@ import fenics_mortar as fm
 from meshes.mapped_grids import Grid, block, build, mapped
 
 E, NU = 100.0, 0.3
-G = 0.02  # shear that the bar's foundation bears
+G = 0.02  # shear of the bar's foundation
 WORKS = "supports", "friction"
 
 
@@ -148,10 +148,10 @@ def stored_energy(u):
 
 
 def draw(scene, steps):
-    """From stick to partial slip in so many steps.
+    """Move from stick to partial slip in a number of steps.
 
-    Works: what is lost beside that of friction and of pressures; shear times slip beside friction;
-    of friction.
+    Returns the work lost in addition to friction and pressures, the difference of shear times slip
+    from friction work, and friction work.
     """
     law = fm.Coulomb(0.3)
     if scene == "plane":
@@ -189,14 +189,14 @@ def draw(scene, steps):
 def test_friction_takes_up_what_is_done_and_not_stored(scene):
     """The balance closes at second order in the step, between bodies with the work of pressures.
 
-    The slip that the law knows is that which the forces work on, at first order: the partners are
-    those of the step's start.
+    To first order the slip of the law is work-conjugate to the forces: the partners are those at
+    the start of the step.
     """
     lost, by_slip, friction = np.transpose([draw(scene, steps) for steps in (2, 4, 8)])
     coarse, fine = -np.diff(lost)
     assert np.log2(coarse / fine) == pytest.approx(2.0, abs=0.1)
     assert abs(lost[2] - fine / 3.0) < 1e-4 * friction[2]
-    assert abs(2.0 * by_slip[2] - by_slip[1]) < 2e-4 * friction[2]  # what is of second order
+    assert abs(2.0 * by_slip[2] - by_slip[1]) < 2e-4 * friction[2]  # a second-order term
 
 
 @pytest.mark.once
@@ -205,7 +205,7 @@ def test_block_pushed_into_a_narrower_channel():
     """The walls close by 1 % over a slope of 1 : 60, with mu = 0.1.
 
     While it enters, the push is between mu N and that of a wedge, (mu + tan a) / (1 - mu tan a) N;
-    once inside hardly more is stored (1 % of the work), and friction takes up what is done.
+    inside hardly more energy is stored (1 % of the work), and the work is dissipated by friction.
     """
     mu, slope, steps, way = 0.1, 1 / 60, 14, 1.75
 
@@ -259,12 +259,13 @@ def test_block_pushed_into_a_narrower_channel():
 @pytest.mark.serial
 @pytest.mark.parametrize("mu, nu, sliding", [(1.0, 0.3, 1), (0.3, 0.45, 2)])
 def test_wheel_that_friction_drives_rolls(mu, nu, sliding):
-    """A rigid wheel is turned on a block, pressed down by a force, and free to go where it wants.
+    """A rigid wheel is rotated on a block, pressed down by a force, and free to move along.
 
-    All nodes stick but for one or two at the edge, so that it takes hardly work or moment, and goes
-    its circumference, but for the stretch of the ground, of the order (a / R)^2 with half the width
-    of contact a. In the end only nodes touch it that did not at the start. It has to follow the
-    turn before the solve: else all nodes slide, and Newton's method may send it over the edge.
+    All nodes except one or two at the edge stick, so that work and moment are small, and the wheel
+    travels its circumference up to the stretch of the ground, of the order (a / R)^2 with the
+    half-width of contact a. In the end all contact nodes differ from those at the start. The wheel
+    must follow the rotation before the solve: otherwise all nodes slide, and Newton's method may
+    move it over the edge.
     """
     R, P, turn, steps = 1.0, 4.0, 0.05, 10
     ground = Grid("ground", block(48, 8, width=2.4, height=0.8, corner=(-0.6, -0.8)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Integration over segments, whole facets or at nodes: what each passes and what holds for all."""
+"""Integration over segments, whole facets or at nodes: patch tests and common properties."""
 
 from mpi4py import MPI
 
@@ -93,7 +93,7 @@ def test_default_points_per_facet_pass_the_patch_test_to_half_a_percent(degree):
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("pair", FIXED)
 def test_matching_nodes_pass_a_uniform_pressure(pair, degree):
-    """Without Poisson's effect: else end nodes slip off the edge of the master."""
+    """Without Poisson's effect: otherwise end nodes slip off the edge of the master."""
     scene = pressed_blocks(
         n_upper=4, n_lower=4, width_upper=1.0, width_lower=1.0, nu=0.0, pair=pair, degree=degree
     )
@@ -111,7 +111,7 @@ def test_matching_nodes_pass_a_uniform_pressure(pair, degree):
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("pair", FIXED)
 def test_forces_of_both_sides_cancel_and_newton_is_quadratic(pair, slave, degree, algorithm):
-    """The lower block is wider: facets covered in part, or by single points, if it is the slave."""
+    """The lower block is wider: as the slave it has partly covered facets or single points."""
     scene = pressed_blocks(
         slave=slave, pair=pair, degree=degree, problem={"algorithm": algorithm}, **MESH
     )
@@ -124,7 +124,7 @@ def test_forces_of_both_sides_cancel_and_newton_is_quadratic(pair, slave, degree
         np.abs(on_slave).sum() + np.abs(on_master).sum()
     )
     r = np.array(report.residuals) / report.force
-    k = int(np.argmax(r < 1e-5))  # some digits are there: the next step doubles them
+    k = int(np.argmax(r < 1e-5))  # some digits are correct: the next step doubles their number
     assert r[k] < 1e-5 and r[k + 1 :].min() < max(100 * r[k] ** 2, 1e-12)
 
 
@@ -168,7 +168,7 @@ def test_solution_does_not_depend_on_the_number_of_ranks(pair, degree):
 
 @pytest.mark.parametrize("pair", FIXED)
 def test_certificate_measures_penetration_exactly_whatever_integrates(pair):
-    """Between the nodes as well, against the intersections of the facets."""
+    """Also between the nodes, on the intersections of the facets."""
     scene = pressed_blocks(slave="lower", n_upper=11, n_lower=4, pair=pair)
     scene.loads["push"].value[:] = (0.02, -0.06)
     scene.problem.solve()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What must not matter: ranks, units, rigid motion. What must hold: momentum, order, tangent."""
+"""Invariance to ranks, units and rigid motion; momentum, order of convergence, tangent."""
 
 from mpi4py import MPI
 
@@ -53,7 +53,7 @@ def test_result_is_that_of_one_rank(slave, algorithm, degree):
 
 
 def test_ranks_without_contact_nodes_and_cuts_through_the_interface_occur():
-    """The meshes of these tests are distributed in the ways that are hard."""
+    """The meshes of these tests have such partitions."""
     tall = pressed_blocks(n_upper=3, n_lower=4, layers_upper=30, layers_lower=30)
     wide = pressed_blocks(
         n_upper=40, n_lower=60, layers_upper=2, layers_lower=8, width_upper=4.0, width_lower=4.4
@@ -71,7 +71,7 @@ def test_ranks_without_contact_nodes_and_cuts_through_the_interface_occur():
 
 @pytest.mark.once
 def test_units_do_not_matter():
-    """m and Pa against mm and MPa: the same iterations, residuals relative to the force."""
+    """m and Pa, or mm and MPa: equal iterations and residuals relative to the force."""
     histories = []
     for length, stress in ((1e-3, 1e6), (1.0, 1.0), (1e3, 1e-6)):
         sizes = {name: length for name in ("width_upper", "height_upper", "height_lower")}
@@ -92,7 +92,7 @@ def test_units_do_not_matter():
 @pytest.mark.once
 @pytest.mark.parametrize("angle, degree", [(30.0, 1), (90.0, 1), (163.0, 1), (30.0, 2)])
 def test_rigid_motion_of_everything_leaves_the_pressures(angle, degree):
-    """The whole solved scene is turned by its Dirichlet conditions and a start from there."""
+    """The whole solved scene is rotated by its Dirichlet conditions and its initial state."""
     scene = pressed_blocks(degree=degree, **MESH)
     solve(scene, [(0.02, -0.06)])
     pressure = scene.contact.pressure.copy()
@@ -181,7 +181,7 @@ def test_tangent_check_sees_a_missing_term(switch, blind):
 
 
 def test_tangent_is_right_where_nodes_lie_upon_nodes():
-    """The kinks of M cancel there, but only if slivers of no length keep their derivative."""
+    """The kinks of M cancel there, but only if segments of zero length keep their derivatives."""
     inner = pressed_blocks(n_upper=10, n_lower=20, width_upper=1.0, width_lower=2.0)
     inner.problem.equations.evaluate(start=True)
     slopes = inner.problem.check_tangent(print_table=False).slopes
@@ -205,7 +205,7 @@ def test_fixed_point_is_linear_and_needs_twice_the_iterations():
 
 
 def test_mesh_by_arrays_gives_the_same_as_gmsh():
-    """Contact pairs by tag number on a mesh that gmsh never saw."""
+    """Contact pairs by tag number on a mesh created without gmsh."""
     from dolfinx import mesh as dmesh
 
     from fenics_mortar.utils import compat

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Shallow ironing: between the published curves, and what order three meshes tell of."""
+"""Shallow ironing: forces between published curves, and order of convergence on three meshes."""
 
 import pytest
 

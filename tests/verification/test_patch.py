@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Patch tests: a homogeneous state passes through any interface to round-off.
+"""Patch tests: a homogeneous state is reproduced across any interface up to rounding.
 
 Uniaxial: two blocks of one material and width under a stretch, free sides. Finite strain: with
 F = diag(a, b) of the compressible neo-Hookean law in plane strain, the side is free where
@@ -44,9 +44,9 @@ CELLS = ("triangle", "quadrilateral")
 
 
 def half_of(*factors, skip=0):
-    """Every second combination, the others if ``skip`` is odd.
+    """Every second combination; the other half if ``skip`` is odd.
 
-    Of three factors any two levels of any two factors meet; of two factors those of both halves.
+    With three factors all pairs of levels of two factors occur.
     """
     chosen = product(*(enumerate(factor) for factor in factors))
     return [
@@ -87,7 +87,7 @@ def assert_uniform(scene, pressure):
     assert np.abs(u - exact).max() < 1e-12
 
 
-# several ranks: one angle that is like no other
+# several ranks: one general angle
 TURNED = [
     (neo_hookean, 30),
     (linear_elastic, 30),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What other codes are given of our problem, and what the tables say of what was measured."""
+"""Input of other codes for our problem, and tables of measurements."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def test_arrays_are_the_problem(element):
     areas = (x[..., 0] * following[..., 1] - x[..., 1] * following[..., 0]).sum(axis=1) / 2
     assert areas.min() > 0
     side = 2 * HALF_SIDE * 0.5
-    # but for the gap, of which the parabola takes about side^2 / 24 R of the square, 8e-5
+    # except for the gap, about side^2 / 24 R of the square, 8e-5
     assert areas.sum() == pytest.approx(side * side, rel=1e-4)
     if problem.cells.shape[1] > 4:
         middles = problem.x[problem.cells[:, corners : 2 * corners]]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Displacements of degree 2: what they pass exactly, on straight and on curved cells."""
+"""Displacements of degree 2: exact patch tests on straight and curved cells."""
 
 from itertools import product
 
@@ -134,7 +134,7 @@ def test_linear_pressure_passes_a_flat_interface(angle, basis):
 
 @pytest.mark.parametrize("slave, cell", [*product(SLAVES, CELLS)])
 def test_multipliers_at_vertices_can_be_condensed(slave, cell):
-    """The lower block is wider: as the slave it has facets that are covered in part."""
+    """The lower block is wider: as the slave it has partly covered facets."""
     multipliers = []
     for algorithm in ("condensed", "saddle"):
         scene = pressed_blocks(
@@ -199,7 +199,7 @@ def press_fit_pressure():
 @pytest.mark.once
 @pytest.mark.parametrize("slave, cell", [*product(("inner", "outer"), CELLS)])
 def test_press_fit_of_curved_cells_converges_to_the_exact_pressure(slave, cell):
-    """At least second order; straight cells do not converge at all, their corners carry all."""
+    """At least second order; no convergence with straight cells, whose corners carry all forces."""
     exact, errors = press_fit_pressure(), []
     for n in (12, 24):
         problem = press_fit(n, slave, cell)

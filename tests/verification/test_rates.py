@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Rates of convergence to exact solutions, within 0.15 of what theory says."""
+"""Rates of convergence to exact solutions, within 0.15 of theory."""
 
 from functools import partial
 
@@ -27,7 +27,7 @@ def rates(scene, element, sizes, basis="dual"):
         posed.problem.solve()
         found.append(errors(posed))
     factor = np.log(sizes[1] / sizes[0])
-    with np.errstate(divide="ignore", invalid="ignore"):  # the half-width may be right by chance
+    with np.errstate(divide="ignore", invalid="ignore"):  # the half-width may be exact by chance
         ratios = {name: np.divide(found[0][name], found[1][name]) for name in found[0]}
         return {name: np.log(ratio) / factor for name, ratio in ratios.items()}
 
@@ -64,9 +64,9 @@ def test_press_fit_on_a_curved_interface_has_full_rates_of_energy(element):
     "element, basis, rate", [("Q1", "dual", 1.0), ("P2", "dual", 1.5), ("Q2", "vertices", 1.5)]
 )
 def test_hertz_has_the_rates_that_the_ends_of_the_contact_allow(element, basis, rate):
-    """Over two halvings, after which the ends lie at the same place of a facet again.
+    """Over two halvings, after which the ends have the same position in a facet again.
 
-    The solution is smooth but for r^(3/2) at the ends of the contact.
+    The solution is smooth except for r^(3/2) at the ends of the contact.
     """
     found = rates(hertz, element, (32, 128), basis)
     assert found["energy"] == pytest.approx(rate, abs=0.15)
@@ -86,7 +86,7 @@ def test_shear_is_cattaneos_and_mindlins(element, rate, most):
 @pytest.mark.slow
 @pytest.mark.long
 def test_wheel_rolls_as_carters():
-    """Within what is left at four facets to the half-width: 1 / 8 of it from node to node."""
+    """Within the error at four facets per half-width: 1 / 8 of it between nodes."""
     found = carter.roll(4, size=200.0)
     assert found.pulls[-1] == pytest.approx(carter.PART, rel=0.01)
     assert found.creepage == pytest.approx(1.0, abs=0.05)
@@ -98,7 +98,7 @@ def test_wheel_rolls_as_carters():
 @pytest.mark.once
 @pytest.mark.parametrize("degree, h", [(1, 0.05), (2, 0.1)])
 def test_cylinder_on_cylinder_is_hertzs(degree, h):
-    """Within the error of the theory, (a / R)^2 = 0.7 %; force up to what Newton leaves."""
+    """Within the error of the theory, (a / R)^2 = 0.7 %; force within Newton's tolerance."""
     assert cylinders.HALF_WIDTH == pytest.approx(0.680778, abs=1e-6)
     assert cylinders.PEAK == pytest.approx(9.351351, abs=1e-6)
     problem = cylinders.pose(h, degree)

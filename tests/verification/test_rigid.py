@@ -31,7 +31,7 @@ def curved(degree, **options):
 @pytest.mark.once
 @pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.serial)])
 def test_half_cylinder_on_a_plane_and_cylinder_on_a_block(degree):
-    """Both in one problem: the first is pressed by displacement, the second by the same force."""
+    """Both in one problem: the first is pressed by displacement, the second by an equal force."""
     data = read(
         curved,
         degree=degree,
@@ -57,7 +57,7 @@ def test_half_cylinder_on_a_plane_and_cylinder_on_a_block(degree):
     cylinder.push(y=plane.reaction[1])
     report = problem.solve()
     assert report.certificate.violations() == []
-    # After a quadratic step there is rounding; the force passes through the centre.
+    # After a quadratic step the error is rounding; the force passes through the centre.
     assert cylinder.reaction[1] == pytest.approx(-plane.reaction[1], rel=1e-11)
     assert abs(cylinder.reaction[2]) < 1e-13 * R * abs(plane.reaction[1])
     P = -plane.reaction[1]

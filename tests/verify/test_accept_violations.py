@@ -11,7 +11,7 @@ import fenics_mortar as fm
 
 @pytest.mark.once
 def test_solve_to_a_wrong_state_raises_unless_told_not_to():
-    """The law's bound, unlike its tangential row, is too small: shears are outside of it."""
+    """The law's friction limit, unlike its tangential row, is too small: shears exceed it."""
     law = Spoilt("friction_limit", lambda bound: 0.5 * bound)
     law._on = False
     scene = rubbing_blocks(law)

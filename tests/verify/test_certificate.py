@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The certificate of sound states, and of states that only look solved."""
+"""Certificates of sound states, and of states that are not solutions."""
 
 import re
 
@@ -93,7 +93,7 @@ def test_contact_that_was_missed_is_seen():
         internal(u, neo_hookean(u, 100.0, 0.3)), u, [pair], bcs=bcs, petsc_options_prefix="missed_"
     )
     with pytest.raises(fm.NotConvergedError, match="contact was missed.*; follow_path undoes"):
-        problem.solve()  # nothing resists: this converges
+        problem.solve()  # no resistance: this converges
     u.x.array[:] = 0.0
     problem.solve(accept_violations=True)
     (certificate,) = problem.certificate().pairs
@@ -130,7 +130,7 @@ def test_state_without_load_is_sound(unit):
 
 @pytest.mark.once
 def test_nodes_that_belong_to_another_pair_are_not_missed():
-    """Two tools on one block: under the other tool its nodes have no partner in this pair."""
+    """Two tools on one block: nodes under the other tool have no partner in this pair."""
     boxes = {"left": (0.2, 1.0, 0.6, 0.4), "right": (1.2, 1.0, 0.6, 0.4)}
     data = read(rectangles, size=0.15, block=(0.0, 0.0, 2.0, 1.0), **boxes)
     V = fm.vector_space(data.mesh, 1)
@@ -177,7 +177,7 @@ def test_corner_that_presses_is_told(slave):
     told = [note for note in report.notes if "a corner presses" in note]
     assert certificate.oblique == pytest.approx(
         np.sin(np.radians(20)), rel=0.15
-    )  # it turns a little
+    )  # it rotates slightly
     assert len(told) == 1 and certificate.oblique_at in told[0]
     assert told[0] in str(report.certificate)
 
@@ -222,7 +222,7 @@ def dragged_wedge(slave, half, tilt, mu):
     ],
 )
 def test_corner_that_is_dragged_is_told_where_its_force_is_wrong(half, tilt, mu):
-    """With the corner as slave H/V is off by 7 % and more, which is estimated; else by 2 %."""
+    """With the corner as slave the error of H/V is at least 7 %, as estimated; otherwise 2 %."""
     for slave, other in (("wedge", "flat/top"), ("flat", None)):
         contact, report = dragged_wedge(slave, half, tilt, mu)
         (certificate,) = report.certificate.pairs
@@ -240,7 +240,7 @@ def test_corner_that_is_dragged_is_told_where_its_force_is_wrong(half, tilt, mu)
 
 @pytest.mark.parametrize(("shift", "presses"), [((0.0, 0.08), True), ((0.0, 0.0), False)])
 def test_body_that_presses_on_a_fixed_slave_node_is_told(shift, presses):
-    """The upper block is fixed at its left side; either it is pushed up against, or both move."""
+    """The upper block is fixed at its left side; the lower one is pushed up, or both move."""
     data = read(two_blocks.build, n_upper=8, n_lower=14, layers_upper=6, layers_lower=6)
     V = fm.vector_space(data.mesh, 1)
     u, down = fem.Function(V), fem.Constant(data.mesh, (0.0, -0.02))
@@ -269,7 +269,7 @@ def test_edges_of_a_punch_are_no_corners():
 @pytest.mark.each
 @pytest.mark.parametrize("part, told", [(0.2, False), (0.04, False), (0.0495, True)])
 def test_two_solutions_by_the_end_of_the_master_are_told_of(part, told):
-    """The master ends where a node is covered by a part s^2 / 2 of its length, s of its facet."""
+    """The master ends where s^2 / 2 of a node's length is covered, s of its facet."""
     lower = {"slave": "lower", "n_lower": 8, "width_lower": 2.0}
     width = 2.0 * (0.5 + 0.25 * np.sqrt(2.0 * part))
     scene = pressed_blocks(n_upper=5, layers_upper=2, layers_lower=2, width_upper=width, **lower)
@@ -282,7 +282,7 @@ def test_two_solutions_by_the_end_of_the_master_are_told_of(part, told):
 
 @pytest.mark.parametrize("even, basis", [(True, "dual"), (False, "dual"), (True, "standard")])
 def test_resultant_beyond_the_end_of_the_master_is_told(even, basis):
-    """All the force is at the far end of a facet that is covered by 0.4, or even."""
+    """The whole force is at the far end of a facet of which 0.4 is covered, or uniform."""
     lower = {"slave": "lower", "n_lower": 8, "width_lower": 2.0, "pair": {"basis": basis}}
     scene = pressed_blocks(n_upper=5, layers_upper=2, layers_lower=2, width_upper=1.2, **lower)
     # covered from 0.4 to 1.6, the slave's nodes 0.25 apart

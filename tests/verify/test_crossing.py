@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Surfaces that crossed, in a state or in a step, are told of."""
+"""Crossed surfaces, in a state or in a step, are reported."""
 
 from __future__ import annotations
 
@@ -41,18 +41,18 @@ def c_ring(push, *, degree=1, cell="quadrilateral", comm=MPI.COMM_WORLD):
 def test_ends_of_a_ring_that_went_past_each_other_are_told(degree, cell):
     _, problem = c_ring(1.0, degree=degree, cell=cell)
     report = problem.solve(accept_violations=True)
-    assert np.abs(problem.equations.contacts[0].total_force).max() == 0.0  # contact saw nothing
+    assert np.abs(problem.equations.contacts[0].total_force).max() == 0.0  # no contact was detected
     (crossing,) = report.certificate.crossings
     assert crossing.facets > 3.0 and crossing.depth > 0.5
     assert told(report, "body 'ring' crosses itself at (") and told(report, "deep (")
     assert told(report, "went through body 'ring'")
     assert any("VIOLATED: body 'ring' crosses itself" in note for note in report.notes)
     assert problem.certificate().crossings == report.certificate.crossings
-    assert not problem.certificate().passages  # of a solve, not of a state
+    assert not problem.certificate().passages  # passages belong to a solve, not to a state
 
 
 def test_result_is_that_of_one_rank():
-    """Outlines, their bodies and order do not depend on who owns what."""
+    """Outlines, their bodies and order do not depend on the partition."""
     reports, outlines = [], []
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
         _, problem = c_ring(1.0, comm=comm)
@@ -85,7 +85,7 @@ def test_path_of_a_ring_ends_with_its_ends_in_contact():
 
 @pytest.mark.once
 def test_unpaired_part_of_a_body_that_crosses_itself_is_told():
-    """A U whose legs are bent through each other; what is paired is below."""
+    """A U whose legs are bent through each other; paired surfaces are below."""
     arc = mapped_grids.sector(16, 2, radii=(0.4, 0.6), angles=(np.pi, 2.0 * np.pi))
     legs = [mapped_grids.block(2, 12, width=0.2, height=1.5, corner=(x, 0.0)) for x in (-0.6, 0.4)]
     legs[0] = legs[0][::-1][:, ::-1].swapaxes(0, 1)[:, ::-1]
@@ -115,7 +115,7 @@ def test_unpaired_part_of_a_body_that_crosses_itself_is_told():
 
 @pytest.mark.parametrize("facets, remarked, violated", [(0.1, 0, 0), (0.44, 1, 0), (0.6, 1, 1)])
 def test_shallow_crossing_is_remarked_on(facets, remarked, violated):
-    """As a penetration of that depth: also where no pair covers the surfaces."""
+    """Like a penetration of that depth, also for surfaces in no pair."""
     crossing = Crossing(("'strip/end'", "body 'strip'"), "(0, 0)", 0.1, facets)
     certificate = Certificate([], 0.0, 0, crossings=[crossing])
     assert (len(certificate.remarks()), len(certificate.violations())) == (remarked, violated)
@@ -150,8 +150,8 @@ def test_block_that_jumps_through_a_plate_is_told(thickness, size):
     assert "nodes of 'block/" in violations
     assert "in by 'plate/top' and out by" in violations
     (height,) = re.findall(r"nodes of 'block/[^;]* one at \([^;]*?, (.*?)\) ended", violations)
-    assert float(height) < -0.5  # where the node is now, below the plate
-    report = problem.solve()  # it is beyond; nothing goes on
+    assert float(height) < -0.5  # present position of the node, below the plate
+    report = problem.solve()  # it is beyond; no further passage
     assert report.certificate.violations() == []
     push.value[:] = 0.0, 0.0
     assert told(problem.solve(accept_violations=True), "went through body")
@@ -183,7 +183,7 @@ def test_path_that_only_leads_through_a_plate_ends_where_it_began():
 
 
 def test_falling_body_that_is_moved_through_another_is_told():
-    """The plate is between the block and the floor it is paired with; the plate has a pair, too."""
+    """The plate is between the block and the floor that form a pair; the plate has a pair, too."""
     data = read(
         rectangles,
         size=0.2,
@@ -236,7 +236,7 @@ def test_obstacle_that_is_gone_through_is_told(obstacle, moves):
 
 
 def test_way_out_by_the_first_of_all_facets_is_told():
-    """Numbers of facets that nodes leave a body by begin at 0; -1 stands for none."""
+    """Numbers of exit facets begin at 0; -1 means none."""
     _, problem = block_over_plate()
     crossings = problem.equations.crossings
     outline = crossings.outline

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The estimate of the error vanishes for what the cells can follow, and marks what they cannot."""
+"""The error estimate vanishes for exactly represented solutions, and marks other errors."""
 
 import inspect
 from functools import partial
@@ -41,7 +41,7 @@ def column(
     slave="upper",
     **mesh,
 ):
-    """Two blocks, of equal width if no other is said, under a traction and their own weight."""
+    """Two blocks, by default of equal width, under a traction and their weight."""
     widths = {"width_upper": 1.0, "width_lower": 1.0}
     data = scenes.read(two_blocks.build, cell=cell, **{**MESH, **widths, **mesh})
     V = fm.vector_space(data.mesh, degree)
@@ -70,7 +70,7 @@ def rubbing(data, slave, master):
 
 
 def move_upper(problem, step):
-    """Move all nodes above the interface, whatever is prescribed."""
+    """Move all nodes above the interface, also prescribed ones."""
     bulk = problem.equations.bulk
     u = bulk.u.x.array
     upper = np.zeros(bulk.space.dofs.shape[0], bool)
@@ -87,7 +87,7 @@ def move_upper(problem, step):
     [(scenes.neo_hookean, 1, 0.0), (scenes.linear_elastic, 2, 5.0)],
 )
 def test_no_error_is_seen_in_what_the_cells_can_follow(law, degree, weight, cell, pair):
-    """Uniform stress with degree 1, stress that is linear under the own weight with degree 2."""
+    """Uniform stress with degree 1, linear stress under weight with degree 2."""
     problem = column(law, degree, weight, cell, pair=pair)
     problem.solve()
     estimate = problem.estimate()
@@ -99,7 +99,7 @@ def test_no_error_is_seen_in_what_the_cells_can_follow(law, degree, weight, cell
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_no_error_is_seen_where_a_pressure_ends_in_the_middle_of_a_surface(degree, slave):
-    """Beside the narrow upper block the lower one bears the same traction, so stress is uniform."""
+    """Beside the narrow upper block an equal traction acts on the lower one: stress is uniform."""
 
     def beside(u, v, ds):
         x = ufl.SpatialCoordinate(u.function_space.mesh)
@@ -132,7 +132,7 @@ def test_facets_that_are_covered_in_part_bear_the_force_on_that_part(degree, sla
 
 @pytest.mark.once
 def test_every_term_sees_what_is_wrong():
-    """A multiplier, a load, and a displacement that do not fit."""
+    """An inconsistent multiplier, load, and displacement."""
     problem = column(scenes.linear_elastic, 1, 0.0)
     problem.solve()
     good = problem.estimate()
@@ -168,7 +168,7 @@ def test_gap_is_that_of_the_model(sliding, gap, degree):
     u, dofs = problem.equations.bulk.u.x.array, problem.equations.bulk.space.dofs
     u[dofs[:, 1]] += 0.1 * problem.equations.bulk.positions().reshape(-1, 2)[:, 0]
     move_upper(problem, (0.01, 0.0))
-    # but for the length 0.01 that slips off the end
+    # except for the length 0.01 that slips off the end
     expected = np.sqrt(0.5 * 100.0 / 0.5) * gap
     assert problem.estimate().parts["gap"] == pytest.approx(expected, rel=0.01, abs=EXACT)
 
@@ -187,7 +187,7 @@ def test_sliding_of_what_sticks_is_seen(pair, part, degree):
 
 @pytest.mark.once
 def test_shear_below_the_bound_in_sliding_is_seen():
-    """The bound 0.3 x 3 would take up work on the slip 0.01 that no shear does."""
+    """The limit 0.3 x 3 would dissipate work on the slip 0.01, which the shear does not."""
     problem = column(scenes.linear_elastic, 1, 0.0, pair=rubbing)
     problem.solve()
     (contact,) = problem.equations.contacts
@@ -296,7 +296,7 @@ def test_forms_are_read_after_the_first_compilation_on_a_mesh_as_before_it(tmp_p
     inside, _ = fluxes.in_cells()
     tractions = [fluxes.loads(cells, np.full(cells.size, side), below) for side in range(3)]
     assert np.abs(inside.stress).max() == 0.0
-    # the pressure is along the normal of some side, whichever is the one below
+    # the pressure is along the normal of the lower side, whichever its number
     assert any(np.allclose(t, [0.0, 3.0]) for t in np.concatenate(tractions))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Ways of bodies in a step, at random: nothing that slides is told of, all that goes through is."""
+"""Random paths of bodies in a step: sliding is not reported, passages are."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from fenics_mortar.verify.node_paths import Motions, own_frame, passed_through
 
 
 def count_passages(x0, x1, segments, after, before, bodies):
-    """Ways that went through, looked for as in ``Crossings.passages``."""
+    """Number of paths through bodies, searched as in ``Crossings.passages``."""
     motions, of_segments = Motions(x0, x1, bodies), bodies[segments[:, 0]]
     everything = np.ones(len(segments), bool)
     looks = [
@@ -80,7 +80,7 @@ def test_block_that_is_moved_through_a_plate_is_seen_however_both_turn(seed):
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", range(60))
 def test_ring_and_shaft_that_turn_do_not_go_through_each_other(seed):
-    """Of one radius, with facets that do not match, each by its own angle."""
+    """Equal radii with nonmatching facets, each rotated by a different angle."""
     random = np.random.default_rng(seed)
     counts, angles = random.integers(12, 80, 2), random.uniform(-3.1, 3.1, 2)
     loops = [circle(0.0, 0.0, 1.0, counts[0], random.uniform(0.0, 6.0))]
@@ -109,3 +109,14 @@ def test_nodes_on_an_obstacle_that_turns_with_them_do_not_go_through(seed):
         knots = Motions(x0, x1, np.zeros(len(x0), np.int64)).node_paths()
         depth = passed_through(sheet, knots, np.zeros(len(x0)), np.full(len(x0), 0.1))
         assert (depth > 0.0).any() == through
+
+
+@pytest.mark.parametrize("middle", [0.0, 0.03, 0.05, -0.02])
+@pytest.mark.parametrize("depth", [0.4, 3.0])
+def test_a_round_obstacle_of_the_size_of_a_facet_does_not_pass_between_nodes(middle, depth):
+    """Of a radius of 1.1 facets; nodes beside its middle passed unseen."""
+    ball = fm.Circle((middle, 0.11), 0.11)
+    x0 = np.stack([np.linspace(-0.5, 0.5, 11), np.zeros(11)], axis=1)
+    moved = own_frame(ball, x0, np.array((0.0, -depth, 0.0)))
+    knots = Motions(x0, moved, np.zeros(11, np.int64)).node_paths()
+    assert (passed_through(ball, knots, np.zeros(11), np.full(11, 0.1)) > 0.0).any()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Surfaces that touch, slide far or turn, and did not cross: nothing is told."""
+"""Surfaces that touch, slide far or rotate without crossing: no messages."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from meshes.mapped_grids import Grid
 
 
 def test_what_users_set_begins_a_step_of_its_own():
-    """Who puts the block beyond the plate by hand has not moved it through."""
+    """A block put beyond the plate by the user has not passed through it."""
     push, problem = block_over_plate()
     problem.solve(accept_violations=True)
     push.value[:] = 0.0, -1.5
@@ -60,7 +60,7 @@ def test_ironing_by_many_facets_a_step_is_silent(degree):
 @pytest.mark.once
 @pytest.mark.parametrize("half", [np.pi / 6, np.pi / 3])
 def test_disk_in_a_groove_of_plates_is_silent(half):
-    """Two plates that overlap at the tip, as is meant: they are no pair."""
+    """Two plates that overlap at the tip intentionally: they are not a pair."""
     plates = []
     for name, side in (("left", 1.0), ("right", -1.0)):
         plate = mapped_grids.block(20, 2, width=2.0, height=0.2, corner=(0.0, 0.0))
@@ -105,7 +105,7 @@ def test_press_fit_is_silent(interference):
 
 @pytest.mark.once
 def test_press_fit_by_offsets_is_silent():
-    """A deep interference, many facets, that is worked in little by little."""
+    """A deep interference of many facets, applied gradually."""
     data = read(rings.build, interference=0.3, n_inner=80, n_outer=88)
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
@@ -122,7 +122,7 @@ def test_press_fit_by_offsets_is_silent():
 @pytest.mark.once
 @pytest.mark.parametrize("angle", [10.0, 100.0, 180.0, 300.0])
 def test_pressed_blocks_that_turn_together_are_silent(angle):
-    """However far, in one step, and about a far point."""
+    """By any angle, in one step, and about a distant point."""
     scene = pressed_blocks(n_upper=5, n_lower=7)
     scene.loads["push"].value[:] = (0.0, -0.04)
     scene.problem.solve(accept_violations=True)
@@ -134,7 +134,7 @@ def test_pressed_blocks_that_turn_together_are_silent(angle):
 
 @pytest.mark.parametrize("angle", [30.0, 80.0, 170.0])
 def test_ring_that_turns_on_a_shaft_is_silent(angle):
-    """Straight ways would draw it through the shaft."""
+    """Straight paths would lead through the shaft."""
     shaft = mapped_grids.sector(24, 2, radii=(0.5, 1.0))
     ring = mapped_grids.sector(28, 2, radii=(1.0, 1.4))
     data = read(

@@ -49,7 +49,7 @@ GROUPS = {
 MET = (Iteration, InterfaceState, PairView, State, PathStep, OperatorMatrices)
 # Members of laws and obstacles are described once, at their base classes.
 NOT_REPEATED = "ABC, BaseException, Exception, tuple, Law, Obstacle"
-OF_CLASSES = ("   :members:", "   :show-inheritance:", f"   :inherited-members: {NOT_REPEATED}")
+OF_CLASSES = ("   :members:", f"   :inherited-members: {NOT_REPEATED}")
 STEPS = ("two_blocks", "finite_strain", "friction", "enough", "research")
 
 
@@ -226,7 +226,7 @@ class Gathered:
             for full in found[group]:
                 name = full.rpartition(".")[2]
                 kind, about = documented(in_reference()[full])
-                options = [] if kind == "function" else OF_CLASSES
+                options = [] if kind == "function" else options_of(in_reference()[full])
                 lines += [f"## {name}", "", "```{eval-rst}", f".. auto{kind}:: {full}", *options,
                           "```", ""]  # fmt: skip
                 rows.append(f"| {{py:obj}}`{name} <{full}>` | {about} |")
@@ -289,6 +289,12 @@ def documented(thing: Any) -> tuple[str, str]:
     return kind if inspect.isclass(thing) else "function", about.replace("``", "`")
 
 
+def options_of(cls: type) -> list[str]:
+    """Options of the directive of a class; bases are shown if the reference has one of them."""
+    has_base = any(base in in_reference().values() for base in cls.__bases__)
+    return [*OF_CLASSES, *(["   :show-inheritance:"] if has_base else [])]
+
+
 def automodule(module: str) -> list[str]:
     """Directive with the documentation of a module."""
     elsewhere = {full.rpartition(".")[2]: full for full, thing in in_reference().items()
@@ -310,7 +316,7 @@ def pictures_of(demo: str) -> list[Path]:
 
 
 def standing_alone(notebook: Any) -> Any:
-    """The notebook with pictures that it draws itself, and without links to pages of the site."""
+    """The notebook with pictures drawn by its cells, and without links to pages of the site."""
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
             cell.source = cell.source.replace("](../pictures/", "](results/")

@@ -21,8 +21,8 @@ TITLES = {"climb": "hierarchy=True"}
 
 def draw(rows: list[Row]) -> Figure:
     """Estimates over true errors; cost of simpler models; cost of automatic choices."""
-    figure = Figure((11, 8.5), layout="constrained")
-    top, bottom = figure.subfigures(2, 1, height_ratios=(5, 3.5))
+    figure = Figure((11, 11), layout="constrained")
+    top, bottom = figure.subfigures(2, 1, height_ratios=(5, 6))
     left, right = top.subplots(1, 2)
     draw_estimates(left, rows)
     draw_costs(right, rows)

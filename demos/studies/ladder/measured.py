@@ -20,7 +20,7 @@ from fenics_mortar.models.model_error import (
     FORCE,
     PEAK,
     QUANTITIES,
-    Snapshot,
+    SolutionQuantities,
     differences,
     estimate_wider,
 )
@@ -68,7 +68,7 @@ def true_errors(posed: Posed, full: Posed) -> Errors:
     """Differences from the full model at the nodes of the cheap one."""
     both = [p.problem.equations.bulk for p in (posed, full)]
     mine, theirs = (bulk.V.tabulate_dof_coordinates() for bulk in both)
-    problem, reference = posed.problem, Snapshot.of(full.problem)
+    problem, reference = posed.problem, SolutionQuantities.of(full.problem)
     # the two sides of an interface may share positions: nodes of equal meshes are matched by number
     place = np.arange(len(mine))
     if len(mine) != len(theirs):
@@ -78,7 +78,7 @@ def true_errors(posed: Posed, full: Posed) -> Errors:
         )
         place = np.flatnonzero(soft)[cKDTree(theirs[soft]).query(mine)[1]]
     reference.u = reference.u.reshape(-1, 2)[place].ravel()
-    return differences(problem, Snapshot.of(problem), reference)
+    return differences(problem, SolutionQuantities.of(problem), reference)
 
 
 def soft_node(posed: Posed) -> int:
@@ -92,7 +92,7 @@ def mesh_errors(scene: Scene, load: float, full: Posed) -> Errors:
     coarse = np.nan if full.dynamics is not None else full.problem.estimate().relative
     if not follow(scene, finer, Row(scene.name, load, "mesh", 0)):
         return NOTHING | {ENERGY: coarse}
-    here, there = (Snapshot.of(posed.problem) for posed in (full, finer))
+    here, there = (SolutionQuantities.of(posed.problem) for posed in (full, finer))
     force = np.linalg.norm(here.force - there.force) / np.linalg.norm(there.force)
     peak = np.abs(here.peak - there.peak).max() / there.peak.max()
     return {ENERGY: coarse, FORCE: float(force), PEAK: float(peak)}

@@ -274,7 +274,7 @@ SCENES = (
         no_tool,
         lambda load: (1.0, (0.0, 1.0)),
         (("soft/left", None), ("soft/right", None)),
-        (0.002, 0.02, 0.1),
+        (0.002, 0.01, 0.03),
         slave="soft/bottom",
         grip="",
         steps=8,

@@ -2,9 +2,9 @@
 """Random scenes of bodies other than blocks, each from a seed.
 
 - own: surfaces of one body in contact, such as the ends of a C-ring or the arms of a folded strip,
-- thin: plates, arms, hooks and tubes, most with their whole outlines as surfaces, - laws: a pad is
-pressed and slid, with users' laws, - roles: one of the first two, or a pad with Coulomb's friction,
-always solved with both roles.
+- thin: plates, arms, hooks and tubes, most with their whole outlines as surfaces,
+- laws: a pad is pressed and slid, with users' laws,
+- roles: one of the first two, or a pad with Coulomb's friction, always solved with both roles.
 
 All are driven by prescribed motions of parts of boundaries, at times 0, 1, 2 and so on.
 """

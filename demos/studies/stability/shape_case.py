@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A scene of thin or folded bodies, or of a pad, and how it is put together."""
+"""A scene of thin or folded bodies, or of a pad, and its assembly."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ class ShapeCase(Case):
         return not self.planes and super().can_be_swapped
 
 
-def motion_along(way: Sequence[Any]) -> Array:
+def motion_along(points: Sequence[Any]) -> Array:
     """Positions at times 0, 1, 2 and so on, shape (times, 2); the first is the initial one."""
-    return np.array([(0.0, 0.0), *way], float)
+    return np.array([(0.0, 0.0), *points], float)
 
 
 def grips(name: str, motion: Array) -> list[Prescribed]:

@@ -13,10 +13,12 @@ thin bodies ("thin"), users' laws ("laws"), exchanged roles ("roles"), and those
 
 The outcome of a case is one of
 
-- converged: the path was followed to its end, and no measured quantity is wrong there, - failed:
-the package raised one of its errors, - wrong: it converged to a state that is not a solution, -
-dead end: it failed where the rigid bodies move by limit analysis, - crash: any other error, or the
-process died, - hang: the time limit was exceeded.
+- converged: the path was followed to its end, and no measured quantity is wrong there,
+- failed: the package raised one of its errors,
+- wrong: it converged to a state that is not a solution,
+- dead end: it failed where the rigid bodies move by limit analysis,
+- crash: any other error, or the process died,
+- hang: the time limit was exceeded.
 
 Some cases are solved again, with half the step size and with exchanged roles: two different
 solutions of one case are wrong, too.

@@ -28,9 +28,9 @@ from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.rounding import EPSILON
 
 # Steps of difference quotients, relative to the parameter [1]: errors of the quotients are of the
-# order of the step. The shorter ones are for nodes near a kink, and for parameters that are zero
-# everywhere, which have no size. The square root of the largest one is the largest relative
-# difference from the complex step.
+# order of the step. The shorter steps are for nodes near a kink, and for parameters that are zero
+# at all nodes. The square root of the largest one is the largest relative difference from the
+# complex step.
 QUOTIENTS = (1e-6, 1e-9, 1e-12)
 
 
