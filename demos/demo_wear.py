@@ -80,7 +80,7 @@ turns = np.arange(0, 5001, 100)
 for _ in turns:
     problem.solve()
     pressures.append(contact.pressure)
-    torques.append(radius @ contact.forces[:, 1])  # over mu
+    torques.append(radius @ contact.forces[:, 1] / 1e3)  # over mu [Nm]
     contact.offset -= k * contact.pressure * 2 * np.pi * radius * 100
 # -
 
@@ -88,10 +88,10 @@ for _ in turns:
 
 # +
 P = load * np.pi * (b**2 - a**2)
-new, worn = 2 / 3 * P * (b**3 - a**3) / (b**2 - a**2), P * (a + b) / 2
+new, worn = P / 1.5e3 * (b**3 - a**3) / (b**2 - a**2), P / 2e3 * (a + b)
 theory = P / (2 * np.pi * (b - a) * radius)
 if comm.rank == 0:
-    print(f"T / mu [Nmm]: new {torques[0]:.0f} ({new:.0f}), worn {torques[-1]:.0f} ({worn:.0f})")
+    print(f"T / mu [Nm]: new {torques[0]:.1f} ({new:.1f}), worn {torques[-1]:.1f} ({worn:.1f})")
     Path("results").mkdir(exist_ok=True)
     left, right = (figure := Figure((9, 3.4), layout="constrained")).subplots(1, 2)
     left.set(xlabel="r [mm]", ylabel="pressure [MPa]", ylim=(0.6, 1.5))
@@ -100,8 +100,8 @@ if comm.rank == 0:
     left.plot(radius, theory, "k--", label="uniform wear")
     left.legend()
     right.set(xlabel="turns", ylabel="torque / friction coefficient [Nm]", ylim=(2260, 2340))
-    right.plot(turns, np.divide(torques, 1e3), color="#67001f")
-    right.hlines([new / 1e3, worn / 1e3], 0, turns[-1], "k", "--")
+    right.plot(turns, torques, color="#67001f")
+    right.hlines([new, worn], 0, turns[-1], "k", "--")
     right.text(3000, 2330.5, "uniform pressure"), right.text(3000, 2272, "uniform wear")
     figure.savefig("results/wear.png", dpi=150)
 # -

@@ -45,8 +45,8 @@ class NodeBlocks:
         self._places = np.empty(columns.size, np.int64)
         block_starts, block_columns = blocks.getRowIJ(compressed=True)
         node_blocks.find_places(starts, columns, block_starts, block_columns, self._places)
-        self._of_blocks = _values(blocks, 4 * block_columns.size)
-        self._of_rows = _values(rows, columns.size)
+        self._of_blocks = ctypes.c_double * (4 * block_columns.size)
+        self._of_rows = ctypes.c_double * columns.size
         self._copied = -1  # state of the rows, as PETSc counts it
 
     def fit(self, rows: PETSc.Mat) -> bool:
@@ -55,7 +55,8 @@ class NodeBlocks:
 
     def copy_to_rows(self) -> None:
         """Copy the values from the blocks to the rows, with zeros outside of all blocks."""
-        node_blocks.copy_to_rows(self._of_blocks, self._places, self._of_rows)
+        values = _values(self.blocks, self._of_blocks), _values(self._rows, self._of_rows)
+        node_blocks.copy_to_rows(values[0], self._places, values[1])
         self._rows.stateIncrease()
 
     def copy_to_blocks(self) -> None:
@@ -65,17 +66,21 @@ class NodeBlocks:
         blocks remain valid.
         """
         if self._rows.stateGet() != self._copied:
-            node_blocks.copy_to_blocks(self._of_rows, self._places, self._of_blocks)
+            values = _values(self.blocks, self._of_blocks), _values(self._rows, self._of_rows)
+            node_blocks.copy_to_blocks(values[1], self._places, values[0])
             self.blocks.stateIncrease()
             self._copied = self._rows.stateGet()
 
 
-def _values(matrix: PETSc.Mat, size: int) -> Array:
-    """Values of a matrix in PETSc's memory, valid until its pattern changes, (size,)."""
+def _values(matrix: PETSc.Mat, kind: type[ctypes.Array[ctypes.c_double]]) -> Array:
+    """Values of a matrix in PETSc's memory, as an array of the type ``kind``, shape (entries,).
+
+    To be used at once: PETSc may move them, also where the entries stay.
+    """
     get, restore = _VALUES[matrix.getType()]
     address = ctypes.c_void_p()
     get(matrix.handle, ctypes.byref(address))
-    values = np.ctypeslib.as_array((ctypes.c_double * size).from_address(address.value or 0))
+    values = np.ctypeslib.as_array(kind.from_address(address.value or 0))
     restore(matrix.handle, ctypes.byref(address))
     return values
 

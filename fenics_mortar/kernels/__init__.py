@@ -6,6 +6,26 @@ numbers, so that each derivative can be checked by a complex step. There is no `
 may drop the inf and nan by which a failed projection is seen.
 """
 
-import numba
+import logging
 
+import numba
+from numba.core import event
+
+
+class _Compilations(event.Listener):
+    """Logs each kernel of the package that is compiled, not loaded from the cache; level INFO."""
+
+    def on_start(self, begun):
+        """Log the name of the kernel."""
+        function = begun.data["dispatcher"].py_func
+        if function.__module__.startswith(__name__):
+            logging.getLogger("fenics_mortar").info(
+                "compiling the kernel %s; later runs load it from the cache", function.__qualname__
+            )
+
+    def on_end(self, ended):
+        """Log nothing."""
+
+
+event.register("numba:compile", _Compilations())
 kernel = numba.njit(cache=True, error_model="numpy")

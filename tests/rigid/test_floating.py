@@ -220,7 +220,7 @@ def test_block_that_friction_supports_stays_and_one_that_slides_keeps_its_fricti
 
 
 def test_adhesion_across_a_gap_carries_weight():
-    """Half of the ceiling's adhesion may act across gaps: as a load, upwards or downwards."""
+    """Half of the ceiling's adhesion could act across gaps; touching nodes carry the rest alone."""
     scene = supported.hanging(weight=0.9, pull=1.0)
     list(scene.solve())
     equations = scene.problem.equations

@@ -15,7 +15,7 @@ import ufl
 from dolfinx import fem, la
 
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.compat.compiler import own_options, quiet_compiler
+from fenics_mortar.utils.compat.compiler import own_options, quiet_compiler, told_if_compiled
 
 
 @quiet_compiler()
@@ -24,7 +24,9 @@ def form(ufl_form: ufl.Form) -> fem.Form:
 
     Release 0.5 modifies its default option dictionaries; each form therefore has separate ones.
     """
-    return fem.form(ufl_form, **own_options(fem.form))
+    rank = len(ufl_form.arguments())
+    with told_if_compiled({1: "a residual or load", 2: "a tangent"}.get(rank, "an integral")):
+        return fem.form(ufl_form, **own_options(fem.form))
 
 
 def create_matrix(a: fem.Form, kind: str | None = None) -> PETSc.Mat:

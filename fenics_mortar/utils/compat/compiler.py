@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import inspect
 import logging
+import os
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -31,6 +33,24 @@ def quiet_compiler() -> Iterator[None]:
         root.removeFilter(_is_told)
         root.setLevel(level)
         root.handlers[:] = handlers
+
+
+@contextmanager
+def told_if_compiled(what: str) -> Iterator[None]:
+    """Context that logs what the C compiler compiled and its time, level INFO (local).
+
+    Code loaded from a cache is not logged, since no compiler runs then.
+
+    Args:
+        what: Description of the code.
+    """
+    begin, before = time.perf_counter(), os.times()
+    yield
+    after = os.times()
+    if after.children_user > before.children_user:
+        seconds = time.perf_counter() - begin
+        logger = logging.getLogger("fenics_mortar")
+        logger.info("compiled %s in %.1f s; later runs load it from the cache", what, seconds)
 
 
 def own_options(function: Callable) -> dict[str, dict]:
