@@ -183,14 +183,8 @@ class ContactProblem:
     def newton(self, options: NewtonOptions) -> None:
         self.equations.newton = options
 
-    # Solving
-
     def solve(
-        self,
-        *,
-        accept_violations: bool = False,
-        predict: bool = True,
-        sensitivity: Any | None = None,
+        self, *, accept_violations: bool = False, predict: bool = True, sensitivity: Any = None
     ) -> NewtonReport:
         """Solve for the present loads and prescribed values; update ``u`` and the multipliers.
 
@@ -261,8 +255,6 @@ class ContactProblem:
         """
         return self._present.forces()
 
-    # Other models
-
     def variant(self, *, residual: Any | None = None, **pair_options: Any) -> ContactProblem:
         """Another model of this problem, with its ``u``, conditions and obstacles (collective).
 
@@ -288,8 +280,6 @@ class ContactProblem:
             if isinstance(contact, Contact) and isinstance(theirs, Contact):
                 contact.adopt(theirs)
         self.restore(other.state())
-
-    # Results
 
     @property
     def adequacy(self) -> Any:

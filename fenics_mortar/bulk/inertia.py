@@ -117,7 +117,7 @@ class Inertia:
         self.velocity.x.array[:] = rates.velocity
 
     def set_rates(self, rates: Rates, u: Array) -> None:
-        """Set the rates, and c and o such that w at ``u`` is their acceleration (local)."""
+        """Set the rates, and c and o: w at ``u`` (local dofs,) is their acceleration (local)."""
         self.rates = rates
         self.factor, self.origin = 1.0, u - rates.acceleration
 
@@ -134,7 +134,7 @@ class Inertia:
         return data
 
     def restore_data(self, data: Mapping[str, Any], u: Array) -> None:
-        """Restore the rates of ``saved_data`` at its ``nodes``, for the displacement ``u``."""
+        """Restore the rates of ``saved_data`` for the displacement ``u`` (local dofs,)."""
         given = dict[str, Any]()
         for part in fields(Rates):
             value = data[part.name]
@@ -155,7 +155,7 @@ class Inertia:
     # Contributions to the equations
 
     def add_to_residual(self, r: PETSc.Vec, u: Array) -> None:
-        """Add the inertia forces at the displacement ``u``, an array of all local dofs."""
+        """Add the inertia forces at the displacement ``u``, shape (local dofs,) [length]."""
         r.array[: self._space.num_owned] += self.forces(u)
 
     def add_to_tangent(self, K: PETSc.Mat, *, has_room: bool) -> None:
@@ -184,7 +184,7 @@ class Inertia:
         return self._output.array_r.copy()
 
     def product(self, a: Array, b: Array) -> float:
-        """A . M b of arrays of all local dofs."""
+        """A . M b of two arrays of shape (local dofs,) (collective)."""
         mine = float(a[: self._space.num_owned] @ self.times_mass(b))
         return self._space.V.mesh.comm.allreduce(mine)
 

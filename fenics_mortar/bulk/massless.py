@@ -98,7 +98,7 @@ def _moments(M: PETSc.Mat, one: Array, other: Array, comm: MPI.Comm) -> Array:
 
 
 def times(M: PETSc.Mat, values: Array) -> Array:
-    """M times the owned values (collective)."""
+    """M times ``values`` (owned dofs,), of the same shape (collective)."""
     x, y = M.createVecs()
     x.array[:] = values
     M.mult(x, y)

@@ -75,7 +75,7 @@ class NodeBlocks:
 def _values(matrix: PETSc.Mat, kind: type[ctypes.Array[ctypes.c_double]]) -> Array:
     """Values of a matrix in PETSc's memory, as an array of the type ``kind``, shape (entries,).
 
-    To be used at once: PETSc may move them, also where the entries stay.
+    Valid only until the next operation: PETSc may move them even if the pattern is unchanged.
     """
     get, restore = _VALUES[matrix.getType()]
     address = ctypes.c_void_p()

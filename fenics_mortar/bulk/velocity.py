@@ -38,6 +38,6 @@ class Velocity:
         self.expression = self.factor * (u - self.origin)
 
     def set(self, factor: float, origin: Array) -> None:
-        """Set factor and origin (local)."""
+        """Set factor [1 / time] and origin, shape (local dofs,) (local)."""
         self.factor.value = factor
         self.origin.x.array[:] = origin

@@ -32,7 +32,7 @@ class Instant:
 
     @classmethod
     def of(cls, time: float, step: float, memory: Mapping[str, Array]) -> Instant:
-        """An instant with copies of the arrays (local)."""
+        """An instant with copies of the arrays of shape (slave nodes,) in ``memory`` (local)."""
         kept = {name: np.array(values, float) for name, values in memory.items()}
         for values in kept.values():
             values.flags.writeable = False
@@ -96,7 +96,7 @@ def instant_arrays(contact: Any) -> tuple[list[str], Array, Array]:
 
 
 def restore_instant(contact: Any, clock: Array, values: Array) -> None:
-    """Set time and memory read from a file, with the names of the present law (local)."""
+    """Set (time, step) and memory (names, slave nodes) from a file, for the present law (local)."""
     time, step = map(float, clock)
     instant = contact.state.committed
     if instant is not None:

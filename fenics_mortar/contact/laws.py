@@ -181,7 +181,7 @@ class Coulomb(Friction):
         check_choice("limit_by", self.limit_by, ("trial", "pressure"))
 
     def check_field(self, name: str, values: Array) -> None:
-        """Raise an error for negative coefficients."""
+        """Raise an error for negative coefficients in ``values`` (slave nodes,) [1]."""
         if name == "mu" and values.min() < 0.0:
             raise ValueError(
                 f"mu={values.min():g} at a slave node: expected zero or a positive number"

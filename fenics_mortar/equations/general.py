@@ -24,7 +24,7 @@ from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
-from fenics_mortar.equations.linearized import LinearizedEquations, Tangent
+from fenics_mortar.equations.linearized import Tangent
 from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.remedies import Remedies
@@ -278,11 +278,6 @@ class ContactEquations:
         displacement = max(self.bulk.largest(self.bulk.u.x.array), moved)
         size = max(displacement, EQUATIONS.at_rest * self._shortest_facet, TINY)
         return Step(increment / size, part, note)
-
-    def linearized(self) -> LinearizedEquations:
-        """Solves with the tangent at the last evaluated state, or with its transpose."""
-        reduced = self.reduced_tangent()
-        return LinearizedEquations(self.bulk, self.contacts, self.motions, self.system, reduced)
 
     # States
 

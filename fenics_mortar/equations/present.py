@@ -10,13 +10,18 @@ from petsc4py import PETSc
 
 from fenics_mortar.bulk.checks import refuse_inertia
 from fenics_mortar.equations.general import ContactEquations
-from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
 from fenics_mortar.verify.matrices import OperatorMatrices
 from fenics_mortar.verify.tangent import TangentCheck, check_tangent
+
+
+def linearized(e: ContactEquations) -> LinearizedEquations:
+    """Solves with the tangent at the last evaluated state, or with its transpose."""
+    return LinearizedEquations(e.bulk, e.contacts, e.motions, e.system, e.reduced_tangent())
 
 
 class PresentState:
@@ -79,7 +84,7 @@ class PresentState:
         with restored_if_interrupted(e, self._adequacy):
             e.evaluate_operators()
             e.bulk.free_garbage()
-            return e.linearized().solve(rhs, transpose=transpose)
+            return linearized(e).solve(rhs, transpose=transpose)
 
     def check_tangent(self, **options: Any) -> TangentCheck:
         """See ``ContactProblem.check_tangent``."""

@@ -104,12 +104,12 @@ class Residual:
         return bulk, self.contact_force(), self._motions.forces()
 
     def shear_forces(self) -> tuple[Array, Array]:
-        """Contributions of shear to the contact forces and obstacle forces of ``forces``."""
+        """Contributions of shear to contact and obstacle forces; shapes as of ``forces``."""
         return self.contact_force("shear"), self._motions.forces("shear")
 
     @clock("assembly")
     def contact_force(self, part: str = "z") -> Array:
-        """B^T z at the owned dofs; with ``part="shear"`` of tangential multipliers only."""
+        """B^T z, (owned dofs,); with ``part="shear"`` of tangential multipliers only."""
         force = np.zeros(self._bulk.num_owned)
         for contact in self._contacts:
             if part == "z":

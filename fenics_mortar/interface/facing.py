@@ -17,8 +17,8 @@ Rule = tuple[Array, Array]
 # Gauss points on a segment, and its ends
 GAUSS: Rule = gauss_rule(4)
 ENDS: Rule = (np.array([-1.0, 1.0]), np.ones(2))
-# Newton steps for the coordinate of a point on a curved facet
-STEPS = 4
+# Number of Newton steps for the coordinate of a point on a curved facet.
+NEWTON_STEPS = 4
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def _places_on(m: Array, y: Array) -> Array:
     """Coordinates s (n, q) of points ``y`` (n, q, 2) on facets with nodes at ``m`` (n, K, 2)."""
     degree = m.shape[1] - 1
     s = np.zeros(y.shape[:2])
-    for _ in range(STEPS if degree > 1 else 1):
+    for _ in range(NEWTON_STEPS if degree > 1 else 1):
         shape, slope = lagrange(s, degree)
         off = y - np.einsum("nqk,nkc->nqc", shape, m)
         along = np.einsum("nqk,nkc->nqc", slope, m)

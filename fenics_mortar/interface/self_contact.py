@@ -58,7 +58,7 @@ def in_contact_with_itself(surface: Surface, may_carry: Flags) -> Surface:
 
 
 def facets_by_curve(surface: Surface) -> list[Indices]:
-    """Numbers of the facets of each curve, in order along it (local)."""
+    """Numbers of the facets of each curve, in order along it, shape (facets,) each (local)."""
     begins = np.full(surface.num_nodes, -1)
     begins[surface.facets[:, 0]] = np.arange(len(surface.facets))
     starts = np.flatnonzero(surface.previous[surface.facets[:, 0]] < 0)

@@ -158,7 +158,7 @@ def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
 
 
 def _state_file(problem: ContactProblem, path: str | Path) -> Path:
-    """Path with the suffix .npz, which numpy requires; refuse other objects (collective)."""
+    """Path with the suffix .npz, which numpy requires; reject other objects (collective)."""
     check_problem(problem)
     stem = without_suffix(problem.comm, path, ".npz")
     return stem.with_name(f"{stem.name}.npz")

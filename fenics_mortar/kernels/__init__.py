@@ -18,7 +18,7 @@ class _Compilations(event.Listener):
     def on_start(self, begun):
         """Log the name of the kernel."""
         function = begun.data["dispatcher"].py_func
-        if function.__module__.startswith(__name__):
+        if str(function.__module__).startswith(__name__):  # numba's own may have none
             logging.getLogger("fenics_mortar").info(
                 "compiling the kernel %s; later runs load it from the cache", function.__qualname__
             )

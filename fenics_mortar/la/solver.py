@@ -249,10 +249,10 @@ class LinearSolver:
         """
         if not come_in_pairs(matrix):
             return matrix
-        if self._in_blocks is None or not self._in_blocks.fit(matrix):
-            self._in_blocks = in_blocks(matrix)
-        else:
-            self._in_blocks.copy_to_blocks()
+        if self._in_blocks is not None and not self._in_blocks.fit(matrix):
+            self._reset()
+        self._in_blocks = self._in_blocks or in_blocks(matrix)
+        self._in_blocks.copy_to_blocks()
         return self._in_blocks.blocks
 
     def _call(self, rhs: PETSc.Vec, solution: PETSc.Vec, transpose: bool) -> None:

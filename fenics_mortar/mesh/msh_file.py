@@ -79,7 +79,7 @@ class MshFile:
     def getElements(
         self, dim: int, tag: int | None = None
     ) -> tuple[list[int], list[Indices], list[Indices]]:
-        """Types, and for each its numbers and nodes in one row, of a dimension or an entity."""
+        """Types; per type numbers (cells,) and nodes (cells times nodes per cell,), as in gmsh."""
         keys = self.getEntities(dim) if tag is None else [(dim, tag)]
         blocks = [block for key in keys for block in self.blocks.get(key, [])]
         types = sorted({block.type for block in blocks})

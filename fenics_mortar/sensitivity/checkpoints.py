@@ -32,7 +32,7 @@ class Checkpoints:
         folder: Folder of the files, one per stored step and rank; ``None``: in memory.
 
     Raises:
-        ValueError: If ``every`` is not such a number, or ``folder`` is no name.
+        ValueError: If ``every`` is not a positive integer, or ``folder`` is not a name.
         MortarError: On all ranks, if the folder cannot be created.
     """
 
@@ -53,7 +53,7 @@ class Checkpoints:
         return self.every > 1 or self._folder is not None
 
     def put(self, number: int, u: Array) -> None:
-        """Store the displacement of a step if its number is a multiple of the spacing.
+        """Store the displacement (local dofs,) of a step, for each multiple of the spacing.
 
         Raises:
             MortarError: On all ranks, if the file cannot be written.
@@ -71,7 +71,7 @@ class Checkpoints:
         return self._folder / f"step_{number}_rank_{self._comm.rank}.npy"
 
     def get(self, number: int, count: int, again: Callable[[int, Array], Array]) -> Array:
-        """Displacement of a step.
+        """Displacement of a step, shape (local dofs,) [length].
 
         Args:
             number: Number of the step.

@@ -56,11 +56,11 @@ class Control(Protocol):
         """Present values (local), of shape () for a single number [their unit]."""
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """Set the ``values``, equal on all ranks (local)."""
+        """Set the ``values``, of the shape of ``get``, equal on all ranks (local)."""
         raise TypeError(f"{self.name} cannot be set")
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """Change of the residuals along a change ``dm`` of the values (collective)."""
+        """Change of the residuals along ``dm``, of the shape of the values (collective)."""
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
         """Gradient of the scalar product of residuals and ``y`` (collective).

@@ -83,13 +83,13 @@ class FormControl:
         return self._comm.allreduce(self.is_in_residual or self._copied[0].size > 0)
 
     def get(self, problem: ContactProblem) -> Array:
-        """Present values."""
+        """Present values: shape (owned dofs,) of a function, or the shape of a constant."""
         if self.is_distributed:
             return self.data.x.array[: num_owned(self.data.function_space)].copy()
         return np.array(self.data.value)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """Set the values."""
+        """Set the values, of the shape of ``get``."""
         if self.is_distributed:
             put_owned(self.data, np.asarray(values))
         else:

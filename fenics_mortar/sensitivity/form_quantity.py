@@ -63,7 +63,7 @@ class FormQuantity:
     def by_control(
         self, problem: ContactProblem, control: Any, before: Before = None
     ) -> Array | float:
-        """Explicit derivative with respect to a control; zero if the form does not contain it."""
+        """Explicit derivative, of the shape of the control's values; zero without the control."""
         if not self.depends_on(control):
             return 0.0
         if control.data not in self._by_controls:

@@ -182,6 +182,6 @@ def num_owned(space: Any) -> int:
 
 
 def put_owned(function: fem.Function, values: Array) -> None:
-    """Set the owned values of a function, and its ghosts (collective)."""
+    """Set the owned values of a function, shape (owned dofs,), and its ghosts (collective)."""
     function.x.array[: values.size] = values
     function.x.scatter_forward()

@@ -110,7 +110,7 @@ class Gradient:
 
 
 def in_own_space(control: Any, values: Array) -> Any:
-    """Values of the owned dofs of a function as a function, others unchanged (collective)."""
+    """Values (owned dofs,) of a function as a function, other values unchanged (collective)."""
     if not isinstance(control, fem.Function):
         return values
     function = fem.Function(control.function_space, name=f"derivative by {control.name}")

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from fenics_mortar.equations.linearized import LinearizedEquations
+from fenics_mortar.equations.present import linearized
 from fenics_mortar.problem import ContactProblem
 
 
@@ -11,4 +12,4 @@ def linearize(problem: ContactProblem) -> LinearizedEquations:
     """A = dR/ds at the present, evaluated state; factorized once (collective)."""
     e = problem.equations
     e.bulk.free_garbage()
-    return e.linearized()
+    return linearized(e)

@@ -110,7 +110,7 @@ class StepMemory:
         return found
 
     def along_control(self, control: Control, dm: Array) -> Memories:
-        """Change of the memory along a change of a control, at fixed states."""
+        """Change of the memories, (names, slave nodes), along ``dm`` at fixed states."""
         check_memory_control(self._equations.contacts, control)
         found = {}
         for i, pair in self._pairs.items():

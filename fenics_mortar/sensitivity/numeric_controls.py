@@ -67,8 +67,10 @@ class RemainingResidual(Control):
         return np.array(1.0)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """Refused: it follows from the tolerance of Newton's method."""
-        raise ValueError("the residual left follows from NewtonOptions: expected another control")
+        """Raise an error: the residual follows from the tolerance of Newton's method."""
+        raise ValueError(
+            "the remaining residual follows from NewtonOptions: expected another control"
+        )
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""

@@ -25,14 +25,14 @@ OverSteps = Callable[[Array], tuple[float, Array]]
 
 
 def last(values: Array) -> tuple[float, Array]:
-    """Sum of the quantities in the last step."""
+    """Sum of ``values`` (steps, quantities) in the last step, and its weights of the same shape."""
     weights = np.zeros_like(values)
     weights[-1] = 1.0
     return float(values[-1].sum()), weights
 
 
 def total(values: Array) -> tuple[float, Array]:
-    """Sum of the quantities over all steps, such as the work of friction."""
+    """Sum of ``values`` (steps, quantities) over all steps, and its weights of the same shape."""
     return float(values.sum()), np.ones_like(values)
 
 

@@ -67,11 +67,11 @@ class Data:
         self._arrays = [*map(_array_of, objects), *conditions]
 
     def values(self) -> tuple[Array, ...]:
-        """Copies of the present values."""
+        """Copies of the present values, of the shapes of the data."""
         return tuple(np.array(numbers) for numbers in self._arrays)
 
     def put(self, values: Sequence[Array]) -> None:
-        """Set all values."""
+        """Set all values, of the shapes of the data."""
         for numbers, value in zip(self._arrays, values, strict=True):
             numbers[...] = value
 

@@ -43,7 +43,7 @@ class Quantity(Protocol):
     def by_control(
         self, problem: ContactProblem, control: Any, before: Before = None
     ) -> Array | float:
-        """Explicit derivative dJ/dm at fixed states."""
+        """Explicit derivative dJ/dm at fixed states, of the shape of the control's values."""
 
 
 T = TypeVar("T")
@@ -108,14 +108,14 @@ def check_dependence(
 def explicit(
     problem: ContactProblem, quantity: Quantity, control: Control, before: Before
 ) -> Array | float:
-    """dJ/dm at fixed states (collective)."""
+    """dJ/dm at fixed states, of the shape of the control's values (collective)."""
     if isinstance(control, NodalPositions):
         return control.explicit(problem, quantity, before)
     return quantity.by_control(problem, control, before)
 
 
 def dot(problem: ContactProblem, control: Control, one: Array, other: Array) -> float:
-    """Scalar product of two sets of values of a control, equal on all ranks (collective).
+    """Scalar product of two arrays of a control's shape, equal on all ranks (collective).
 
     Values of controls with a true ``is_distributed`` are those of the owned dofs, others are
     replicated.

@@ -9,7 +9,8 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.interface.integrals import hand_over
-from fenics_mortar.interface.on_obstacle import integrate_facets, obstacle_normals
+from fenics_mortar.interface.obstacle_facets import integrate_facets
+from fenics_mortar.interface.on_obstacle import obstacle_normals
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.segments import facet_rule
 from meshes import two_blocks

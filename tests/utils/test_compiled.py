@@ -7,6 +7,7 @@ import uuid
 from mpi4py import MPI
 
 import numba
+import numpy as np
 import pytest
 
 import ufl
@@ -30,7 +31,9 @@ def test_a_form_is_named_when_it_is_compiled(caplog):
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
-@pytest.mark.parametrize("module, count", [("fenics_mortar.kernels.one", 1), ("users", 0)])
+@pytest.mark.parametrize(
+    "module, count", [("fenics_mortar.kernels.one", 1), ("users", 0), (None, 0)]
+)
 def test_a_kernel_is_named_when_it_is_compiled(module, count, caplog):
     caplog.set_level(logging.INFO, "fenics_mortar")
 
@@ -42,3 +45,12 @@ def test_a_kernel_is_named_when_it_is_compiled(module, count, caplog):
     assert compiled(1.0) == compiled(1.0) == 2.0
     assert len(caplog.records) == count
     assert all("double" in record.getMessage() for record in caplog.records)
+
+
+def test_wrappers_of_numba_that_have_no_module_are_compiled():
+    """As that of ``np.full`` of a tuple: with an empty cache no kernel with it compiled."""
+
+    def filled(n):
+        return np.full((n, 2), -1)
+
+    assert numba.njit(filled)(3).sum() == -6

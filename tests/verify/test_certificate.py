@@ -92,7 +92,7 @@ def test_contact_that_was_missed_is_seen():
     problem = fm.ContactProblem(
         internal(u, neo_hookean(u, 100.0, 0.3)), u, [pair], bcs=bcs, petsc_options_prefix="missed_"
     )
-    with pytest.raises(fm.NotConvergedError, match="contact was missed.*; follow_path undoes"):
+    with pytest.raises(fm.NotConvergedError, match="contact was missed.*; follow_path reverts"):
         problem.solve()  # no resistance: this converges
     u.x.array[:] = 0.0
     problem.solve(accept_violations=True)

@@ -147,7 +147,7 @@ def moment(contact: Interface, about: Array) -> float:
 
 
 def moment_gradient(contact: Interface, about: Array) -> PairVector:
-    """Derivative of ``moment`` with respect to the present state at the pair (collective)."""
+    """Derivative of ``moment`` about a point (2,) with respect to the state (collective)."""
     o, z = contact.operators, contact.z
     force, _ = _fields(contact).forces
     r = o.x - about

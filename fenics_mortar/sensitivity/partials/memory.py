@@ -89,7 +89,7 @@ class PairMemory:
         return self.along_fields(made)
 
     def along_fields(self, changes: Mapping[str, Array]) -> Array:
-        """Change with fields of the pair; ``gap`` is the weighted gap; missing fields are fixed."""
+        """Change (names, slave nodes) with changes of fields (slave nodes,); gaps are weighted."""
         o, f = self._contact.operators, self._contact.now
         none = np.zeros(len(o.x))
         weighted = changes.get("gap", none) - f.mean_gap * changes.get("weight", none)
@@ -108,7 +108,7 @@ class PairMemory:
         return ByFields(-gap * f.mean_gap, gap, by["z_n"], by["z_tau"], by["slip"])
 
     def state_back(self, c: Array) -> PairVector:
-        """Transpose of ``along_state``."""
+        """Transpose of ``along_state``; ``c``: (names, slave nodes)."""
         return self.fields_back(c).gradient(self._contact)
 
     def along_before(self, direction: PairVector) -> Array:
@@ -118,7 +118,7 @@ class PairMemory:
         return self._by["slip"] * self._history.slip.along(direction)
 
     def before_back(self, c: Array) -> PairVector | None:
-        """Transpose of ``along_before``; ``None`` if the state before is fixed."""
+        """Transpose of ``along_before``, ``c``: (names, slave nodes); ``None`` if that is fixed."""
         if self._history is None:
             return None
         return self._history.slip.back((self._by["slip"] * c).sum(axis=0))
@@ -128,7 +128,7 @@ class PairMemory:
         return np.sum([by * d for by, d in zip(self._by_memory.values(), dh, strict=True)], axis=0)
 
     def memory_back(self, c: Array) -> Array:
-        """Transpose of ``along_memory``."""
+        """Transpose of ``along_memory``; both arrays have the shape (names, slave nodes)."""
         return np.array([(by * c).sum(axis=0) for by in self._by_memory.values()])
 
     def rows_along(self, dh: Array) -> Array:

@@ -56,7 +56,7 @@ class Positions:
         return PairVector(*forces, rows, np.einsum("mjc,jc->m", self._of_obstacle, on_slave))
 
     def back(self, y: PairVector) -> tuple[Array, Array]:
-        """Gradient of the product of the changes and y, by the positions of slave and master."""
+        """Gradients of the product with y, at slave and master nodes, (nodes, 2) each."""
         dofs = self._dofs
         total = dofs.back(self._forces, dofs.flat(y.on_slave, y.on_master))
         total += dofs.back(self._rows, y.z.ravel())

@@ -17,7 +17,8 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.integrals import hand_over
-from fenics_mortar.interface.on_obstacle import ObstacleOperators, gap_weights, thickness_of
+from fenics_mortar.interface.obstacle_facets import gap_weights
+from fenics_mortar.interface.on_obstacle import ObstacleOperators, thickness_of
 from fenics_mortar.sensitivity.partials.gap import weights_of_gaps
 from fenics_mortar.sensitivity.partials.history import Earlier
 from fenics_mortar.utils.arrays import Array

@@ -15,7 +15,7 @@ import ufl
 from dolfinx import fem, la
 
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.compat.compiler import own_options, quiet_compiler, told_if_compiled
+from fenics_mortar.utils.compat.compiler import log_compilation, own_options, quiet_compiler
 
 
 @quiet_compiler()
@@ -25,7 +25,7 @@ def form(ufl_form: ufl.Form) -> fem.Form:
     Release 0.5 modifies its default option dictionaries; each form therefore has separate ones.
     """
     rank = len(ufl_form.arguments())
-    with told_if_compiled({1: "a residual or load", 2: "a tangent"}.get(rank, "an integral")):
+    with log_compilation({1: "a residual or load", 2: "a tangent"}.get(rank, "an integral")):
         return fem.form(ufl_form, **own_options(fem.form))
 
 
@@ -103,7 +103,7 @@ def prescribed_value(bc: Any) -> Array:
 
 
 def condition_numbers(bc: Any) -> Array:
-    """The numbers of a condition's constant or function, not a copy (local).
+    """The values of a condition's function (local dofs,) or constant, not a copy (local).
 
     ``DirichletBC`` became a class of Python in 0.7; ``g`` stayed.
     """

@@ -36,7 +36,7 @@ def quiet_compiler() -> Iterator[None]:
 
 
 @contextmanager
-def told_if_compiled(what: str) -> Iterator[None]:
+def log_compilation(what: str) -> Iterator[None]:
     """Context that logs what the C compiler compiled and its time, level INFO (local).
 
     Code loaded from a cache is not logged, since no compiler runs then.

@@ -94,7 +94,7 @@ def geometry_dofmap(mesh: dmesh.Mesh) -> npt.NDArray[np.int32]:
 
 
 def as_table(table: Any, layout: Any) -> npt.NDArray[np.int32]:
-    """View an adjacency list (until 0.6) as an array, also on a rank without cells."""
+    """View an adjacency list (until 0.6) as an array (cells, dofs), also without cells."""
     if isinstance(table, np.ndarray):
         return table
     return table.array.reshape(table.num_nodes, layout.num_dofs)
