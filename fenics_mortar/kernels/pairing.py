@@ -20,8 +20,9 @@ A slave facet at a corner may face two portions of a master, one far behind the 
 average of both gaps is meaningless: with positive functions, a node that touches the nearer portion
 stays open; dual functions, which are partly negative, produce an overlap and pressure at a
 distance. A portion is therefore ignored if it is farther away than the nearest one by half a facet,
-or by two facets if the nearest one is in contact: beside a corner of the master both portions
-belong to the contact zone, and a portion that appears and disappears there costs iterations.
+or by two facets if the nearest one is in contact or a tenth of a facet from it: beside a corner of
+the master both portions belong to the contact zone, and a portion that appears and disappears there
+costs iterations.
 
 Master facets behind a slave point count only if moving back through them is the shorter way to
 separate the bodies, see ``sight``. The test is skipped up to a safe depth of each slave facet.
@@ -44,6 +45,9 @@ from fenics_mortar.utils.rounding import HALF_FACET
 # Distance behind a contact, over the length of a facet [1], above which a surface does not belong
 # to the contact: overlaps of Newton iterates are smaller.
 BEHIND = 2.0
+# Gap over the length of a facet [1] up to which a portion of the master may be in contact in the
+# next iterations.
+ALMOST_CLOSED = 0.1
 
 
 @kernel
@@ -121,8 +125,8 @@ def keep_nearest(found, count, tolerance):
     """Keep the nearest of overlapping segments, sorted along the facet; return their number.
 
     Rows of ``found``: (distance [length], xi_a, xi_b, master facet, whether the lower and whether
-    the upper end is a slave node), of which the first ``count`` are used. ``tolerance``: overlap in
-    xi that is rounding [1].
+    the upper end is a slave node, gap [length]), of which the first ``count`` are used.
+    ``tolerance``: overlap in xi that is rounding [1].
     """
     sort_rows(found, count, 0)
     kept = 0
@@ -142,13 +146,16 @@ def keep_nearest(found, count, tolerance):
 def keep_near_parts(found, count, master_facets, length):
     """Drop portions of the master too far behind the nearest one; return the number of rows kept.
 
-    Limits: ``HALF_FACET`` or ``BEHIND`` times the ``length`` of the slave facet. Rows of ``found``
-    are those of ``keep_nearest``; consecutive master facets that share a node form one portion.
+    Limits: ``HALF_FACET`` times the ``length`` of the slave facet, or ``BEHIND`` if the nearest
+    portion has a gap between ``-HALF_FACET`` and ``ALMOST_CLOSED`` lengths. Rows of ``found`` are
+    those of ``keep_nearest``; consecutive master facets that share a node form one portion.
     """
-    nearest = np.inf
+    nearest, gap = np.inf, np.inf
     for i in range(count):
-        nearest = min(nearest, found[i, 0])
-    apart = length * (HALF_FACET if nearest > HALF_FACET * length else BEHIND)
+        if found[i, 0] < nearest:
+            nearest, gap = found[i, 0], found[i, 6]
+    in_contact = -HALF_FACET * length <= gap <= ALMOST_CLOSED * length
+    apart = length * (BEHIND if in_contact else HALF_FACET)
     kept, start = 0, 0
     while start < count:
         stop, distance = start + 1, found[start, 0]
@@ -182,7 +189,7 @@ def facet_segments(
         hits: Candidate master facets, shape (h,).
         radius: Largest distance along the normal [length].
         limits: (smallest cosine [1], length in xi that is rounding [1]).
-        found: Rows as in ``keep_nearest``, shape (h, 6) or longer; filled.
+        found: Rows as in ``keep_nearest``, shape (h, 7) or longer; filled.
         view: As in ``is_hidden``; None skips the test.
         number: Number of the slave facet in ``view`` and ``roles``.
         roles: As in ``roles.keep_masters``, if slave and master are one surface.
@@ -210,7 +217,7 @@ def facet_segments(
                 continue
         found[count, 0], found[count, 1], found[count, 2] = abs(gap), lower, upper
         found[count, 3] = hits[hit]
-        found[count, 4], found[count, 5] = is_node[0], is_node[1]
+        found[count, 4], found[count, 5], found[count, 6] = is_node[0], is_node[1], gap
         count += 1
     kept = keep_nearest(found, count, min_cover)
     if roles is not None:

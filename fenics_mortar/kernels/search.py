@@ -125,20 +125,20 @@ def find_segments(geometry, slave_facets, master_facets, radius, view, limits, r
     boxes = build_tree(control_points(m, master_facets), master_facets)
     controls = control_points(x, slave_facets), control_points(n, slave_facets)
     stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
-    found = np.empty((64, 6))
+    found = np.empty((64, 7))
     offsets = np.zeros(slave_facets.shape[0] + 1, np.int64)
-    rows = np.empty((4 * slave_facets.shape[0] + 64, 6))
+    rows = np.empty((4 * slave_facets.shape[0] + 64, 7))
     for e in range(slave_facets.shape[0]):
         nodes = slave_facets[e]
         near = query_strip(boxes, controls, nodes, radius, stack, hits)
         if near.size > found.shape[0]:
-            found = np.empty((2 * near.size, 6))
+            found = np.empty((2 * near.size, 7))
         kept = facet_segments(
             geometry, nodes, master_facets, near, radius, limits, found, view, e, roles
         )
         start = offsets[e]
         if start + kept > rows.shape[0]:
-            longer = np.empty((2 * (start + kept), 6))
+            longer = np.empty((2 * (start + kept), 7))
             longer[:start] = rows[:start]
             rows = longer
         rows[start : start + kept] = found[:kept]

@@ -22,7 +22,14 @@ class Value:
             vars(self)[name] = protected(value)
 
     def replaced(self, **values: Any) -> Self:
-        """As ``dataclasses.replace``, without repeated checks of unchanged attributes."""
+        """As ``dataclasses.replace``, without repeated checks of unchanged attributes (local).
+
+        Args:
+            values: The changed attributes, with their shapes and units.
+
+        Raises:
+            TypeError: If there is no attribute of a name.
+        """
         new = object.__new__(type(self))
         vars(new).update(vars(self))
         for name, value in values.items():

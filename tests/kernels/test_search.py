@@ -11,7 +11,7 @@ from fenics_mortar.kernels import search
 def all_to_all(pair):
     """Segments from every pair of facets, for comparison with the tree."""
     n, _ = pair.normals(pair.x)
-    found, everything = np.empty((1000, 6)), np.arange(len(pair.master))
+    found, everything = np.empty((1000, 7)), np.arange(len(pair.master))
     counts = [
         search.facet_segments(
             (pair.x, n, pair.m), nodes, pair.master, everything, 10.0, LIMITS, found
