@@ -26,7 +26,7 @@ from fenics_mortar.utils import compat, garbage
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.utils.ranks import largest, on_any
+from fenics_mortar.utils.ranks import on_any
 
 # Smallest ratio of the area of each cell at each node after a Newton step to that before it [1].
 # The limit prevents inverted cells and does not affect converging iterations.
@@ -145,7 +145,7 @@ class Bulk:
 
     def _assemble_cells(self) -> None:
         """Assemble the form into ``K``, by way of blocks once ``K`` has entries (collective)."""
-        if not (come_in_pairs(self.K) and self.K.assembled):
+        if not (self.K.assembled and (self._blocks or come_in_pairs(self.K))):
             compat.assemble_matrix(self.K, self._tangent)
             return
         blocks = (
@@ -248,8 +248,8 @@ class Bulk:
         Args:
             values: Values of the unknowns, owned ones first, shape (num_owned,) or longer.
         """
-        mine = np.abs(values[: self.num_owned]) / self.units
-        return largest(self.comm, mine.max(initial=0.0))
+        mine = float((np.abs(values[: self.num_owned]) / self.units).max(initial=0.0))
+        return mine if self.comm.size == 1 else float(self.comm.allreduce(mine, MPI.MAX))
 
     def by_input_node(self) -> tuple[Indices, Array]:
         """Identifiers (n, k) and values (n, 2) of all nodes, see ``numbering`` (collective)."""

@@ -234,7 +234,8 @@ class ContactEquations:
         goal = self.newton.residual_tolerance * residual.force
         solver = self.system.solver
         solver.forcing = forcing(self._history.residuals, goal)
-        solver.same_step = len(self._history.residuals) > 1 and not self.motions.driven.any()
+        is_driven = bool(self.motions.obstacles and self.motions.driven.any())
+        solver.same_step = len(self._history.residuals) > 1 and not is_driven
         x, motion = self.system.step(residual.distance), NO_MOTION
         if self.motions.obstacles:
             x, motion = self.motions.solve(x, self.system, self.stiffest, residual.force)

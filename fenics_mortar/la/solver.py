@@ -247,11 +247,12 @@ class LinearSolver:
 
         Factorization in blocks takes two thirds of the time in PETSc, its analysis half.
         """
-        if not come_in_pairs(matrix):
-            return matrix
         if self._in_blocks is not None and not self._in_blocks.fit(matrix):
             self._reset()
-        self._in_blocks = self._in_blocks or in_blocks(matrix)
+        if self._in_blocks is None:
+            if not come_in_pairs(matrix):
+                return matrix
+            self._in_blocks = in_blocks(matrix)
         self._in_blocks.copy_to_blocks()
         return self._in_blocks.blocks
 

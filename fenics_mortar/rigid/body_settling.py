@@ -200,20 +200,15 @@ class BodySettling:
         force = np.zeros(size)
         for contact in self._bodies.contacts:
             if contact.pair.law.has_adhesion:
-                pull = np.where(contact.active[:, None], 0.0, contact.z)
+                pull = np.where(_touches(contact)[:, None], 0.0, contact.z)
                 on_slave, on_master = contact.operators.force(pull)
                 contact.slave.scatter_add(on_slave, force)
                 contact.master.scatter_add(on_master, force)
         return force
 
     def _touching(self, contact: Contact, pressure: float) -> Touching:
-        """Touching nodes for limit analysis, with friction at a typical pressure.
-
-        If the pair has active nodes, nodes that nearly touch are included.
-        """
-        on = contact.active
-        on, weight = on | (nearly_touching(contact) & bool(on.any())), contact.operators.weight
-        bodies = self._bodies
+        """Touching nodes for limit analysis, with friction at a typical pressure."""
+        on, weight, bodies = _touches(contact), contact.operators.weight, self._bodies
         opens, slips = (
             np.concatenate([rate(bodies, contact, body) for body in bodies.bodies]).T[on]
             for rate in (opening, slipping)
@@ -230,6 +225,12 @@ class BodySettling:
         """Whether all moves are shorter than the admitted overlap."""
         longest = max((_length(body, move) for body, move in moves), default=0.0)
         return longest <= RIGID.overlap * self._bodies.shortest_facet()
+
+
+def _touches(contact: Contact) -> Flags:
+    """Active nodes and, if there are any, those that nearly touch, (slave nodes,) (local)."""
+    on = contact.active
+    return on | nearly_touching(contact) if on.any() else on
 
 
 def _length(body: FloatingBody, move: Array) -> float:

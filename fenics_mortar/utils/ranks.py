@@ -14,8 +14,3 @@ def on_any(comm: MPI.Comm, flag: bool) -> bool:
 def on_all(comm: MPI.Comm, flag: bool) -> bool:
     """Whether ``flag`` is true on all ranks (collective)."""
     return bool(flag) if comm.size == 1 else bool(comm.allreduce(bool(flag), MPI.LAND))
-
-
-def largest(comm: MPI.Comm, value: float) -> float:
-    """The largest ``value`` of all ranks [unit of value] (collective)."""
-    return float(value) if comm.size == 1 else float(comm.allreduce(float(value), MPI.MAX))

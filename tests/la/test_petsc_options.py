@@ -103,8 +103,6 @@ print(problem.equations.system.ksp.getType(), *report.notes)
 """
 
 
-@pytest.mark.once
-@pytest.mark.serial
 @pytest.mark.serial
 @pytest.mark.parametrize("options", [{}, {"ksp_type": "gmres", "ksp_monitor": ""}], ids=str)
 def test_solver_is_shown_after_each_solve(options, capfd):
@@ -115,6 +113,8 @@ def test_solver_is_shown_after_each_solve(options, capfd):
     assert shown.count("  0 KSP Residual norm") == (report.num_iterations if options else 0)
 
 
+@pytest.mark.once
+@pytest.mark.serial
 def test_options_of_the_command_line_are_read():
     given = ["-test_ksp_type", "gmres", "-test_ksp_rtoll", "1e-3"]
     code = f"import sys; sys.path[:0] = {sys.path!r}\n{SCRIPT}"
