@@ -200,7 +200,7 @@ class BodySettling:
         force = np.zeros(size)
         for contact in self._bodies.contacts:
             if contact.pair.law.has_adhesion:
-                pull = np.where(_touches(contact)[:, None], 0.0, contact.z)
+                pull = np.where(contact.active[:, None], 0.0, contact.z)
                 on_slave, on_master = contact.operators.force(pull)
                 contact.slave.scatter_add(on_slave, force)
                 contact.master.scatter_add(on_master, force)
@@ -228,9 +228,12 @@ class BodySettling:
 
 
 def _touches(contact: Contact) -> Flags:
-    """Active nodes and, if there are any, those that nearly touch, (slave nodes,) (local)."""
+    """Active nodes and, if there are any, open ones that nearly touch, (slave nodes,) (local).
+
+    Open nodes with adhesion do not: their forces are loads.
+    """
     on = contact.active
-    return on | nearly_touching(contact) if on.any() else on
+    return on | (nearly_touching(contact) & ~contact.z.any(axis=1)) if on.any() else on
 
 
 def _length(body: FloatingBody, move: Array) -> float:
