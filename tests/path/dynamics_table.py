@@ -59,12 +59,15 @@ def bounces() -> None:
 
 
 def stick_slip() -> None:
-    """Oscillator on a belt: sticks, then slides about its rest, against the exact path."""
+    """Oscillator on a belt: sticks, then slides about its rest, against the exact path.
+
+    The path is that of a point mass: a block with E = 100 errs by 1.8 % by its own elasticity.
+    """
     stiffness, pressure, mu, speed = 0.4, 0.1, 0.3, 0.03
     slides, omega = mu * pressure / stiffness, np.sqrt(stiffness)
     sticks, errors = slides / speed, []
     for dt in (0.24, 0.12, 0.06):
-        made, belt = oscillator(fm.Coulomb(mu), pressure=pressure, stiffness=stiffness)
+        made, belt = oscillator(fm.Coulomb(mu), pressure=pressure, stiffness=stiffness, modulus=1e4)
         motion = made.dynamics("conserving", 0.5)
         made.set_velocity(motion, {"block": (speed, 0.0, 0.0)})
         largest = 0.0

@@ -81,6 +81,7 @@ def scene(
     sides: Sequence[tuple[Any, Any]],
     *,
     held: Sequence[tuple[str, int, float]] = (),
+    modulus: float = E,
     nu: float = 0.3,
     is_linear: bool = False,
     damping: float = 0.0,
@@ -94,7 +95,7 @@ def scene(
     data = read_mesh(lambda: build(grids, cell=cell, order=degree), comm)
     V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V, name="displacement"), ufl.TestFunction(V)
-    mu, lmbda = lame(E, nu)
+    mu, lmbda = lame(modulus, nu)
     dx = ufl.dx(metadata={"quadrature_degree": 2 * degree + 2})
     gravity, spring = fem.Constant(data.mesh, (0.0, 0.0)), fem.Constant(data.mesh, 0.0)
     if is_linear:
@@ -136,16 +137,24 @@ def free_block(gap: float = 50.0, cells: int = 4, **options: Any) -> Scene:
 
 
 def oscillator(
-    law: Any, *, pressure: float = 1.0, stiffness: float = 4.0, **options: Any
+    law: Any,
+    *,
+    pressure: float = 1.0,
+    stiffness: float = 4.0,
+    modulus: float = E,
+    **options: Any,
 ) -> tuple[Scene, fm.Plane]:
     """A stiff block of 1 x 1 on springs, pressed on a rigid plane by its top; and the plane.
 
-    The mass is 1, the springs have the ``stiffness``; with friction the oscillator is damped.
+    The mass is 1, the springs have the ``stiffness``; with friction the oscillator is damped. The
+    block has Young's ``modulus``.
     """
     grid = Grid("block", block(2, 3, width=1.0, height=1.0))
     plane = fm.Plane((0.0, 0.0), (0.0, 1.0))
-    options = {"held": [("block/top", 1, -pressure / E)], "law": law, **options}
-    made = scene([grid], [("block/bottom", plane)], nu=0.0, is_linear=True, **options)
+    options = {"held": [("block/top", 1, -pressure / modulus)], "law": law, **options}
+    made = scene(
+        [grid], [("block/bottom", plane)], modulus=modulus, nu=0.0, is_linear=True, **options
+    )
     made.spring.value = stiffness
     return made, plane
 
