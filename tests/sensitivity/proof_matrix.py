@@ -91,6 +91,9 @@ LAWS = {
     "wear": (lambda: Wearing(0.3, 0.05), {"mu": 0.1, "wear": 0.01}, LONG),
 }  # fmt: skip
 
+# With a larger bound, nodes at the edge of the contact on a driven circle have no equilibrium.
+WEAK = partial(fm.Tresca, 0.1)
+
 
 def objectives(scene, *, contact=True):
     """A form, and quantities of the pair."""
@@ -208,6 +211,7 @@ def on_obstacle(kind, law, degree, path):
     body = fm.Spline(chain) if spline else fm.Circle((0.52, 1.8), 0.8)
     made, parameters, _ = LAWS[law]
     if driven:
+        made = WEAK if law == "Tresca" else made
         body.move(y=-0.03)
         body.push(y=-3.0)
     scene = obstacle_on_block(body, made(), degree=degree, places=ROLLED[PATHS[path]])
@@ -267,4 +271,4 @@ def main(words):
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(int(main(sys.argv[1:])))
