@@ -56,15 +56,22 @@ def create_vector(V: fem.FunctionSpace) -> PETSc.Vec:
         b = la.create_petsc_vector(*layout)
     else:
         b = importlib.import_module("dolfinx.la.petsc").create_vector([layout])
-    with b.localForm() as local:
-        local.set(0.0)
+    set_zero(b)
     return b
+
+
+def set_zero(b: PETSc.Vec) -> None:
+    """Set all entries to zero, ghosts included (collective).
+
+    Without ``localForm``: an interruption before its end destroys the vector's ghosts.
+    """
+    b.set(0.0)
+    b.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
 
 
 def assemble_vector(b: PETSc.Vec, L: fem.Form) -> None:
     """Assemble a linear form into ``b``; owned entries are complete, ghosts stale; collective."""
-    with b.localForm() as local:
-        local.set(0.0)
+    set_zero(b)
     dolfinx.fem.petsc.assemble_vector(b, L)
     b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
 
