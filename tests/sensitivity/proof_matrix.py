@@ -91,7 +91,7 @@ LAWS = {
     "wear": (lambda: Wearing(0.3, 0.05), {"mu": 0.1, "wear": 0.01}, LONG),
 }  # fmt: skip
 
-# With a larger bound, nodes at the edge of the contact on a driven circle have no equilibrium.
+# With a larger bound, nodes at the edge of the contact with a circle have no equilibrium.
 WEAK = partial(fm.Tresca, 0.1)
 
 
@@ -213,8 +213,8 @@ def on_obstacle(kind, law, degree, path):
     chain = np.stack([x, 1.0 + 0.5 * (x - 0.52) ** 2], axis=1)
     body = fm.Spline(chain) if spline else fm.Circle((0.52, 1.8), 0.8)
     made, parameters, _ = LAWS[law]
+    made = WEAK if law == "Tresca" else made
     if driven:
-        made = WEAK if law == "Tresca" else made
         body.move(y=-0.03)
         body.push(y=-3.0)
     scene = obstacle_on_block(body, made(), degree=degree, places=ROLLED[PATHS[path]])
