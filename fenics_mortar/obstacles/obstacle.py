@@ -201,7 +201,7 @@ class Obstacle(ABC):
         Args:
             x: Points of the own frame, shape (n, 2) [length].
             name: Name of the parameter.
-            directions: Shape (m, *shape of the parameter).
+            directions: Shape ``(m, *shape)`` with that of the parameter.
 
         Returns:
             Derivatives of phi (m, n) and of the gradient (m, n, 2).

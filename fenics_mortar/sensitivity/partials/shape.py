@@ -46,7 +46,7 @@ class FieldChange(NamedTuple):
 
 
 def units_of(value: Array) -> Array:
-    """All directions in which one number of a parameter changes, (size, *shape) (local)."""
+    """All directions in which one number of a parameter changes, ``(size, *shape)`` (local)."""
     return np.eye(value.size).reshape(value.size, *value.shape)
 
 
@@ -58,7 +58,7 @@ def change_by_shape(
     Args:
         contact: The contact, evaluated, with the obstacle at its present position.
         name: Name of the parameter, see ``Obstacle.shape``.
-        directions: Shape (m, *shape of the parameter), in its unit.
+        directions: Shape ``(m, *shape)`` with that of the parameter, in its unit.
         earlier: Accepted state from which slip is counted; needed with friction.
 
     Raises:
