@@ -7,6 +7,7 @@ From the folders of ``tests``: ``python3 -c "import axisymmetric_table as t; t.m
 import numpy as np
 import revolved
 import test_axisymmetric as proofs
+import test_half_space as space
 from revolved import cylinders, disturbed, pressed_cylinders
 
 import fenics_mortar as fm
@@ -62,24 +63,24 @@ def spaces(counts: tuple[int, ...] = (10, 20, 40)) -> None:
     def pressed(body: fm.Obstacle, force: float, reach: float) -> list[Profile]:
         options = [{"reach": reach, "growth": 2.0 / n} for n in counts]
         every = zip(counts, options, strict=True)
-        return [proofs.pressed_space(n, body, force, **chosen)[:3] for n, chosen in every]
+        return [space.pressed_space(n, body, force, **chosen)[:3] for n, chosen in every]
 
-    slope, hertz = proofs.SLOPE, 4 / 3 * proofs.SLOPE
+    slope, hertz = space.SLOPE, 4 / 3 * space.SLOPE
     sphere = fm.Circle((0.0, 1 / slope - slope), 1 / slope)
     cone = fm.Plane((0.0, -np.pi / 2 * slope), (slope, -1.0))
     punch = fm.Plane((0.0, -slope), (0.0, -1.0))
     rigid = pressed(sphere, hertz, 1.5)
-    ball = [proofs.elastic_ball(n, 2.0 / n) for n in counts]
+    ball = [space.elastic_ball(n, 2.0 / n) for n in counts]
     for name, found, force in (("rigid sphere", rigid, hertz), ("elastic ball", ball, hertz / 2)):
-        row(f"{name}, pressure in L2", *(proofs.error_of_hertz(*f, force) for f in found))
-        radii = [np.sqrt(2.5 * proofs.second_moment(*f)) - 1 for f in found]
+        row(f"{name}, pressure in L2", *(space.error_of_hertz(*f, force) for f in found))
+        radii = [np.sqrt(2.5 * space.second_moment(*f)) - 1 for f in found]
         row(f"{name}, contact radius", *radii)
         row(f"{name}, force", *(p @ w / force - 1 for _, p, w in found))
         peaks = [p[r.argmin()] / (1.5 * (p @ w) / np.pi) - 1 for r, p, w in found]
         row(f"{name}, peak over 1.5 mean", *peaks)
     found = pressed(cone, np.pi / 2 * slope, 1.5)
     row("cone, force", *(p @ w / (np.pi / 2 * slope) - 1 for _, p, w in found))
-    row("cone, contact radius", *(np.sqrt(3 * proofs.second_moment(*f)) - 1 for f in found))
+    row("cone, contact radius", *(np.sqrt(3 * space.second_moment(*f)) - 1 for f in found))
     found = pressed(punch, 2 * slope, 1.0)
     row("flat punch, force", *(p @ w / (2 * slope) - 1 for _, p, w in found))
     inside = [(r[r < 0.7], p[r < 0.7]) for r, p, _ in found]
