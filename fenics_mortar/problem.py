@@ -227,7 +227,7 @@ class ContactProblem:
                 report.adequacy = self._adequacy.assess(self)
             if sensitivity is not None:
                 report.sensitivity = sensitivity.of(self)
-        return report
+            return report
 
     def accept(self) -> None:
         """Accept the last evaluated state: slip is counted from it (collective)."""

@@ -17,7 +17,6 @@ from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import count_places
 from fenics_mortar.utils.near import near
-from fenics_mortar.utils.ranks import on_any
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Nodes of a cell along its outline, by the number of nodes: dolfinx orders corners, edges,
@@ -82,7 +81,7 @@ class Cells:
         The position is that of the reference state, as text.
         """
         is_inverted = self.area_ratios(x) <= 0.0
-        if not on_any(self._comm, bool(is_inverted.any())):
+        if not self._comm.allreduce(bool(is_inverted.any()), MPI.LOR):
             return 0, "nowhere"
         inverted = np.flatnonzero(is_inverted.any(axis=1))
         return count_places(self._comm, self.X[self._nodes[inverted]].mean(axis=1))

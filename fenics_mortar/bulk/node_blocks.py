@@ -53,23 +53,36 @@ class NodeBlocks:
         """Whether ``rows`` is the matrix in rows, with an unchanged number of entries."""
         return bool(rows == self._rows and _num_used(rows) == self._num_used)
 
-    def copy_to_rows(self) -> None:
-        """Copy the values from the blocks to the rows, with zeros outside of all blocks."""
+    def copy_to_rows(self, rows: PETSc.Mat) -> bool:
+        """Copy the values from the blocks to ``rows``, with zeros outside of all blocks.
+
+        Returns:
+            Whether ``rows`` fit, see ``fit``; nothing is copied otherwise.
+        """
+        if not self.fit(rows):
+            return False
         values = _values(self.blocks, self._of_blocks), _values(self._rows, self._of_rows)
         node_blocks.copy_to_rows(values[0], self._places, values[1])
         self._rows.stateIncrease()
+        return True
 
-    def copy_to_blocks(self) -> None:
-        """Copy the values from the rows to the blocks, which contain all entries.
+    def copy_to_blocks(self, rows: PETSc.Mat) -> bool:
+        """Copy the values from ``rows`` to the blocks, which contain all entries.
 
         Without effect if the rows have not changed since the last copy, so that factors of the
         blocks remain valid.
+
+        Returns:
+            Whether ``rows`` fit, see ``fit``; nothing is copied otherwise.
         """
+        if not self.fit(rows):
+            return False
         if self._rows.stateGet() != self._copied:
             values = _values(self.blocks, self._of_blocks), _values(self._rows, self._of_rows)
             node_blocks.copy_to_blocks(values[1], self._places, values[0])
             self.blocks.stateIncrease()
             self._copied = self._rows.stateGet()
+        return True
 
 
 def _values(matrix: PETSc.Mat, kind: type[ctypes.Array[ctypes.c_double]]) -> Array:

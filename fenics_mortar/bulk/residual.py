@@ -26,7 +26,6 @@ from fenics_mortar.utils import compat, garbage
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.utils.ranks import on_any
 
 # Smallest ratio of the area of each cell at each node after a Newton step to that before it [1].
 # The limit prevents inverted cells and does not affect converging iterations.
@@ -152,9 +151,9 @@ class Bulk:
             self._blocks.blocks if self._blocks else compat.create_matrix(self._tangent, "baij")
         )
         compat.assemble_matrix(blocks, self._tangent)
-        if self._blocks is None or not self._blocks.fit(self.K):
+        if self._blocks is None or not self._blocks.copy_to_rows(self.K):
             self._blocks = NodeBlocks(blocks, self.K)
-        self._blocks.copy_to_rows()
+            self._blocks.copy_to_rows(self.K)
 
     def renew_tangent(self) -> None:
         """Create ``K`` anew with the pattern of the form, not assembled (collective)."""
@@ -221,7 +220,7 @@ class Bulk:
 
         def is_too_large() -> bool:
             stays = self.cells.keep_area(before, self.positions(), MIN_AREA_RATIO)
-            return on_any(self.comm, not stays)
+            return bool(self.comm.allreduce(not stays, MPI.LOR))
 
         while fraction > smallest and is_too_large():
             fraction *= 0.5
@@ -249,7 +248,7 @@ class Bulk:
             values: Values of the unknowns, owned ones first, shape (num_owned,) or longer.
         """
         mine = float((np.abs(values[: self.num_owned]) / self.units).max(initial=0.0))
-        return mine if self.comm.size == 1 else float(self.comm.allreduce(mine, MPI.MAX))
+        return float(self.comm.allreduce(mine, MPI.MAX))
 
     def by_input_node(self) -> tuple[Indices, Array]:
         """Identifiers (n, k) and values (n, 2) of all nodes, see ``numbering`` (collective)."""

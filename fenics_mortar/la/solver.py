@@ -247,13 +247,14 @@ class LinearSolver:
 
         Factorization in blocks takes two thirds of the time in PETSc, its analysis half.
         """
-        if self._in_blocks is not None and not self._in_blocks.fit(matrix):
+        if self._in_blocks is not None:
+            if self._in_blocks.copy_to_blocks(matrix):
+                return self._in_blocks.blocks
             self._reset()
-        if self._in_blocks is None:
-            if not come_in_pairs(matrix):
-                return matrix
-            self._in_blocks = in_blocks(matrix)
-        self._in_blocks.copy_to_blocks()
+        if not come_in_pairs(matrix):
+            return matrix
+        self._in_blocks = in_blocks(matrix)
+        self._in_blocks.copy_to_blocks(matrix)
         return self._in_blocks.blocks
 
     def _call(self, rhs: PETSc.Vec, solution: PETSc.Vec, transpose: bool) -> None:

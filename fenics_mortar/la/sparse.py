@@ -22,7 +22,6 @@ import numpy.typing as npt
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.utils.ranks import on_all
 from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 _petsc = ctypes.CDLL(PETSc.__file__)
@@ -69,7 +68,7 @@ class BlockMatrix:
         if self._pattern is not None:
             before, after = self._pattern
             same = np.array_equal(before, i) and np.array_equal(after, j)
-        if not on_all(self._comm, same):
+        if not self._comm.allreduce(same, MPI.LAND):
             self._new_pattern(i, j)
         _check(_set_values(self.mat.handle, v.ctypes.data, 1))
         return self.mat

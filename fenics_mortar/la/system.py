@@ -39,7 +39,6 @@ from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.reach import Reach
 from fenics_mortar.la.solver import LinearSolver
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.ranks import on_all
 
 
 class LinearSystem(ABC):
@@ -213,7 +212,7 @@ class LinearSystem(ABC):
             for contact, reach, state in zip(self.contacts, self._reaches, now, strict=True):
                 acting = contact.acts | contact.z.any(axis=1)
                 fits = fits and reach.contains(*state, acting)
-        if on_all(self.comm, fits):
+        if self.comm.allreduce(fits, MPI.LAND):
             return False
         self._reaches = [Reach(*state) for state in now]
         self._pattern = self.bulk.num_patterns

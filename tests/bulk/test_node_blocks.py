@@ -42,7 +42,7 @@ def test_entries_outside_of_all_blocks_become_zero():
     values = np.kron(np.eye(3), [[1.0, 2.0], [3.0, 4.0]])
     rows, blocks = matrix_in_pairs(values + np.rot90(np.eye(6))), in_blocks(matrix_in_pairs(values))
     both = NodeBlocks(blocks.blocks, rows)
-    both.copy_to_rows()
+    both.copy_to_rows(rows)
     assert np.array_equal(rows.copy().convert("dense").getDenseArray(), values)
 
 
@@ -51,10 +51,10 @@ def test_blocks_follow_changes_of_the_rows_and_keep_factors_else():
     rows = matrix_in_pairs(values)
     both = in_blocks(rows)
     rows.scale(3.0)
-    both.copy_to_blocks()
+    both.copy_to_blocks(rows)
     assert np.array_equal(both.blocks.copy().convert("dense").getDenseArray(), 3.0 * values)
     state = both.blocks.stateGet()
-    both.copy_to_blocks()
+    both.copy_to_blocks(rows)
     assert both.blocks.stateGet() == state
 
 
@@ -75,8 +75,8 @@ def test_values_that_petsc_moved_are_found():
     both = in_blocks(rows)
     rows.axpy(1.0, matrix_in_pairs(values), PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     assert both.fit(rows)  # the same entries in a new place
-    both.copy_to_blocks()
+    both.copy_to_blocks(rows)
     assert np.array_equal(both.blocks.copy().convert("dense").getDenseArray(), 2.0 * values)
     rows.scale(0.0)
-    both.copy_to_rows()
+    both.copy_to_rows(rows)
     assert np.array_equal(rows.copy().convert("dense").getDenseArray(), 2.0 * values)

@@ -78,7 +78,7 @@ def are_equal(one, other):
 
 
 def interrupt_at_random(problem, work, seed, *, times):
-    """Interrupt some work at random lines: the problem is restored, or the work is finished.
+    """Interrupt some work at random lines: each time the problem is restored and usable.
 
     Args:
         problem: The problem.
@@ -96,9 +96,8 @@ def interrupt_at_random(problem, work, seed, *, times):
         before = everything(problem)
         if not Interrupt(int(at)).run(work):
             continue  # warm caches leave out some lines
-        if are_equal(before, everything(problem)):
-            work()
-        # else interrupted while the finished work was returned
+        assert are_equal(before, everything(problem)), at
+        work()
         now = problem.state()
         assert np.abs(now.u - end.u).max() < 1e-9 * np.abs(end.u).max(), at  # Newton's tolerance
         for here, there in zip(now.interfaces, end.interfaces, strict=True):
