@@ -38,8 +38,8 @@ class Rates(Value):
         average: Auxiliary acceleration of the scheme, an average over a step [length / time^2].
         time: Time.
         begun: Whether the accelerations are known.
-        owed: Energy extracted by contact pressures through errors of the time steps and not
-            returned yet [stress length^2].
+        energy_deficit: Energy extracted by contact pressures through errors of the time steps and
+            not returned yet [stress length^2].
     """
 
     velocity: Array
@@ -47,7 +47,7 @@ class Rates(Value):
     average: Array
     time: float = 0.0
     begun: bool = False
-    owed: float = 0.0
+    energy_deficit: float = 0.0
 
 
 class Inertia:
@@ -158,11 +158,13 @@ class Inertia:
         """Add the inertia forces at the displacement ``u``, shape (local dofs,) [length]."""
         r.array[: self._space.num_owned] += self.forces(u)
 
-    def add_to_tangent(self, K: PETSc.Mat, *, has_room: bool) -> None:
-        """Add c M; ``has_room``: whether the pattern of M is part of that of ``K``."""
+    def add_to_tangent(self, K: PETSc.Mat, *, includes_mass: bool) -> None:
+        """Add c M; ``includes_mass``: whether the pattern of M is part of that of ``K``."""
         structures = PETSc.Mat.Structure
         structure = (
-            structures.SUBSET_NONZERO_PATTERN if has_room else structures.DIFFERENT_NONZERO_PATTERN
+            structures.SUBSET_NONZERO_PATTERN
+            if includes_mass
+            else structures.DIFFERENT_NONZERO_PATTERN
         )
         K.axpy(self.factor, self.M, structure)
 

@@ -29,7 +29,7 @@ from fenics_mortar.bulk.bodies import centre_and_size, label_bodies
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import MortarError, place
+from fenics_mortar.utils.errors import MortarError, format_point
 from fenics_mortar.utils.rounding import EPSILON, MAX_STEPS, ROUNDING, SAME_PLACE
 
 # Pairs of the fields 1, x and y whose products are the moments of a body.
@@ -156,9 +156,9 @@ def _stencils(V: Any, nodes: Indices, weigh: Weigh) -> dict[int, tuple[Indices, 
         weights = weigh(offsets)
         if weights is None:
             raise MortarError(
-                f"the body at {place(where[node])} has fewer than two layers of nodes behind the "
-                "slave surface, which could carry its mass: refine the body, take the other "
-                "side as the slave, or use scheme='generalized_alpha'"
+                f"the body at {format_point(where[node])} has fewer than two layers of nodes "
+                "behind the slave surface, which could carry its mass: refine the body, take the "
+                "other side as the slave, or use scheme='generalized_alpha'"
             )
         found[node] = numbers, weights
     return found

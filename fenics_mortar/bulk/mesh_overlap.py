@@ -29,7 +29,7 @@ from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import MeshError, count_places, place
+from fenics_mortar.utils.errors import MeshError, count_points, format_point
 from fenics_mortar.utils.lines import cross, near_pairs
 from fenics_mortar.utils.near import near
 from fenics_mortar.utils.rounding import SAME_PLACE
@@ -74,7 +74,7 @@ def check_mesh_overlap(V: Any, contacts: Sequence[Interface]) -> None:
 
 
 def _refuse(mesh: Any, what: str, places: Array) -> None:
-    count, where = count_places(mesh.comm, places)
+    count, where = count_points(mesh.comm, places)
     if count:
         raise MeshError(f"{count} {what}, one at {where}; correct the mesh")
 
@@ -179,7 +179,7 @@ def _check_outline(outline: _Outline, contacts: Sequence[Interface]) -> None:
         where = middles[i[np.argmax(near & same)]]
         raise MeshError(
             f"the mesh covers an area twice: two facets of outlines coincide at "
-            f"{place(where)}, with their bodies on the same side; remove the copy"
+            f"{format_point(where)}, with their bodies on the same side; remove the copy"
         )
     paired = _on_surfaces(outline, contacts)
     pairs = pairs[(body[i] == body[j]) & ~(paired[i] & paired[j])]
@@ -192,8 +192,8 @@ def _check_outline(outline: _Outline, contacts: Sequence[Interface]) -> None:
     if crosses.any():
         where = middles[pairs[np.argmax(crosses), 0]]
         raise MeshError(
-            f"a body overlaps itself: its outline crosses itself at {place(where)}; correct the "
-            "mesh"
+            f"a body overlaps itself: its outline crosses itself at {format_point(where)}; correct "
+            "the mesh"
         )
     _check_nested(outline)
 
@@ -259,8 +259,9 @@ def _check_nested(outline: _Outline) -> None:
                 _inside(start[other], start[mine], end[mine]).any()
             ):
                 raise MeshError(
-                    f"the body around {place(start[mine].mean(axis=0))} lies inside the one around "
-                    f"{place(start[other].mean(axis=0))}, which has no hole there: cut one"
+                    f"the body around {format_point(start[mine].mean(axis=0))} lies inside the one "
+                    f"around {format_point(start[other].mean(axis=0))}, which has no hole there: "
+                    "cut one"
                 )
 
 

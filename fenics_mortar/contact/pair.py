@@ -14,7 +14,7 @@ from fenics_mortar.contact.laws import Frictionless, Law
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
-from fenics_mortar.utils.errors import check_same_words, together
+from fenics_mortar.utils.errors import check_same_texts, together
 
 Sliding = Literal["finite", "small"]
 
@@ -88,7 +88,7 @@ class ContactPair:
             self.slave_tags = data.boundary_tags(slave)
             if not (master is None or isinstance(master, Obstacle)):
                 data.boundary_tags(master)
-        check_same_words(data.mesh.comm, "ContactPair", vars(self))
+        check_same_texts(data.mesh.comm, "ContactPair", vars(self))
         for names in (slave, master):
             if not (names is None or isinstance(names, Obstacle)):
                 data.boundary_facets(names)

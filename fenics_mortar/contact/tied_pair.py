@@ -9,7 +9,7 @@ from fenics_mortar.contact.discretization import Discretization, as_discretizati
 from fenics_mortar.contact.pair import check_radius
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.utils.arguments import check_choice, check_kind
-from fenics_mortar.utils.errors import check_same_words, together
+from fenics_mortar.utils.errors import check_same_texts, together
 
 Gap = Literal["removed", "kept"]
 
@@ -70,7 +70,7 @@ class TiedPair:
             self.check()
             self.slave_tags = data.boundary_tags(slave)
             data.boundary_tags(master)
-        check_same_words(data.mesh.comm, "TiedPair", vars(self))
+        check_same_texts(data.mesh.comm, "TiedPair", vars(self))
         for names in (slave, master):
             data.boundary_facets(names)
 

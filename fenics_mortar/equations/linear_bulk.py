@@ -34,7 +34,7 @@ class LinearBulk:
         prefix: Prefix of PETSc's options.
 
     Attributes:
-        words: The last choice and its reason, as text; "" if the bulk is not linear.
+        choice: The last choice and its reason, as text; "" if the bulk is not linear.
     """
 
     def __init__(self, general: ContactEquations, wanted: bool | None, prefix: str) -> None:
@@ -49,14 +49,14 @@ class LinearBulk:
         self._data: list[Array] = []
         self._equations: ReducedEquations | None = None
         self._num_iterations = 0
-        self.words = ""
+        self.choice = ""
 
     def choose(self) -> tuple[ReducedEquations | None, list[str]]:
         """The reduced equations, or ``None`` for all dofs; remarks (collective)."""
         if not self._possible:
             return None, []
         if self._general.newton.damped or self._general.motions.driven.any():
-            self.words = ""
+            self.choice = ""
             return None, []
         if self._data_changed():
             self._equations, self._num_iterations = None, 0
@@ -64,7 +64,7 @@ class LinearBulk:
             obstacle = self._obstacle()
             if obstacle:
                 self._possible = False
-                self.words = f"linear bulk factored in every iteration: {obstacle}"
+                self.choice = f"linear bulk factored in every iteration: {obstacle}"
                 return None, [f"linear bulk, but {obstacle}: K is factored in every iteration"]
             equations = SmallSlidingEquations if self._slides_little else ReducedEquations
             try:
@@ -73,7 +73,7 @@ class LinearBulk:
             except MortarError:  # singular: the solve on all dofs locates the cause
                 if self._wanted:
                     raise
-                self.words = "linear bulk factored in every iteration: its stiffness is singular"
+                self.choice = "linear bulk factored in every iteration: its stiffness is singular"
                 return None, []
             unused = self._general.system.solver.describe_unused(reduced=True)
             return self._equations, [unused]
@@ -96,7 +96,7 @@ class LinearBulk:
         """Count iterations on all dofs (local)."""
         self._num_iterations += num_iterations
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Discard the factors of the bulk (local)."""
         self._equations, self._data, self._num_iterations = None, [], 0
         self._possible = self._given
@@ -111,7 +111,7 @@ class LinearBulk:
         )
 
     def _pays(self) -> bool:
-        """Whether to factorize once; sets ``words`` (local)."""
+        """Whether to factorize once; sets ``choice`` (local)."""
         unknowns = self._general.bulk.r.getSize()
         dofs = 2 * sum(c.slave.num_nodes + c.master.num_nodes for c in self._general.contacts)
         iterations = self._num_iterations + COSTS.expected
@@ -119,13 +119,13 @@ class LinearBulk:
         factors, fits = COSTS.factors(unknowns, iterations), COSTS.fits(unknowns, dofs)
         pays = bool(self._wanted) or self._slides_little or (fits and compliance < factors)
         if pays:
-            self.words = f"linear bulk factored once, Newton's method on {dofs} contact dofs"
+            self.choice = f"linear bulk factored once, Newton's method on {dofs} contact dofs"
         else:
-            self.words = f"linear bulk factored in every iteration: {dofs} contact dofs are many"
-        self.words += f" of {unknowns} unknowns"
+            self.choice = f"linear bulk factored in every iteration: {dofs} contact dofs are many"
+        self.choice += f" of {unknowns} unknowns"
         if self._wanted is None and not self._slides_little:
             memory = "" if fits else ", and its matrices would need more memory than factors"
-            self.words += (
+            self.choice += (
                 f" (predicted: once {compliance:.2g} s, {iterations} factorizations "
                 f"{factors:.2g} s{memory})"
             )

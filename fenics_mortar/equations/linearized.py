@@ -139,7 +139,7 @@ class LinearizedEquations:
         x = self._tangent.solve(b - given @ border.columns[~driven])
         balance = c[driven] - border.corner[np.ix_(driven, ~driven)] @ given
         x, q[driven] = solve_bordered(
-            self._tangent.solve, border.part(driven), x, balance, self._bulk.comm
+            self._tangent.solve, border.restricted_to(driven), x, balance, self._bulk.comm
         )
         return x, q
 
@@ -151,7 +151,7 @@ class LinearizedEquations:
             return self._tangent.solve(rhs, transpose=True)
 
         x, q[driven] = solve_bordered(
-            solve, border.part(driven).transposed, solve(b), c[driven], self._bulk.comm
+            solve, border.restricted_to(driven).transposed, solve(b), c[driven], self._bulk.comm
         )
         coupled = self._bulk.comm.allreduce(border.columns[~driven] @ x)
         q[~driven] = c[~driven] - coupled - q[driven] @ border.corner[np.ix_(driven, ~driven)]

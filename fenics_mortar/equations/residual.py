@@ -108,14 +108,14 @@ class Residual:
         return self.contact_force("shear"), self._motions.forces("shear")
 
     @clock("assembly")
-    def contact_force(self, part: str = "z") -> Array:
-        """B^T z, (owned dofs,); with ``part="shear"`` of tangential multipliers only."""
+    def contact_force(self, multipliers: str = "z") -> Array:
+        """B^T z, (owned dofs,); with ``multipliers="shear"`` of tangential multipliers only."""
         force = np.zeros(self._bulk.num_owned)
         for contact in self._contacts:
-            if part == "z":
+            if multipliers == "z":
                 on_slave, on_master = contact.now.forces
             else:
-                on_slave, on_master = contact.operators.force(getattr(contact, part))
+                on_slave, on_master = contact.operators.force(getattr(contact, multipliers))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
         return force

@@ -32,7 +32,7 @@ from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.utils import garbage
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same_words, together
+from fenics_mortar.utils.errors import check_same_texts, together
 
 
 def check_given(
@@ -60,7 +60,7 @@ def check_given(
         options["residual"] = f"a form with the signature {signature[:8]}"
     options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
     counts = {"pairs": len(pairs), "bcs": len(given["bcs"])}
-    check_same_words(comm, "ContactProblem", {**counts, **options})
+    check_same_texts(comm, "ContactProblem", {**counts, **options})
 
 
 def equations_of(

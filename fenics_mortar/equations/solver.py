@@ -65,7 +65,7 @@ class Solver:
         self._equations.bulk.renew_tangent()
         self._equations.bulk.assemble_tangent()
         self._equations.system = self._create_system()
-        self.linear_bulk.forget()
+        self.linear_bulk.reset()
 
     def accept(self) -> None:
         """Accept the last evaluated state: slip and paths of nodes are counted from it."""
@@ -144,7 +144,7 @@ class Solver:
                 report = solve(reduced, e.newton)
                 reduced.finish()
                 if self._is_sound(report):
-                    report.solver = self.linear_bulk.words
+                    report.solver = self.linear_bulk.choice
                     report.notes[:0] = filter(None, remarks)
                     return report
             except NotConvergedError:
@@ -156,7 +156,7 @@ class Solver:
             ]
         report = self._solve_on_all_dofs()
         self.linear_bulk.count(report.num_iterations)
-        why = [e.system.describe_solver(), self.linear_bulk.words if reduced is None else ""]
+        why = [e.system.describe_solver(), self.linear_bulk.choice if reduced is None else ""]
         report.solver = "; ".join(filter(None, why))
         report.notes[:0] = remarks
         return report
@@ -207,7 +207,7 @@ def _wrong_state(report: NewtonReport, violations: Sequence[str]) -> NotConverge
     """Error for a state that violates its certificate, with advice."""
     report.reason = f"converged to a wrong state: {'; '.join(violations)}"
     report.converged = False
-    smaller = any("smaller steps" in words or "inverted" in words for words in violations)
+    smaller = any("smaller steps" in message or "inverted" in message for message in violations)
     advice = "follow_path reverts and cuts such a step; " * smaller
-    words = f"{report.reason}; {advice}solve(accept_violations=True) returns the state"
-    return NotConvergedError(words, report)
+    message = f"{report.reason}; {advice}solve(accept_violations=True) returns the state"
+    return NotConvergedError(message, report)

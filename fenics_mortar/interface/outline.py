@@ -81,14 +81,14 @@ class Outline:
         begins[self.segments[:, 0]], ends[self.segments[:, 1]] = numbers, numbers
         return begins[self.segments[:, 1]], ends[self.segments[:, 0]]
 
-    def places_of(self, nodes: Indices) -> Indices:
+    def indices_of(self, nodes: Indices) -> Indices:
         """Numbers in the outlines of global ``nodes`` (k,), shape (k,)."""
         order = np.argsort(self.nodes)
         return order[np.searchsorted(self.nodes[order], nodes)]
 
     def segments_of(self, surface: Surface) -> Indices:
         """End nodes of the segments of a surface's facets, facet by facet, shape (k, 2)."""
-        at = self.places_of(surface.nodes)[surface.facets]
+        at = self.indices_of(surface.nodes)[surface.facets]
         return np.stack([at[:, :-1].ravel(), at[:, 1:].ravel()], axis=1)
 
     def are_of(self, surface: Surface) -> npt.NDArray[np.bool_]:
@@ -98,7 +98,7 @@ class Outline:
 
     def bodies_of(self, surface: Surface) -> Indices:
         """Body of each facet of a surface, shape (f,)."""
-        return self.bodies[self.places_of(surface.nodes)[surface.facets[:, 0]]]
+        return self.bodies[self.indices_of(surface.nodes)[surface.facets[:, 0]]]
 
     def without(self, surface: Surface, nodes: Indices) -> Outline:
         """The outlines without the tied facets of a surface (local).

@@ -30,7 +30,7 @@ from fenics_mortar.contact.state import INDEPENDENT
 from fenics_mortar.io.shared import check_problem
 from fenics_mortar.mesh.numbering import mesh_by_input_node
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils.errors import MortarError, place
+from fenics_mortar.utils.errors import MortarError, format_point
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
 from fenics_mortar.utils.rounding import ROUNDING
 
@@ -149,10 +149,11 @@ def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
             yield f"is not a state to continue from: '{name}' is not finite"
     if not np.array_equal(data["nodes"], mine["nodes"]):
         yield f"{other}: its nodes have other numbers"
-    apart = np.abs(data["x"] - mine["x"]).max(axis=1, initial=0.0)
-    if not (apart <= ROUNDING * np.abs(mine["x"]).max(initial=0.0)).all():
-        where = mine["x"][apart.argmax()]
-        yield f"{other}: its node at {place(where)} is {apart.max():.3g} away from this position"
+    distance = np.abs(data["x"] - mine["x"]).max(axis=1, initial=0.0)
+    if not (distance <= ROUNDING * np.abs(mine["x"]).max(initial=0.0)).all():
+        where = mine["x"][distance.argmax()]
+        far = distance.max()
+        yield f"{other}: its node at {format_point(where)} is {far:.3g} away from this position"
     if not np.array_equal(data["cells"], mine["cells"]):
         yield f"{other}: its cells have other nodes"
 

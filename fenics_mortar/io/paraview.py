@@ -26,7 +26,7 @@ from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import check_same_words, together
+from fenics_mortar.utils.errors import check_same_texts, together
 
 # Name in meshio and order of the nodes in VTK (corners, edges, interior), by number of nodes.
 FACETS = {2: ("line", [0, 1]), 3: ("line3", [0, 2, 1])}
@@ -83,7 +83,7 @@ class ResultsWriter:
             if fields is not None:
                 check_kind("fields", fields, dict, "a dictionary of UFL expressions by name")
         names = {str(number): name for number, name in enumerate(fields or {})}
-        check_same_words(comm, "ResultsWriter", {"number of fields": len(names), **names})
+        check_same_texts(comm, "ResultsWriter", {"number of fields": len(names), **names})
         self._fields, self._nodal = dict[str, CellField](), dict[str, NodalField]()
         for name, field in (fields or {}).items():
             if has_nodes(problem, field):

@@ -143,7 +143,7 @@ def keep_nearest(found, count, tolerance):
 
 
 @kernel
-def keep_near_parts(found, count, master_facets, length):
+def keep_near_portions(found, count, master_facets, length):
     """Drop portions of the master too far behind the nearest one; return the number of rows kept.
 
     Limits: ``HALF_FACET`` times the ``length`` of the slave facet, or ``BEHIND`` if the nearest
@@ -224,7 +224,7 @@ def facet_segments(
         kept = keep_masters(found, kept, roles, number)
     edge = x[slave[-1]] - x[slave[0]]
     length = np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
-    kept = keep_near_parts(found, kept, master_facets, length)
+    kept = keep_near_portions(found, kept, master_facets, length)
     if kept == 0:
         return 0
     if found[0, 1] < -1.0 + min_cover:

@@ -126,7 +126,7 @@ class SomeRows:
         large.setValuesIJV(starts, columns[used], values[used], PETSc.InsertMode.ADD_VALUES, rows)
         large.assemble()
 
-    def room(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:
+    def zeros(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:
         """Large matrix of ``num_owned`` rows with zeros at the entries of the small one."""
         starts, columns, values = small.getValuesCSR()
         sizes = np.zeros(num_owned + 1, PETSc.IntType)

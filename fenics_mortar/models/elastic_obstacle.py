@@ -41,7 +41,7 @@ from fenics_mortar.models.options import MODELS
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MeshError, call_together, check_same_words, together
+from fenics_mortar.utils.errors import MeshError, call_together, check_same_texts, together
 
 PREFIX = "fenics_mortar_elastic_obstacle_"
 
@@ -89,7 +89,7 @@ class ElasticObstacle:
             data.boundary_tags(surface)
             if data.mesh is not u.function_space.mesh:
                 raise MeshError("data belongs to another mesh than u")
-        check_same_words(data.mesh.comm, "ElasticObstacle", {"surface": surface, "bcs": len(bcs)})
+        check_same_texts(data.mesh.comm, "ElasticObstacle", {"surface": surface, "bcs": len(bcs)})
         check_space(u.function_space, ())
         self.obstacle = obstacle
         space = DisplacementSpace(u.function_space)

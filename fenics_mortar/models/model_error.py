@@ -106,11 +106,11 @@ def take_steps(problem: ContactProblem, cheap: SolutionQuantities, model: Contac
     """
     start = model.equations.evaluate(start=True).residual or np.inf
     for _ in range(MODELS.max_corrections):
-        part = model.equations.advance().fraction
+        fraction = model.equations.advance().fraction
         left = model.equations.evaluate(start=False).residual / start
         errors = differences(problem, cheap, SolutionQuantities.of(model))
         settled = left * errors[ENERGY] <= max(MODELS.settled, 0.5 * min(errors.values()))
-        if part == 1.0 and left <= MODELS.linear and settled:
+        if fraction == 1.0 and left <= MODELS.linear and settled:
             break
     return errors
 

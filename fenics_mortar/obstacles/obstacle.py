@@ -21,7 +21,7 @@ from fenics_mortar.obstacles.points import check_finite, check_vector
 from fenics_mortar.obstacles.shape_change import differentiate_shape
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import NotFiniteError, place
+from fenics_mortar.utils.errors import NotFiniteError, format_point
 
 Fields = tuple[Array, Array, Array]
 # Names of the motions in the interface.
@@ -135,7 +135,7 @@ class Obstacle(ABC):
     def _where(self, x: Array, marked: npt.NDArray[np.bool_]) -> str:
         """Position in space of the first marked point, as text for messages."""
         first = int(np.argmax(marked))
-        return place(np.real(self.to_space(x[first : first + 1])[0]))
+        return format_point(np.real(self.to_space(x[first : first + 1])[0]))
 
     @property
     def turn(self) -> Array:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.lines import cross, near_pairs
 
 
@@ -47,8 +47,9 @@ def check_simple(what: str, chain: Array, *, closed: bool) -> None:
     if meets.any():
         i, j = pairs[np.argmax(meets)]
         raise ValueError(
-            f"the {what} intersects itself: edges from {place(start[i])} to {place(end[i])} and "
-            f"from {place(start[j])} to {place(end[j])}; list the points in order along the curve"
+            f"the {what} intersects itself: edges from {format_point(start[i])} to "
+            f"{format_point(end[i])} and from {format_point(start[j])} to {format_point(end[j])}; "
+            "list the points in order along the curve"
         )
 
 

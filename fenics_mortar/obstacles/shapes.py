@@ -11,7 +11,7 @@ from fenics_mortar.obstacles.points import check_chain, check_simple, check_vect
 from fenics_mortar.obstacles.spline_shape import SplineShape, distance_changes
 from fenics_mortar.utils.arguments import check_flag, check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import EPSILON, MAX_STEPS, ROUNDING
 
 # Samples of a spline per interval; Newton's method starts from the nearest one.
@@ -264,7 +264,7 @@ class Polygon(Obstacle):
         half = 1.0 + (normals * before).sum(axis=1)
         back = int(np.argmin(half))
         if half[back] <= EPSILON:
-            raise ValueError(f"two edges of the polygon overlap at {place(corners[back])}")
+            raise ValueError(f"two edges of the polygon overlap at {format_point(corners[back])}")
         inner = corners - rounding * (normals + before) / half[:, None]
         if not ((edges_of(inner) * edges).sum(axis=1) > 0.0).all():
             raise ValueError(f"rounding={rounding}: too large for the edges of the polygon")

@@ -51,7 +51,7 @@ from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import (
     MortarError,
-    check_same_words,
+    check_same_texts,
     together,
 )
 from fenics_mortar.utils.rounding import TINY
@@ -281,7 +281,7 @@ class Dynamics:
         with together(self.problem.comm, "run"):
             check_run(stop, options, set_loads, tolerance, on_step, self.time)
         given = {"stop": stop, "options": options, "tolerance": tolerance}
-        check_same_words(self.problem.comm, "run", given)
+        check_same_texts(self.problem.comm, "run", given)
         self._begin()
         return Motion(self, self._advance, options, tolerance).run(stop, set_loads, on_step)
 

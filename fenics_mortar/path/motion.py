@@ -84,8 +84,8 @@ class Motion:
                 report.failures.append(failure.report)
                 shown.cut(start + dt, str(failure), failure.report)
                 if dt <= options.smallest:
-                    words = f"the motion ends at time {start:.6g}: a step of {dt:.1e} fails"
-                    raise NotConvergedError(f"{words}; {failure}", report) from failure
+                    message = f"the motion ends at time {start:.6g}: a step of {dt:.1e} fails"
+                    raise NotConvergedError(f"{message}; {failure}", report) from failure
                 size = max(options.cut * dt, options.smallest)
                 continue
             except BaseException as interruption:

@@ -97,5 +97,5 @@ def _tqdm() -> Any:
     try:
         return importlib.import_module("tqdm").tqdm
     except ImportError as error:
-        words = "progress=True needs the package tqdm: Debian's python3-tqdm, or pip install tqdm"
-        raise ValueError(words) from error
+        message = "progress=True needs the package tqdm: Debian's python3-tqdm, or pip install tqdm"
+        raise ValueError(message) from error

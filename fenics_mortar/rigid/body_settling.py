@@ -90,11 +90,11 @@ class BodySettling:
             ):
                 break
         body, move = moves[0]
-        words = (
+        message = (
             f"{bodies.name_of(body.label)} can {body.describe(move, directed=True)} freely: it is "
             f"driven by loads, and neither Dirichlet conditions nor contact stop it"
         )
-        raise NotConvergedError(words, NewtonReport(reason=words))
+        raise NotConvergedError(message, NewtonReport(reason=message))
 
     def check(self) -> list[str]:
         """Check bodies without contact force before and after the solve.

@@ -26,30 +26,30 @@ def closest_move(
     Returns:
         Coefficients of the move, shape (n,) [length].
     """
-    room = [
+    slack = [
         np.nan_to_num(c.now.closing_gap) + RIGID.overlap * c.slave.nodal_lengths for c in contacts
     ]
     rows = [np.empty((0, wanted.size)), *closing]
     if back is not None:
-        room, rows = [*room, np.zeros(1)], [*rows, back[None]]
-    every = np.concatenate([np.empty(0), *room])
+        slack, rows = [*slack, np.zeros(1)], [*rows, back[None]]
+    every = np.concatenate([np.empty(0), *slack])
     return closest_below(wanted, np.concatenate(rows), np.maximum(every, 0.0))
 
 
-def closest_below(wanted: Array, rows: Array, room: Array) -> Array:
-    """The vector closest to ``wanted`` with ``rows @ vector <= room``, where ``room >= 0``.
+def closest_below(wanted: Array, rows: Array, slack: Array) -> Array:
+    """The vector closest to ``wanted`` with ``rows @ vector <= slack``, where ``slack >= 0``.
 
     A least-distance problem, solved by nonnegative least squares (Lawson & Hanson 1974, ch. 23).
 
     Args:
         wanted: Shape (n,) [length].
         rows: Shape (m, n) [1].
-        room: Shape (m,) [length].
+        slack: Shape (m,) [length].
 
     Returns:
         The vector, shape (n,) [length].
     """
-    excess = rows @ wanted - room
+    excess = rows @ wanted - slack
     if not (excess > 0.0).any():
         return wanted
     from scipy.optimize import nnls  # imported on first use: a tenth of the package's import time

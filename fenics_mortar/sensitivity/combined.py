@@ -20,7 +20,7 @@ class ContactQuantity(ABC):
     """Base class of the quantities of contact; all methods are collective.
 
     Arguments of the methods are a ``problem`` at the end of a step, evaluated with ``EXACT``, and
-    the state ``before``, at the start of the step: a ``State``, or its ``History``.
+    the state ``before``, at the start of the step: a ``State``, or its ``StepHistory``.
     """
 
     def check(self) -> None:  # noqa: B027

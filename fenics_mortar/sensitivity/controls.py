@@ -18,7 +18,7 @@ from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.state import State
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.history import History, has_history
+from fenics_mortar.sensitivity.history import StepHistory, has_history
 from fenics_mortar.sensitivity.pair_vectors import (
     check_exact,
     check_pair,
@@ -34,8 +34,8 @@ from fenics_mortar.utils.arguments import check_choice, check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
-# The state at the start of the step, or its ``History``, to avoid a second evaluation.
-Before = State | History | None
+# The state at the start of the step, or its ``StepHistory``, to avoid a second evaluation.
+Before = State | StepHistory | None
 
 
 class Control(Protocol):
@@ -43,8 +43,8 @@ class Control(Protocol):
 
     Methods take a ``problem`` at the end of a step, evaluated with ``EXACT``, and the state
     ``before``, at the start of the step, which is needed if slip depends on the control through
-    this state: a ``State``, or its ``History``. Values are replicated arrays of any shape, or those
-    of the owned dofs of a function if an attribute ``is_distributed`` is true.
+    this state: a ``State``, or its ``StepHistory``. Values are replicated arrays of any shape, or
+    those of the owned dofs of a function if an attribute ``is_distributed`` is true.
 
     Attributes:
         name: Name for messages.
@@ -319,14 +319,14 @@ class ObstacleShape(Control):
         return gradient
 
 
-def history_of(problem: ContactProblem, before: Before) -> History | None:
-    """The ``History`` of a state before (collective).
+def history_of(problem: ContactProblem, before: Before) -> StepHistory | None:
+    """The ``StepHistory`` of a state before (collective).
 
     Raises:
         MortarError: If there is friction and no state is given.
     """
     if isinstance(before, State):
-        return History(problem, before)
+        return StepHistory(problem, before)
     if before is None:
         for contact in problem.equations.contacts:
             if has_history(contact):

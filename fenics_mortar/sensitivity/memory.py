@@ -26,7 +26,7 @@ from fenics_mortar.sensitivity.controls import (
     Offset,
 )
 from fenics_mortar.sensitivity.form_controls import FormControl
-from fenics_mortar.sensitivity.history import History
+from fenics_mortar.sensitivity.history import StepHistory
 from fenics_mortar.sensitivity.pair_vectors import add_pair, at_pair, from_rows, rows_at, zeros
 from fenics_mortar.sensitivity.partials.gap import gap_along, gap_back
 from fenics_mortar.sensitivity.partials.memory import PairMemory
@@ -44,13 +44,13 @@ class StepMemory:
 
     Args:
         problem: The problem, at the end of a step, evaluated with ``EXACT``.
-        before: ``History`` of the step; any other value if the state before is fixed.
+        before: ``StepHistory`` of the step; any other value if the state before is fixed.
     """
 
     def __init__(self, problem: ContactProblem, before: Before) -> None:
         self._problem, self._equations = problem, problem.equations
-        history = before.pairs if isinstance(before, History) else {}
-        self._earlier = before.earlier if isinstance(before, History) else {}
+        history = before.pairs if isinstance(before, StepHistory) else {}
+        self._earlier = before.earlier if isinstance(before, StepHistory) else {}
         self._pairs = {
             i: PairMemory(contact, history.get(i))
             for i, contact in enumerate(self._equations.contacts)

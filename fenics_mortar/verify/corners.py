@@ -24,7 +24,7 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import STICK
 from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.balance import positive_or_one
 from fenics_mortar.verify.limits import LIMITS
 
@@ -50,7 +50,7 @@ def oblique_forces(contact: Contact, pressure: Array) -> dict[str, Any]:
     total = positive_or_one(float(nodal[0].sum()))
     return {
         "oblique": float(nodal[1].sum()) / total,
-        "oblique_at": place(o.x[nodal[1].argmax()]),
+        "oblique_at": format_point(o.x[nodal[1].argmax()]),
         **_at_corners(contact, nodal[0], total),
     }
 
@@ -105,7 +105,7 @@ def _at_corners(contact: Contact, forces: Array, total: float) -> dict[str, Any]
         if (contact.branch[corners[mine]] == STICK).any():
             excess = _excess_shear(contact, runs == kept[k], across)
             if excess > largest:
-                largest, where = excess, place(o.x[corners[first]])
+                largest, where = excess, format_point(o.x[corners[first]])
     return {
         "misdirected": float(error) / total, "excess_shear": largest, "excess_shear_at": where,
     }  # fmt: skip
@@ -200,4 +200,4 @@ def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
     if not ratio.any():
         return {}
     where = contact.operators.x[np.flatnonzero(prescribed)[ratio.argmax()]]
-    return {"end_pressure": float(ratio.max()), "end_pressure_at": place(where)}
+    return {"end_pressure": float(ratio.max()), "end_pressure_at": format_point(where)}

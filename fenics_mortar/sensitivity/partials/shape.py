@@ -67,17 +67,17 @@ def change_by_shape(
     if contact.pair.sliding == "small":
         raise MortarError("shapes of obstacles cannot be controls with sliding='small'")
     f, o = contact.now, contact.now.on_obstacle
-    words = f"the derivative of '{o.obstacle.name}' by '{name}'"
+    what = f"the derivative of '{o.obstacle.name}' by '{name}'"
     gap, dn = call_together(
         o.slave.comm,
-        words,
+        what,
         lambda: (_gap(contact, name, directions), _normals(contact, o, name, directions)),
     )
     o.slave.comm.Allreduce(MPI.IN_PLACE, gap)
     dtau = np.stack([-dn[..., 1], dn[..., 0]], axis=-1)
     slip = np.zeros_like(gap)
     if contact.pair.law.has_friction or contact.pair.law.needs_nodal_state:
-        slip = np.einsum("mjc,jc->mj", dtau, contact.partners.apart(o))
+        slip = np.einsum("mjc,jc->mj", dtau, contact.partners.gap_vectors(o))
         if earlier is not None:
             slip += _slip_of_earlier(contact, earlier, name, directions)
         slip = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, slip)

@@ -12,7 +12,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.bulk.residual import MAX_GROWTHS
-from fenics_mortar.la.reach import MARGIN, _faced
+from fenics_mortar.la.coupling import MARGIN, _faced
 from meshes import half_cylinder_on_block
 
 comm = MPI.COMM_WORLD

@@ -24,7 +24,7 @@ from fenics_mortar.utils.arrays import Indices
 MARGIN = 4
 
 
-class Reach:
+class Coupling:
     """Master nodes that the slave facets of this rank may couple to; all methods are local.
 
     Args:

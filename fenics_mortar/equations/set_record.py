@@ -18,7 +18,7 @@ from fenics_mortar.utils.arrays import Flags
 SetsOfPairs = list[tuple[Flags, Branches]]
 
 
-class SetHistory:
+class SetRecord:
     """Sets of all pairs and residuals since a solve began (local).
 
     Args:
