@@ -111,7 +111,7 @@ class ContactProblem:
         petsc_options_prefix: str,
         petsc_options: dict[str, Any] | None = None,
         algorithm: Algorithm | None = None,
-        solver: solvers.Solver = "auto",
+        solver: solvers.SolverName = "auto",
         linearization: str = "full",
         newton: NewtonOptions | None = None,
         jacobian: Any | None = None,

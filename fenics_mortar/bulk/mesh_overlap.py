@@ -30,7 +30,7 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError, count_points, format_point
-from fenics_mortar.utils.lines import cross, near_pairs
+from fenics_mortar.utils.lines import lines_cross, near_pairs
 from fenics_mortar.utils.near import near
 from fenics_mortar.utils.rounding import SAME_PLACE
 
@@ -183,11 +183,11 @@ def _check_outline(outline: _Outline, contacts: Sequence[Interface]) -> None:
         )
     paired = _on_surfaces(outline, contacts)
     pairs = pairs[(body[i] == body[j]) & ~(paired[i] & paired[j])]
-    crosses = cross(start, end, pairs, SAME_PLACE)
+    crosses = lines_cross(start, end, pairs, SAME_PLACE)
     after = _following(outline)
     i, j = pairs.T
     apart = (after[i] != j) & (after[j] != i) & ~crosses
-    touches = np.flatnonzero(apart)[cross(start, end, pairs[apart], touching=True)]
+    touches = np.flatnonzero(apart)[lines_cross(start, end, pairs[apart], touching=True)]
     crosses[touches] = _cross_at_nodes(outline, after, pairs[touches])
     if crosses.any():
         where = middles[pairs[np.argmax(crosses), 0]]
@@ -224,7 +224,7 @@ def _cross_at_nodes(outline: _Outline, after: Indices, pairs: Indices) -> npt.ND
             lines = np.concatenate([start[one[0]], start[other[0]]])
             ends = np.concatenate([end[one[1]], end[other[1]]])
             both = np.arange(2 * len(pairs)).reshape(2, -1).T
-            found |= cross(lines, ends, both, SAME_PLACE)
+            found |= lines_cross(lines, ends, both, SAME_PLACE)
     return found
 
 

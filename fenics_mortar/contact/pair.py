@@ -19,7 +19,7 @@ from fenics_mortar.utils.errors import check_same_texts, together
 Sliding = Literal["finite", "small"]
 
 
-def check_radius(search_radius: Any) -> None:
+def check_search_radius(search_radius: Any) -> None:
     """Raise an error for a search radius that is not a positive length (local)."""
     if search_radius is not None:
         expected = "a positive length, or None"
@@ -109,7 +109,7 @@ class ContactPair:
         expected = "an instance of Discretization"
         check_kind("discretization", self.discretization, Discretization, expected)
         self.discretization.check()
-        check_radius(self.search_radius)
+        check_search_radius(self.search_radius)
         if self.initial_gap is not None:
             check_number("initial_gap", self.initial_gap, "a length, or None", np.isfinite)
         check_kind("law", self.law, Law, "an instance of Frictionless, Coulomb, Tresca or Law")

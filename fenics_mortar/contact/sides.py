@@ -63,7 +63,7 @@ def substitutes_of(slave: Surface, *, at_vertices: bool) -> tuple[Indices, Indic
     return alone, np.where(after >= 0, after, before)
 
 
-def points_of(pair: Any, slave: Surface, master: Surface) -> int:
+def points_per_segment(pair: Any, slave: Surface, master: Surface) -> int:
     """Gauss points per segment, with "elements" per facet.
 
     Error of a uniform pressure with "elements", independent of the mesh: 0.1 % with 5 points on

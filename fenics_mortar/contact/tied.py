@@ -32,7 +32,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact.interface import Interface, read_only, settable
-from fenics_mortar.contact.sides import points_of
+from fenics_mortar.contact.sides import points_per_segment
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.tied_rows import TiedFields, TiedOperators, TiedRows
 from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
@@ -74,7 +74,7 @@ class Tie(Interface):
         self.rows, self.arm = TiedRows(self), 0.0
         longest = max(float(side.lengths.max()) for side in (self.slave, self.master))
         choice = pair.discretization
-        points = points_of(pair, self.slave, self.master)
+        points = points_per_segment(pair, self.slave, self.master)
         self.options = MortarOptions(
             choice.basis, "opposite", "basis", choice.integration, points,
             pair.search_radius or HALF_FACET * longest, float(np.cos(np.radians(choice.max_angle))),

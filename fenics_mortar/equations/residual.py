@@ -17,7 +17,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.equations.measures import check_equal_on_ranks, rounding_of
+from fenics_mortar.equations.roundoff import check_equal_on_ranks, roundoff_of
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
@@ -88,7 +88,7 @@ class Residual:
         if self._motions.obstacles:
             largest = max(largest, self._motions.largest())
         stiffest = self._stiffest + (0.0 if inertia is None else inertia.stiffness)
-        return rounding_of(self._bulk, self._contacts, largest, stiffest)
+        return roundoff_of(self._bulk, self._contacts, largest, stiffest)
 
     def forces(self) -> tuple[Array, Array, Array]:
         """Bulk residual, contact forces and forces on obstacles at the present state.

@@ -25,7 +25,7 @@ from fenics_mortar.equations.line_of_sight import set_outlines
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.la.choice import Algorithm, system_of
-from fenics_mortar.la.options import Solver as SolverName
+from fenics_mortar.la.options import SolverName
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import Geometry, thickness_of
 from fenics_mortar.newton.options import NewtonOptions

@@ -109,7 +109,7 @@ class Solver:
             e.springs.remove_springs()
             raise
         e.last_converged = True
-        accepted = [(contact.accepted, contact.state.committed) for contact in e.contacts]
+        accepted = [(c.accepted_partners, c.state.accepted_instant) for c in e.contacts]
         for contact in e.contacts:
             contact.accept()
         commit(e.contacts, instants)
@@ -128,7 +128,7 @@ class Solver:
         if violations and not accept_violations:
             e.last_converged = False
             for contact, (partners, instant) in zip(e.contacts, accepted, strict=True):
-                contact.change(accepted=partners, committed=instant)
+                contact.change(accepted_partners=partners, accepted_instant=instant)
             e.crossings.leave()
             raise _wrong_state(report, violations)
         e.crossings.accept(e.motions.places)

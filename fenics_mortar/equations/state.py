@@ -59,7 +59,11 @@ class State(Value):
             self,
             interfaces=tuple(
                 replace(
-                    a, partners=b.partners, accepted=b.accepted, past=b.past, committed=b.committed
+                    a,
+                    partners=b.partners,
+                    accepted_partners=b.accepted_partners,
+                    start_instant=b.start_instant,
+                    accepted_instant=b.accepted_instant,
                 )
                 for a, b in pairs
             ),

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.instant import instant_arrays, restore_instant
-from fenics_mortar.contact.integration import place_of
+from fenics_mortar.contact.operator_evaluation import place_of
 from fenics_mortar.contact.state import INDEPENDENT
 from fenics_mortar.io.shared import check_problem
 from fenics_mortar.mesh.numbering import mesh_by_input_node
@@ -36,7 +36,7 @@ from fenics_mortar.utils.rounding import ROUNDING
 
 Arrays = dict[str, npt.NDArray[Any]]
 # Values of a contact in the file; the last one is that of ``place_of``.
-KEPT = (*INDEPENDENT, "reference_place")
+SAVED = (*INDEPENDENT, "reference_place")
 # Arrays that must be finite.
 FINITE = (
     "velocity", "acceleration", "average", "u", "x", "places", "z", "c_n", "offset",
@@ -86,7 +86,7 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
         raise MortarError(f"'{file}' {wrong}")
     problem.equations.bulk.set_by_input_node(data["nodes"], data["u"])
     kept: dict[str, list[Any]] = {
-        name: [data[f"{name}{i}"] for i in range(len(problem.equations.contacts))] for name in KEPT
+        name: [data[f"{name}{i}"] for i in range(len(problem.equations.contacts))] for name in SAVED
     }
     for i, contact in enumerate(problem.equations.contacts):
         if isinstance(contact, Contact):

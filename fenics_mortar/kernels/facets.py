@@ -30,12 +30,12 @@ from fenics_mortar.kernels.moments import (
     integrate_moments,
     thickness_at,
 )
-from fenics_mortar.kernels.projection import combine, gather, segment_ends
+from fenics_mortar.kernels.projection import gather, interpolate, segment_ends
 from fenics_mortar.kernels.shapes import tabulate_shapes
 
 
 @kernel
-def thickness_of(x, nodes, thickness, theta):
+def gather_thickness(x, nodes, thickness, theta):
     """Fill ``theta`` (K,), the ``thickness`` at ``nodes`` (K,), [length]."""
     constant, by_x = thickness
     for i in range(nodes.size):
@@ -55,12 +55,12 @@ def tabulate_covers(x, facets, ends, offsets, rule, cover, thickness=None):
     for e in range(facets.shape[0]):
         gather(x, x, x, facets[e], facets[e], y)
         if thickness is not None:
-            thickness_of(x, facets[e], thickness, theta)
+            gather_thickness(x, facets[e], thickness, theta)
         for i in range(offsets[e], offsets[e + 1]):
             c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
             for p in range(spans[i, 0], spans[i, 1]):
                 tabulate_shapes(c + h * points[p], N)
-                tx, ty = combine(y, 0, N, 1)
+                tx, ty = interpolate(y, 0, N, 1)
                 J = np.sqrt(tx * tx + ty * ty)
                 if thickness is not None:
                     J = J * thickness_at(theta, N, 0)
@@ -170,7 +170,7 @@ def tabulate_facets(
                 y[i], end_is_fixed[start + i], found[start + i], shapes[0], ends[i], dends[i]
             )
         if thickness is not None:
-            thickness_of(x, nodes[e], thickness, theta)
+            gather_thickness(x, nodes[e], thickness, theta)
         first, last = outermost(ends[:number])
         place = ends[first, 0].real, ends[last, 1].real
         G[:] = 0.0

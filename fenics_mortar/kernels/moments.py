@@ -33,7 +33,7 @@ With the partner x^ = x + alpha n, tau = (-n_y, n_x), a = dm/deta and b = (a_y, 
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.projection import combine, slave_to_master
+from fenics_mortar.kernels.projection import interpolate, slave_to_master
 
 
 @kernel
@@ -62,8 +62,8 @@ def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g, theta=None):
     for i in range(points.size):
         xi = c + h * points[i]
         _, alpha = slave_to_master(y, xi, N, L)
-        nx, ny = combine(y, 1, N, 0)
-        tx, ty = combine(y, 0, N, 1)
+        nx, ny = interpolate(y, 1, N, 0)
+        tx, ty = interpolate(y, 0, N, 1)
         gap = alpha * np.sqrt(nx * nx + ny * ny)
         t, T = (xi - middle) / half, weights[i] * h * np.sqrt(tx * tx + ty * ty)
         if theta is not None:
@@ -89,11 +89,11 @@ def differentiate_point(y, s, w, ends, dends, shapes, rows):
     c, h = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
     xi = c + h * s
     _, alpha = slave_to_master(y, xi, N, L)
-    nx, ny = combine(y, 1, N, 0)
-    bx, by = combine(y, 1, N, 1)
-    tx, ty = combine(y, 0, N, 1)
-    kx, ky = combine(y, 0, N, 2)
-    ax, ay = combine(y, 2, L, 1)
+    nx, ny = interpolate(y, 1, N, 0)
+    bx, by = interpolate(y, 1, N, 1)
+    tx, ty = interpolate(y, 0, N, 1)
+    kx, ky = interpolate(y, 0, N, 2)
+    ax, ay = interpolate(y, 2, L, 1)
     size, J = np.sqrt(nx * nx + ny * ny), np.sqrt(tx * tx + ty * ty)
     along = nx * ay - ny * ax
     px, py = ny / along, -nx / along

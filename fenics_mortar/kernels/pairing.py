@@ -32,8 +32,8 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel, sight
 from fenics_mortar.kernels.projection import (
-    combine,
     gather,
+    interpolate,
     master_to_slave,
     side_of_ray,
     slave_to_master,
@@ -81,8 +81,8 @@ def gap_if_facing(y, xi, shapes, min_cosine):
     """
     N, L = shapes
     _, alpha = slave_to_master(y, xi, N, L)
-    nx, ny = combine(y, 1, N, 0)
-    ax, ay = combine(y, 2, L, 1)
+    nx, ny = interpolate(y, 1, N, 0)
+    ax, ay = interpolate(y, 2, L, 1)
     size = np.sqrt(nx * nx + ny * ny)
     if not -(nx * ay - ny * ax) >= min_cosine * size * np.sqrt(ax * ax + ay * ay):
         return np.inf
@@ -255,8 +255,8 @@ def ray_hits(y, N, is_start, tolerance):
     """
     at = 4 * N.shape[1]
     x, n = np.empty(2), np.empty(2)
-    x[0], x[1] = combine(y, 0, N, 0)
-    n[0], n[1] = combine(y, 1, N, 0)
+    x[0], x[1] = interpolate(y, 0, N, 0)
+    n[0], n[1] = interpolate(y, 1, N, 0)
     first, last = side_of_ray(x, n, y[at : at + 2]), side_of_ray(x, n, y[-2:])
     return last <= tolerance and first > (-tolerance if is_start else tolerance)
 

@@ -62,7 +62,7 @@ class Coupling:
     def derivative_pattern(self) -> Block:
         """Zeros at all possible derivatives of contact forces and gaps, in displacement dofs."""
         _, rows, columns = self._coupled()
-        return zeros(rows, columns)
+        return zero_block(rows, columns)
 
     def law_pattern(self) -> tuple[Indices, Indices]:
         """Slave nodes (p,), and dofs (p, 2) of nodes that may occur in their law's rows."""
@@ -150,6 +150,6 @@ def _pairs_within(group: Indices) -> tuple[Indices, Indices]:
     return i, start[group_of][i] + running
 
 
-def zeros(rows: Indices, columns: Indices) -> Block:
+def zero_block(rows: Indices, columns: Indices) -> Block:
     """Zeros in ``rows`` (p, k) and ``columns`` (p, l)."""
     return Block(rows, columns, np.zeros((*rows.shape, columns.shape[1])))

@@ -59,7 +59,7 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.axes import quarter_turns, sliding_nodes, turned_axes
 from fenics_mortar.la.sparse import BlockMatrix, is_symmetric
-from fenics_mortar.la.strip import Strip, near
+from fenics_mortar.la.strip import Strip, dofs_near
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import TINY
 
@@ -286,7 +286,7 @@ def _entries(block: Block) -> tuple[Indices, Indices, Array]:
 def _nodes_near(bulk: Bulk, surface: Surface) -> Indices:
     """Global dofs (n, 2) of the owned nodes of a surface and of the cells on it."""
     dofs = bulk.space.owned_dofs
-    return dofs[np.isin(dofs[:, 0], near(bulk, [surface], 1))] + bulk.first
+    return dofs[np.isin(dofs[:, 0], dofs_near(bulk, [surface], 1))] + bulk.first
 
 
 def _leave_out(B: PETSc.Mat, rows: Indices, columns: Indices) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.la.coupling import zeros
+from fenics_mortar.la.coupling import zero_block
 from fenics_mortar.la.sparse import BlockMatrix, add_blocks
 from fenics_mortar.la.system import LinearSystem, components
 from fenics_mortar.utils.arrays import Array, Indices
@@ -84,8 +84,8 @@ class SaddleSystem(LinearSystem):
             numbers = components(z_number[np.append(multipliers, own), None]).reshape(-1, 1)
             nodes, coupled = coupling.law_pattern()
             yield DOF, DOF, [coupling.derivative_pattern()]
-            yield DOF, MULTIPLIER, [zeros(dofs, numbers)]
-            yield MULTIPLIER, DOF, [zeros(components(z_number[nodes, None]), coupled)]
+            yield DOF, MULTIPLIER, [zero_block(dofs, numbers)]
+            yield MULTIPLIER, DOF, [zero_block(components(z_number[nodes, None]), coupled)]
 
     def blocks(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:
         """K + K_c, B^T, C and A_z, the last three for scaled multipliers zeta (collective)."""

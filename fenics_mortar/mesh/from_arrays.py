@@ -97,7 +97,7 @@ def mesh_from_arrays(
     return distributed(comm, rank, mine)
 
 
-def distributed(comm: MPI.Comm, rank: int, mine: Given | None) -> MeshData:
+def distributed(comm: MPI.Comm, rank: int, mine: CheckedArrays | None) -> MeshData:
     """Create the distributed mesh from the arrays of rank ``rank`` (collective)."""
     tagged = comm.bcast(mine and mine.tagged, root=rank)
     name, degree, _, order = KINDS[tagged.num_nodes]
@@ -131,7 +131,7 @@ class Tagged:
 
 
 @dataclass(frozen=True)
-class Given:
+class CheckedArrays:
     """Checked arrays: positions (n, 2) [length], cells (m, k) as given, and the rest."""
 
     points: Array
@@ -139,7 +139,7 @@ class Given:
     tagged: Tagged
 
 
-def _checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> Given:
+def _checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> CheckedArrays:
     """Check the arrays (local).
 
     Raises:
@@ -157,7 +157,7 @@ def _checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> Given:
     )
     num_nodes = nodes.shape[1]
     tagged = Tagged(num_nodes, tag_of_body, tag_of_boundary, body_of_cell, facets, tags)
-    return Given(x, nodes, tagged)
+    return CheckedArrays(x, nodes, tagged)
 
 
 def _points(points: Any) -> Array:

@@ -33,7 +33,7 @@ from fenics_mortar.path.dynamics_input import (
     SCHEMES,
     DensityValues,
     check_dynamics,
-    check_equal_on_ranks,
+    check_dynamics_on_ranks,
     check_rates,
     check_step,
     rates_of,
@@ -111,7 +111,7 @@ class Dynamics:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
         with together(problem.comm, "Dynamics"):
             check_dynamics(problem, density, scheme, rho_inf, velocity, energy)
-        check_equal_on_ranks(problem, density, scheme, rho_inf, velocity, energy)
+        check_dynamics_on_ranks(problem, density, scheme, rho_inf, velocity, energy)
         self.problem, equations = problem, problem.equations
         self._scheme = GeneralizedAlpha(SCHEMES[scheme] if rho_inf is None else float(rho_inf))
         slaves = [c.slave.nodes for c in equations.contacts if not isinstance(c, Tie)]

@@ -45,7 +45,7 @@ def check_dynamics(
         raise ValueError("problem has inertia already, from another Dynamics: set up a new problem")
 
 
-def check_equal_on_ranks(
+def check_dynamics_on_ranks(
     problem: ContactProblem, density: Any, scheme: str, rho_inf: Any, velocity: Any, energy: Any
 ) -> None:
     """Reject arguments of ``Dynamics`` that differ between ranks (collective).

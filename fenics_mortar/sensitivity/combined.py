@@ -12,7 +12,7 @@ import numpy as np
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.controls import Before
-from fenics_mortar.sensitivity.pair_vectors import zeros
+from fenics_mortar.sensitivity.pair_vectors import zero_vector
 from fenics_mortar.utils.arrays import Array
 
 
@@ -133,7 +133,7 @@ class Combined(ContactQuantity):
 
 def _sum(problem: ContactProblem, terms: Sequence[tuple[float, LinearVector]]) -> LinearVector:
     """Sum of factor times vector, with zeros in place of ``None`` (local)."""
-    total = zeros(problem.equations)
+    total = zero_vector(problem.equations)
     assert total.u is not None and total.z is not None and total.q is not None
     for factor, vector in terms:
         if vector.u is not None:

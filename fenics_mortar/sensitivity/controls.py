@@ -25,7 +25,7 @@ from fenics_mortar.sensitivity.pair_vectors import (
     contact_of,
     from_rows,
     rows_at,
-    zeros,
+    zero_vector,
 )
 from fenics_mortar.sensitivity.partials.gap import offset_by_rows, rows_by_offset
 from fenics_mortar.sensitivity.partials.law import parameter, parameter_by_rows, rows_by_parameter
@@ -215,7 +215,7 @@ class _OfObstacle(Control):
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""
-        change = zeros(problem.equations)
+        change = zero_vector(problem.equations)
         assert change.q is not None
         change.q[self._number(problem)] = np.where(self._mine(problem), -np.asarray(dm), 0.0)
         return change

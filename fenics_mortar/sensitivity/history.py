@@ -19,7 +19,7 @@ from fenics_mortar.sensitivity.pair_vectors import (
     check_exact,
     from_rows,
     rows_at,
-    zeros,
+    zero_vector,
 )
 from fenics_mortar.sensitivity.partials.history import Earlier, PairHistory
 from fenics_mortar.utils.errors import MortarError
@@ -66,7 +66,7 @@ class StepHistory:
 
     def vjp(self, y: LinearVector) -> LinearVector:
         """Gradient of the scalar product of the residuals and ``y`` by the state before."""
-        gradient = zeros(self._equations)
+        gradient = zero_vector(self._equations)
         for i, pair in self.pairs.items():
             rows = rows_at(y, i, self._equations.contacts[i])
             add_pair(self._equations, i, gradient, pair.back(rows))

@@ -27,7 +27,13 @@ from fenics_mortar.sensitivity.controls import (
 )
 from fenics_mortar.sensitivity.form_controls import FormControl
 from fenics_mortar.sensitivity.history import StepHistory
-from fenics_mortar.sensitivity.pair_vectors import add_pair, at_pair, from_rows, rows_at, zeros
+from fenics_mortar.sensitivity.pair_vectors import (
+    add_pair,
+    at_pair,
+    from_rows,
+    rows_at,
+    zero_vector,
+)
 from fenics_mortar.sensitivity.partials.gap import gap_along, gap_back
 from fenics_mortar.sensitivity.partials.memory import PairMemory
 from fenics_mortar.sensitivity.partials.shape import FieldChange, change_by_shape, units_of
@@ -95,7 +101,7 @@ class StepMemory:
     def _vector(self, pairs: dict) -> LinearVector:
         if not pairs:
             return LinearVector()
-        total = zeros(self._equations)
+        total = zero_vector(self._equations)
         for i, pair in pairs.items():
             add_pair(self._equations, i, total, pair)
         return total

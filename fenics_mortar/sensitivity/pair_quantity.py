@@ -26,7 +26,7 @@ from fenics_mortar.sensitivity.pair_vectors import (
     check_pair,
     contact_of,
     interface_of,
-    zeros,
+    zero_vector,
 )
 from fenics_mortar.sensitivity.partials.fields import ByFields
 from fenics_mortar.sensitivity.partials.gap import gap_back
@@ -73,7 +73,7 @@ class PairQuantity(ContactQuantity):
         return self._by_fields(contact).gradient(contact)
 
     def _vector(self, problem: ContactProblem, values: PairVector) -> LinearVector:
-        total = zeros(problem.equations)
+        total = zero_vector(problem.equations)
         add_pair(problem.equations, self.pair, total, values)
         return total
 

@@ -19,7 +19,7 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
 
-def zeros(equations: ContactEquations) -> LinearVector:
+def zero_vector(equations: ContactEquations) -> LinearVector:
     """The zero vector (local)."""
     z = [np.zeros_like(contact.z) for contact in equations.contacts]
     q = np.zeros(equations.motions.scales.shape)
@@ -60,7 +60,7 @@ def add_pair(equations: ContactEquations, i: int, x: LinearVector, pair: PairVec
 
 def from_rows(equations: ContactEquations, rows: dict[int, Array]) -> LinearVector:
     """Residuals with given rows of multipliers, (slave nodes, 2) by number of the pair (local)."""
-    none = zeros(equations)
+    none = zero_vector(equations)
     z = [rows.get(i, np.zeros_like(contact.z)) for i, contact in enumerate(equations.contacts)]
     return LinearVector(none.u, z, none.q)
 

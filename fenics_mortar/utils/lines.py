@@ -26,7 +26,7 @@ def near_pairs(start: Array, end: Array) -> Pairs:
     return pairs[np.lexsort(pairs.T[::-1])].astype(np.int64)
 
 
-def cross(
+def lines_cross(
     start: Array, end: Array, pairs: Pairs, tolerance: float = 0.0, *, touching: bool = False
 ) -> npt.NDArray[np.bool_]:
     """Whether the lines of each pair cross, shape (k,) (local).

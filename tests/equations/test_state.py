@@ -16,7 +16,7 @@ from fenics_mortar.equations.state import State
 PACKAGE = Path(fm.__file__).parent
 PARTS = {field.name for field in fields(InterfaceState)}
 # Attributes that may be set, and those that an interface has in its state only.
-NOT_SHOWN = {"offset", "c_n", "reference", "force_decided", "load_time", "past"}
+NOT_SHOWN = {"offset", "c_n", "reference", "force_decided", "load_time", "start_instant"}
 # Of an interface, beside its state: replaced by ``set_operators`` and ``set_stiffness``.
 OTHERS = {"now", "operators", "stiffness", "state", "_state"}
 

@@ -60,7 +60,7 @@ def test_no_solution_beyond_a_jump(pulled):
     """Under tension the node can neither stick nor slide; it opens by a jump."""
     p = FrictionProblem(COUPLED, np.array([1.0 + pulled, 3.0]), np.array([2.0]))
     assert not solve_friction(p).active.any()
-    assert follow_loads(p, SLIDES, np.zeros(1)).part == 0.0
+    assert follow_loads(p, SLIDES, np.zeros(1)).fraction == 0.0
 
 
 def test_a_path_that_turns_later_is_left():

@@ -58,12 +58,12 @@ class Earlier:
         self, contact: Contact, u: Array, state: InterfaceState, place: Array | None = None
     ) -> None:
         self.contact, self.place = contact, place
-        view, obstacle = contact.integration.view, contact.obstacle
+        view, obstacle = contact.evaluation.view, contact.obstacle
         with self.at_earlier_position():
             try:
-                operators, _ = contact.integration.evaluate(u, state, EXACT)
+                operators, _ = contact.evaluation.evaluate(u, state, EXACT)
             finally:
-                contact.integration.view = view
+                contact.evaluation.view = view
             if state.offset.any():
                 operators = minus_offset(operators, state.offset)
             self.fields: ContactFields = type(contact.now)(contact, state, operators)

@@ -18,7 +18,7 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.integrals import hand_over
 from fenics_mortar.interface.obstacle_facets import gap_weights
-from fenics_mortar.interface.on_obstacle import ObstacleOperators, thickness_of
+from fenics_mortar.interface.on_obstacle import ObstacleOperators, facet_thickness
 from fenics_mortar.sensitivity.partials.gap import weights_of_gaps
 from fenics_mortar.sensitivity.partials.history import Earlier
 from fenics_mortar.utils.arrays import Array
@@ -122,7 +122,11 @@ def _gap(contact: Contact, name: str, directions: Array) -> Array:
     nodes = o.facet_nodes
     weights = hand_over(contact.multiplier_nodes[nodes])
     at, of_gap = gap_weights(
-        o.x[nodes], weights, (s.points, s.weights), contact.options, thickness_of(slave, o.x, nodes)
+        o.x[nodes],
+        weights,
+        (s.points, s.weights),
+        contact.options,
+        facet_thickness(slave, o.x, nodes),
     )
     gap = np.zeros((len(directions), slave.num_nodes))
     if len(nodes):

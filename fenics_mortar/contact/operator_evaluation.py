@@ -41,7 +41,7 @@ def place_of(reference: Reference | None) -> Array:
     return NO_PLACE if reference is None else reference.place
 
 
-class Integration:
+class OperatorEvaluation:
     """Evaluation of the operators of one contact; does not change the state.
 
     Args:
