@@ -73,8 +73,8 @@ def check_mesh_overlap(V: Any, contacts: Sequence[Interface]) -> None:
     _check_outline(_outline(V, x, cells, sides), contacts)
 
 
-def _refuse(mesh: Any, what: str, places: Array) -> None:
-    count, where = count_points(mesh.comm, places)
+def _refuse(mesh: Any, what: str, positions: Array) -> None:
+    count, where = count_points(mesh.comm, positions)
     if count:
         raise MeshError(f"{count} {what}, one at {where}; correct the mesh")
 
@@ -236,9 +236,9 @@ def _on_surfaces(outline: _Outline, contacts: Sequence[Interface]) -> npt.NDArra
         return np.zeros(len(outline.start), bool)
     middles = 0.5 * (outline.start + outline.end)
     lengths = np.linalg.norm(outline.end - outline.start, axis=1)
-    places, apart = np.concatenate(known), max(lengths.min(), SAME_PLACE * lengths.max())
-    i, j = near(middles, places, float(apart))
-    close = np.linalg.norm(middles[i] - places[j], axis=1) <= SAME_PLACE * lengths[i]
+    positions, radius = np.concatenate(known), max(lengths.min(), SAME_PLACE * lengths.max())
+    i, j = near(middles, positions, float(radius))
+    close = np.linalg.norm(middles[i] - positions[j], axis=1) <= SAME_PLACE * lengths[i]
     found = np.zeros(len(middles), bool)
     found[i[close]] = True
     return found

@@ -116,9 +116,9 @@ class Contact(Interface):
             raise SurfaceError(f"all nodes of slave surface '{pair.slave_name}' are prescribed")
         self.arm = self.slave.extent
         on_surface = self.obstacle is None
-        reach = min(self.slave.extent, self.master.extent) if on_surface else np.inf
+        radius = min(self.slave.extent, self.master.extent) if on_surface else np.inf
         points = points_per_segment(pair, self.slave, self.master)
-        self.options = choice.options(points, pair.search_radius or reach)
+        self.options = choice.options(points, pair.search_radius or radius)
         sides, small = (self.slave, self.master), pair.sliding == "small"
         self.evaluation = OperatorEvaluation(
             sides, self.obstacle, self.arm, self.plane_normals, self.options, small=small
@@ -297,8 +297,8 @@ class Contact(Interface):
     def set_initial_gap(self) -> None:
         """Set the offset such that nodes near the other surface have the pair's ``initial_gap``."""
         if self.pair.initial_gap is not None:
-            reach = HALF_FACET * self.slave.nodal_lengths
-            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= reach
+            radius = HALF_FACET * self.slave.nodal_lengths
+            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= radius
             self.offset = np.where(near, np.nan_to_num(self.gap) - self.pair.initial_gap, 0.0)
 
     def update_active(self, *, start: bool = False) -> int:

@@ -196,8 +196,8 @@ def _replicate(
     used = (values != 0.0) & (scale[rows] != 0.0)[:, :, None]
     i = np.broadcast_to(rows[:, :, None], values.shape)[used]
     k = np.broadcast_to(columns[:, None, :], values.shape)[used]
-    parts = o.slave.comm.allgather((i, k, values[used] * scale[i]))
-    i, k, v = (np.concatenate(part) for part in zip(*parts, strict=True))
+    gathered = o.slave.comm.allgather((i, k, values[used] * scale[i]))
+    i, k, v = (np.concatenate(column) for column in zip(*gathered, strict=True))
     return i, k, v
 
 
@@ -212,5 +212,5 @@ def _nearest(o: MortarOperators, j: Indices) -> tuple[Entries, Entries]:
 
 def _sum(one: Entries, other: Entries, rows: int, columns: int) -> csr_array:
     """Matrix of shape (rows, columns) with the entries of both."""
-    i, k, v = (np.concatenate(parts) for parts in zip(one, other, strict=True))
+    i, k, v = (np.concatenate(entries) for entries in zip(one, other, strict=True))
     return coo_array((v, (i, k)), shape=(rows, columns)).tocsr()

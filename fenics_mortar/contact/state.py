@@ -60,4 +60,6 @@ class InterfaceState(Value):
 
 
 # Names of the attributes that determine all others.
-INDEPENDENT = tuple(part.name for part in fields(InterfaceState) if not part.metadata)
+INDEPENDENT = tuple(
+    attribute.name for attribute in fields(InterfaceState) if not attribute.metadata
+)

@@ -132,7 +132,7 @@ class Tie(Interface):
         )
         constant = {name: np.zeros_like(getattr(o, name)) for name in ("dD", "dM", "dgap", "gap")}
         values = (
-            {part.name: getattr(o, part.name) for part in fields(o)}
+            {field.name: getattr(o, field.name) for field in fields(o)}
             | constant
             | {"linearization": Linearization(False, False, frozen=True)}
         )
@@ -150,8 +150,8 @@ class Tie(Interface):
         """Sum of the blocks of all ranks, replicated; rows of active nodes only (collective)."""
         values = np.where(self.active[rows][:, :, None], values, 0.0)
         i, j = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
-        parts = self.slave.comm.allgather((i.ravel(), j.ravel(), values.ravel()))
-        i, j, v = (np.concatenate(part) for part in zip(*parts, strict=True))
+        gathered = self.slave.comm.allgather((i.ravel(), j.ravel(), values.ravel()))
+        i, j, v = (np.concatenate(column) for column in zip(*gathered, strict=True))
         matrix = coo_array((v, (i, j)), shape=shape).tocsr()
         matrix.eliminate_zeros()
         return matrix

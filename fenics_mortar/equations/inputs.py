@@ -81,8 +81,8 @@ class Inputs:
                 check_obstacle(obstacle)
                 if self._bulk.space.is_axisymmetric:
                     check_axial(obstacle)
-        asked = np.array(float(sensitivity is not None))
-        check_same(comm, [*self._numbers(), ("whether sensitivity is given", asked)])
+        is_given = np.array(float(sensitivity is not None))
+        check_same(comm, [*self._numbers(), ("whether sensitivity is given", is_given)])
         for contact in self._contacts:
             name = f"offset of '{contact.slave.name}'"
             check_lengths(name, contact.offset, contact.slave.num_nodes)

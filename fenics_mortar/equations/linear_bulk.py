@@ -28,7 +28,7 @@ class LinearBulk:
 
     Args:
         general: The general equations.
-        wanted: Whether to reduce. ``None``: yes with small sliding; otherwise if the residual is
+        requested: Whether to reduce. ``None``: yes with small sliding; otherwise if the residual is
             linear and the predicted cost of the compliance is below the past and future cost of
             factorizations, with no more memory, see ``costs``.
         prefix: Prefix of PETSc's options.
@@ -37,14 +37,14 @@ class LinearBulk:
         choice: The last choice and its reason, as text; "" if the bulk is not linear.
     """
 
-    def __init__(self, general: ContactEquations, wanted: bool | None, prefix: str) -> None:
-        self._general, self._wanted, self._prefix = general, wanted, f"{prefix}{COMPLIANCE}"
-        if wanted and general.newton.damped:
+    def __init__(self, general: ContactEquations, requested: bool | None, prefix: str) -> None:
+        self._general, self._requested, self._prefix = general, requested, f"{prefix}{COMPLIANCE}"
+        if requested and general.newton.damped:
             raise ValueError(
                 "linear_bulk=True takes full steps: expected no line_search and max_motion, or "
                 "linear_bulk=False"
             )
-        linear = general.bulk.is_linear if wanted is None else wanted
+        linear = general.bulk.is_linear if requested is None else requested
         self._given = self._possible = linear and bool(general.contacts)
         self._data: list[Array] = []
         self._equations: ReducedEquations | None = None
@@ -71,7 +71,7 @@ class LinearBulk:
                 with clock("solve"):
                     self._equations = equations(self._general, self._prefix)
             except MortarError:  # singular: the solve on all dofs locates the cause
-                if self._wanted:
+                if self._requested:
                     raise
                 self.choice = "linear bulk factored in every iteration: its stiffness is singular"
                 return None, []
@@ -117,13 +117,13 @@ class LinearBulk:
         iterations = self._num_iterations + COSTS.expected
         compliance = COSTS.compliance(unknowns, dofs)
         factors, fits = COSTS.factors(unknowns, iterations), COSTS.fits(unknowns, dofs)
-        pays = bool(self._wanted) or self._slides_little or (fits and compliance < factors)
+        pays = bool(self._requested) or self._slides_little or (fits and compliance < factors)
         if pays:
             self.choice = f"linear bulk factored once, Newton's method on {dofs} contact dofs"
         else:
             self.choice = f"linear bulk factored in every iteration: {dofs} contact dofs are many"
         self.choice += f" of {unknowns} unknowns"
-        if self._wanted is None and not self._slides_little:
+        if self._requested is None and not self._slides_little:
             memory = "" if fits else ", and its matrices would need more memory than factors"
             self.choice += (
                 f" (predicted: once {compliance:.2g} s, {iterations} factorizations "

@@ -154,7 +154,7 @@ class LinearizedContact:
         """Adopt sets and multipliers of ``nodes``; all other nodes are open."""
         ends = np.cumsum([j.size for j in nodes])[:-1]
         for contact, j, *sets in zip(
-            self._contacts, nodes, *(np.split(part, ends) for part in found), strict=True
+            self._contacts, nodes, *(np.split(column, ends) for column in found), strict=True
         ):
             active, branch, z_n, z_tau = sets
             o, j = contact.operators, j[active]

@@ -177,7 +177,7 @@ class ReducedEquations:
         *places, v = flatten(blocks)
         i, j = (self._dofs.number(p) if are else p for p, are in zip(places, are_dofs, strict=True))
         gathered = self._comm.gather((i, j, v)) or [(i, j, v)]
-        i, j, v = (np.concatenate(part) for part in zip(*gathered, strict=True))
+        i, j, v = (np.concatenate(column) for column in zip(*gathered, strict=True))
         inside = (i >= 0) & (j >= 0) & (v != 0.0)
         return coo_array((v[inside], (i[inside], j[inside])), shape=shape)
 

@@ -103,8 +103,8 @@ def _dense(matrix: coo_array, rows: Indices, columns: Indices) -> Array:
     """Dense submatrix of ascending rows and columns (local)."""
     inside = np.isin(matrix.row, rows) & np.isin(matrix.col, columns)
     i, j = (
-        np.searchsorted(some, place[inside])
-        for some, place in ((rows, matrix.row), (columns, matrix.col))
+        np.searchsorted(some, index[inside])
+        for some, index in ((rows, matrix.row), (columns, matrix.col))
     )
     shape = rows.size, columns.size
     entries = np.bincount(i * shape[1] + j, matrix.data[inside], shape[0] * shape[1])

@@ -119,8 +119,8 @@ class Solver:
             self.certificate(), drift=e.motions.slide_along_driven(), passages=passages
         )
         violations = report.certificate.violations()
-        told = [f"VIOLATED: {violation}" for violation in violations]
-        judged = told or report.certificate.remarks()
+        messages = [f"VIOLATED: {violation}" for violation in violations]
+        judged = messages or report.certificate.remarks()
         reactions = e.motions.record()
         begun = [*remarks, *filter(None, self._starts)]
         report.notes[:] = merge_repeated([*begun, *moved, *judged, *reactions, *report.notes])

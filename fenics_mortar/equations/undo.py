@@ -64,10 +64,10 @@ def restored_if_interrupted(equations: ContactEquations, adequacy: Any) -> Itera
 
 def raise_cause(error: BaseException) -> NoReturn:
     """Raise an error, or the interruption that caused it; see ``as_interruption``."""
-    told = as_interruption(error)
-    if told is error:
+    interruption = as_interruption(error)
+    if interruption is error:
         raise error
-    raise told from error
+    raise interruption from error
 
 
 def as_interruption(error: BaseException) -> BaseException:

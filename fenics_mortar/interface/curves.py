@@ -75,11 +75,11 @@ def order_curves(facets: Indices, X: Array, name: str) -> tuple[Indices, Indices
     by_place = by_place[np.isin(by_place, facets[:, 0])]
     ends_first = np.concatenate([by_place[previous[by_place] < 0], by_place])
     order: list[int] = []
-    seen = np.zeros(count, bool)
+    visited = np.zeros(count, bool)
     for start in ends_first:
         node = int(start)
-        while node >= 0 and not seen[node]:
-            seen[node] = True
+        while node >= 0 and not visited[node]:
+            visited[node] = True
             order.append(node)
             node = int(following[node])
     permutation = np.array(order)

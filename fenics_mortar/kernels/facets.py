@@ -172,23 +172,23 @@ def tabulate_facets(
         if thickness is not None:
             gather_thickness(x, nodes[e], thickness, theta)
         first, last = outermost(ends[:number])
-        place = ends[first, 0].real, ends[last, 1].real
+        bounds = ends[first, 0].real, ends[last, 1].real
         G[:] = 0.0
         T_g[:] = 0.0
         for i in range(number):
             span = slice(spans[start + i, 0], spans[start + i, 1])
             own_rule = points[span], point_weights[span]
-            integrate_moments(y[i], ends[i], place, own_rule, shapes, G, T_M[i], T_g, theta)
-        shape_coefficients(place, G, B, d)
+            integrate_moments(y[i], ends[i], bounds, own_rule, shapes, G, T_M[i], T_g, theta)
+        shape_coefficients(bounds, G, B, d)
         if basis == DUAL:
             invert_mass(G, scratch, inverse)
             own = g_dp, g_dG
-            dual_multipliers(place, weights[e], B, d, inverse, own, C, C_dG, D[e], D_dG)
+            dual_multipliers(bounds, weights[e], B, d, inverse, own, C, C_dG, D[e], D_dG)
         else:
             standard_multipliers(weights[e], G, B, C, C_dG, D[e], D_dG)
         weigh_gap(
-            (basis, gap_weights), place, (ends[first, 0], ends[last, 1]), weights[e], B, d, inverse,
-            C, C_dG, C_g, C_g_dG, C_g_dp,
+            (basis, gap_weights), bounds, (ends[first, 0], ends[last, 1]), weights[e], B, d,
+            inverse, C, C_dG, C_g, C_g_dG, C_g_dp,
         )  # fmt: skip
         cover[e] = d
         apply_to_gap(C_g, C_g_dG, C_g_dp, T_g, g[e], g_dG, g_dp)
@@ -200,8 +200,8 @@ def tabulate_facets(
                 dends[i] = 0.0
             span = slice(spans[own, 0], spans[own, 1])
             integrate_derivatives(
-                y[i], ends[i], dends[i], place, (points[span], point_weights[span]), (C, C_g), work,
-                by_y, theta, by_x,
+                y[i], ends[i], dends[i], bounds, (points[span], point_weights[span]), (C, C_g),
+                work,                 by_y, theta, by_x,
             )  # fmt: skip
             for r in range(rows):
                 if r < of_M:

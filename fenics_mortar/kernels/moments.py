@@ -46,10 +46,10 @@ def thickness_at(theta, N, derivative):
 
 
 @kernel
-def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g, theta=None):
+def integrate_moments(y, ends, bounds, rule, shapes, G, T_M, T_g, theta=None):
     """Fill the moments ``T_M`` of a segment; add its contribution to ``G`` and ``T_g``.
 
-    ``ends`` (2,); ``place`` = (lower end, upper end) of the covered part, without derivatives;
+    ``ends`` (2,); ``bounds`` = (lower end, upper end) of the covered part, without derivatives;
     ``rule`` = (points, weights); ``shapes`` = (N, L), overwritten; the thickness is one without
     ``theta``.
     """
@@ -57,7 +57,7 @@ def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g, theta=None):
     N, L = shapes
     count = N.shape[1]
     c, h = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
-    middle, half = 0.5 * (place[0] + place[1]), 0.5 * (place[1] - place[0])
+    middle, half = 0.5 * (bounds[0] + bounds[1]), 0.5 * (bounds[1] - bounds[0])
     T_M[:] = 0.0
     for i in range(points.size):
         xi = c + h * points[i]
@@ -154,7 +154,7 @@ def add_product(A, B, out):
 
 
 @kernel
-def integrate_derivatives(y, ends, dends, place, rule, functions, work, out, theta=None, by_x=0.0):
+def integrate_derivatives(y, ends, dends, bounds, rule, functions, work, out, theta=None, by_x=0.0):
     """Fill ``out`` with derivatives by ``y`` of G, M and g; the ``functions`` (C, C_g) are fixed.
 
     ``out`` (r, 6 K) has 2 K - 1 rows for G, K K for M and K for g. ``work`` = (shapes, rows,
@@ -165,7 +165,7 @@ def integrate_derivatives(y, ends, dends, place, rule, functions, work, out, the
     C, C_g = functions
     shapes, rows, weights = work
     L, count = shapes[1], C.shape[0]
-    middle, half = 0.5 * (place[0] + place[1]), 0.5 * (place[1] - place[0])
+    middle, half = 0.5 * (bounds[0] + bounds[1]), 0.5 * (bounds[1] - bounds[0])
     out[:] = 0.0
     weights[:] = 0.0
     for i in range(points.size):

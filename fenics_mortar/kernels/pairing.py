@@ -155,14 +155,14 @@ def keep_near_portions(found, count, master_facets, length):
         if found[i, 0] < nearest:
             nearest, gap = found[i, 0], found[i, 6]
     in_contact = -HALF_FACET * length <= gap <= ALMOST_CLOSED * length
-    apart = length * (BEHIND if in_contact else HALF_FACET)
+    max_distance = length * (BEHIND if in_contact else HALF_FACET)
     kept, start = 0, 0
     while start < count:
         stop, distance = start + 1, found[start, 0]
         while stop < count and is_next(master_facets, found[stop - 1, 3], found[stop, 3]):
             distance = min(distance, found[stop, 0])
             stop += 1
-        if distance <= nearest + apart:
+        if distance <= nearest + max_distance:
             for i in range(start, stop):
                 found[kept] = found[i]
                 kept += 1

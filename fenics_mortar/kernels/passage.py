@@ -106,14 +106,14 @@ def normal_of(x, segment):
 
 
 @kernel
-def is_beside(x, segments, links, places, max_distance):
+def is_beside(x, segments, links, points, max_distance):
     """Whether the outline between two points, in either direction, is close to their chord.
 
     All nodes in between have to be within ``max_distance`` [length] of the chord: a path along the
-    chord then slides along the surface, or round a tip. ``places`` = (segment, segment, coordinate
+    chord then slides along the surface, or round a tip. ``points`` = (segment, segment, coordinate
     on the first, on the second, 0 to 1); ``links`` = (after (m,), before (m,)).
     """
-    e, f, s_e, s_f = places
+    e, f, s_e, s_f = points
     if e == f:
         return True
     chord = np.empty((2, 2))
@@ -189,8 +189,8 @@ def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
                     opposed = nx * events[i, 4] + ny * events[i, 5] < OPPOSED
                     opposed = opposed and mx * kx + my * ky < OPPOSED
                     facet = max(lengths[entry], lengths[e])
-                    places = (entry, e, s, events[i, 6])
-                    if opposed and not is_beside(x1, segments, (after, before), places, facet):
+                    points = (entry, e, s, events[i, 6])
+                    if opposed and not is_beside(x1, segments, (after, before), points, facet):
                         a, b = x1[segments[entry, 0]], x1[segments[entry, 1]]
                         square, _ = nearest_on_piece(x1[p], a, b)
                         rows = grown(rows, count)

@@ -177,13 +177,13 @@ def segment_ends(y, is_fixed, found, N, ends, dends_dy):
 
 
 @kernel
-def sample_gaps(geometry, connectivity, places, points, gaps):
+def sample_gaps(geometry, connectivity, ends, points, gaps):
     """Evaluate the gap at points of segments.
 
     Args:
         geometry: (x (k, 2), n (k, 2), m (l, 2)): slave positions and normals, master positions.
         connectivity: (slave nodes (n, K), master nodes (n, K)) of the segments.
-        places: Ends of the segments on the slave facets, shape (n, 2).
+        ends: Ends of the segments on the slave facets, shape (n, 2).
         points: Coordinates in the segments, -1 ... 1, shape (p,).
         gaps: Gaps along the unit normal, shape (n, p) [length]; filled.
     """
@@ -193,7 +193,7 @@ def sample_gaps(geometry, connectivity, places, points, gaps):
     y, N, L = np.empty(6 * count), np.empty((3, count)), np.empty((3, count))
     for i in range(slave.shape[0]):
         gather(x, n, m, slave[i], master[i], y)
-        c, h = 0.5 * (places[i, 0] + places[i, 1]), 0.5 * (places[i, 1] - places[i, 0])
+        c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
         for p in range(points.size):
             _, alpha = slave_to_master(y, c + h * points[p], N, L)
             nx, ny = interpolate(y, 1, N, 0)

@@ -73,12 +73,12 @@ class Coupling:
         """Pairs of nodes coupled by a facet: slave node (-1 for a master node) and dofs of both."""
         degree = self._slave.degree
         near = self._slave.along(self._own, range(-degree, 2 * degree + 1))
-        place, which = np.nonzero(near >= 0)
-        facet = np.concatenate([self._own[place], self._facet])
+        index, which = np.nonzero(near >= 0)
+        facet = np.concatenate([self._own[index], self._facet])
         dofs = np.concatenate(
-            [self._slave.dofs[near[place, which]], self._master.dofs[self._partner]]
+            [self._slave.dofs[near[index, which]], self._master.dofs[self._partner]]
         )
-        slave = np.concatenate([near[place, which], np.full(self._facet.size, -1)])
+        slave = np.concatenate([near[index, which], np.full(self._facet.size, -1)])
         order = np.argsort(facet, kind="stable")
         i, k = (order[places] for places in _pairs_within(facet[order]))
         return slave[i], dofs[i], dofs[k]
@@ -125,9 +125,9 @@ def _with_next_facets(
     degree = o.slave.degree
     near = o.slave.along(slave, range(-margin * degree, margin * degree + 1, degree))
     ends = o.slave.along(near.ravel(), range(degree, degree + 1)).reshape(near.shape)
-    place, which = np.nonzero((near >= 0) & (ends >= 0) & ~np.isin(near, slave))
-    next_ = near[place, which]
-    return np.concatenate([slave, next_]), np.concatenate([master, master[place]])
+    index, which = np.nonzero((near >= 0) & (ends >= 0) & ~np.isin(near, slave))
+    next_ = near[index, which]
+    return np.concatenate([slave, next_]), np.concatenate([master, master[index]])
 
 
 def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:

@@ -154,8 +154,8 @@ class _Touching:
             self._measure = self._measure * self._points.of(contact.slave.thickness.at(o.x))
         own = obstacle.to_own_frame(self._points.of(o.x).reshape(-1, 2))
         batches = np.array_split(own, len(own) // MODELS.batch + 1)
-        places = [nearest_facets(batch, surface.X, surface) for batch in batches]
-        self._ends, parts = (np.concatenate(found) for found in zip(*places, strict=True))
+        nearest = [nearest_facets(batch, surface.X, surface) for batch in batches]
+        self._ends, parts = (np.concatenate(found) for found in zip(*nearest, strict=True))
         on_facet = np.clip(parts, 0.0, 1.0)
         self._shares = np.stack([1.0 - on_facet, on_facet], axis=1)
 

@@ -117,10 +117,10 @@ class Motion:
 
         Nine tenths of the size at which the error would be the tolerance, or less.
         """
-        options, wanted = self._options, self._options.growth
+        options, growth = self._options, self._options.growth
         if self._tolerance is not None:
-            wanted = min(wanted, 0.9 * float(np.sqrt(self._tolerance / max(error, TINY))))
-        return min(max(wanted * size, options.smallest), self._largest)
+            growth = min(growth, 0.9 * float(np.sqrt(self._tolerance / max(error, TINY))))
+        return min(max(growth * size, options.smallest), self._largest)
 
 
 def check_run(

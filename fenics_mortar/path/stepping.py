@@ -187,11 +187,13 @@ def _kept(last: _LastStep) -> Iterator[None]:
         ours = isinstance(error, MortarError) and not isinstance(error, RaisedElsewhereError)
         time, before = last.reached
         before.revert(renew=not ours)
-        told = as_interruption(error)
-        told.add_note(f"the problem is at time {time:.6g} of the path, its last accepted step")
-        if told is error:
+        interruption = as_interruption(error)
+        interruption.add_note(
+            f"the problem is at time {time:.6g} of the path, its last accepted step"
+        )
+        if interruption is error:
             raise
-        raise told from error
+        raise interruption from error
 
 
 def _end_of_path(time: float, step: float, why: str, failure: NotConvergedError) -> str:

@@ -127,8 +127,8 @@ class Combined(ContactQuantity):
 
     def depends_on(self, control: Any) -> bool:
         """Whether a control occurs in one of the quantities (local)."""
-        asked = (getattr(part, "depends_on", lambda _: False) for part in self.parts)
-        return any(depends_on(control) for depends_on in asked)
+        depends = (getattr(part, "depends_on", lambda _: False) for part in self.parts)
+        return any(depends_on(control) for depends_on in depends)
 
 
 def _sum(problem: ContactProblem, terms: Sequence[tuple[float, LinearVector]]) -> LinearVector:

@@ -47,9 +47,9 @@ def lines_cross(
         return ((sides.min(axis=0) < -scale) & (sides.max(axis=0) > scale)) & (
             (others.min(axis=0) < -scale) & (others.max(axis=0) > scale)
         )
-    apart = (np.sign(sides).prod(axis=0) > 0.0) | (np.sign(others).prod(axis=0) > 0.0)
+    separate = (np.sign(sides).prod(axis=0) > 0.0) | (np.sign(others).prod(axis=0) > 0.0)
     boxes = (np.maximum(a, b) >= np.minimum(c, d)) & (np.minimum(a, b) <= np.maximum(c, d))
-    return ~apart & boxes.all(axis=1)
+    return ~separate & boxes.all(axis=1)
 
 
 def _turn(a: Array, b: Array) -> Array:

@@ -187,12 +187,12 @@ def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
         contact: The pair.
         pressure: Normal multipliers, shape (slave nodes,) [stress].
     """
-    slave, reach = contact.slave, contact.slave.degree
+    slave, degree = contact.slave, contact.slave.degree
     prescribed = (contact.free == 0.0).any(axis=1) & ~contact.may_carry
-    around = slave.along(np.flatnonzero(prescribed), range(-3 * reach, 3 * reach + 1))
+    around = slave.along(np.flatnonzero(prescribed), range(-3 * degree, 3 * degree + 1))
     there = np.where(around >= 0, pressure[around], 0.0)
-    beside = there[:, 2 * reach : 4 * reach + 1].max(axis=1, initial=0.0)
-    there[:, 2 * reach : 4 * reach + 1] = 0.0
+    beside = there[:, 2 * degree : 4 * degree + 1].max(axis=1, initial=0.0)
+    there[:, 2 * degree : 4 * degree + 1] = 0.0
     counts = beside > LIMITS.at_corners * pressure.max(initial=0.0)
     beside = np.where(counts, beside, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
