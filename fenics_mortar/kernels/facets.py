@@ -201,7 +201,7 @@ def tabulate_facets(
             span = slice(spans[own, 0], spans[own, 1])
             integrate_derivatives(
                 y[i], ends[i], dends[i], bounds, (points[span], point_weights[span]), (C, C_g),
-                work,                 by_y, theta, by_x,
+                work, by_y, theta, by_x,
             )  # fmt: skip
             for r in range(rows):
                 if r < of_M:

@@ -267,7 +267,7 @@ def test_edges_of_a_punch_are_no_corners():
 
 
 @pytest.mark.each
-@pytest.mark.parametrize("part, told", [(0.2, False), (0.04, False), (0.0495, True)])
+@pytest.mark.parametrize("part, num_remarks", [(0.2, False), (0.04, False), (0.0495, True)])
 def test_two_solutions_by_the_end_of_the_master_are_told_of(part, num_remarks):
     """The master ends where s^2 / 2 of a node's length is covered, s of its facet."""
     lower = {"slave": "lower", "n_lower": 8, "width_lower": 2.0}
