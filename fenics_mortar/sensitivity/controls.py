@@ -30,7 +30,7 @@ from fenics_mortar.sensitivity.pair_vectors import (
 from fenics_mortar.sensitivity.partials.gap import offset_by_rows, rows_by_offset
 from fenics_mortar.sensitivity.partials.law import parameter, parameter_by_rows, rows_by_parameter
 from fenics_mortar.sensitivity.partials.shape import rows_by_shape, shape_by_rows
-from fenics_mortar.utils.arguments import check_choice, check_kind
+from fenics_mortar.utils.arguments import check_choice, check_kind, check_lengths
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
@@ -141,7 +141,8 @@ class Offset(_OfPair):
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """See ``Control``."""
-        contact_of(problem.equations, self.pair).offset = values
+        contact = contact_of(problem.equations, self.pair)
+        contact.change(offset=check_lengths("offset", values, contact.slave.num_nodes))
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""
