@@ -134,7 +134,7 @@ class Crossings:
                 sides = self._names.segment(int(row[0])), self._names.segment(int(row[1]))
                 found.append(Crossing(sides, place(row[4:]), float(row[3]), facets))
         for contact, slave in zip(self._contacts, self._slaves, strict=True):
-            if contact.obstacle is not None:
+            if isinstance(contact, Contact) and contact.obstacle is not None:
                 depth, facets, point = deepest_point(contact, self.outline, slave, x)
                 if facets > 0.0:
                     sides = f"'{contact.slave.name}'", f"obstacle '{contact.obstacle.name}'"
