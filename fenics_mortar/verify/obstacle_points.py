@@ -3,6 +3,7 @@
 
 A small obstacle inside a body need not contain any node of the mesh. Therefore points of the
 obstacle are located in the bodies: the points nearest to the slave nodes and its salient points.
+If a user's function is not a distance, x + phi n may miss the obstacle; such points are left out.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.kernels.passage import depths_inside
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.verify.limits import LIMITS
 
 
 def deepest_point(
@@ -39,9 +41,14 @@ def deepest_point(
         mine = x[outline.bodies == body]
         near = points[((points > mine.min(axis=0)) & (points < mine.max(axis=0))).all(axis=1)]
         rows = depths_inside(x, outline.segments, bodies, body, near)
-        depths = rows[:, 0] - admitted
-        facets = depths / lengths[rows[:, 1].astype(np.int64)]
-        first = int(np.argmax(facets)) if facets.size else 0
-        if facets.size and facets[first] > deepest[1]:
+        rows[:, 0] -= admitted
+        inside = rows[:, 0] > 0.0
+        if not inside.any():
+            continue
+        near, depths, nearest = near[inside], rows[inside, 0], rows[inside, 1].astype(np.int64)
+        facets = depths / lengths[nearest]
+        facets[o.obstacle.evaluate(near)[0] > LIMITS.coarse_distance * lengths[nearest]] = 0.0
+        first = int(np.argmax(facets))
+        if facets[first] > deepest[1]:
             deepest = float(depths[first]), float(facets[first]), near[first]
     return deepest

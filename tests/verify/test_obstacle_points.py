@@ -6,6 +6,7 @@ import pytest
 from test_obstacles import block_under
 
 import fenics_mortar as fm
+from fenics_mortar.verify.obstacle_points import deepest_point
 
 FACET = 0.125
 
@@ -60,3 +61,23 @@ def test_obstacle_that_bears_a_body_does_not_cross_it(gap):
         crossings = problem.solve().certificate.crossings
         assert not crossings or crossings[0].facets < 0.1
         assert problem.contacts[0].total_force[1] < -1.0
+
+
+def test_points_that_a_function_without_distance_misses_are_left_out():
+    """A function of half the distance: x + phi n of the upper nodes lies inside the block."""
+
+    def half_distance(x):
+        size = len(x)
+        return 0.5 * (x[:, 1] - 0.8), np.tile([0.0, 0.5], (size, 1)), np.zeros((size, 2, 2))
+
+    obstacle = fm.SignedDistance(half_distance)
+    obstacle.move(y=-1.0)
+    problem = block_under(obstacle)
+    problem.solve(accept_violations=True)
+    crossings = problem.equations.crossings
+    x = crossings.outline.positions(problem.equations.bulk.u.x.array)
+    contact = problem.equations.contacts[0]
+    points = contact.now.on_obstacle.nearest_points()
+    assert ((points[:, 1] > 0.0) & (points[:, 1] < 1.0)).all()
+    slave = crossings.outline.places_of(contact.slave.nodes)
+    assert deepest_point(contact, crossings.outline, slave, x)[1] == 0.0
