@@ -127,10 +127,10 @@ def estimate_wider(
     """
     kept = [contact.offset for contact in contacts]
     for contact, length in zip(contacts, lengths, strict=True):
-        contact.offset = contact.offset - length
+        contact.change(offset=contact.offset - length)
     errors = estimate(problem, problem)
     for contact, offset in zip(contacts, kept, strict=True):
-        contact.offset = offset
+        contact.change(offset=offset)
     problem.restore(problem.state())
     return errors
 

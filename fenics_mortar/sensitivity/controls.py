@@ -20,8 +20,8 @@ from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.history import StepHistory, has_history
 from fenics_mortar.sensitivity.pair_vectors import (
+    OfPair,
     check_exact,
-    check_pair,
     contact_of,
     from_rows,
     rows_at,
@@ -30,7 +30,7 @@ from fenics_mortar.sensitivity.pair_vectors import (
 from fenics_mortar.sensitivity.partials.gap import offset_by_rows, rows_by_offset
 from fenics_mortar.sensitivity.partials.law import parameter, parameter_by_rows, rows_by_parameter
 from fenics_mortar.sensitivity.partials.shape import rows_by_shape, shape_by_rows
-from fenics_mortar.utils.arguments import check_choice, check_kind
+from fenics_mortar.utils.arguments import check_choice, check_kind, check_lengths
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
@@ -69,22 +69,7 @@ class Control(Protocol):
         """
 
 
-class _OfPair(Control):
-    """Values of a pair.
-
-    Args:
-        pair: Number of the pair.
-    """
-
-    def __init__(self, pair: int) -> None:
-        self.pair = pair
-
-    def check(self) -> None:
-        """Reject a value that is not the number of a pair, see ``check_pair`` (local)."""
-        check_pair(self.pair)
-
-
-class LawParameter(_OfPair):
+class LawParameter(OfPair, Control):
     """A parameter of the law of a pair, see ``Law.parameters``.
 
     The values of a parameter that varies in space, see ``Law.fields``, are those at the slave nodes
@@ -124,7 +109,7 @@ class LawParameter(_OfPair):
         return parameter_by_rows(contact, self.parameter, rows_at(y, self.pair, contact))
 
 
-class Offset(_OfPair):
+class Offset(OfPair, Control):
     """The nodal offsets of a pair, see ``PairView.offset``.
 
     Args:
@@ -141,7 +126,8 @@ class Offset(_OfPair):
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """See ``Control``."""
-        contact_of(problem.equations, self.pair).offset = values
+        contact = contact_of(problem.equations, self.pair)
+        contact.change(offset=check_lengths("offset", values, contact.slave.num_nodes))
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""
@@ -156,7 +142,7 @@ class Offset(_OfPair):
         return offset_by_rows(contact, rows_at(y, self.pair, contact))
 
 
-class Interference(_OfPair):
+class Interference(OfPair, Control):
     """Mean offset of a pair; a change shifts the offsets of all nodes equally.
 
     Args:

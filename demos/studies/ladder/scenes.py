@@ -12,7 +12,7 @@ displacement.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -182,6 +182,18 @@ def rolled(load: float, t: float) -> tuple[float, float, float]:
 
 TO_THE_RIGHT = (-0.5 * np.pi, -0.2 * np.pi)
 BOTTOM = (("soft/bottom", None),)
+IRONING = Scene(
+    "ironing",
+    "slide / R",
+    lambda load, k: graded_block(100 * k, 16 * k, 6.0, 2.0),
+    lambda load, k: tool_segment(1.0, 60 * k, 5 * k),
+    lambda load: (1.0, (0.0, 1.0)),
+    BOTTOM,
+    (0.01, 0.1, 1.0),
+    motion=ironed,
+    steps=16,
+)
+
 SCENES = (
     Scene(
         "Hertz",
@@ -207,17 +219,7 @@ SCENES = (
         symmetry=(("tool/left", 1), ("tool/right", 0)),
         interference=True,
     ),
-    Scene(
-        "ironing",
-        "slide / R",
-        lambda load, k: graded_block(100 * k, 16 * k, 6.0, 2.0),
-        lambda load, k: tool_segment(1.0, 60 * k, 5 * k),
-        lambda load: (1.0, (0.0, 1.0)),
-        BOTTOM,
-        (0.01, 0.1, 1.0),
-        motion=ironed,
-        steps=16,
-    ),
+    IRONING,
     Scene(
         "rolling",
         "angle [degree]",
@@ -255,18 +257,7 @@ SCENES = (
         steps=24,
         duration=1.5,
     ),
-    Scene(
-        "wear",
-        "slide / R",
-        lambda load, k: graded_block(100 * k, 16 * k, 6.0, 2.0),
-        lambda load, k: tool_segment(1.0, 60 * k, 5 * k),
-        lambda load: (1.0, (0.0, 1.0)),
-        BOTTOM,
-        (0.01, 0.1, 1.0),
-        motion=ironed,
-        steps=16,
-        law=lambda load: laws.Worn(0.2, 0.1),
-    ),
+    replace(IRONING, name="wear", law=lambda load: laws.Worn(0.2, 0.1)),
     Scene(
         "hairpin",
         "gap / length",

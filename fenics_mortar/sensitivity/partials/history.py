@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -58,12 +59,9 @@ class Earlier:
         self, contact: Contact, u: Array, state: InterfaceState, place: Array | None = None
     ) -> None:
         self.contact, self.place = contact, place
-        view, obstacle = contact.evaluation.view, contact.obstacle
-        with self.at_earlier_position():
-            try:
-                operators, _ = contact.evaluation.evaluate(u, state, EXACT)
-            finally:
-                contact.evaluation.view = view
+        obstacle = contact.obstacle
+        with self.at_earlier_position():  # a copy: the contact keeps its present view
+            operators, _ = copy(contact.evaluation).evaluate(u, state, EXACT)
             if state.offset.any():
                 operators = minus_offset(operators, state.offset)
             self.fields: ContactFields = type(contact.now)(contact, state, operators)
