@@ -118,7 +118,11 @@ class ObstacleOperators(MortarOperators):
 
         Units [length] and [stress length].
         """
-        return self.x + self.phi[:, None] * self.n, -self.force(z)[0]
+        return self.nearest_points(), -self.force(z)[0]
+
+    def nearest_points(self) -> Array:
+        """Points of the obstacle nearest to the slave nodes, shape (slave nodes, 2) [length]."""
+        return self.x + self.phi[:, None] * self.n
 
     def sample_gaps(self, x: Array, s: Segments, points: Array) -> Array:
         """Signed distances at points of each facet of this share (collective).

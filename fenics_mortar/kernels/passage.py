@@ -150,6 +150,20 @@ def is_inside(x, segments, bodies, body, p):
 
 
 @kernel
+def depths_inside(x, segments, bodies, body, points):
+    """Depths of ``points`` (k, 2) in ``body``, and nearest segments: rows (depth, segment), (k, 2).
+
+    Rows of points outside are (0, 0). Depths are distances from the outline.
+    """
+    rows = np.zeros((points.shape[0], 2))
+    for k in range(points.shape[0]):
+        if is_inside(x, segments, bodies, body, points[k]):
+            square, nearest = nearest_segment(x, segments, bodies, body, points[k], -1)
+            rows[k] = np.sqrt(square), float(nearest)
+    return rows
+
+
+@kernel
 def place_on(x, segment, p):
     """Coordinate of the point of a segment (2,) that is nearest to p (2,), 0 to 1."""
     ax, ay = x[segment[0]]

@@ -158,6 +158,13 @@ class Obstacle(ABC):
         rows = ((one, zero), (zero, one), (-r[:, 1], r[:, 0]))
         return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
 
+    def salient_points(self) -> Array:
+        """Points of the surface that may be the deepest in a body, own frame, (k, 2) [length].
+
+        Such as tips; none by default. The points nearest to the nodes of a body are known anyway.
+        """
+        return np.empty((0, 2))
+
     # Shape, for sensitivities; see ``shape_change``
 
     def shape(self) -> dict[str, Array]:

@@ -97,7 +97,10 @@ class Certificate(Markdown):
         crossings = [c for c in self.crossings if c.facets > LIMITS.coarse_penetration]
         return [
             *(remark for pair in self.pairs for remark in pair.remarks()),
-            *(f"{crossing}: finer facets, or a pair of these surfaces" for crossing in crossings),
+            *(
+                f"{crossing}: smaller steps, finer facets, or a pair of these surfaces"
+                for crossing in crossings
+            ),
         ]
 
     def __str__(self) -> str:

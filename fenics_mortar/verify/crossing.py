@@ -43,6 +43,7 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together, place
 from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.node_paths import Motions, own_frame, passed_through
+from fenics_mortar.verify.obstacle_points import deepest_point
 from fenics_mortar.verify.outline_names import OutlineNames
 
 
@@ -124,7 +125,7 @@ class Crossings:
     # A state
 
     def find(self) -> list[Crossing]:
-        """Deepest crossing of each pair of outlines at the present displacement."""
+        """Deepest crossing of each pair of outlines, or outline and obstacle, at present."""
         x, found = self._positions(), []
         rows = self._crossings(x, self._allowed(x))
         for pair, row in self._deepest(rows).items():
@@ -132,6 +133,12 @@ class Crossings:
             if facets > 0.0:
                 sides = self._names.segment(int(row[0])), self._names.segment(int(row[1]))
                 found.append(Crossing(sides, place(row[4:]), float(row[3]), facets))
+        for contact, slave in zip(self._contacts, self._slaves, strict=True):
+            if isinstance(contact, Contact) and contact.obstacle is not None:
+                depth, facets, point = deepest_point(contact, self.outline, slave, x)
+                if facets > 0.0:
+                    sides = f"'{contact.slave.name}'", f"obstacle '{contact.obstacle.name}'"
+                    found.append(Crossing(sides, place(point), depth, facets))
         return sorted(found, key=lambda crossing: -crossing.facets)
 
     def _crossings(self, x: Array, allowed: Array) -> Array:
