@@ -32,11 +32,13 @@ class Cells:
 
     Attributes:
         X: Reference positions of the local nodes, ghosts included, shape (n, 2) [length].
+        with_ghosts: Nodes of all local cells, ghosts included, shape (local cells, k).
     """
 
     def __init__(self, V: Any) -> None:
         self._comm: MPI.Comm = V.mesh.comm
-        self._nodes = compat.dofmap(V)[: V.mesh.topology.index_map(2).size_local]
+        self.with_ghosts = compat.dofmap(V)
+        self._nodes = self.with_ghosts[: V.mesh.topology.index_map(2).size_local]
         self.X: Array = V.tabulate_dof_coordinates()[:, :2].copy()
         self._gradients = nodal_gradients(V)
         areas = _areas(self.X, self._nodes, self._gradients)

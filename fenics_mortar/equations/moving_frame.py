@@ -10,8 +10,8 @@ forces, and s its change in the last step, of length 1. The guess for a step of 
     u(X) = v + r (v - w),    v = u_n(X - r s),    w = u_(n-1)(X - (1 + r) s),
 
 which is linear extrapolation for s = 0; multipliers likewise along the slave surface. States are
-interpolated linearly on a Delaunay triangulation of the body's nodes. Where X - r s or X - (1 + r)
-s is outside the body, linear extrapolation is used. The ends of a long body are hardly affected by
+interpolated linearly between the nodes of a cell. Where X - r s or X - (1 + r) s is outside the
+body, linear extrapolation is used. The ends of a long body are hardly affected by
 contact in its middle. The surface of a round body is affected, and rolling bodies do not benefit
 from the frame.
 
@@ -23,17 +23,17 @@ and 4.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from fenics_mortar.bulk.carried_fields import CarriedFields
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.state import State
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels.locate import locate
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import HALF_FACET
 
 
@@ -61,7 +61,7 @@ class MovingFrame:
                 if isinstance(contact, Contact) and bodies.size == 1:
                     is_slave = surface is contact.slave
                     self._sides.append(_Side(number, is_slave, surface, int(bodies[0])))
-        self._meshes: dict[int, Any] = {}
+        self._bodies: dict[int, tuple[Indices, CarriedFields]] = {}
 
     def contact_centres(self) -> Array:
         """Positions of contacts on undeformed bodies, nan if open, (sides, 2) (collective)."""
@@ -120,33 +120,23 @@ class MovingFrame:
         self, u: Array, states: tuple[Array, Array], body: int, s: Array, ratio: float
     ) -> None:
         """Overwrite the displacements of a body in ``u`` by shifted ones (collective)."""
-        problem = self._problem
-        dofs, owned = problem.bulk.space.dofs, problem.bulk.space.num_nodes
-        mine = np.flatnonzero(problem.floating.labels == body)
-        X = problem.bulk.V.tabulate_dof_coordinates()[mine, :2]
-        own = mine < owned
-        if body not in self._meshes:
-            from scipy.spatial import Delaunay
-
-            self._meshes[body] = Delaunay(self._gathered(X[own]))
+        dofs, fields = self._body(body)
         v, w = (
-            _interpolated(self._meshes[body], self._gathered(state[dofs[mine[own]]]), X - t)
+            fields.carried(state[dofs], t)
             for state, t in zip(states, (ratio * s, (1.0 + ratio) * s), strict=True)
         )
         there = np.isfinite(v + w).all(axis=1)
-        u[dofs[mine[there]]] = (v + ratio * (v - w))[there]
+        u[dofs[there]] = (v + ratio * (v - w))[there]
 
-    def _gathered(self, values: Array) -> Array:
-        """Concatenate the rows of all ranks (collective)."""
-        return np.concatenate(self._problem.comm.allgather(values))
-
-
-def _interpolated(mesh: Any, values: Array, points: Array) -> Array:
-    """Interpolate values (nodes, 2) at points (n, 2), nan outside the triangulation (local)."""
-    found, weights = np.empty(len(points), np.int64), np.empty((len(points), 3))
-    locate(points, mesh.points, mesh.simplices, mesh.neighbors, found, weights)
-    at = np.einsum("nk,nkc->nc", weights, values[mesh.simplices[found]])
-    return np.where(found[:, None] >= 0, at, np.nan)
+    def _body(self, number: int) -> tuple[Indices, CarriedFields]:
+        """Local dofs of the nodes of a body, shape (n, 2), and fields on them (local)."""
+        if number not in self._bodies:
+            bulk, labels = self._problem.bulk, self._problem.floating.labels
+            nodes, cells = np.flatnonzero(labels == number), bulk.cells.with_ghosts
+            mine = np.searchsorted(nodes, cells[labels[cells[:, 0]] == number])
+            fields = CarriedFields(bulk.comm, bulk.cells.X[nodes], mine)
+            self._bodies[number] = bulk.space.dofs[nodes], fields
+        return self._bodies[number]
 
 
 def _shifted(surface: Surface, states: tuple[Array, Array], s: Array, ratio: float) -> Array:

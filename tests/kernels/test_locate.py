@@ -22,7 +22,8 @@ def test_linear_functions_are_exact_inside_and_nothing_is_found_outside(kind):
     low, high = x.min(axis=0) - 0.1, x.max(axis=0) + 0.1
     points = np.vstack([low + (high - low) * np.random.default_rng(1).random((400, 2)), x])
     found, weights = np.empty(len(points), np.int64), np.empty((len(points), 3))
-    locate(points, x, mesh.simplices, mesh.neighbors, found, weights)
+    seeds = np.random.default_rng(2).integers(len(mesh.simplices), size=len(points))
+    locate(points, seeds, x, mesh.simplices, mesh.neighbors, found, weights)
     inside = mesh.find_simplex(points) >= 0
     assert 0 < inside.sum() < len(points)
     assert np.array_equal(found >= 0, inside)
