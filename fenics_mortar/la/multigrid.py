@@ -29,7 +29,8 @@ slave nodes: these are soft modes in a stiff neighbourhood, which multigrid cann
 x = x_0 + T y, where y is one cycle of multigrid for B y = L (b - A x_0).
 
 A strip has few unknowns, O(1/h), and is factorized in each Newton iteration. The cycle is reused
-until the excess iterations, relative to those of a new cycle, have cost half as much as a new one.
+until the excess iterations, relative to those of a new cycle, have cost half as much as a new one;
+more are expected where the active set has changed since.
 
 All multipliers of a saddle-point matrix A belong to the strip. Its rows are not combined, so that
 L = T^T, and step 2 changes displacements only. With a standard basis D is not diagonal: D_jj is
@@ -50,7 +51,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
@@ -59,14 +59,16 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.axes import quarter_turns, sliding_nodes, turned_axes
 from fenics_mortar.la.sparse import BlockMatrix, is_symmetric
 from fenics_mortar.la.strip import Strip, dofs_near
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import TINY
 
-# Excess iterations after which the cycle is rebuilt. A new cycle costs as much as ten to fifteen
-# iterations but is used in several solves. Changed active sets need no prediction: on fine meshes
-# many nodes change in each iteration, and the cycle of the first contact ever needs twice the
-# iterations, not more (Hertz with 65,000 unknowns).
+# Excess iterations, so far and expected, after which the cycle is rebuilt. A new cycle costs as
+# much as ten to fifteen iterations but is used in several solves.
 MAX_EXCESS = 5
+# Excess iterations per solve of a cycle made for a different active set, over the share of active
+# nodes that have changed since [1]. The cycle for the first three nodes in contact needs 7 to 15
+# more iterations for five digits with about a hundred active nodes, however many of them change.
+EXCESS_OF_OTHER_SET = 10
 # Stiffness of motions outside the range of T over that of the node [1]: affects only the coarse
 # grids of the cycle, which would be too stiff with a large value.
 IDLE_STIFFNESS = 1e-2
@@ -99,7 +101,7 @@ class ContactPreconditioner:
         self._slaves = [_nodes_near(bulk, contact.slave) for contact in contacts]
         self._prefix = f"{prefix}cycle_"
         self._cycle: Any = None
-        self._best, self._excess = 0.0, 0.0
+        self._best, self._excess, self._sets = 0.0, 0.0, list[Flags]()
 
     def setUp(self, pc: PETSc.PC) -> None:
         """Prepare for the present matrix and active sets, as PETSc calls it."""
@@ -119,8 +121,13 @@ class ContactPreconditioner:
         self._cycle = None
 
     def _is_outdated(self) -> bool:
-        """Whether the excess iterations so far justify a new cycle."""
-        return self._cycle is None or self._cycle.getType() == "cg" or self._excess > MAX_EXCESS
+        """Whether a new cycle costs less than the expected excess iterations."""
+        if self._cycle is None or self._cycle.getType() == "cg":
+            return True
+        now = [contact.active for contact in self._contacts]
+        changed = sum(int((a != b).sum()) for a, b in zip(now, self._sets, strict=True))
+        share = changed / max(sum(int(active.sum()) for active in now), 1)
+        return self._excess + EXCESS_OF_OTHER_SET * share > MAX_EXCESS
 
     def postSolve(self, pc: PETSc.PC, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Record the number of iterations of a solve, as PETSc calls it."""
@@ -149,6 +156,7 @@ class ContactPreconditioner:
         self._cycle.setOperators(B)
         self._cycle.setUp()
         self._best, self._excess = 0.0, 0.0
+        self._sets = [contact.active.copy() for contact in self._contacts]
 
     def _touching_tangent(self, A: PETSc.Mat) -> PETSc.Mat:
         """R^T L A T R."""
@@ -294,7 +302,7 @@ def _leave_out(B: PETSc.Mat, rows: Indices, columns: Indices) -> None:
     block.destroy()
 
 
-def _slide(contact: Interface) -> npt.NDArray[np.bool_]:
+def _slide(contact: Interface) -> Flags:
     """Marks of owned master nodes to which no slave node sticks, (owned nodes,) (collective)."""
     s = contact.operators.segments
     stuck = np.zeros(contact.master.num_nodes, bool)

@@ -22,9 +22,11 @@ from fenics_mortar.utils.errors import (
 # residual decreased tenfold: on fine meshes a contact zone shrinks by one node per iteration.
 UNSETTLED = 12
 # Largest residual of a linear solve over the larger of the last residual and the forces [1], if
-# sets may settle: with 1e-4 more than one iteration is needed afterwards.
+# sets may settle. With 1e-3 a body a thousand times stiffer than the other one needs 21 iterations
+# instead of 18.
 MAX_FORCING = 5e-6
-# Over the smaller of both while many nodes change [1]; with 1e-2 the sets depend on it.
+# Over the smaller of both while many nodes change [1]. With 1e-2 the numbers of nodes that change
+# are lower by a tenth, with 1e-3 by at most 3 %.
 UNSETTLED_FORCING = 1e-3
 # Number of changed nodes up to which sets may settle in the next iteration: before they settle, the
 # number decreases by a factor of two to five in each.
