@@ -82,7 +82,7 @@ class ContactEquations:
         motions: The obstacles of the contacts.
         floating: Bodies that Dirichlet conditions leave free to move rigidly.
         residual: Residual of the last evaluated state, and its forces.
-        remedies: Remedies if active sets or bodies do not settle in Newton's method.
+        remedies: Remedies if active sets cycle or bodies do not come to rest.
         springs: Anchored springs on bodies and obstacles if Newton's method fails.
         crossings: Detection of crossed surfaces.
         interrupted: Whether matrices may be incomplete after an interruption.

@@ -57,7 +57,7 @@ class SetRecord:
     def is_unsettled(self) -> bool:
         """Whether sets change although the residual does not decrease tenfold.
 
-        If the residual decreases tenfold, the sets have settled except for nodes at roundoff.
+        If the residual decreases tenfold, the sets have converged except for nodes at roundoff.
         """
         residuals = self.residuals
         if not self._changed or len(residuals) < 2 or self._calls == EQUATIONS.max_calls:
@@ -91,6 +91,6 @@ class SetRecord:
         self.has_merged, self.opens_and_closes = True, opening > 0 and not wavering
         stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
         return (
-            f"the active set does not settle (last {period} iterations); all nodes active in them "
-            f"remain active for one iteration, and c_n is limited to {c_n:g}{stuck}"
+            f"the active set does not converge (last {period} iterations); all nodes active in "
+            f"them remain active for one iteration, and c_n is limited to {c_n:g}{stuck}"
         )

@@ -50,7 +50,7 @@ class Segments:
         slave: Slave nodes of each segment, shape (n, K).
         master: Master nodes, shape (n, K).
         ends: Ends on the slave facet, -1 ... 1, shape (n, 2).
-        end_is_fixed: Whether an end is a fixed place on the slave facet, shape (n, 2); else the
+        end_is_fixed: Whether an end is a fixed point of the slave facet, shape (n, 2); else the
             lower / upper end is the partner of the last / first master node.
         points: Quadrature points of all segments between their ends, -1 ... 1, shape (p,).
         weights: Their weights, whose sum is 2 for each segment, shape (p,).

@@ -27,8 +27,8 @@ class Limits:
         coarse_penetration: Smallest penetration with a remark [facet lengths]; curved bodies on
             coarse meshes overlap by less.
         coarse_distance: Smallest distance with a remark [facet lengths].
-        at_corners: Threshold at corners and ends [1], above the error of estimates at these places
-            (a few per cent), for the sine of the angle of oblique forces, the excess of the shear
+        at_corners: Threshold at corners and ends [1], above the error of estimates there (a few
+            per cent), for the sine of the angle of oblique forces, the excess of the shear
             of a sticking corner over the friction limit, and the pressure over the largest
             pressure.
         of_friction: With friction, smallest fraction of the friction for a remark on misdirected

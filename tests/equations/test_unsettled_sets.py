@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Active sets that do not settle without floating bodies: sets of the linearized problem."""
+"""Active sets that do not converge, without floating bodies: sets of the linearized problem."""
 
 import numpy as np
 import pytest
