@@ -250,8 +250,9 @@ class ContactProblem:
 
         Returns:
             Bulk residual and contact forces at the dofs of this rank, each of shape (owned dofs,)
-            [stress length]; their sum at prescribed dofs is the support reaction. Third, forces and
-            moments that keep the obstacles in place, shape (obstacles, 3), equal on all ranks.
+            [stress length]; their sum at prescribed dofs is the support reaction. Third, the force
+            (x, y) and the moment about the pivot that keep each obstacle in place, shape
+            (obstacles, 3) [stress length, stress length, stress length^2], equal on all ranks.
         """
         return self._present.forces()
 

@@ -19,6 +19,9 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import ROUNDING, TINY
 
+# Rotation or translation of a motion of size one [1] below which messages leave it out.
+MINOR = 0.1
+
 
 @dataclass(frozen=True)
 class FloatingBody:
@@ -54,7 +57,7 @@ class FloatingBody:
         """
         x, y, rotation = np.round(motion @ self.motions / np.linalg.norm(motion), 4)
         x, y = (x, y) if directed or rotation or (x, y) > (0.0, 0.0) else (-x, -y)
-        if abs(rotation) > 0.1:
+        if abs(rotation) > MINOR:
             pole = self.centre + self.size / rotation * np.array([-y, x])
             return f"rotate about {format_point(pole)}"
         return f"move along {format_point((x + 0.0, y + 0.0))}"

@@ -95,8 +95,8 @@ class Residual:
 
         Returns:
             Bulk residual and contact forces, (owned dofs,) each [stress length], whose sum at
-            prescribed dofs is the support reaction; forces and moments on obstacles, (obstacles, 3)
-            [stress length].
+            prescribed dofs is the support reaction; forces and moments that keep obstacles in
+            place, (obstacles, 3), moments over ``ObstacleMotions.scales`` [stress length].
         """
         self._bulk.assemble_residual()
         bulk = self._bulk.r.array_r[: self._bulk.num_owned].copy()

@@ -17,7 +17,8 @@ Rule = tuple[Array, Array]
 # Gauss points on a segment, and its ends
 GAUSS: Rule = gauss_rule(4)
 ENDS: Rule = (np.array([-1.0, 1.0]), np.ones(2))
-# Number of Newton steps for the coordinate of a point on a curved facet.
+# Number of Newton steps for the coordinate of a point on a curved facet: errors are below 1e-12 on
+# quarters of circles whose middle nodes are displaced by a tenth of the half.
 NEWTON_STEPS = 4
 
 

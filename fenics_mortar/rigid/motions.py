@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.bulk.bodies import MINOR
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array
@@ -146,6 +147,6 @@ def _moved(where: Array) -> str:
 def describe_motion(motion: Array) -> str:
     """Description of a ``motion`` x, y, turn, shape (3,) [length] (local)."""
     x, y, turn = motion / np.abs(motion).max()
-    if abs(turn) < 0.1:
+    if abs(turn) < MINOR:
         return f"move along {format_point((x + 0.0, y + 0.0))}"
-    return "turn" if max(abs(x), abs(y)) < 0.1 else f"move along {format_point((x, y))} and turn"
+    return "turn" if max(abs(x), abs(y)) < MINOR else f"move along {format_point((x, y))} and turn"
