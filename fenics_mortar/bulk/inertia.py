@@ -30,13 +30,14 @@ from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING, TINY
 
 @dataclass(frozen=True, eq=False)
 class Rates(Value):
-    """Velocity and accelerations of a state, a value; arrays of all local dofs.
+    """Velocity and accelerations of a state, a value (local).
 
     Attributes:
-        velocity: Velocity [length / time].
-        acceleration: Acceleration that balances all forces [length / time^2].
-        average: Auxiliary acceleration of the scheme, an average over a step [length / time^2].
-        time: Time.
+        velocity: Velocity, shape (local dofs,) [length / time].
+        acceleration: Acceleration that balances all forces, shape (local dofs,) [length / time^2].
+        average: Auxiliary acceleration of the scheme, an average over a step, shape (local dofs,)
+            [length / time^2].
+        time: Time [time].
         begun: Whether the accelerations are known.
         energy_deficit: Energy extracted by contact pressures through errors of the time steps and
             not returned yet [stress length^2].

@@ -73,7 +73,7 @@ class Dynamics:
         scheme: "conserving" (slave nodes without mass, no gain of energy in impacts, momentum and
             angular momentum exact), "massless" (without these corrections of the velocity) or
             "generalized_alpha" (all nodes have mass).
-        rho_inf: Spectral radius at infinite frequency, from 0 (most dissipation) to 1 (none).
+        rho_inf: Spectral radius at infinite frequency, from 0 (most dissipation) to 1 (none) [1].
             Default: 0.8 for "generalized_alpha", else 1.
         velocity: The ``Velocity`` in the residual, for damping.
         energy: UFL form of the strain energy, such as ``psi * dx``, for the report.
@@ -134,7 +134,7 @@ class Dynamics:
     # One step
 
     def step(self, dt: float) -> NewtonReport:
-        """Advance by ``dt``, with the loads and prescribed values of the end of the step.
+        """Advance by ``dt`` [time], with the loads and prescribed values of the end of the step.
 
         Returns:
             The record of the Newton iterations.
@@ -261,9 +261,9 @@ class Dynamics:
         ``options.largest``.
 
         Args:
-            stop: Final time.
+            stop: Final time [time].
             options: Sizes of the steps; ``easy`` and ``predict`` have no effect.
-            set_loads: Function that sets loads and prescribed values for a time.
+            set_loads: Function that sets loads and prescribed values for a time [time].
             tolerance: Allowed error of a step [1], see ``error``.
             on_step: Function called with time and report after each step.
 

@@ -45,9 +45,9 @@ class TangentCheck(Markdown):
     """Remainders of a Taylor test; all methods are local.
 
     Attributes:
-        steps: Step sizes over the shortest slave facet, shape (s,).
-        remainders: Relative remainder per block and step; blocks "bulk", "n", "g", "D", "M" and
-            "whole", the assembled saddle-point matrix with the motions of obstacles.
+        steps: Step sizes over the shortest slave facet, shape (s,) [1].
+        remainders: Relative remainders [1] of each block, shape (s,) each; blocks "bulk", "n", "g",
+            "D", "M" and "whole", the assembled saddle-point matrix with the motions of obstacles.
     """
 
     steps: Array
@@ -59,7 +59,7 @@ class TangentCheck(Markdown):
 
     @property
     def slopes(self) -> dict[str, float]:
-        """Slope per block, from remainders above roundoff; inf if all are roundoff."""
+        """Slope of each block [1], from remainders above roundoff; inf if all are roundoff."""
         return {name: self._slope(values) for name, values in self.remainders.items()}
 
     def _slope(self, values: Array) -> float:
