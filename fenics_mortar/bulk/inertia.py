@@ -180,13 +180,13 @@ class Inertia:
     # Products
 
     def times_mass(self, values: Array) -> Array:
-        """M times an array of all local dofs, shape (owned dofs,)."""
+        """M times an array of all local dofs, (owned dofs,) [mass times its unit]."""
         self._input.array[:] = values[: self._space.num_owned]
         self.M.mult(self._input, self._output)
         return self._output.array_r.copy()
 
     def product(self, a: Array, b: Array) -> float:
-        """A . M b of two arrays of shape (local dofs,) (collective)."""
+        """A . M b of two arrays of shape (local dofs,) [mass times both units] (collective)."""
         mine = float(a[: self._space.num_owned] @ self.times_mass(b))
         return self._space.V.mesh.comm.allreduce(mine)
 

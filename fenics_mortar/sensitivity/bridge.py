@@ -64,7 +64,8 @@ class Simulation:
     def pullback(self, weights: npt.ArrayLike, *values: npt.ArrayLike) -> list[Array]:
         """Derivatives of the sum of ``weights`` (steps, quantities) times values of the quantities.
 
-        Returns one array per control. The path is solved again if the values have changed.
+        Returns one array per control, of its shape [unit of the sum over its unit]. The path is
+        solved again if the values have changed.
         """
         w = np.asarray(weights, float)
         found = gradient(

@@ -25,14 +25,14 @@ OverSteps = Callable[[Array], tuple[float, Array]]
 
 
 def last(values: Array) -> tuple[float, Array]:
-    """Sum of ``values`` (steps, quantities) in the last step, and its weights of the same shape."""
+    """Sum of ``values`` (steps, quantities) in the last step, and weights of their shape [1]."""
     weights = np.zeros_like(values)
     weights[-1] = 1.0
     return float(values[-1].sum()), weights
 
 
 def total(values: Array) -> tuple[float, Array]:
-    """Sum of ``values`` (steps, quantities) over all steps, and its weights of the same shape."""
+    """Sum of ``values`` (steps, quantities) over all steps, and its weights of their shape [1]."""
     return float(values.sum()), np.ones_like(values)
 
 
@@ -63,6 +63,8 @@ def evaluate(
     everywhere: bool = False,
 ) -> tuple[float, Array, Array]:
     """Objective, values of the quantities and their weights, (steps, quantities) (collective).
+
+    Units are those of the quantities; weights have that of the objective over theirs [1 for sums].
 
     Args:
         path: The path.

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Docstrings of all public functions, methods and properties: arguments, shapes, units, ranks."""
+"""Docstrings: arguments, shapes, units, ranks of all that users call; units of all functions."""
 
+import ast
 import inspect
 import re
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +15,7 @@ from fenics_mortar.equations.state import State
 from fenics_mortar.verify.matrices import OperatorMatrices
 
 UNIT = re.compile(r"\[[\w ^/*.,-]+\]")
+PACKAGE = Path(fm.__file__).parent
 
 
 def public():
@@ -55,3 +58,26 @@ def test_docstring_states_arguments_shapes_units_and_whether_it_is_collective(ca
         assert re.search(r"[Ss]hape|\(\w[\w ]*, ?[\w ]*\)", text), "shape"
     if is_array or returns == "float":
         assert UNIT.search(text), "unit"
+
+
+def functions():
+    """Module, line, function and docstring of all functions and methods that have a public name."""
+    for file in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.parse(file.read_text()).body:
+            body = node.body if isinstance(node, ast.ClassDef) else [node]
+            for function in body:
+                if isinstance(function, ast.FunctionDef) and not function.name.startswith("_"):
+                    yield f"{file.relative_to(PACKAGE)}:{function.lineno}", function
+
+
+def test_all_functions_that_return_arrays_or_numbers_state_units():
+    """Or refer to a function or class that does."""
+    without, count = [], 0
+    for where, function in functions():
+        returns = ast.unparse(function.returns) if function.returns else ""
+        text = ast.get_docstring(function) or ""
+        if re.search(r"\bArray\b", returns) or returns == "float":
+            count += 1
+            if not (UNIT.search(text) or re.search("[Ss]ee ``", text)):
+                without.append(f"{where} {function.name}")
+    assert without == [] and count > 300
