@@ -20,6 +20,7 @@ import ufl
 from dolfinx import fem
 
 from fenics_mortar.bulk.massless import redistributed
+from fenics_mortar.bulk.velocity import Velocity
 from fenics_mortar.mesh.numbering import by_input_node, set_by_input_node
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
@@ -63,7 +64,8 @@ class Inertia:
         velocity: Velocity, a function of the whole space; may be set.
         factor: c [1 / time^2].
         origin: o, array of all local dofs [length].
-        moving: Whether a time step is being solved; otherwise c and o are not those of a step.
+        moving: Whether a time step is being solved; otherwise c and o follow from the rates.
+        rate: Velocity in the forms of the bodies, or ``None``.
 
     Raises:
         MortarError: On all ranks, if a mass is not positive, or the body is too thin.
@@ -83,6 +85,7 @@ class Inertia:
         self._solver: PETSc.KSP | None = None
         self.velocity = fem.Function(space.whole, name="velocity")
         self.factor, self.moving = 0.0, False
+        self.rate: Velocity | None = None
         zero = np.zeros_like(self.velocity.x.array)
         self.origin: Array = zero
         self._rates = Rates(zero, zero, zero)
@@ -117,9 +120,14 @@ class Inertia:
         self.velocity.x.array[:] = rates.velocity
 
     def set_rates(self, rates: Rates, u: Array) -> None:
-        """Set the rates, and c and o: w at ``u`` (local dofs,) is their acceleration (local)."""
+        """Set the rates, and c and o: w at ``u`` (local dofs,) is their acceleration (local).
+
+        The velocity in forms is that of the rates at ``u``.
+        """
         self.rates = rates
         self.factor, self.origin = 1.0, u - rates.acceleration
+        if self.rate is not None:
+            self.rate.set(1.0, u - rates.velocity)
 
     # Checkpoints
 
