@@ -71,7 +71,7 @@ def tipping_bodies(bodies: BodyMotions, pairs: Sequence[PairCertificate]) -> lis
 
 
 def _described(pair: PairCertificate) -> str:
-    """Places of pressures that act elsewhere than where the surfaces touch."""
+    """Positions of pressures that act elsewhere than where the surfaces touch."""
     if pair.sharp > LIMITS.at_corners:
         return f"{pair.pair}: along the facets at {pair.sharp_at}"
     return f"{pair.pair}: {pair.outside:.2f} facets beyond the cover, at {pair.outside_at}"
@@ -83,10 +83,10 @@ def _joined(pairs: Sequence[Touching]) -> Touching:
 
 
 def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
-    """Places at which a pair touches, with twice the largest friction of its nodes (collective)."""
+    """Points at which a pair touches, with twice the largest friction of its nodes (collective)."""
     near = contact.active | nearly_touching(contact)
-    places = _places if contact.obstacle is None else _places_on_obstacle
-    x, n, slave, master = places(bodies, contact, near)
+    points = _points if contact.obstacle is None else _points_on_obstacle
+    x, n, slave, master = points(bodies, contact, near)
     n /= np.linalg.norm(n, axis=1)[:, None]
     tangent = np.stack([-n[:, 1], n[:, 0]], axis=1)
     signs = [(master == body.label) * 1.0 - (slave == body.label) for body in bodies.bodies]
@@ -109,7 +109,7 @@ def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
     )
 
 
-def _places(
+def _points(
     bodies: BodyMotions, contact: Contact, near: Flags
 ) -> tuple[Array, Array, Array, Array]:
     """Find the ends of the segments beside ``near`` nodes, this rank's share (collective).
@@ -128,14 +128,14 @@ def _places(
     return x, n, np.repeat(of_slave[slave[:, 0]], 2), np.repeat(of_master[master[:, 0]], 2)
 
 
-def _places_on_obstacle(
+def _points_on_obstacle(
     bodies: BodyMotions, contact: Contact, near: Flags
 ) -> tuple[Array, Array, Array, Array]:
     """Find points of the facets beside ``near`` nodes that nearly touch an obstacle (collective).
 
     The direction is that of the flatter side: of the obstacle, or of the facet where the normals of
     the obstacle at the ends of the facet differ by the angle of a corner. For the rest see
-    ``_places``.
+    ``_points``.
     """
     o, s = contact.on_obstacle, contact.intersections()
     at = np.linspace(-1.0, 1.0, 1 + int(np.ceil(2.0 / LIMITS.coarse_distance)))
