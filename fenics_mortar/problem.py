@@ -289,7 +289,7 @@ class ContactProblem:
 
     def certificate(self) -> Certificate:
         """Measure balance with the present loads, signs, penetration and crossings (collective)."""
-        self.equations.residual.forces()
+        self._present.forces()
         return self._solver.certificate()
 
     def estimate(self) -> ErrorEstimate:

@@ -35,6 +35,16 @@ def test_solved_state_has_no_violations(slave, basis, degree):
     assert certificate.unpaired == 0
 
 
+def test_certificate_is_that_of_a_displacement_set_by_the_user():
+    scene = solved(n_upper=4, n_lower=6)
+    scene.problem.equations.bulk.u.x.array[:] *= 1.05
+    (found,) = scene.problem.certificate().pairs
+    scene.problem.equations.evaluate_operators()
+    (again,) = scene.problem.certificate().pairs
+    assert found.penetration == again.penetration
+    assert found.complementarity == again.complementarity > 1e-4
+
+
 def test_moment_of_flat_contact_balances():
     scene = pressed_blocks(n_upper=4, n_lower=6, nu=0.0, width_upper=1.0, width_lower=1.0)
     scene.loads["push"].value[1] = -0.02
