@@ -39,6 +39,12 @@ class Checkable(Protocol):
     linearization: Linearization
     motions: DrivenObstacles
 
+    def state(self) -> Any:
+        """The present state, a value."""
+
+    def restore(self, state: Any) -> None:
+        """Restore a state exactly, and evaluate the operators."""
+
 
 @dataclass(frozen=True)
 class TangentCheck(Markdown):
@@ -98,16 +104,11 @@ def check_tangent(
         Remainders and slopes.
     """
     steps = 1e-3 * 0.5 ** np.arange(6) if steps is None else np.asarray(steps)
-    u = problem.bulk.u
-    before = u.x.array.copy(), [contact.state for contact in problem.contacts]
-    places = problem.motions.places
+    before = problem.state()
     try:
         check = _check(_Probe(problem, seed), steps)
     finally:
-        u.x.array[:], problem.motions.places = before[0], places
-        for contact, state in zip(problem.contacts, before[1], strict=True):
-            contact.put(state)
-            contact.evaluate(u.x.array, problem.linearization)
+        problem.restore(before)
         problem.bulk.assemble_residual()
     if print_table and problem.comm.rank == 0:
         print(check.table())
