@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Names, tags and surfaces that are refused, and surfaces that are sound."""
+"""Names, tags and surfaces that are rejected, and valid surfaces."""
 
 import re
 

@@ -103,7 +103,7 @@ def test_a_velocity_set_on_the_owned_dofs_counts_on_all_ranks():
 
 @pytest.mark.parametrize("scheme", ["conserving", "generalized_alpha"])
 def test_energy_added_by_contact_is_reported(scheme):
-    """The trapezoidal rule multiplies the energy of an impact; the report says so."""
+    """The trapezoidal rule multiplies the energy of an impact; the report contains a remark."""
     made, speed = bar(cells=20), np.sqrt(E / RHO)
     motion = made.dynamics(scheme, 1.0)
     made.set_velocity(motion, {"bar": (0.0, -0.01 * speed, 0.0)})

@@ -157,7 +157,7 @@ def thrown(problem: fm.ContactProblem, speed: float) -> fm.Dynamics:
 
 
 def elastic_tool(scene: Scene, circle: fm.Obstacle, data: Any) -> fm.ElasticObstacle:
-    """What the rigid circle stands for, on a mesh of the tool alone."""
+    """The elastic tool that the rigid circle represents, on a mesh of the tool alone."""
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
     gripped = ((scene.grip, None),) if scene.grip else ()

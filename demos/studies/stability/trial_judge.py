@@ -299,7 +299,7 @@ def _same(case: Case) -> float:
 
 
 def check_supported_again(case: SupportedCase, record: Record) -> None:
-    """Check that half the step size, and exchanged roles, lead to a sound state, too."""
+    """Check that half the step size, and exchanged roles, lead to a valid state, too."""
     paths = {"half the steps": replace(case, step=case.step / 2)}
     if case.can_be_swapped:
         paths["exchanged roles"] = case.swapped()
@@ -332,7 +332,7 @@ def exchange_roles(case: Case, record: Record) -> Iterator[str]:
             record["exchanged roles: remarks"] = one["remarks"] or two["remarks"]
             if not record["exchanged roles: remarks"]:
                 change = record["exchanged roles: difference"]
-                yield f"exchanged roles change the response by {change:.2g}, which nothing tells"
+                yield f"exchanged roles change the response by {change:.2g}, which nothing reports"
             return
         one, _ = run(case)
         record["refinements"] += 1
