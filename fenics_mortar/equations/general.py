@@ -309,8 +309,12 @@ class ContactEquations:
         self.bulk.u.x.array[:] = state.u
         self.motions.places = state.places
         self.crossings.restore(state.accepted_positions, state.u)
-        if self.bulk.inertia is not None and state.rates is not None:
-            self.bulk.inertia.rates = state.rates
+        inertia = self.bulk.inertia
+        if inertia is not None and state.rates is not None:
+            if inertia.moving:
+                inertia.rates = state.rates
+            else:
+                inertia.set_rates(state.rates, state.u)
         for contact, interface in zip(self.contacts, state.interfaces, strict=True):
             contact.put(interface)
         self.last_converged = state.converged

@@ -24,7 +24,7 @@ class Roles(NamedTuple):
     arcs: Array
 
     def of(self, facets: Indices) -> tuple[Indices, Indices, Array]:
-        """Arguments of the kernels for the slave facets ``facets`` (k,)."""
+        """Arguments of the kernels for the slave facets ``facets`` (k,); see ``kernels.roles``."""
         return facets, self.keys, self.arcs
 
     def masters_of(self, facets: Indices) -> Flags:

@@ -78,7 +78,7 @@ class Segments:
 
     @property
     def rule(self) -> tuple[Array, Array, Indices]:
-        """Points (p,), weights (p,) and spans (n, 2), the arguments of the kernels."""
+        """Points (p,), weights (p,) and spans (n, 2), the arguments of the kernels [1]."""
         return self.points, self.weights, self.spans
 
 
@@ -195,7 +195,7 @@ def gauss_rule(points: int) -> tuple[Array, Array]:
 
 
 def facet_rule(integration: Integration, size: int, points: int) -> tuple[Array, Array]:
-    """Points and weights on a whole facet of ``size`` nodes, each (points,).
+    """Points and weights on a whole facet of ``size`` nodes, each (points,) [1].
 
     Gauss, or for "nodes" Lobatto, whose points are the nodes: trapezoidal or Simpson's rule.
     """

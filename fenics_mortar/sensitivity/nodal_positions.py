@@ -126,14 +126,17 @@ class _Derivatives:
         return AssembledForm(derivative, self._mesh.comm, self._V)
 
     def along(self, direction: Array) -> Array:
+        """Change of the residual along a direction of positions, (owned dofs,) [stress length]."""
         put_owned(self._direction, direction)
         return self._forwards.vector()
 
     def transposed(self, weights: Array) -> Array:
+        """Gradient of the residual times ``weights``, (owned dofs,) [unit of the sum / length]."""
         put_owned(self._weights, weights)
         return self._backwards.vector()
 
     def of_form(self, form: ufl.Form) -> Array:
+        """Gradient of the value of a form, (owned dofs,) [its unit / length]."""
         if form not in self._forms:
             self._forms[form] = self._by_positions(form)
         return self._forms[form].vector()

@@ -79,6 +79,8 @@ def evaluate(
 ) -> tuple[float, Array, Array]:
     """Objective, values of the quantities and their weights, (steps, quantities) (collective).
 
+    Units are those of the quantities; weights have that of the objective over theirs [1 for sums].
+
     Args:
         path: The path.
         quantities: The quantities.

@@ -69,7 +69,7 @@ class Data:
         self._arrays = [*map(_array_of, objects), *conditions]
 
     def values(self) -> tuple[Array, ...]:
-        """Copies of the present values, of the shapes of the data."""
+        """Copies of the present values, of the shapes and units of the data [any]."""
         return tuple(np.array(numbers) for numbers in self._arrays)
 
     def put(self, values: Sequence[Array]) -> None:

@@ -112,14 +112,17 @@ def check_dependence(
 def explicit(
     problem: ContactProblem, quantity: Quantity, control: Control, before: Before
 ) -> Array | float:
-    """dJ/dm at fixed states, of the shape of the control's values (collective)."""
+    """dJ/dm at fixed states, of the shape of the control's values (collective).
+
+    In the unit of J over that of m [any].
+    """
     if isinstance(control, NodalPositions):
         return control.explicit(problem, quantity, before)
     return quantity.by_control(problem, control, before)
 
 
 def dot(problem: ContactProblem, control: Control, one: Array, other: Array) -> float:
-    """Scalar product of two arrays of a control's shape, equal on all ranks (collective).
+    """Scalar product of two arrays of a control's shape [product of units] (collective).
 
     Values of controls with a true ``is_distributed`` are those of the owned dofs, others are
     replicated.

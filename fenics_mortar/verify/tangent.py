@@ -172,7 +172,7 @@ class _Probe:
             contact.evaluate(u.x.array, self.problem.linearization)
 
     def values(self, step: float) -> dict[str, Array]:
-        """All functions at the step; owned entries of distributed arrays (collective)."""
+        """All functions at the step; owned entries of arrays [their units] (collective)."""
         self._move(step)
         found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
         force = self.bulk.r.array_r[: self.bulk.num_owned].copy()
@@ -194,7 +194,7 @@ class _Probe:
         return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *laws, pushed])}
 
     def derivative(self) -> dict[str, Array]:
-        """Directional derivatives of ``values`` at step 0, from assembled matrices (collective)."""
+        """Derivatives of ``values`` at step 0 [their units], from the matrices (collective)."""
         self._move(0.0)
         self.bulk.assemble_tangent()
         matrices = OperatorMatrices(self.bulk, self.contacts)
@@ -260,5 +260,5 @@ class _Probe:
         return replicated if self.comm.rank == 0 else replicated[:0]
 
     def norm(self, mine: Array) -> float:
-        """Euclidean norm over all ranks (collective)."""
+        """Euclidean norm over all ranks [unit of the values] (collective)."""
         return float(np.sqrt(self.comm.allreduce(float(mine @ mine))))

@@ -116,6 +116,19 @@ def test_thin_plates_are_pressed_deep(slave, degree, depths):
     assert forces[0] == pytest.approx(forces[1], rel=1e-8)
 
 
+def test_facets_longer_than_plates_are_thick_have_no_partner_through_both():
+    """The lower plate's bottom and the upper one's top face each other, two thicknesses behind."""
+    grids = [
+        whole("lower", block(4, 1, width=1.6, height=0.1, corner=(-0.8, -0.1))),
+        whole("upper", block(3, 1, width=0.9, height=0.1, corner=(-0.45, 0.0))),
+    ]
+    fixed = [(at(0, -0.8), None), (at(1, 0.1), None)]
+    contact = Scene(grids, [("lower", "upper")], fixed).contact
+    bottom = np.isclose(contact.slave.X[:, 1], -0.1)
+    assert bottom.any() and contact.covered[~bottom].any()
+    assert not contact.covered[bottom].any()
+
+
 @pytest.mark.parametrize("slave", ["lower", "upper"])
 def test_thin_plate_is_pressed_by_more_than_its_thickness_in_one_step(slave):
     """It penetrates a thick block from a distance: the shorter way out is backwards."""

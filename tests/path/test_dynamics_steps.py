@@ -220,3 +220,23 @@ def test_dynamics_of_mixed_functions():
     record = motion.run(0.6, fm.SteppingOptions(step=0.015))
     assert motion.momentum()[1] > 0.3
     assert 0.8 < record.steps[-1].energies.kinetic / record.start.kinetic < 1.0
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("scheme", ["conserving", "massless", "generalized_alpha"])
+def test_restored_state_gives_back_all_forces(scheme):
+    """Inertia and damping are those of the state, not of the step after it."""
+    made = bar(4, damping=0.5, gap=0.01)
+    motion = made.dynamics(scheme, 0.8 if scheme == "generalized_alpha" else None)
+    made.set_velocity(motion, {"bar": (-1.0, 0.0, 0.0)})
+    for _ in range(8):
+        motion.step(0.004)
+    state, before = made.problem.state(), made.problem.forces()
+    assert np.abs(before[0]).max() > 0.0
+    motion.step(0.01)
+    u = made.u.x.array.copy()
+    made.problem.restore(state)
+    for mine, theirs in zip(before, made.problem.forces(), strict=True):
+        assert np.array_equal(mine, theirs)
+    motion.step(0.01)
+    assert np.abs(made.u.x.array - u).max() <= 1e-12 * np.abs(u).max()

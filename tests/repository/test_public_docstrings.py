@@ -11,6 +11,7 @@ import re
 import textwrap
 import typing
 from functools import cached_property
+from pathlib import Path
 
 import pytest
 
@@ -51,6 +52,7 @@ ALL_METHODS = re.compile(
     re.I,
 )
 OF_PACKAGE = "fenics_mortar"
+PACKAGE = Path(fm.__file__).parent
 # Files of the constructors of data classes, and of protocols, which have no arguments.
 GENERATED = "<string>", typing.__file__
 
@@ -166,3 +168,26 @@ def test_docstring_of_a_class_states_shapes_and_units_of_its_attributes(cls):
                 assert SHAPE.search(described[name] + summary), f"shape of {name}"
             if re.search(r"\b(Array|float)\b", str(kind)):
                 assert UNIT.search(described[name] + summary), f"unit of {name}"
+
+
+def functions():
+    """Module, line, function and docstring of all functions and methods that have a public name."""
+    for file in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.parse(file.read_text()).body:
+            body = node.body if isinstance(node, ast.ClassDef) else [node]
+            for function in body:
+                if isinstance(function, ast.FunctionDef) and not function.name.startswith("_"):
+                    yield f"{file.relative_to(PACKAGE)}:{function.lineno}", function
+
+
+def test_all_functions_that_return_arrays_or_numbers_state_units():
+    """Or refer to a function or class that does."""
+    without, count = [], 0
+    for where, function in functions():
+        returns = ast.unparse(function.returns) if function.returns else ""
+        text = ast.get_docstring(function) or ""
+        if re.search(r"\bArray\b", returns) or returns == "float":
+            count += 1
+            if not (UNIT.search(text) or re.search("[Ss]ee ``", text)):
+                without.append(f"{where} {function.name}")
+    assert without == [] and count > 300

@@ -37,6 +37,18 @@ def test_springs_do_not_affect_a_body_free_to_slide(gap, algorithm):
     assert any("spring" in note for note in report.notes)
 
 
+def test_motion_towards_a_body_is_not_slip():
+    """An inclined load within the friction cone: the block comes to rest where it lands."""
+    falling, lying = (pushed_block(gap=gap, slant=0.1, law=fm.Coulomb(0.3)) for gap in (0.1, 0.0))
+    places = []
+    for problem in (falling, lying):
+        problem.solve()
+        contact = problem.equations.contacts[0]
+        assert contact.total_force == pytest.approx((-0.1, 1.0), abs=1e-8)
+        places.append(contact.slave.gather(problem.equations.bulk.u.x.array)[:, 0].mean())
+    assert places[0] - places[1] > 0.1 * 0.1  # fall times slope; more at the bottom if it tilts
+
+
 @pytest.mark.once
 def test_pinned_body_rotates_into_contact():
     problem = pushed_block(gap=0.1, pin=(0, 1))

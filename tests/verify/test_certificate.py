@@ -2,6 +2,7 @@
 """Certificates of solved states, and of states that are not solutions."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scenes import internal, neo_hookean, pressed_blocks, read, rectangles, rota
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.verify.corners import end_pressure
 from meshes import indenter_on_block, mapped_grids, two_blocks
 
 
@@ -259,6 +261,27 @@ def test_pressed_prescribed_slave_node_is_reported(shift, presses):
     assert (certificate.end_pressure > 2.0) == presses
     if presses:  # the node at the end of the fixed side
         assert certificate.end_pressure_at == "(0.6, 1)"
+
+
+def test_pressure_beside_a_clamped_end_is_compared_with_that_farther_away():
+    """One node each way counts as beside it, nodes up to three away as the next ones."""
+    places = np.arange(6)
+    around = SimpleNamespace(degree=1, along=lambda j, steps: along(places, j, steps))
+    free, may_carry = np.ones((6, 2)), places > 0
+    free[0] = 0.0
+    x = np.stack([places, 0.5 * places], axis=1)
+    contact = SimpleNamespace(
+        slave=around, free=free, may_carry=may_carry, operators=SimpleNamespace(x=x)
+    )
+    found = end_pressure(contact, np.array([0.0, 6.0, 2.0, 1.0, 50.0, 9.0]))
+    assert found == {"end_pressure": 3.0, "end_pressure_at": "(0, 0)"}
+    assert end_pressure(contact, np.array([0.0, 0.1, 2.0, 1.0, 2.0, 2.0])) == {}
+
+
+def along(places, nodes, steps):
+    """Numbers of the places ``steps`` away from nodes of a line, -1 beyond its ends."""
+    there = np.add.outer(nodes, np.array(steps))
+    return np.where((there >= 0) & (there < len(places)), there, -1)
 
 
 def test_edges_of_a_punch_are_no_corners():
