@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the mesh scripts share: names, chains of lines, structured patches, writing a file."""
+"""Functions of all mesh scripts: names, chains of lines, structured patches, writing a file."""
 
 from __future__ import annotations
 

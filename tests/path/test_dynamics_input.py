@@ -131,7 +131,7 @@ def test_rates_of_prescribed_motions_follow_from_these():
     """They do not alternate after an inconsistent start or a jump."""
     made = free_block(cells=3, held=[("block/top", 1, 0.0)])
     motion = made.dynamics("conserving")
-    made.set_velocity(motion, {"block": (0.0, -1.0, 0.0)})  # of the held nodes, too
+    made.set_velocity(motion, {"block": (0.0, -1.0, 0.0)})  # of the prescribed nodes, too
     motion.run(0.16, fm.SteppingOptions(step=0.02))
     held = made.problem.equations.bulk.prescribed
     rates = motion._inertia.rates

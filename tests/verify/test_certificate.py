@@ -264,7 +264,7 @@ def test_pressed_prescribed_slave_node_is_reported(shift, presses):
 
 
 def test_pressure_beside_a_clamped_end_is_compared_with_that_farther_away():
-    """One node each way counts as beside it, nodes up to three away as the next ones."""
+    """One node on each side counts as beside it, nodes up to three away as the next ones."""
     places = np.arange(6)
     around = SimpleNamespace(degree=1, along=lambda j, steps: along(places, j, steps))
     free, may_carry = np.ones((6, 2)), places > 0
