@@ -167,7 +167,7 @@ class BodyMotions:
             for c in self.contacts
         )
 
-    # Words
+    # Names
 
     def name_of(self, label: int, labels: Indices | None = None) -> str:
         """Name of a body from the cell tags or its position (collective).
