@@ -186,8 +186,8 @@ def _check_outline(outline: _Outline, contacts: Sequence[Interface]) -> None:
     crosses = lines_cross(start, end, pairs, SAME_PLACE)
     after = _following(outline)
     i, j = pairs.T
-    apart = (after[i] != j) & (after[j] != i) & ~crosses
-    touches = np.flatnonzero(apart)[lines_cross(start, end, pairs[apart], touching=True)]
+    separate = (after[i] != j) & (after[j] != i) & ~crosses
+    touches = np.flatnonzero(separate)[lines_cross(start, end, pairs[separate], touching=True)]
     crosses[touches] = _cross_at_nodes(outline, after, pairs[touches])
     if crosses.any():
         where = middles[pairs[np.argmax(crosses), 0]]

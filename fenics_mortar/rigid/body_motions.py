@@ -120,8 +120,8 @@ class BodyMotions:
     def rigid_fraction(self, body: FloatingBody, change: Array) -> Array:
         """Rigid part of ``change`` (owned dofs,) of a body, shape (motions,) [length]."""
         dofs, motions = self.motions(body)
-        answer = motions @ change[dofs].ravel()
-        products = self.bulk.comm.allreduce(np.column_stack([motions @ motions.T, answer]))
+        coefficients = motions @ change[dofs].ravel()
+        products = self.bulk.comm.allreduce(np.column_stack([motions @ motions.T, coefficients]))
         return np.linalg.solve(products[:, :-1], products[:, -1])
 
     # Forces
@@ -167,7 +167,7 @@ class BodyMotions:
             for c in self.contacts
         )
 
-    # Words
+    # Names
 
     def name_of(self, label: int, labels: Indices | None = None) -> str:
         """Name of a body from the cell tags or its position (collective).

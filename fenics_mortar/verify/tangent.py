@@ -69,10 +69,10 @@ class TangentCheck(Markdown):
         return {name: self._slope(values) for name, values in self.remainders.items()}
 
     def _slope(self, values: Array) -> float:
-        seen = values > ASSEMBLY_ROUNDING  # smaller ones do not define a slope
-        if seen.sum() < 2:
+        large = values > ASSEMBLY_ROUNDING  # smaller ones do not define a slope
+        if large.sum() < 2:
             return np.inf
-        return float(np.polyfit(np.log(self.steps[seen]), np.log(values[seen]), 1)[0])
+        return float(np.polyfit(np.log(self.steps[large]), np.log(values[large]), 1)[0])
 
     def table(self) -> str:
         """Markdown table: remainder per block and step; the last row has the slopes."""
