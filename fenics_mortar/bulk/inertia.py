@@ -208,8 +208,8 @@ class Inertia:
         """
         dofs = self._space.owned_dofs
         p, x = self.times_mass(velocity)[dofs], x[dofs]
-        turn = float((x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]).sum())
-        return self._space.V.mesh.comm.allreduce(np.array([*p.sum(axis=0), turn]))
+        angular = float((x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]).sum())
+        return self._space.V.mesh.comm.allreduce(np.array([*p.sum(axis=0), angular]))
 
     def acceleration_of(self, force: Array, prescribed: Flags) -> Array:
         """Acceleration due to forces on the bodies, zero at prescribed dofs.

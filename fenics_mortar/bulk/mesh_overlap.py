@@ -145,8 +145,8 @@ def _folded(mesh: Any, sides: _Sides) -> Array:
     number = index_map.local_to_global(once)
     everywhere = mesh.comm.allgather((number, sums[once]))
     numbers, signs = (np.concatenate(arrays) for arrays in zip(*everywhere, strict=True))
-    known, place_of = np.unique(numbers, return_inverse=True)
-    total, times = np.bincount(place_of.ravel(), signs), np.bincount(place_of.ravel())
+    known, inverse = np.unique(numbers, return_inverse=True)
+    total, times = np.bincount(inverse.ravel(), signs), np.bincount(inverse.ravel())
     bad = known[(np.abs(total) > 1.0) & (times > 1)]
     begin, end = index_map.local_range
     mine = once[np.isin(number, bad) & (number >= begin) & (number < end)]

@@ -310,6 +310,6 @@ class Polygon(Obstacle):
         start = self._corners - x[:, None]
         end = np.roll(start, -1, axis=1)
         meets = (start[..., 1] > 0.0) != (end[..., 1] > 0.0)
-        turn = start[..., 0] * end[..., 1] - start[..., 1] * end[..., 0]
-        ahead = (turn > 0.0) == (end[..., 1] > start[..., 1])
+        cross = start[..., 0] * end[..., 1] - start[..., 1] * end[..., 0]
+        ahead = (cross > 0.0) == (end[..., 1] > start[..., 1])
         return (meets & ahead).sum(axis=1) % 2 == 1
