@@ -4,10 +4,11 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+ROOT = Path(__file__).resolve().parents[2]
 # Module in demos/studies with arguments.
 PROGRAMS = [
     "performance.linear_bulk 400",
@@ -23,7 +24,7 @@ PROGRAMS = [
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_program_of_performance_runs(program, tmp_path):
     name, *arguments = program.split()
-    environment = os.environ | {"PYTHONPATH": ROOT}
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
     ended = subprocess.run(
         [sys.executable, "-m", f"demos.studies.{name}", *arguments], cwd=tmp_path,
         env=environment, capture_output=True, text=True, timeout=240,
