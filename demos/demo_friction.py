@@ -16,7 +16,6 @@
 # ## Implementation
 
 # +
-import sys
 from pathlib import Path
 
 from mpi4py import MPI
@@ -28,8 +27,8 @@ from matplotlib.figure import Figure
 import ufl
 from dolfinx import fem
 
-root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root)]
+import this_clone
+
 import fenics_mortar as fm
 from meshes import half_cylinder_on_block
 
@@ -62,8 +61,8 @@ bcs += [fm.dirichlet(V, data, "cylinder/top", push)]
 contact = fm.ContactPair(data, "cylinder/arc", "block/top", law=fm.Coulomb(friction))
 problem = fm.ContactProblem(residual, u, [contact], bcs=bcs, petsc_options_prefix="friction_")
 
-for place in [*((0.0, -0.004 * k) for k in range(1, 11)), (0.002, -0.04), (0.004, -0.04)]:
-    push.value[:] = place
+for displacement in [*((0.0, -0.004 * k) for k in range(1, 11)), (0.002, -0.04), (0.004, -0.04)]:
+    push.value[:] = displacement
     report = problem.solve()
 # -
 

@@ -15,12 +15,11 @@
 # roller, z ~ ln 1 / (1 - s^2), which is steeper.
 #
 # The unknowns are the heights of the points of a spline. L-BFGS-B of scipy minimizes the mean
-# square of (p - p_wanted) / p0, starting from the circle whose Hertzian half-width is a.
+# square of (p - p_target) / p0, starting from the circle whose Hertzian half-width is a.
 #
 # ## Implementation
 
 # +
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +29,8 @@ from scipy.optimize import minimize
 import ufl
 from dolfinx import fem
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+import this_clone
+
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, mesh
 

@@ -1,6 +1,6 @@
 # # A bolt in a nut: the first thread carries most
 #
-# This demo shows a pair of surfaces that touch in many places. With linear bulk and small sliding
+# This demo shows a pair of surfaces in contact at many points. With linear bulk and small sliding
 # all loads share one factorization.
 #
 # ## Problem
@@ -12,9 +12,6 @@
 # ## Implementation
 
 # +
-import sys
-from pathlib import Path
-
 from mpi4py import MPI
 
 import gmsh
@@ -23,7 +20,8 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+import this_clone
+
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, build, mapped
 

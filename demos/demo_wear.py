@@ -19,7 +19,6 @@
 # ## Implementation
 
 # +
-import sys
 from pathlib import Path
 
 from mpi4py import MPI
@@ -31,7 +30,8 @@ from matplotlib.figure import Figure
 import ufl
 from dolfinx import fem
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+import this_clone
+
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, block, build
 
@@ -70,8 +70,8 @@ problem = fm.ContactProblem(residual, u, [pair], **options)
 # -
 
 # ## Wear
-# After each 100 turns the worn depth is taken from the surface. With many more turns at a time the
-# pressure would oscillate between places that are worn too much and too little.
+# After each 100 turns the worn depth is removed from the surface. With many more turns per step the
+# pressure would oscillate between points that are worn too much and too little.
 
 # +
 contact, pressures, torques = problem.contacts[0], [], []

@@ -20,6 +20,7 @@ import ufl
 from dolfinx import fem
 
 from fenics_mortar.bulk.massless import redistributed
+from fenics_mortar.bulk.velocity import Velocity
 from fenics_mortar.mesh.numbering import by_input_node, set_by_input_node
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
@@ -30,16 +31,17 @@ from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING, TINY
 
 @dataclass(frozen=True, eq=False)
 class Rates(Value):
-    """Velocity and accelerations of a state, a value; arrays of all local dofs.
+    """Velocity and accelerations of a state, a value (local).
 
     Attributes:
-        velocity: Velocity [length / time].
-        acceleration: Acceleration that balances all forces [length / time^2].
-        average: Auxiliary acceleration of the scheme, an average over a step [length / time^2].
-        time: Time.
+        velocity: Velocity, shape (local dofs,) [length / time].
+        acceleration: Acceleration that balances all forces, shape (local dofs,) [length / time^2].
+        average: Auxiliary acceleration of the scheme, an average over a step, shape (local dofs,)
+            [length / time^2].
+        time: Time [time].
         begun: Whether the accelerations are known.
-        owed: Energy extracted by contact pressures through errors of the time steps and not
-            returned yet [stress length^2].
+        energy_deficit: Energy extracted by contact pressures through errors of the time steps and
+            not returned yet [stress length^2].
     """
 
     velocity: Array
@@ -47,7 +49,7 @@ class Rates(Value):
     average: Array
     time: float = 0.0
     begun: bool = False
-    owed: float = 0.0
+    energy_deficit: float = 0.0
 
 
 class Inertia:
@@ -63,7 +65,8 @@ class Inertia:
         velocity: Velocity, a function of the whole space; may be set.
         factor: c [1 / time^2].
         origin: o, array of all local dofs [length].
-        moving: Whether a time step is being solved; otherwise c and o are not those of a step.
+        moving: Whether a time step is being solved; otherwise c and o follow from the rates.
+        rate: Velocity in the forms of the bodies, or ``None``.
 
     Raises:
         MortarError: On all ranks, if a mass is not positive, or the body is too thin.
@@ -83,6 +86,7 @@ class Inertia:
         self._solver: PETSc.KSP | None = None
         self.velocity = fem.Function(space.whole, name="velocity")
         self.factor, self.moving = 0.0, False
+        self.rate: Velocity | None = None
         zero = np.zeros_like(self.velocity.x.array)
         self.origin: Array = zero
         self._rates = Rates(zero, zero, zero)
@@ -92,7 +96,7 @@ class Inertia:
         space = self._space
         parts = ufl.TrialFunction(space.whole), ufl.TestFunction(space.whole)
         if space.is_mixed:
-            a, b = (ufl.split(part)[space.part] for part in parts)
+            a, b = (ufl.split(function)[space.part] for function in parts)
         else:
             a, b = parts
         form = compat.form(density * ufl.inner(a, b) * ufl.dx)
@@ -117,33 +121,38 @@ class Inertia:
         self.velocity.x.array[:] = rates.velocity
 
     def set_rates(self, rates: Rates, u: Array) -> None:
-        """Set the rates, and c and o: w at ``u`` (local dofs,) is their acceleration (local)."""
+        """Set the rates, and c and o: w at ``u`` (local dofs,) is their acceleration (local).
+
+        The velocity in forms is that of the rates at ``u``.
+        """
         self.rates = rates
         self.factor, self.origin = 1.0, u - rates.acceleration
+        if self.rate is not None:
+            self.rate.set(1.0, u - rates.velocity)
 
     # Checkpoints
 
     def saved_data(self) -> dict[str, Any]:
         """All rates at the nodes of the mesh input, equal on all ranks."""
         rates, data = self.rates, dict[str, Any]()
-        for part in fields(rates):
-            value = getattr(rates, part.name)
+        for attribute in fields(rates):
+            value = getattr(rates, attribute.name)
             if isinstance(value, np.ndarray):
                 _, value = by_input_node(self._space, self._function(value))
-            data[part.name] = np.asarray(value)
+            data[attribute.name] = np.asarray(value)
         return data
 
     def restore_data(self, data: Mapping[str, Any], u: Array) -> None:
         """Restore the rates of ``saved_data`` for the displacement ``u`` (local dofs,)."""
         given = dict[str, Any]()
-        for part in fields(Rates):
-            value = data[part.name]
+        for attribute in fields(Rates):
+            value = data[attribute.name]
             if value.ndim:
                 function = self._function(u)
                 set_by_input_node(self._space, function, data["nodes"], value)
-                given[part.name] = function.x.array.copy()
+                given[attribute.name] = function.x.array.copy()
             else:
-                given[part.name] = value[()]
+                given[attribute.name] = value[()]
         self.set_rates(Rates(**given), u)
 
     def _function(self, values: Array) -> fem.Function:
@@ -158,11 +167,13 @@ class Inertia:
         """Add the inertia forces at the displacement ``u``, shape (local dofs,) [length]."""
         r.array[: self._space.num_owned] += self.forces(u)
 
-    def add_to_tangent(self, K: PETSc.Mat, *, has_room: bool) -> None:
-        """Add c M; ``has_room``: whether the pattern of M is part of that of ``K``."""
+    def add_to_tangent(self, K: PETSc.Mat, *, includes_mass: bool) -> None:
+        """Add c M; ``includes_mass``: whether the pattern of M is part of that of ``K``."""
         structures = PETSc.Mat.Structure
         structure = (
-            structures.SUBSET_NONZERO_PATTERN if has_room else structures.DIFFERENT_NONZERO_PATTERN
+            structures.SUBSET_NONZERO_PATTERN
+            if includes_mass
+            else structures.DIFFERENT_NONZERO_PATTERN
         )
         K.axpy(self.factor, self.M, structure)
 
@@ -178,13 +189,13 @@ class Inertia:
     # Products
 
     def times_mass(self, values: Array) -> Array:
-        """M times an array of all local dofs, shape (owned dofs,)."""
+        """M times an array of all local dofs, (owned dofs,) [mass times its unit]."""
         self._input.array[:] = values[: self._space.num_owned]
         self.M.mult(self._input, self._output)
         return self._output.array_r.copy()
 
     def product(self, a: Array, b: Array) -> float:
-        """A . M b of two arrays of shape (local dofs,) (collective)."""
+        """A . M b of two arrays of shape (local dofs,) [mass times both units] (collective)."""
         mine = float(a[: self._space.num_owned] @ self.times_mass(b))
         return self._space.V.mesh.comm.allreduce(mine)
 
@@ -197,8 +208,8 @@ class Inertia:
         """
         dofs = self._space.owned_dofs
         p, x = self.times_mass(velocity)[dofs], x[dofs]
-        turn = float((x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]).sum())
-        return self._space.V.mesh.comm.allreduce(np.array([*p.sum(axis=0), turn]))
+        angular = float((x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]).sum())
+        return self._space.V.mesh.comm.allreduce(np.array([*p.sum(axis=0), angular]))
 
     def acceleration_of(self, force: Array, prescribed: Flags) -> Array:
         """Acceleration due to forces on the bodies, zero at prescribed dofs.
@@ -214,15 +225,15 @@ class Inertia:
         """
         if self._solver is None:
             self._solver = self._create_solver(prescribed)
-        right, answer = self._input, self._output
+        right, solution = self._input, self._output
         right.array[:] = force
         if self._P is not None:
-            self._P.multTranspose(right, answer)
-            answer.copy(right)
+            self._P.multTranspose(right, solution)
+            solution.copy(right)
         right.array[self._fixed(prescribed)] = 0.0
-        self._solver.solve(right, answer)
+        self._solver.solve(right, solution)
         result = fem.Function(self._space.whole)
-        result.x.array[: self._space.num_owned] = answer.array_r
+        result.x.array[: self._space.num_owned] = solution.array_r
         result.x.scatter_forward()
         return result.x.array.copy()
 

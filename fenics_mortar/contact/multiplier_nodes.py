@@ -46,7 +46,7 @@ UNDECIDED = 0.1
 
 
 def normals_on_planes(normals: Array, free: Array) -> Array:
-    """Normals of nodes on symmetry planes, nan elsewhere, shape (nodes, 2).
+    """Normals of nodes on symmetry planes, nan elsewhere, shape (nodes, 2) [1].
 
     Args:
         normals: Normals of the undeformed surface, shape (nodes, 2).
@@ -98,10 +98,10 @@ class MultiplierNodes:
             multiplier_nodes: Present multiplier nodes, shape (slave nodes,), bool.
             cover: Covered fraction of each node, shape (slave nodes,) [1].
         """
-        wanted = self.possible & ~((cover < MIN_SHARE) & self._helped(cover))
-        changed = (wanted != multiplier_nodes) & (self._changes < MAX_CHANGES)
+        target = self.possible & ~((cover < MIN_SHARE) & self._helped(cover))
+        changed = (target != multiplier_nodes) & (self._changes < MAX_CHANGES)
         self._changes += changed
-        return np.where(changed, wanted, multiplier_nodes)
+        return np.where(changed, target, multiplier_nodes)
 
     def undecided(self, cover: Array, active: npt.NDArray[np.bool_]) -> Indices:
         """Nodes next to active ones whose cover is close to ``MIN_SHARE`` (local).

@@ -21,10 +21,10 @@ class TiedOperators(MortarOperators):
     """D and M of the reference configuration; positions and normals are the current ones.
 
     Attributes:
-        apart: D u_s - M u_m, shape (slave nodes, 2) [length^2].
+        weighted_jump: D u_s - M u_m, shape (slave nodes, 2) [length^2].
     """
 
-    apart: Array
+    weighted_jump: Array
 
     def gap_derivative(self) -> list[Block]:
         """Empty: there is no weighted gap."""
@@ -43,11 +43,11 @@ class TiedFields(InterfaceFields):
     @property
     def jump(self) -> Array:
         """D u_s - M u_m, shape (slave nodes, 2) [length^2]."""
-        return self.operators.apart
+        return self.operators.weighted_jump
 
     @property
     def gap(self) -> Array:
-        """Mean relative displacement of the sides, nan without multiplier, (slave nodes,)."""
+        """Mean relative displacement, (slave nodes,), nan without multiplier [length]."""
         on = self.state.active
         weight = np.where(on, self.operators.weight, 1.0)
         return np.where(on, np.linalg.norm(self.jump, axis=1) / weight, np.nan)

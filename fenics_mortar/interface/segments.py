@@ -50,7 +50,7 @@ class Segments:
         slave: Slave nodes of each segment, shape (n, K).
         master: Master nodes, shape (n, K).
         ends: Ends on the slave facet, -1 ... 1, shape (n, 2).
-        end_is_fixed: Whether an end is a fixed place on the slave facet, shape (n, 2); else the
+        end_is_fixed: Whether an end is a fixed point of the slave facet, shape (n, 2); else the
             lower / upper end is the partner of the last / first master node.
         points: Quadrature points of all segments between their ends, -1 ... 1, shape (p,).
         weights: Their weights, whose sum is 2 for each segment, shape (p,).
@@ -78,7 +78,7 @@ class Segments:
 
     @property
     def rule(self) -> tuple[Array, Array, Indices]:
-        """Points (p,), weights (p,) and spans (n, 2), the arguments of the kernels."""
+        """Points (p,), weights (p,) and spans (n, 2), the arguments of the kernels [1]."""
         return self.points, self.weights, self.spans
 
 
@@ -126,8 +126,8 @@ def find_segments(
     search_for, limits = (geometry, nodes, master.facets, radius), (min_cosine, ROUNDING)
     if integration == "segments":
         roles = slave.roles.of(facets) if slave.roles else None
-        seen = (view[:3], view.outline, ROUNDING)
-        offsets, masters, branches = _intersections((*search_for, *seen, limits, roles), points)
+        sight = (view[:3], view.outline, ROUNDING)
+        offsets, masters, branches = _intersections((*search_for, *sight, limits, roles), points)
     else:
         rule = facet_rule(integration, nodes.shape[1], points)
         min_points = nodes.shape[1] if integration == "elements" else 1
@@ -195,7 +195,7 @@ def gauss_rule(points: int) -> tuple[Array, Array]:
 
 
 def facet_rule(integration: Integration, size: int, points: int) -> tuple[Array, Array]:
-    """Points and weights on a whole facet of ``size`` nodes, each (points,).
+    """Points and weights on a whole facet of ``size`` nodes, each (points,) [1].
 
     Gauss, or for "nodes" Lobatto, whose points are the nodes: trapezoidal or Simpson's rule.
     """
@@ -209,8 +209,8 @@ def _pairs(offsets: Indices, pair_counts: Indices, partial: npt.NDArray[np.bool_
     """Segments (i, k) of each pair, k running fastest within a facet."""
     counts = np.diff(offsets)
     facet = np.repeat(np.arange(counts.size), pair_counts)
-    place = np.arange(facet.size) - np.repeat(np.cumsum(pair_counts) - pair_counts, pair_counts)
+    index = np.arange(facet.size) - np.repeat(np.cumsum(pair_counts) - pair_counts, pair_counts)
     count = np.maximum(counts[facet], 1)
-    i = np.where(partial[facet], place // count, place)
-    k = np.where(partial[facet], place % count, place)
+    i = np.where(partial[facet], index // count, index)
+    k = np.where(partial[facet], index % count, index)
     return offsets[facet][:, None] + np.stack([i, k], axis=1)

@@ -150,7 +150,7 @@ class Surface:
 
     @cached_property
     def mean_thickness(self) -> Array | float:
-        """Mean thickness of the facets at each node, undeformed, shape (n,); 1.0 without one."""
+        """Mean thickness of the facets at each node, undeformed, (n,) [length]; 1.0 without one."""
         if self.thickness is None:
             return 1.0
         sums = np.zeros((2, self.num_nodes))
@@ -213,7 +213,7 @@ class Surface:
             values: Local array of all dofs, owned ones first, shape (local dofs,).
 
         Returns:
-            Values at the nodes of the surface, shape (n, 2), equal on all ranks.
+            Values at the nodes of the surface, shape (n, 2) [their unit], equal on all ranks.
         """
         return replicate(values[self.local_dofs], self.owners, self.comm)
 
@@ -241,11 +241,11 @@ class Surface:
         for pair in welds:
             at = [np.flatnonzero(self.nodes == node) for node in pair]
             for before, after in ((following, previous), (previous, following)):
-                if all(place.size for place in at):
-                    gone, kept = (int(place[0]) for place in at)
-                    if stands_for[gone] == gone and before[gone] < 0 and after[kept] < 0:
-                        after[kept], before[after[gone]] = after[gone], kept
-                        stands_for[gone] = kept
+                if all(position.size for position in at):
+                    merged, kept = (int(position[0]) for position in at)
+                    if stands_for[merged] == merged and before[merged] < 0 and after[kept] < 0:
+                        after[kept], before[after[merged]] = after[merged], kept
+                        stands_for[merged] = kept
         keep = np.flatnonzero(stands_for == np.arange(self.num_nodes))
         number = np.full(self.num_nodes + 1, -1)
         number[keep] = np.arange(keep.size)

@@ -51,11 +51,11 @@ from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_choice, check_flag, check_kind, check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same_words
+from fenics_mortar.utils.errors import check_same_texts
 
 
 class AdequacyCheck:
-    """Check of the assumptions of a problem's model after each solve.
+    """Check of the assumptions of a problem's model after each solve; the constructor is local.
 
     Args:
         tolerance: Allowed relative error of the quantity [1].
@@ -63,7 +63,7 @@ class AdequacyCheck:
         finite_strain: UFL form of the residual at finite strain, in the same ``u``, if the
             residual of the problem is linear.
         stiffness_ratio: E / (1 - nu^2) of the bodies over that of the bodies that obstacles
-            represent.
+            represent [1].
         elastic_obstacles: Elastic bodies that obstacles represent; they replace the ratio.
         discretisation: Relative error of the mesh [1], if known.
         friction: Largest possible coefficient of friction of surfaces modelled as frictionless [1].
@@ -128,7 +128,7 @@ class AdequacyCheck:
             "elastic_obstacles": len(self._elastic),
             "finite_strain": self._finite_strain is not None,
         }  # fmt: skip
-        check_same_words(problem.comm, "AdequacyCheck", given)
+        check_same_texts(problem.comm, "AdequacyCheck", given)
         if self._has_hierarchy:
             self._hierarchy = ModelHierarchy(
                 problem, self._tolerance, self._quantity, self._discretisation
@@ -142,7 +142,7 @@ class AdequacyCheck:
         """
         return self._hierarchy.solve() if self._hierarchy else None
 
-    def remember(self) -> Callable[[], None]:
+    def snapshot(self) -> Callable[[], None]:
         """Return a function that restores the present data of the check (local)."""
         slips = self._slips.copy()
         models = vars(self._hierarchy).copy() if self._hierarchy else {}

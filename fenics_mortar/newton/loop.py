@@ -60,7 +60,7 @@ class Step(NamedTuple):
 
 
 class Remedies(Protocol):
-    """Remedies for equations whose sets do not settle; all methods are collective."""
+    """Remedies for equations whose sets do not converge; all methods are collective."""
 
     def drifts(self) -> str:
         """Message on bodies that drift along free motions under small forces; "" if none do."""
@@ -74,7 +74,7 @@ class Equations(Protocol):
 
     @property
     def remedies(self) -> Remedies:
-        """Remedies where sets do not settle."""
+        """Remedies if sets do not converge."""
 
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual and sets at the present state (collective)."""
@@ -173,9 +173,14 @@ def _stagnates(residuals: Sequence[float]) -> bool:
     return len(residuals) > 2 and residuals[-1] > 0.5 * residuals[-3]
 
 
+def decreased(residual: float, before: float) -> bool:
+    """Whether a residual decreased tenfold: sets then settle except for nodes at roundoff."""
+    return residual < 0.1 * before
+
+
 def _is_stuck(sets: list[bytes], residuals: list[float]) -> bool:
-    """Whether the sets changed in many iterations and the residual did not fall tenfold."""
-    return len(sets) > UNSETTLED and residuals[-1] > 0.1 * residuals[-1 - UNSETTLED]
+    """Whether the sets changed in many iterations and the residual did not decrease."""
+    return len(sets) > UNSETTLED and not decreased(residuals[-1], residuals[-1 - UNSETTLED])
 
 
 def period_of(sets: list[bytes]) -> int:

@@ -10,17 +10,17 @@ import numpy.typing as npt
 
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import place
-from fenics_mortar.utils.lines import cross, near_pairs
+from fenics_mortar.utils.errors import format_point
+from fenics_mortar.utils.lines import lines_cross, near_pairs
 
 
 def edges_of(corners: Array) -> Array:
-    """Vectors from each corner of a polygon (k, 2) to the next one, shape (k, 2) (local)."""
+    """Vectors from each corner of a polygon (k, 2) to the next one, (k, 2) [length] (local)."""
     return np.roll(corners, -1, axis=0) - corners
 
 
 def check_chain(points: npt.ArrayLike) -> Array:
-    """Copy of three or more points of the plane, shape (k, 2) (local).
+    """Copy of three or more points of the plane, shape (k, 2) [length] (local).
 
     Raises:
         ValueError: For other values.
@@ -43,17 +43,18 @@ def check_simple(what: str, chain: Array, *, closed: bool) -> None:
     pairs = near_pairs(start, end)
     after = (pairs[:, 1] - pairs[:, 0]) % (len(start) if closed else len(start) + 1)
     pairs = pairs[(after > 1) & (after < len(start) - 1 if closed else after > 1)]
-    meets = cross(start, end, pairs, touching=True)
+    meets = lines_cross(start, end, pairs, touching=True)
     if meets.any():
         i, j = pairs[np.argmax(meets)]
         raise ValueError(
-            f"the {what} intersects itself: edges from {place(start[i])} to {place(end[i])} and "
-            f"from {place(start[j])} to {place(end[j])}; list the points in order along the curve"
+            f"the {what} intersects itself: edges from {format_point(start[i])} to "
+            f"{format_point(end[i])} and from {format_point(start[j])} to {format_point(end[j])}; "
+            "list the points in order along the curve"
         )
 
 
 def check_floats(name: str, values: Any) -> Array:
-    """Copy of an array of real numbers, of any shape (local).
+    """Copy of an array of real numbers, of any shape [any unit] (local).
 
     Raises:
         ValueError: If the values are not real numbers.
@@ -65,7 +66,7 @@ def check_floats(name: str, values: Any) -> Array:
 
 
 def check_finite(name: str, value: float) -> float:
-    """A finite number, in any unit (local).
+    """A finite number [any unit] (local).
 
     Raises:
         ValueError: For other values.
@@ -75,7 +76,7 @@ def check_finite(name: str, value: float) -> float:
 
 
 def check_vector(name: str, value: npt.ArrayLike) -> Array:
-    """Copy of a finite vector of the plane, shape (2,) (local).
+    """Copy of a finite vector of the plane, shape (2,) [any unit] (local).
 
     Raises:
         ValueError: For other values.

@@ -11,11 +11,13 @@ from fenics_mortar.obstacles.points import check_chain, check_simple, check_vect
 from fenics_mortar.obstacles.spline_shape import SplineShape, distance_changes
 from fenics_mortar.utils.arguments import check_flag, check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import EPSILON, MAX_STEPS, ROUNDING
 
 # Samples of a spline per interval; Newton's method starts from the nearest one.
 SAMPLES = 16
+# Directions from the centre of a circle to its salient points.
+AROUND = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
 
 
 class Plane(Obstacle):
@@ -100,6 +102,10 @@ class Circle(Obstacle):
         sign = self._sign
         return sign * (r - self._radius), sign * e, sign * across / r[:, None, None]
 
+    def salient_points(self) -> Array:
+        """Eight points of the circle; see ``Obstacle.salient_points``."""
+        return self.pivot + self._radius * AROUND / np.linalg.norm(AROUND, axis=1)[:, None]
+
 
 class Spline(Obstacle):
     """Cubic spline through a chain of points, with the solid on its left.
@@ -164,15 +170,19 @@ class Spline(Obstacle):
 
         Newton's method from the nearest sample, or from the foot on the line beyond an end.
         """
-        phi, normal, curvature, _ = self._seen_from_foot(x, self._feet(x))
+        phi, normal, curvature, _ = self._distance_from_foot(x, self._feet(x))
         bend = curvature / (1.0 + curvature * phi)
         tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
         return phi, normal, bend[:, None, None] * np.einsum("ia,ib->iab", tangent, tangent)
 
+    def salient_points(self) -> Array:
+        """The samples; see ``Obstacle.salient_points``."""
+        return self._points + self.pivot
+
     def local_by_shapes(self, x: Array, name: str, directions: Array) -> tuple[Array, Array]:
         """By differentiating the spline; see ``Obstacle.local_by_shapes``."""
         t = self._feet(x)
-        phi, normal, curvature, speed = self._seen_from_foot(x, t)
+        phi, normal, curvature, speed = self._distance_from_foot(x, t)
         dc, dd = SplineShape(self._chain, closed=self._closed).changes(t, directions)
         return distance_changes(normal, curvature, speed, phi, dc, dd)
 
@@ -195,7 +205,7 @@ class Spline(Obstacle):
                 break  # the error of the last step is quadratic in the step
         return t
 
-    def _seen_from_foot(self, x: Array, t: Array) -> tuple[Array, Array, Array, Array]:
+    def _distance_from_foot(self, x: Array, t: Array) -> tuple[Array, Array, Array, Array]:
         """Distance (n,), normal (n, 2), curvature (n,) and speed (n,) at the feet ``t``."""
         c, d, dd = self._jet(t)
         speed = np.linalg.norm(d, axis=1)
@@ -264,7 +274,7 @@ class Polygon(Obstacle):
         half = 1.0 + (normals * before).sum(axis=1)
         back = int(np.argmin(half))
         if half[back] <= EPSILON:
-            raise ValueError(f"two edges of the polygon overlap at {place(corners[back])}")
+            raise ValueError(f"two edges of the polygon overlap at {format_point(corners[back])}")
         inner = corners - rounding * (normals + before) / half[:, None]
         if not ((edges_of(inner) * edges).sum(axis=1) > 0.0).all():
             raise ValueError(f"rounding={rounding}: too large for the edges of the polygon")
@@ -289,11 +299,17 @@ class Polygon(Obstacle):
         across = np.eye(2) - np.einsum("ia,ib->iab", gradient, gradient)
         return phi, gradient, np.where(round_[:, None, None], across / size[:, :, None], 0.0)
 
+    def salient_points(self) -> Array:
+        """The tips of the rounded corners; see ``Obstacle.salient_points``."""
+        towards = self._normals + np.roll(self._normals, 1, axis=0)
+        size = np.linalg.norm(towards, axis=1)[:, None]
+        return self._corners + self._radius * towards / size
+
     def _is_inside(self, x: Array) -> npt.NDArray[np.bool_]:
         """Whether a ray from each point intersects the inner polygon an odd number of times."""
         start = self._corners - x[:, None]
         end = np.roll(start, -1, axis=1)
         meets = (start[..., 1] > 0.0) != (end[..., 1] > 0.0)
-        turn = start[..., 0] * end[..., 1] - start[..., 1] * end[..., 0]
-        ahead = (turn > 0.0) == (end[..., 1] > start[..., 1])
+        cross = start[..., 0] * end[..., 1] - start[..., 1] * end[..., 0]
+        ahead = (cross > 0.0) == (end[..., 1] > start[..., 1])
         return (meets & ahead).sum(axis=1) % 2 == 1

@@ -17,12 +17,13 @@ ADDED = 0.1
 
 
 class Energies(NamedTuple):
-    """Energies and momentum of a state.
+    """Energies and momentum of a state (local).
 
     Attributes:
         kinetic: Kinetic energy [stress length^2].
         strain: Strain energy, nan without the argument ``energy`` [stress length^2].
-        momentum: Linear momentum and angular momentum about the origin, shape (3,).
+        momentum: Linear momentum [stress length time] and angular momentum about the origin
+            [stress length^2 time], shape (3,).
     """
 
     kinetic: float
@@ -96,16 +97,16 @@ class DynamicsReport(Markdown):
         if self.friction_work > 0.0:
             del added["friction"]
         shares = {name: energy / kinetic if kinetic else 0.0 for name, energy in added.items()}
-        told = [
+        messages = [
             f"{name} {'added' if share > 0 else 'took'} {abs(share):.2g}"
             for name, share in shares.items()
             if abs(share) > ADDED
         ]
-        if not told:
+        if not messages:
             return ""
         return (
-            f"{' and '.join(told)} of the largest kinetic energy, an error of the time steps: take "
-            "scheme='conserving', smaller steps, or a smaller rho_inf"
+            f"{' and '.join(messages)} of the largest kinetic energy, an error of the time steps: "
+            "take scheme='conserving', smaller steps, or a smaller rho_inf"
         )
 
     @property

@@ -2,8 +2,7 @@
 """Controls of contact: parameters of laws, offsets, obstacles, nodal positions.
 
 A control computes the derivative of the residuals of one step, with the rows and units of
-``equations.linearized``, at the present state: at fixed displacement, multipliers, active sets, and
-state before.
+``equations.linearized``, at fixed displacement, multipliers, active sets, and state before.
 """
 
 from __future__ import annotations
@@ -18,24 +17,24 @@ from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.state import State
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.history import History, has_history
+from fenics_mortar.sensitivity.history import StepHistory, has_history
 from fenics_mortar.sensitivity.pair_vectors import (
+    OfPair,
     check_exact,
-    check_pair,
     contact_of,
     from_rows,
     rows_at,
-    zeros,
+    zero_vector,
 )
 from fenics_mortar.sensitivity.partials.gap import offset_by_rows, rows_by_offset
 from fenics_mortar.sensitivity.partials.law import parameter, parameter_by_rows, rows_by_parameter
 from fenics_mortar.sensitivity.partials.shape import rows_by_shape, shape_by_rows
-from fenics_mortar.utils.arguments import check_choice, check_kind
+from fenics_mortar.utils.arguments import check_choice, check_kind, check_lengths
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
-# The state at the start of the step, or its ``History``, to avoid a second evaluation.
-Before = State | History | None
+# The state at the start of the step, or its ``StepHistory``, to avoid a second evaluation.
+Before = State | StepHistory | None
 
 
 class Control(Protocol):
@@ -43,8 +42,8 @@ class Control(Protocol):
 
     Methods take a ``problem`` at the end of a step, evaluated with ``EXACT``, and the state
     ``before``, at the start of the step, which is needed if slip depends on the control through
-    this state: a ``State``, or its ``History``. Values are replicated arrays of any shape, or those
-    of the owned dofs of a function if an attribute ``is_distributed`` is true.
+    this state: a ``State``, or its ``StepHistory``. Values are replicated arrays of any shape, or
+    those of the owned dofs of a function if an attribute ``is_distributed`` is true.
 
     Attributes:
         name: Name for messages.
@@ -56,36 +55,33 @@ class Control(Protocol):
         """Present values (local), of shape () for a single number [their unit]."""
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """Set the ``values``, of the shape of ``get``, equal on all ranks (local)."""
+        """Set the ``values``, of the shape of ``get`` [their unit], equal on all ranks (local).
+
+        Raises:
+            TypeError: If the control cannot be set.
+            ValueError: If a value is not allowed.
+        """
         raise TypeError(f"{self.name} cannot be set")
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """Change of the residuals along ``dm``, of the shape of the values (collective)."""
+        """Change of the residuals along ``dm``, of the values' shape [their unit] (collective).
+
+        Raises:
+            MortarError: On all ranks, if the derivative is not available.
+        """
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
         """Gradient of the scalar product of residuals and ``y`` (collective).
 
         Equal on all ranks, of the shape of the values [units of the product over theirs].
+
+        Raises:
+            MortarError: On all ranks, if the derivative is not available.
         """
 
 
-class _OfPair(Control):
-    """Values of a pair.
-
-    Args:
-        pair: Number of the pair.
-    """
-
-    def __init__(self, pair: int) -> None:
-        self.pair = pair
-
-    def check(self) -> None:
-        """Reject a value that is not the number of a pair, see ``check_pair`` (local)."""
-        check_pair(self.pair)
-
-
-class LawParameter(_OfPair):
-    """A parameter of the law of a pair, see ``Law.parameters``.
+class LawParameter(OfPair, Control):
+    """A parameter of the law of a pair, see ``Law.parameters``; the constructor is local.
 
     The values of a parameter that varies in space, see ``Law.fields``, are those at the slave nodes
     at the last solve; ``set`` replaces a function by such values.
@@ -124,8 +120,8 @@ class LawParameter(_OfPair):
         return parameter_by_rows(contact, self.parameter, rows_at(y, self.pair, contact))
 
 
-class Offset(_OfPair):
-    """The nodal offsets of a pair, see ``PairView.offset``.
+class Offset(OfPair, Control):
+    """The nodal offsets of a pair, see ``PairView.offset``; the constructor is local.
 
     Args:
         pair: Number of the pair.
@@ -141,7 +137,8 @@ class Offset(_OfPair):
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """See ``Control``."""
-        contact_of(problem.equations, self.pair).offset = values
+        contact = contact_of(problem.equations, self.pair)
+        contact.change(offset=check_lengths("offset", values, contact.slave.num_nodes))
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""
@@ -156,8 +153,10 @@ class Offset(_OfPair):
         return offset_by_rows(contact, rows_at(y, self.pair, contact))
 
 
-class Interference(_OfPair):
+class Interference(OfPair, Control):
     """Mean offset of a pair; a change shifts the offsets of all nodes equally.
+
+    The constructor is local.
 
     Args:
         pair: Number of the pair.
@@ -201,7 +200,11 @@ class _OfObstacle(Control):
         self.name = f"{self.quantity} of '{getattr(obstacle, 'name', obstacle)}'"
 
     def check(self) -> None:
-        """Reject a value that is not an obstacle (local)."""
+        """Reject a value that is not an obstacle (local).
+
+        Raises:
+            ValueError: If it is not.
+        """
         check_kind("obstacle", self.obstacle, Obstacle, "an obstacle of the problem")
 
     def _number(self, problem: ContactProblem) -> int:
@@ -215,7 +218,7 @@ class _OfObstacle(Control):
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""
-        change = zeros(problem.equations)
+        change = zero_vector(problem.equations)
         assert change.q is not None
         change.q[self._number(problem)] = np.where(self._mine(problem), -np.asarray(dm), 0.0)
         return change
@@ -228,9 +231,12 @@ class _OfObstacle(Control):
 
 
 class ObstaclePlace(_OfObstacle):
-    """Prescribed position (x, y, angle) of an obstacle in this step [length, length, radian].
+    """Prescribed place (x, y, angle) of an obstacle in this step [length, length, radian].
 
     Values of driven motions have no effect.
+
+    Attributes:
+        quantity: Name of the values.
     """
 
     quantity = "place"
@@ -251,6 +257,9 @@ class ObstacleLoad(_OfObstacle):
     """Forces and moment that drive an obstacle [stress length, stress length, stress length^2].
 
     Values of prescribed motions have no effect.
+
+    Attributes:
+        quantity: Name of the values.
     """
 
     quantity = "load"
@@ -268,7 +277,7 @@ class ObstacleLoad(_OfObstacle):
 
 
 class ObstacleShape(Control):
-    """A parameter of the shape of an obstacle, see ``Obstacle.shape``.
+    """A parameter of the shape of an obstacle, see ``Obstacle.shape``; the constructor is local.
 
     Args:
         obstacle: The obstacle.
@@ -280,7 +289,11 @@ class ObstacleShape(Control):
         self.name = f"{name} of '{getattr(obstacle, 'name', obstacle)}'"
 
     def check(self) -> None:
-        """Reject a value that is not an obstacle with this parameter (local)."""
+        """Reject a value that is not an obstacle with this parameter (local).
+
+        Raises:
+            ValueError: If it is not.
+        """
         check_kind("obstacle", self.obstacle, Obstacle, "an obstacle of the problem")
         check_choice("shape parameter", self.parameter, self.obstacle.shape())
 
@@ -319,14 +332,14 @@ class ObstacleShape(Control):
         return gradient
 
 
-def history_of(problem: ContactProblem, before: Before) -> History | None:
-    """The ``History`` of a state before (collective).
+def history_of(problem: ContactProblem, before: Before) -> StepHistory | None:
+    """The ``StepHistory`` of a state before (collective).
 
     Raises:
         MortarError: If there is friction and no state is given.
     """
     if isinstance(before, State):
-        return History(problem, before)
+        return StepHistory(problem, before)
     if before is None:
         for contact in problem.equations.contacts:
             if has_history(contact):

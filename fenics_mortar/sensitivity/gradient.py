@@ -27,7 +27,7 @@ from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.controls import Before
 from fenics_mortar.sensitivity.forms import put_owned
-from fenics_mortar.sensitivity.history import History
+from fenics_mortar.sensitivity.history import StepHistory
 from fenics_mortar.sensitivity.kinks import Kink, find_kinks, nearest
 from fenics_mortar.sensitivity.linear_vectors import Term, combine
 from fenics_mortar.sensitivity.linearization import linearize
@@ -49,7 +49,7 @@ from fenics_mortar.utils.errors import together
 
 @dataclass(frozen=True)
 class Gradient:
-    """Derivatives of an objective with respect to controls.
+    """Derivatives of an objective with respect to controls; all methods are local.
 
     ``gradient[control]`` is the derivative with respect to a control: an array of the shape of a
     constant, the derivatives with respect to all nodal values of a function as a function of its
@@ -57,12 +57,13 @@ class Gradient:
     controls of contact.
 
     Attributes:
-        value: The objective.
-        values: Values of the quantities, shape (steps, quantities); nan in steps that the objective
-            does not depend on.
+        value: The objective [its unit].
+        values: Values of the quantities, shape (steps, quantities) [their units]; nan in steps that
+            the objective does not depend on.
         controls: The controls as given.
-        by_step: Contributions of the steps: for each control a list of arrays, the derivatives with
-            respect to the value in this step alone. Their sum is the derivative with respect to a
+        by_step: Contributions of the steps: for each control a list of arrays of the shape of its
+            values, the derivatives with respect to the value in this step alone [objective / unit
+            of the control]. Their sum is the derivative with respect to a
             value of all steps. Functions: values of the owned dofs.
         kinks: Undecided nodes and the nodes closest to a change of set; see ``kinks``.
     """
@@ -217,4 +218,4 @@ def _carried(
         by_before = quantity.by_before(problem, before)
         if by_before is not None:
             terms.append((weight, by_before))
-    return [*terms, (-1.0, before.vjp(y))] if isinstance(before, History) else terms
+    return [*terms, (-1.0, before.vjp(y))] if isinstance(before, StepHistory) else terms

@@ -36,14 +36,14 @@ Change = Literal["opens", "closes", "slides", "sticks", "cover"]
 
 @dataclass(frozen=True)
 class Kink:
-    """The node of a pair and step closest to a change of a set.
+    """The node of a pair and step closest to a change of a set; local.
 
     Attributes:
         distance: Distance from the change [1], see ``kinks``.
         step: Number of the step.
         pair: Number of the pair.
         node: Number of the slave node along the surface.
-        place: Reference position of the node, shape (2,) [length].
+        X: Reference position of the node, shape (2,) [length].
         change: The change.
     """
 
@@ -51,7 +51,7 @@ class Kink:
     step: int
     pair: int
     node: int
-    place: tuple[float, float]
+    X: tuple[float, float]
     change: Change
 
     @property
@@ -61,7 +61,7 @@ class Kink:
 
     def __str__(self) -> str:
         """Node, change and distance as text."""
-        x, y = self.place
+        x, y = self.X
         return (
             f"step {self.step}, pair {self.pair}: node {self.node} at ({x:.4g}, {y:.4g}) "
             f"{self.change} at a distance of {self.distance:.1e}"

@@ -7,7 +7,7 @@ choice            derivative
 nodal offsets     of each slave node; faceting changes gaps by such offsets, see ``faceting``
 c_n               weight of the gap in the active-set test: zero
 stiffness         weight k of the rows of contact: zero but for redundant sticks, which are elastic
-residual          what Newton's method left of it: the error of the objective by stopping there
+residual          effect of the remaining residual of Newton's method on the objective
 ================  =================================================================================
 """
 
@@ -27,13 +27,13 @@ from fenics_mortar.sensitivity.numeric_controls import NumericWeight, RemainingR
 from fenics_mortar.sensitivity.over_steps import OverSteps, last
 from fenics_mortar.sensitivity.path_record import RecordedPath
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.markdown import Markdown
 
 
 @dataclass(frozen=True)
 class PairNumerics:
-    """Derivatives of an objective with respect to the numerical choices of one pair.
+    """Derivatives of an objective with respect to the numerical choices of one pair; local.
 
     Attributes:
         pair: Number of the pair.
@@ -60,7 +60,7 @@ class PairNumerics:
     def rows(self) -> list[tuple[str, str, str]]:
         """Rows of the table: choice, derivative, effect."""
         j = int(np.abs(self.by_offset).argmax())
-        at, height = place(self.X[j]), np.abs(self.faceting).max()
+        at, height = format_point(self.X[j]), np.abs(self.faceting).max()
         return [
             (f"pair {self.pair}: offset of all nodes", f"{self.by_offset.sum():.3g}", ""),
             (f"pair {self.pair}: offset of node {j} at {at}", f"{self.by_offset[j]:.3g}", ""),
@@ -75,7 +75,7 @@ class NumericsReport(Markdown):
     """Derivatives with respect to numerical choices; prints as a Markdown table.
 
     Attributes:
-        value: The objective.
+        value: The objective [its unit].
         pairs: Derivatives with respect to the choices of each contact; ties have none.
         residual: Error of the objective due to the remaining residual of Newton's method
             [objective], to first order.
@@ -135,6 +135,8 @@ def by_numerics(
 
 class Numerics:
     """Argument of a solve: ``report.sensitivity`` then has derivatives, see ``by_numerics``.
+
+    The constructor is local.
 
     Args:
         objective: See ``gradient``.

@@ -19,7 +19,7 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
 
-def zeros(equations: ContactEquations) -> LinearVector:
+def zero_vector(equations: ContactEquations) -> LinearVector:
     """The zero vector (local)."""
     z = [np.zeros_like(contact.z) for contact in equations.contacts]
     q = np.zeros(equations.motions.scales.shape)
@@ -27,7 +27,7 @@ def zeros(equations: ContactEquations) -> LinearVector:
 
 
 def scales_of(equations: ContactEquations, contact: Any) -> tuple[int, Array]:
-    """Number of the obstacle of a pair, and its motions per (x, y, angle), shape (3,) (local)."""
+    """Number of a pair's obstacle; motions per (x, y, angle), (3,) [1, 1, length] (local)."""
     number = equations.motions.obstacles.index(contact.obstacle)
     return number, equations.motions.scales[number]
 
@@ -46,7 +46,7 @@ def at_pair(equations: ContactEquations, i: int, x: LinearVector) -> PairVector:
 
 
 def add_pair(equations: ContactEquations, i: int, x: LinearVector, pair: PairVector) -> None:
-    """Add values at pair ``i`` to a vector made by ``zeros``: transpose of ``at_pair`` (local)."""
+    """Add values at pair ``i`` to a vector of ``zero_vector``: transpose of ``at_pair`` (local)."""
     contact = equations.contacts[i]
     u, z, q = x.u, x.z, x.q
     assert u is not None and z is not None and q is not None
@@ -60,25 +60,35 @@ def add_pair(equations: ContactEquations, i: int, x: LinearVector, pair: PairVec
 
 def from_rows(equations: ContactEquations, rows: dict[int, Array]) -> LinearVector:
     """Residuals with given rows of multipliers, (slave nodes, 2) by number of the pair (local)."""
-    none = zeros(equations)
+    none = zero_vector(equations)
     z = [rows.get(i, np.zeros_like(contact.z)) for i, contact in enumerate(equations.contacts)]
     return LinearVector(none.u, z, none.q)
 
 
 def rows_at(x: LinearVector, i: int, contact: Any) -> Array:
-    """Rows of the multipliers of pair ``i``, shape (slave nodes, 2) (local)."""
+    """Rows of the multipliers of pair ``i``, (slave nodes, 2) [unit of x.z] (local)."""
     z: Sequence[Array] | None = x.z
     return np.zeros_like(contact.z) if z is None else z[i]
 
 
-def check_pair(pair: Any) -> int:
-    """Check the number of a pair and return it (local).
+class OfPair:
+    """Part of controls and quantities of one pair.
 
-    Raises:
-        ValueError: If it is not a number of a pair.
+    Args:
+        pair: Number of the pair.
     """
-    check_number("pair", pair, "the number of a pair, from 0 on", lambda i: i >= 0, whole=True)
-    return int(pair)
+
+    def __init__(self, pair: int) -> None:
+        self.pair = pair
+
+    def check(self) -> None:
+        """Check the number of the pair, in a call made on all ranks (local).
+
+        Raises:
+            ValueError: If it is not a number of a pair.
+        """
+        expected = "the number of a pair, from 0 on"
+        check_number("pair", self.pair, expected, lambda i: i >= 0, whole=True)
 
 
 def interface_of(equations: ContactEquations, i: int) -> Interface:

@@ -29,7 +29,12 @@ class SurfaceError(MortarError):
 
 
 class NotConvergedError(MortarError):
-    """A solve or path did not converge; ``report`` is its record so far."""
+    """A solve or path did not converge; ``report`` is its record so far (local).
+
+    Args:
+        message: Message of the error.
+        report: Record of the solve or path.
+    """
 
     def __init__(self, message: str, report: Any) -> None:
         super().__init__(message)
@@ -98,8 +103,8 @@ def leave_together(comm: MPI.Comm, what: str, error: Exception | None) -> None:
             ``RaisedElsewhereError`` whose message has rank and error.
     """
     ours = isinstance(error, MortarError) and not isinstance(error, NotConvergedError)
-    words = f"{what} raised on rank {comm.rank}: {type(error).__name__}: {error}"
-    shared = error if ours or error is None else RaisedElsewhereError(words)
+    message = f"{what} raised on rank {comm.rank}: {type(error).__name__}: {error}"
+    shared = error if ours or error is None else RaisedElsewhereError(message)
     everywhere = [other for other in comm.allgather(shared) if other is not None]
     if error is not None and not ours:
         raise error
@@ -159,7 +164,7 @@ def check_same(comm: MPI.Comm, values: Iterable[tuple[str, npt.ArrayLike]]) -> N
     raise_together(comm, error)
 
 
-def check_same_words(comm: MPI.Comm, what: str, values: Mapping[str, Any]) -> None:
+def check_same_texts(comm: MPI.Comm, what: str, values: Mapping[str, Any]) -> None:
     """Reject options of any type that are not equal on all ranks (collective).
 
     Args:
@@ -200,13 +205,13 @@ def as_text(value: Any) -> str:
     return f"{type(value).__name__}({numbers})"
 
 
-def place(x: npt.NDArray[np.float64] | tuple[float, ...]) -> str:
+def format_point(x: npt.NDArray[np.float64] | tuple[float, ...]) -> str:
     """Format a position (2,) [length] for messages (local)."""
     return f"({x[0]:.4g}, {x[1]:.4g})"
 
 
-def count_places(comm: MPI.Comm, places: npt.NDArray[np.float64]) -> tuple[int, str]:
+def count_points(comm: MPI.Comm, points: npt.NDArray[np.float64]) -> tuple[int, str]:
     """Count the positions (n, 2) of all ranks, and format the smallest one (collective)."""
-    mine = [tuple(map(float, x)) for x in places]
+    mine = [tuple(map(float, x)) for x in points]
     everything = [x for lowest in comm.allgather(sorted(mine)[:1]) for x in lowest]
-    return comm.allreduce(len(mine)), place(min(everything)) if everything else "nowhere"
+    return comm.allreduce(len(mine)), format_point(min(everything)) if everything else "nowhere"

@@ -26,7 +26,7 @@ def near_pairs(start: Array, end: Array) -> Pairs:
     return pairs[np.lexsort(pairs.T[::-1])].astype(np.int64)
 
 
-def cross(
+def lines_cross(
     start: Array, end: Array, pairs: Pairs, tolerance: float = 0.0, *, touching: bool = False
 ) -> npt.NDArray[np.bool_]:
     """Whether the lines of each pair cross, shape (k,) (local).
@@ -41,17 +41,17 @@ def cross(
     (a, b), (c, d) = ((start[pairs[:, i]], end[pairs[:, i]]) for i in range(2))
     first, second = b - a, d - c
     scale = tolerance * np.maximum((first**2).sum(axis=1), (second**2).sum(axis=1))
-    sides = np.stack([_turn(first, c - a), _turn(first, d - a)])
-    others = np.stack([_turn(second, a - c), _turn(second, b - c)])
+    sides = np.stack([_cross_product(first, c - a), _cross_product(first, d - a)])
+    others = np.stack([_cross_product(second, a - c), _cross_product(second, b - c)])
     if not touching:
         return ((sides.min(axis=0) < -scale) & (sides.max(axis=0) > scale)) & (
             (others.min(axis=0) < -scale) & (others.max(axis=0) > scale)
         )
-    apart = (np.sign(sides).prod(axis=0) > 0.0) | (np.sign(others).prod(axis=0) > 0.0)
+    separate = (np.sign(sides).prod(axis=0) > 0.0) | (np.sign(others).prod(axis=0) > 0.0)
     boxes = (np.maximum(a, b) >= np.minimum(c, d)) & (np.minimum(a, b) <= np.maximum(c, d))
-    return ~apart & boxes.all(axis=1)
+    return ~separate & boxes.all(axis=1)
 
 
-def _turn(a: Array, b: Array) -> Array:
+def _cross_product(a: Array, b: Array) -> Array:
     """Cross product of vectors (n, 2), shape (n,)."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

@@ -13,7 +13,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Indices
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.limits import LIMITS
 
@@ -27,7 +27,7 @@ def between_nodes(contact: Contact) -> dict[str, Any]:
     smallest, where = np.inf, ""
     if gaps.size:
         deepest = gaps.min(axis=1).argmin()
-        smallest, where = float(gaps[deepest].min()), place(ends[deepest].mean(axis=0))
+        smallest, where = float(gaps[deepest].min()), format_point(ends[deepest].mean(axis=0))
     smallest, where = min(contact.slave.comm.allgather((smallest, where)))
     return {
         "penetration": max(-smallest, 0.0),
@@ -38,11 +38,11 @@ def between_nodes(contact: Contact) -> dict[str, Any]:
 
 def paired_nodes(contact: Contact | Tie) -> Indices:
     """Global numbers of the nodes of both surfaces that have a partner, (n,) (collective)."""
-    seen = np.zeros(contact.master.num_nodes, bool)
-    seen[contact.intersections().master.ravel()] = True
-    contact.slave.comm.Allreduce(MPI.IN_PLACE, seen, MPI.LOR)
+    paired = np.zeros(contact.master.num_nodes, bool)
+    paired[contact.intersections().master.ravel()] = True
+    contact.slave.comm.Allreduce(MPI.IN_PLACE, paired, MPI.LOR)
     return np.concatenate(
-        [contact.slave.nodes[contact.now.has_partner], contact.master.nodes[seen]]
+        [contact.slave.nodes[contact.now.has_partner], contact.master.nodes[paired]]
     )
 
 

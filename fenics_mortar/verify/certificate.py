@@ -18,10 +18,10 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_stored
-from fenics_mortar.contact.messages import describe_reach
+from fenics_mortar.contact.messages import describe_search_radius
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.markdown import Markdown
 from fenics_mortar.verify.balance import action_and_reaction, balance_of_bodies
 from fenics_mortar.verify.between_nodes import between_nodes, count_unpaired, paired_nodes
@@ -40,13 +40,13 @@ class Certificate(Markdown):
     Attributes:
         pairs: One certificate per pair.
         balance: Largest sum of reactions, loads and contact forces of a body or obstacle, over the
-            sum of the norms of all forces.
+            sum of the norms of all forces [1].
         inverted: Number of inverted cells.
-        springs: Largest sum of the forces of springs on a body over the contact force on it; zero
-            unless the report of the solve records springs.
+        springs: Largest sum of the forces of springs on a body over the contact force on it [1];
+            zero unless the report of the solve records springs.
         drift: From the report of a solve: sliding distance of an obstacle driven by forces over its
-            contact width, common to all its nodes and beyond the prescribed motion. The state is in
-            equilibrium, but may not be reached by a path of equilibria.
+            contact width [1], common to all its nodes and beyond the prescribed motion. The state
+            is in equilibrium, but may not be reached by a path of equilibria.
         crossings: Crossings of outlines.
         passages: Bodies that passed through each other during the step, as messages.
         tipping: Bodies that pressures on the covered surfaces cannot balance, as messages.
@@ -72,7 +72,7 @@ class Certificate(Markdown):
         Args:
             tolerance: Limit for quantities that vanish in a solution of the equations [1].
             penetration: Limit for penetration, distance and crossings [facet lengths].
-            springs: Limit for the force of springs over the contact force, see ``proximal``.
+            springs: Limit for the force of springs over the contact force [1], see ``proximal``.
         """
         found = [v for pair in self.pairs for v in pair.violations(tolerance, penetration)]
         if not self.balance <= tolerance:
@@ -97,7 +97,10 @@ class Certificate(Markdown):
         crossings = [c for c in self.crossings if c.facets > LIMITS.coarse_penetration]
         return [
             *(remark for pair in self.pairs for remark in pair.remarks()),
-            *(f"{crossing}: finer facets, or a pair of these surfaces" for crossing in crossings),
+            *(
+                f"{crossing}: smaller steps, finer facets, or a pair of these surfaces"
+                for crossing in crossings
+            ),
         ]
 
     def __str__(self) -> str:
@@ -145,8 +148,8 @@ def _certify_pair(
     """Measure one pair; ``paired``: global numbers of the nodes with a partner in any pair."""
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
     limit = contact.now.friction_limit(pressure)
-    bears = contact.acts if contact.pair.law.bridges_gap else contact.active
-    limit = np.where(bears, limit, 0.0)
+    may_transfer = contact.acts if contact.pair.law.bridges_gap else contact.active
+    limit = np.where(may_transfer, limit, 0.0)
     excess, tension = np.abs(contact.z_tau) - limit, contact.now.tension
     smallest = LIMITS.min_pressure * float(contact.modulus.max())
     largest = max(float(np.abs(pressure).max()), smallest)
@@ -157,9 +160,9 @@ def _certify_pair(
         tension=max(float(tension.max()), 0.0) / largest,
         shear=max(float(excess.max()), 0.0) / max(largest, float(limit.max())),
         overlap=max(-float(gap.min()), 0.0),
-        overlap_at=f"at {place(contact.operators.x[gap.argmin()])}, in facets; partners are "
-        f"searched {describe_reach(contact)}",
-        reach=describe_reach(contact),
+        overlap_at=f"at {format_point(contact.operators.x[gap.argmin()])}, in facets; partners are "
+        f"searched {describe_search_radius(contact)}",
+        search_radius=describe_search_radius(contact),
         complementarity=float(np.abs(tension * gap).max()) / largest,
         **between_nodes(contact),
         **oblique_forces(contact, pressure),
@@ -167,8 +170,8 @@ def _certify_pair(
         **end_pressure(contact, pressure),
         **beyond_cover(contact, runs_of(contact)),
         redundant=int(contact.redundant.sum()),
-        redundant_at=place(contact.operators.x[contact.redundant.argmax()]),
-        undecided_at=" and ".join(map(place, contact.operators.x[contact.undecided])),
+        redundant_at=format_point(contact.operators.x[contact.redundant.argmax()]),
+        undecided_at=" and ".join(map(format_point, contact.operators.x[contact.undecided])),
         gradient=gradient,
         gradient_at=gradient_at,
         unpaired=count_unpaired(bulk, contact, labels, paired),

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""All scenes of ``supported.py`` solved by the present code, and compared with limit analysis."""
+"""All scenes of ``supported.py`` solved by the present code, and compared with limit analysis.
+
+``/usr/bin/python3 tests/program.py supported_table [begin of names]``.
+"""
 
 from __future__ import annotations
 
@@ -90,7 +93,7 @@ def trial(build: Callable[..., Assembly], options: dict[str, Any]) -> dict[str, 
     row["scene"] = scene.name
     good = True
     for step, loads in enumerate(scene.path):
-        said, allowed = limit(scene, step)
+        expected, allowed = limit(scene, step)
         scene.set(**loads)
         outcome, ended = "", ""
         try:
@@ -116,7 +119,7 @@ def trial(build: Callable[..., Assembly], options: dict[str, Any]) -> dict[str, 
             right = ended in {"stays": {"stays"}, "moves": {"at its stop"}}.get(allowed, {ended})
         good &= right
         row["steps"].append(
-            f"{said} | {outcome.replace('|', '/')} | {'right' if right else 'WRONG'}"
+            f"{expected} | {outcome.replace('|', '/')} | {'right' if right else 'WRONG'}"
         )
         if ended != "stays":
             break
@@ -161,3 +164,7 @@ def main() -> None:
         for number, step in enumerate(row["steps"], start=1):
             print(f"| {row['scene']} | {number} | {step} |", flush=True)
     print(f"\n{right} of {count} scenes right, {time.perf_counter() - begin:.0f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Table of bodies that touch themselves or each other, with friction; half a minute, in serial.
 
-From the folders of ``tests``: ``python3 -c "import self_contact_table as t; t.main()"``.
+``/usr/bin/python3 tests/program.py self_contact_table``.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ Moved = tuple[Driven, Any]
 
 
 def moved(scene: Driven, steps: int, **ends: tuple[float, float]) -> Moved:
-    """The scene with its parts moved to new places, and the path."""
+    """The scene with its parts moved to new positions, and the path."""
     return scene, scene.move(steps, **{name: np.array(end) for name, end in ends.items()})
 
 

@@ -10,7 +10,7 @@ from scenes import internal, linear_elastic, neo_hookean, nodal, pressed_blocks
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact import integration
+from fenics_mortar.contact import operator_evaluation
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
@@ -27,7 +27,7 @@ def small_blocks(**options):
     return pressed_blocks(**{"material": linear_elastic, "pair": pair, **MESH, **options})
 
 
-def test_one_factorization_and_the_general_paths_agree():
+def test_single_factorization_agrees_with_the_general_equations():
     """Alg. 1, Alg. 2 and the complementarity problem of the pressures have equal results."""
     choices = ({}, *({"linear_bulk": False, "algorithm": a} for a in ("condensed", "saddle")))
     scenes = [small_blocks(problem=choice) for choice in choices]
@@ -50,8 +50,10 @@ def test_one_factorization_and_the_general_paths_agree():
 @pytest.mark.parametrize("material", [linear_elastic, neo_hookean])
 def test_operators_are_evaluated_once(material, monkeypatch):
     calls = []
-    evaluate = integration.evaluate_mortar
-    monkeypatch.setattr(integration, "evaluate_mortar", lambda *a: calls.append(1) or evaluate(*a))
+    evaluate = operator_evaluation.evaluate_mortar
+    monkeypatch.setattr(
+        operator_evaluation, "evaluate_mortar", lambda *a: calls.append(1) or evaluate(*a)
+    )
     scene = small_blocks(material=material)
     for step in PATH:
         scene.loads["push"].value[:] = step
@@ -77,7 +79,7 @@ def test_converges_quadratically_with_a_bulk_of_finite_strain():
     assert all(slope > 1.95 for slope in slopes.values()), slopes
 
 
-def test_law_is_symmetric_and_conserves():
+def test_contact_law_is_symmetric_and_conservative():
     """The gap's derivative is minus the force of a unit pressure; slave and master balance."""
     scene = small_blocks()
     scene.loads["push"].value[:] = PATH[1]
@@ -154,6 +156,6 @@ def test_friction_on_undeformed_operators():
     assert np.abs(shear).max() > 0.01 * np.abs(scenes[0].contact.total_force).max()
 
 
-def test_word_is_checked():
+def test_option_is_checked():
     with pytest.raises(ValueError, match="sliding='none': expected one of finite, small"):
         small_blocks(pair={"sliding": "none"})

@@ -12,9 +12,9 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 from scenes import linear_elastic, neo_hookean, nodal, pressed_blocks
-from test_climbing import climbing
 from test_driven import block_under
 from test_floating import falling_disk
+from test_model_hierarchy import hierarchy_path
 
 import fenics_mortar as fm
 from fenics_mortar.equations.undo import as_interruption
@@ -188,12 +188,12 @@ def test_a_path_may_be_interrupted_anywhere():
 @pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize("check", [{"tolerance": 0.05}, {"tolerance": 0.02, "friction": 0.3}])
-def test_a_climb_may_be_interrupted_anywhere(check):
-    problem, push, _ = climbing(**check)
+def test_a_model_hierarchy_may_be_interrupted_anywhere(check):
+    problem, push, _ = hierarchy_path(**check)
     push[1] = -0.02
     problem.solve()
     push[:] = (0.02, -0.03)
-    start = problem.adequacy.remember()
+    start = problem.adequacy.snapshot()
     interrupt_at_random(problem, lambda: (start(), problem.solve()), seed=1, times=6)
 
 
@@ -239,7 +239,7 @@ def test_a_second_interruption_while_matrices_are_created_again_is_harmless(monk
 
 
 @pytest.mark.parametrize("chain", [1, 2])
-def test_an_interruption_in_compiled_code_is_one(chain, monkeypatch):
+def test_interruption_in_compiled_code_is_recognized(chain, monkeypatch):
     """Numba raises a SystemError that has the interruption as its cause."""
     scene = pressed_blocks(**MESH)
     scene.loads["push"].value[1] = -0.01
@@ -263,6 +263,6 @@ def test_an_interruption_in_compiled_code_is_one(chain, monkeypatch):
     assert scene.problem.solve().converged
 
 
-def test_other_errors_of_the_system_are_left_as_they_are():
+def test_other_system_errors_are_unchanged():
     error = SystemError("mine")
     assert as_interruption(error) is error

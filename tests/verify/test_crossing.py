@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from crossing_scenes import DX, is_silent, problem_of, told
+from crossing_scenes import DX, is_silent, messages_with, problem_of
 from scenes import nodal, pair_options, read, rectangles
 
 import ufl
@@ -38,20 +38,22 @@ def c_ring(push, *, degree=1, cell="quadrilateral", comm=MPI.COMM_WORLD):
 
 @pytest.mark.once
 @pytest.mark.parametrize(("degree", "cell"), [(1, "quadrilateral"), (2, "triangle")])
-def test_ends_of_a_ring_that_went_past_each_other_are_told(degree, cell):
+def test_crossed_ends_of_a_ring_are_reported(degree, cell):
     _, problem = c_ring(1.0, degree=degree, cell=cell)
     report = problem.solve(accept_violations=True)
     assert np.abs(problem.equations.contacts[0].total_force).max() == 0.0  # no contact was detected
     (crossing,) = report.certificate.crossings
     assert crossing.facets > 3.0 and crossing.depth > 0.5
-    assert told(report, "body 'ring' crosses itself at (") and told(report, "deep (")
-    assert told(report, "went through body 'ring'")
+    assert messages_with(report, "body 'ring' crosses itself at (") and messages_with(
+        report, "deep ("
+    )
+    assert messages_with(report, "went through body 'ring'")
     assert any("VIOLATED: body 'ring' crosses itself" in note for note in report.notes)
     assert problem.certificate().crossings == report.certificate.crossings
     assert not problem.certificate().passages  # passages belong to a solve, not to a state
 
 
-def test_result_is_that_of_one_rank():
+def test_result_is_independent_of_the_number_of_ranks():
     """Outlines, their bodies and order do not depend on the partition."""
     reports, outlines = [], []
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
@@ -84,7 +86,7 @@ def test_path_of_a_ring_ends_with_its_ends_in_contact():
 
 
 @pytest.mark.once
-def test_unpaired_part_of_a_body_that_crosses_itself_is_told():
+def test_self_crossing_of_an_unpaired_outline_is_reported():
     """A U whose legs are bent through each other; paired surfaces are below."""
     arc = mapped_grids.sector(16, 2, radii=(0.4, 0.6), angles=(np.pi, 2.0 * np.pi))
     legs = [mapped_grids.block(2, 12, width=0.2, height=1.5, corner=(x, 0.0)) for x in (-0.6, 0.4)]
@@ -109,12 +111,14 @@ def test_unpaired_part_of_a_body_that_crosses_itself_is_told():
     for value, constant in zip((0.9, -0.9), apart, strict=True):
         constant.value[0] = value
     report = problem.solve(accept_violations=True)
-    assert told(report, "body 'clip' crosses itself") or told(report, "'clip/bottom'")
+    assert messages_with(report, "body 'clip' crosses itself") or messages_with(
+        report, "'clip/bottom'"
+    )
     assert report.certificate.crossings[0].facets > 0.5
 
 
 @pytest.mark.parametrize("facets, remarked, violated", [(0.1, 0, 0), (0.44, 1, 0), (0.6, 1, 1)])
-def test_shallow_crossing_is_remarked_on(facets, remarked, violated):
+def test_shallow_crossing_is_a_remark(facets, remarked, violated):
     """Like a penetration of that depth, also for surfaces in no pair."""
     crossing = Crossing(("'strip/end'", "body 'strip'"), "(0, 0)", 0.1, facets)
     certificate = Certificate([], 0.0, 0, crossings=[crossing])
@@ -141,12 +145,12 @@ def block_over_plate(thickness=0.3, size=0.15, *, height=0.4, **options):
 
 
 @pytest.mark.parametrize(("thickness", "size"), [(0.3, 0.15), (0.04, 0.2)])
-def test_block_that_jumps_through_a_plate_is_told(thickness, size):
+def test_passage_through_a_plate_is_reported(thickness, size):
     push, problem = block_over_plate(thickness, size)
     push.value[:] = 0.05, -1.5
     report = problem.solve(accept_violations=True)
     assert not report.certificate.crossings
-    violations = "; ".join(told(report, "went through body"))
+    violations = "; ".join(messages_with(report, "went through body"))
     assert "nodes of 'block/" in violations
     assert "in by 'plate/top' and out by" in violations
     (height,) = re.findall(r"nodes of 'block/[^;]* one at \([^;]*?, (.*?)\) ended", violations)
@@ -154,7 +158,7 @@ def test_block_that_jumps_through_a_plate_is_told(thickness, size):
     report = problem.solve()  # it is beyond; no further passage
     assert report.certificate.violations() == []
     push.value[:] = 0.0, 0.0
-    assert told(problem.solve(accept_violations=True), "went through body")
+    assert messages_with(problem.solve(accept_violations=True), "went through body")
 
 
 @pytest.mark.once
@@ -182,7 +186,7 @@ def test_path_that_only_leads_through_a_plate_ends_where_it_began():
     assert np.abs(nodal(problem)).max() == 0.0
 
 
-def test_falling_body_that_is_moved_through_another_is_told():
+def test_rigid_move_through_a_body_is_reported():
     """The plate is between the block and the floor that form a pair; the plate has a pair, too."""
     data = read(
         rectangles,
@@ -200,7 +204,7 @@ def test_falling_body_that_is_moved_through_another_is_told():
         fm.ContactPair(data, "plate/bottom", "floor/top", search_radius=0.1),
     ]
     report = problem_of(data, pairs, bcs, u, load).solve(accept_violations=True)
-    assert told(report, "went through body 'plate'")
+    assert messages_with(report, "went through body 'plate'")
 
 
 @pytest.mark.parametrize(
@@ -212,7 +216,7 @@ def test_falling_body_that_is_moved_through_another_is_told():
     ],
 )
 @pytest.mark.parametrize("moves", ["block", "obstacle"])
-def test_obstacle_that_is_gone_through_is_told(obstacle, moves):
+def test_passage_through_an_obstacle_is_reported(obstacle, moves):
     sheet = obstacle()
     data = read(rectangles, size=0.2, block=(-0.31, 0.1, 0.6, 0.4))
     V = fm.vector_space(data.mesh, 1)
@@ -230,12 +234,12 @@ def test_obstacle_that_is_gone_through_is_told(obstacle, moves):
     go(0.3, 0.2)
     assert is_silent(problem.solve(accept_violations=True))
     go(0.05, -2.0)
-    assert told(problem.solve(accept_violations=True), "went through obstacle 'sheet'")
+    assert messages_with(problem.solve(accept_violations=True), "went through obstacle 'sheet'")
     go(0.0, -2.5)
     assert is_silent(problem.solve(accept_violations=True))
 
 
-def test_way_out_by_the_first_of_all_facets_is_told():
+def test_exit_through_the_first_facet_is_reported():
     """Numbers of exit facets begin at 0; -1 means none."""
     _, problem = block_over_plate()
     crossings = problem.equations.crossings

@@ -31,15 +31,15 @@ def measure(refinements):
     stiff = (1.0, RATIO) if RATIO >= 1.0 else (1.0 / RATIO, 1.0)
     options = {"solver": "iterative", "algorithm": ALGORITHM}
     problem, push = half_cylinder(0.16, refinements, stiff=stiff, **options)
-    seen = []  # iteration and residual: 0, 1, 2, ... in each linear solve
+    residuals = []  # iteration and residual: 0, 1, 2, ... in each linear solve
     problem.equations.system.ksp.setMonitor(
-        lambda ksp, iteration, residual: seen.append((iteration, residual))
+        lambda ksp, iteration, residual: residuals.append((iteration, residual))
     )
     newton = 0
     for depth in DEPTHS:
         push.value[1] = -depth
         newton += problem.solve().num_iterations
-    number, residual = np.array(seen).T
+    number, residual = np.array(residuals).T
     (first,) = np.nonzero(number == 0)
     last = np.append(first[1:], number.size) - 1
     linear, digits = number[last].sum(), np.log10(residual[first] / residual[last]).sum()
@@ -47,17 +47,17 @@ def measure(refinements):
     return size_of(problem), active, newton, linear / newton, 8 * linear / digits
 
 
-def say(*cells):
+def show(*cells):
     if comm.rank == 0:
         print(f"| {' | '.join(cells)} |", flush=True)
 
 
-say("dofs", "nodes in contact", "Newton", "linear in each", "for 8 digits", "growth")
-say(*["---:"] * 6)
+show("dofs", "nodes in contact", "Newton", "linear in each", "for 8 digits", "growth")
+show(*["---:"] * 6)
 before = None
 for refinements in range(REFINEMENTS + 1):
     dofs, active, newton, mean, whole = measure(refinements)
     growth = f"{whole / before:.2f}" if before else ""
-    say(f"{dofs}", f"{active}", f"{newton}", f"{mean:.1f}", f"{whole:.1f}", growth)
+    show(f"{dofs}", f"{active}", f"{newton}", f"{mean:.1f}", f"{whole:.1f}", growth)
     before = whole
 # -

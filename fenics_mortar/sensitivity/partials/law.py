@@ -40,7 +40,9 @@ NUMBERS = ("gap", "slip", "z_n", "z_tau", "stiffness", "c_n")
 
 
 def parameter(contact: Contact, name: str) -> Array:
-    """Value of a parameter of the law, any shape; (slave nodes,) if it varies in space (local).
+    """Value of a parameter of the law, any shape [its unit] (local).
+
+    Shape (slave nodes,) if it varies in space.
 
     Raises:
         ValueError: If the law has no such parameter.
@@ -108,11 +110,11 @@ def _rows_of(
 ) -> Array:
     """Change of the rows with ``residuals`` of a changed value (collective)."""
     law, f = contact.pair.law, contact.now
-    words = f"the derivative of {law!r} by '{name}'"
+    what = f"the derivative of {law!r} by '{name}'"
     stress, gap = np.abs(f.state.z).max(initial=0.0), np.abs(f.mean_gap).max(initial=0.0)
     changes = call_together(
         contact.slave.comm,
-        words,
+        what,
         lambda: differentiate(
             f"{law!r}: the complex step by '{name}'", value, direction, residuals,
             (stress, stress, gap),
@@ -159,7 +161,10 @@ def rows_by_weight(contact: Contact, name: str) -> Array:
 
 
 def parameter_by_rows(contact: Contact, name: str, rows: Array) -> Array:
-    """Gradient of the sum of the rows times ``rows``, shape of the parameter (collective)."""
+    """Gradient of the sum of the rows times ``rows``, of the parameter's shape (collective).
+
+    In the unit of ``rows`` times [stress length] over that of the parameter.
+    """
     value = parameter(contact, name)
     if name in contact.pair.law.varying:  # the rows of a node depend only on its value
         return np.einsum("jc,jc->j", rows, rows_by_parameter(contact, name, np.ones_like(value)))
@@ -200,7 +205,7 @@ def _residuals(
 
 
 def differentiate(
-    words: str,
+    what: str,
     value: Array,
     direction: Array,
     function: Callable[[Any], Array],
@@ -208,10 +213,11 @@ def differentiate(
 ) -> Array:
     """Derivative by complex step, compared with difference quotients (local).
 
-    ``terms``: size of the terms whose sums are the rows of the result, for their rounding, (rows,).
+    Units are those of the result [any]. ``terms``: size of the terms whose sums are the rows of the
+    result, for their rounding, shape (rows,).
 
     Raises:
-        ValueError: If they contradict each other; ``words`` describes the derivative.
+        ValueError: If they contradict each other; ``what`` describes the derivative.
     """
     start = np.real(function(value))
     if not direction.any():
@@ -232,7 +238,7 @@ def differentiate(
             break
     if contradicts.any():
         raise ValueError(
-            f"{words} contradicts difference quotients; expected the law to be analytic in the "
+            f"{what} contradicts difference quotients; expected the law to be analytic in the "
             "parameter, without abs, real parts or conversions to float"
         )
     return derivative

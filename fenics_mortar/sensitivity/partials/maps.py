@@ -63,17 +63,17 @@ class Dofs:
         """Number of dofs of both surfaces."""
         return self.order.size
 
-    def places(self, dofs: Indices) -> Indices:
+    def indices(self, dofs: Indices) -> Indices:
         """Numbers of global ``dofs`` of the surfaces, any shape; ``size`` for -1 (local)."""
         at = np.searchsorted(self.sorted_dofs, np.maximum(dofs, self.sorted_dofs[0]))
         return np.where(dofs >= 0, self.order[at], self.size)
 
     def flat(self, on_slave: Array, on_master: Array) -> Array:
-        """Values at the dofs, and a zero for -1, shape (size + 1,) (local)."""
+        """Values at the dofs, and a zero for -1, shape (size + 1,) [their unit] (local)."""
         return np.concatenate([on_slave.ravel(), on_master.ravel(), [0.0]])
 
     def split(self, values: Array) -> tuple[Array, Array]:
-        """Inverse of ``flat``: shapes (slave nodes, 2) and (master nodes, 2) (local)."""
+        """Inverse of ``flat``: (slave nodes, 2) and (master nodes, 2) [their unit] (local)."""
         end = 2 * self.sides[0].num_nodes
         return values[:end].reshape(-1, 2), values[end : self.size].reshape(-1, 2)
 
@@ -86,11 +86,11 @@ class Dofs:
             count: Number of rows.
 
         Returns:
-            The product, shape (count,).
+            The product, shape (count,) [unit of the blocks times that of the values].
         """
         product = np.zeros(count)
         for block in blocks:
-            part = np.einsum("brc,bc->br", block.values, values[self.places(block.columns)])
+            part = np.einsum("brc,bc->br", block.values, values[self.indices(block.columns)])
             np.add.at(product, block.rows, part)
         self.sides[0].comm.Allreduce(MPI.IN_PLACE, product)
         return product
@@ -100,12 +100,12 @@ class Dofs:
 
         Args:
             blocks: Blocks of this rank, with dofs as columns.
-            values: Values of the rows, shape (rows,).
+            values: Values of the rows, shape (rows,) [any unit].
         """
         product = np.zeros(self.size + 1)
         for block in blocks:
             part = np.einsum("brc,br->bc", block.values, values[block.rows])
-            np.add.at(product, self.places(block.columns), part)
+            np.add.at(product, self.indices(block.columns), part)
         self.sides[0].comm.Allreduce(MPI.IN_PLACE, product)
         product[-1] = 0.0
         return product
@@ -129,7 +129,7 @@ class NodalDerivative:
     by_motion: Array
 
     def along(self, direction: PairVector) -> Array:
-        """Change of the values along a direction, shape (slave nodes,) (collective)."""
+        """Change of the values along a direction, (slave nodes,) [their unit] (collective)."""
         values = self.dofs.flat(direction.on_slave, direction.on_master)
         change = self.dofs.along(self.blocks, values, len(self.by_z))
         by_z = np.einsum("jc,jc->j", self.by_z, direction.z)

@@ -18,7 +18,7 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.integrals import hand_over
 from fenics_mortar.interface.obstacle_facets import gap_weights
-from fenics_mortar.interface.on_obstacle import ObstacleOperators, thickness_of
+from fenics_mortar.interface.on_obstacle import ObstacleOperators, facet_thickness
 from fenics_mortar.sensitivity.partials.gap import weights_of_gaps
 from fenics_mortar.sensitivity.partials.history import Earlier
 from fenics_mortar.utils.arrays import Array
@@ -41,12 +41,12 @@ class FieldChange(NamedTuple):
 
     @property
     def only(self) -> dict[str, Array]:
-        """The changes along the first direction by name, (slave nodes,) each."""
+        """Changes along the first direction by name, (slave nodes,) each [unit of the field]."""
         return {name: values[0] for name, values in self._asdict().items()}
 
 
 def units_of(value: Array) -> Array:
-    """All directions in which one number of a parameter changes, ``(size, *shape)`` (local)."""
+    """All directions in which one number of a parameter changes, ``(size, *shape)`` [1] (local)."""
     return np.eye(value.size).reshape(value.size, *value.shape)
 
 
@@ -67,17 +67,17 @@ def change_by_shape(
     if contact.pair.sliding == "small":
         raise MortarError("shapes of obstacles cannot be controls with sliding='small'")
     f, o = contact.now, contact.now.on_obstacle
-    words = f"the derivative of '{o.obstacle.name}' by '{name}'"
+    what = f"the derivative of '{o.obstacle.name}' by '{name}'"
     gap, dn = call_together(
         o.slave.comm,
-        words,
+        what,
         lambda: (_gap(contact, name, directions), _normals(contact, o, name, directions)),
     )
     o.slave.comm.Allreduce(MPI.IN_PLACE, gap)
     dtau = np.stack([-dn[..., 1], dn[..., 0]], axis=-1)
     slip = np.zeros_like(gap)
     if contact.pair.law.has_friction or contact.pair.law.needs_nodal_state:
-        slip = np.einsum("mjc,jc->mj", dtau, contact.partners.apart(o))
+        slip = np.einsum("mjc,jc->mj", dtau, contact.partners.gap_vectors(o))
         if earlier is not None:
             slip += _slip_of_earlier(contact, earlier, name, directions)
         slip = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, slip)
@@ -104,7 +104,10 @@ def rows_by_shape(
 def shape_by_rows(
     contact: Contact, name: str, rows: Array, earlier: Earlier | None = None
 ) -> Array:
-    """Gradient of the sum of the rows times ``rows``, shape of the parameter (collective)."""
+    """Gradient of the sum of the rows times ``rows``, of the parameter's shape (collective).
+
+    In the unit of ``rows`` times [stress length] over that of the parameter.
+    """
     value = np.asarray(contact.now.on_obstacle.obstacle.shape()[name])
     changes = rows_by_shape(contact, name, units_of(value), earlier)
     return np.einsum("mjc,jc->m", changes, rows).reshape(value.shape)
@@ -122,7 +125,11 @@ def _gap(contact: Contact, name: str, directions: Array) -> Array:
     nodes = o.facet_nodes
     weights = hand_over(contact.multiplier_nodes[nodes])
     at, of_gap = gap_weights(
-        o.x[nodes], weights, (s.points, s.weights), contact.options, thickness_of(slave, o.x, nodes)
+        o.x[nodes],
+        weights,
+        (s.points, s.weights),
+        contact.options,
+        facet_thickness(slave, o.x, nodes),
     )
     gap = np.zeros((len(directions), slave.num_nodes))
     if len(nodes):

@@ -24,7 +24,7 @@ from fenics_mortar.utils.arrays import Indices
 MARGIN = 4
 
 
-class Reach:
+class Coupling:
     """Master nodes that the slave facets of this rank may couple to; all methods are local.
 
     Args:
@@ -35,8 +35,8 @@ class Reach:
     def __init__(self, o: MortarOperators, faced: tuple[Indices, Indices]) -> None:
         self._slave, self._master = o.slave, o.master
         everywhere = np.ones(o.slave.num_nodes, bool)
-        self._met = np.union1d(_met(o, MARGIN, everywhere), _faced(o, *faced))
-        facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
+        self._near_pairs = np.union1d(_near_pairs(o, MARGIN, everywhere), _faced(o, *faced))
+        facet, partner = np.divmod(self._near_pairs, o.master.num_nodes + 1)
         meets = partner < o.master.num_nodes
         self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
 
@@ -55,14 +55,16 @@ class Reach:
                 bool.
         """
         slips = acting[faced[0]]
-        pairs = np.concatenate([_met(o, 0, acting), _faced(o, *(side[slips] for side in faced))])
-        inside = np.append(self._met, -1)[np.searchsorted(self._met, pairs)] == pairs
+        pairs = np.concatenate(
+            [_near_pairs(o, 0, acting), _faced(o, *(side[slips] for side in faced))]
+        )
+        inside = np.append(self._near_pairs, -1)[np.searchsorted(self._near_pairs, pairs)] == pairs
         return bool(inside.all())
 
     def derivative_pattern(self) -> Block:
         """Zeros at all possible derivatives of contact forces and gaps, in displacement dofs."""
         _, rows, columns = self._coupled()
-        return zeros(rows, columns)
+        return zero_block(rows, columns)
 
     def law_pattern(self) -> tuple[Indices, Indices]:
         """Slave nodes (p,), and dofs (p, 2) of nodes that may occur in their law's rows."""
@@ -73,14 +75,14 @@ class Reach:
         """Pairs of nodes coupled by a facet: slave node (-1 for a master node) and dofs of both."""
         degree = self._slave.degree
         near = self._slave.along(self._own, range(-degree, 2 * degree + 1))
-        place, which = np.nonzero(near >= 0)
-        facet = np.concatenate([self._own[place], self._facet])
+        index, which = np.nonzero(near >= 0)
+        facet = np.concatenate([self._own[index], self._facet])
         dofs = np.concatenate(
-            [self._slave.dofs[near[place, which]], self._master.dofs[self._partner]]
+            [self._slave.dofs[near[index, which]], self._master.dofs[self._partner]]
         )
-        slave = np.concatenate([near[place, which], np.full(self._facet.size, -1)])
+        slave = np.concatenate([near[index, which], np.full(self._facet.size, -1)])
         order = np.argsort(facet, kind="stable")
-        i, k = (order[places] for places in _pairs_within(facet[order]))
+        i, k = (order[group] for group in _pairs_within(facet[order]))
         return slave[i], dofs[i], dofs[k]
 
     def force_pattern(self) -> tuple[Indices, Indices]:
@@ -94,7 +96,7 @@ class Reach:
         return dofs, np.concatenate([carriers.ravel(), carrier])
 
 
-def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indices:
+def _near_pairs(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indices:
     """Numbers of pairs of a slave facet with any of ``slaves`` and a master node it faces.
 
     A pair (first node i of the facet, master node k) has the number i (master nodes + 1) + k. Each
@@ -125,13 +127,13 @@ def _with_next_facets(
     degree = o.slave.degree
     near = o.slave.along(slave, range(-margin * degree, margin * degree + 1, degree))
     ends = o.slave.along(near.ravel(), range(degree, degree + 1)).reshape(near.shape)
-    place, which = np.nonzero((near >= 0) & (ends >= 0) & ~np.isin(near, slave))
-    next_ = near[place, which]
-    return np.concatenate([slave, next_]), np.concatenate([master, master[place]])
+    index, which = np.nonzero((near >= 0) & (ends >= 0) & ~np.isin(near, slave))
+    next_ = near[index, which]
+    return np.concatenate([slave, next_]), np.concatenate([master, master[index]])
 
 
 def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
-    """Numbers, as in ``_met``, of pairs of slave and master nodes, one facet per slave node."""
+    """Numbers, as in ``_near_pairs``, of slave and master nodes, one facet per slave node."""
     facets = o.facet_nodes
     first = np.full(o.slave.num_nodes, -1)
     first[facets] = facets[:, :1]
@@ -150,6 +152,6 @@ def _pairs_within(group: Indices) -> tuple[Indices, Indices]:
     return i, start[group_of][i] + running
 
 
-def zeros(rows: Indices, columns: Indices) -> Block:
+def zero_block(rows: Indices, columns: Indices) -> Block:
     """Zeros in ``rows`` (p, k) and ``columns`` (p, l)."""
     return Block(rows, columns, np.zeros((*rows.shape, columns.shape[1])))
