@@ -13,17 +13,10 @@ from mutation.mutant_changes import PACKAGE, Changes, Mutant, changed
 ALIKE = 0.75
 
 
-def read_sample(folder: Path, log: Path) -> tuple[list[Mutant], list[dict]]:
-    """Mutants of a log (lines of JSON) in the package in ``folder``, and those without a place."""
-    mutants, gone = [], []
-    for line in log.read_text().splitlines():
-        entry = json.loads(line)
-        mutant = place(folder, entry)
-        if mutant is None:
-            gone.append(entry)
-        else:
-            mutants.append(mutant)
-    return mutants, gone
+def read_sample(folder: Path, log: Path) -> list[tuple[Mutant | None, dict]]:
+    """Entries of a log (lines of JSON), each with its mutant of the package in ``folder``."""
+    entries = [json.loads(line) for line in log.read_text().splitlines()]
+    return [(place(folder, entry), entry) for entry in entries]
 
 
 def place(folder: Path, entry: dict) -> Mutant | None:

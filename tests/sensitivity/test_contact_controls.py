@@ -229,8 +229,9 @@ def test_points_of_a_spline(law):
 
 
 def test_obstacles_without_that_shape_and_small_sliding_are_refused():
-    with pytest.raises(ValueError, match="shape parameter"):
-        ObstacleShape(fm.Circle((0.0, 0.0), 1.0), "points").check()
+    for name in ("points", ["radius"]):
+        with pytest.raises(ValueError, match="shape parameter=.*: expected one of radius"):
+            ObstacleShape(fm.Circle((0.0, 0.0), 1.0), name).check()
     with pytest.raises(ValueError, match="has no parameter"):
         fm.Plane((0.0, 0.0), (0.0, 1.0)).set_shape("radius", np.array(1.0))
 
