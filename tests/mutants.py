@@ -4,7 +4,7 @@
     python3 tests/mutants.py                    40 mutants, in a temporary copy of the checkout
     python3 tests/mutants.py -n 100 --seed 3    others
     python3 tests/mutants.py --only sparse      in files whose path holds this word only
-    python3 tests/mutants.py --again FILE       those of an earlier log, at their present places
+    python3 tests/mutants.py --again FILE       those of an earlier log, at their present positions
 
 A mutant is one change in one file of the package: of a sign, a constant or a comparison, or a term,
 factor or statement dropped. Files are drawn by their number of lines. First all tests run once in
@@ -33,8 +33,8 @@ from pathlib import Path
 
 from mutation.mutant_changes import PACKAGE, Mutant, draw
 from mutation.mutant_lines import ROOT, trace_tests
-from mutation.mutant_places import read_sample
 from mutation.mutant_runs import Run
+from mutation.mutant_sample import read_sample
 
 NOT_COPIED = (".git", "__pycache__", "results", ".*_cache")
 

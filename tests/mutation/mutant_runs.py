@@ -57,7 +57,7 @@ class Run:
             )  # fmt: skip
         except subprocess.TimeoutExpired:
             return "hangs", ""
-        if ended.returncode == 0 or ended.returncode == 5:  # 5: no test was left to run
+        if ended.returncode in (0, 4, 5):  # 4, 5: there is no such test, or none is left to run
             return "survived", ""
         words = ("FAILED ", "ERROR ")
         failed = [line for line in ended.stdout.splitlines() if line.startswith(words)]
@@ -96,7 +96,7 @@ class Run:
         if entry.get("by"):
             test = entry["by"].removeprefix("FAILED ").removeprefix("ERROR ").split(" - ")[0]
             result = self.apply(mutant, [([(test, COMPILATION)], entry.get("options", {}))], None)
-            if result["outcome"] == "killed":
+            if result["outcome"] != "survived":
                 return result
         return self.judge(mutant)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Mutants of earlier code, at their places in the present code."""
+"""Mutants of earlier code, found again in the present code."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ ALIKE = 0.75
 def read_sample(folder: Path, log: Path) -> list[tuple[Mutant | None, dict]]:
     """Entries of a log (lines of JSON), each with its mutant of the package in ``folder``."""
     entries = [json.loads(line) for line in log.read_text().splitlines()]
-    return [(place(folder, entry), entry) for entry in entries]
+    return [(find_change(folder, entry), entry) for entry in entries]
 
 
-def place(folder: Path, entry: dict) -> Mutant | None:
-    """The change of the same kind whose lines are most similar, in this file or one of its name."""
+def find_change(folder: Path, entry: dict) -> Mutant | None:
+    """The change of the same kind whose lines are most similar, in any file if this one is gone."""
     same = folder / entry["path"]
-    files = [same] if same.exists() else sorted((folder / PACKAGE).rglob(same.name))
+    files = [same] if same.exists() else sorted((folder / PACKAGE).rglob("*.py"))
     alike, change = ALIKE, None
     for file in files:
         text = file.read_text()
