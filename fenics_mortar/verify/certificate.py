@@ -148,8 +148,8 @@ def _certify_pair(
     """Measure one pair; ``paired``: global numbers of the nodes with a partner in any pair."""
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
     limit = contact.now.friction_limit(pressure)
-    bears = contact.acts if contact.pair.law.bridges_gap else contact.active
-    limit = np.where(bears, limit, 0.0)
+    may_transfer = contact.acts if contact.pair.law.bridges_gap else contact.active
+    limit = np.where(may_transfer, limit, 0.0)
     excess, tension = np.abs(contact.z_tau) - limit, contact.now.tension
     smallest = LIMITS.min_pressure * float(contact.modulus.max())
     largest = max(float(np.abs(pressure).max()), smallest)
