@@ -9,8 +9,9 @@ from pathlib import Path
 
 from mutation.mutant_changes import PACKAGE, Changes, Mutant, changed
 
-# Similarity of the changed lines [1] above which the code is the same but for names.
-ALIKE = 0.75
+# Similarities of the changed lines [1] above which the code is the same but for names, and above
+# which it has moved to another file.
+ALIKE, MOVED = 0.75, 0.95
 
 
 def read_sample(folder: Path, log: Path) -> list[tuple[Mutant | None, dict]]:
@@ -20,10 +21,19 @@ def read_sample(folder: Path, log: Path) -> list[tuple[Mutant | None, dict]]:
 
 
 def find_change(folder: Path, entry: dict) -> Mutant | None:
-    """The change of the same kind whose lines are most similar, in any file if this one is gone."""
+    """The change of the same kind whose lines are most similar, in this file or else in any."""
     same = folder / entry["path"]
-    files = [same] if same.exists() else sorted((folder / PACKAGE).rglob("*.py"))
-    alike, change = ALIKE, None
+    found = most_similar([same], entry, ALIKE) if same.exists() else None
+    found = found or most_similar(sorted((folder / PACKAGE).rglob("*.py")), entry, MOVED)
+    if found is None:
+        return None
+    file, *others = found
+    return changed(file.relative_to(folder), *others)
+
+
+def most_similar(files: list[Path], entry: dict, alike: float) -> tuple | None:
+    """Arguments of ``changed``; None if no change is more similar than ``alike``."""
+    change = None
     for file in files:
         text = file.read_text()
         for node, span, kind, new, function in Changes(text).found:
@@ -31,10 +41,7 @@ def find_change(folder: Path, entry: dict) -> Mutant | None:
                 now = similarity(entry, text, span, new, node.lineno)
                 if now > alike:
                     alike, change = now, (file, text, node, span, kind, new, function)
-    if change is None:
-        return None
-    file, *others = change
-    return changed(file.relative_to(folder), *others)
+    return change
 
 
 def similarity(entry: dict, text: str, span: tuple[int, int], new: str, line: int) -> float:
