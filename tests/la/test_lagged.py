@@ -62,6 +62,13 @@ def test_changed_row_needs_no_factorization(factorizations):
     assert (residual < 1e-8, count) == (True, 0)
 
 
+def test_earlier_factors_serve_as_preconditioner(factorizations):
+    """Factors of the present matrix would leave rounding errors only."""
+    change = 0.2 * np.random.default_rng(5).random((40, 40))
+    residual, count = solved_with_factors_of(change, factorizations)
+    assert 1e-13 < residual < 1e-8 and count == 0
+
+
 @pytest.mark.parametrize(
     "options", [{"same_step": False}, {"forcing": 0.0}, {"transpose": True}], ids=str
 )
