@@ -2,6 +2,7 @@
 """Derivatives by the choices of the numerics: offsets by faceting, weights, residual left."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -91,6 +92,9 @@ def test_bulges_of_a_circle(degree):
     assert np.allclose(mean_bulges(slave)[bottom], expected, rtol=1e-2)
     assert np.abs(mean_bulges(contact.master)).max() < 1e-12
     assert np.allclose(offset_by_faceting(contact), mean_bulges(slave), atol=1e-12)
+    met = SimpleNamespace(x=slave.X, m=slave.X)  # each node meets one with its own bulge
+    itself = SimpleNamespace(slave=slave, master=slave, operators=met)
+    assert np.allclose(offset_by_faceting(itself), 2.0 * mean_bulges(slave), atol=1e-12)
 
 
 def test_solve_reports_numerical_sensitivities():

@@ -79,6 +79,7 @@ def test_numbers_of_quantities_and_functions_of_steps():
     for wrong, message in (
         (None, "expected a function"),
         (lambda values: 1.0, "expected a function"),
+        (lambda values: (1.0, values, values), "expected a function"),
         (lambda values: (np.nan, values), "not finite"),
     ):
         with refused_words(ValueError, message):

@@ -11,7 +11,7 @@ from scenes import internal, neo_hookean, pressed_blocks, read, rectangles, rota
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.verify.corners import end_pressure
+from fenics_mortar.verify.corners import end_pressure, mean_friction
 from meshes import indenter_on_block, mapped_grids, two_blocks
 
 
@@ -286,6 +286,13 @@ def test_pressure_beside_a_clamped_end_is_compared_with_that_farther_away():
     found = end_pressure(contact, np.array([0.0, 6.0, 2.0, 1.0, 50.0, 9.0]))
     assert found == {"end_pressure": 3.0, "end_pressure_at": "(0, 0)"}
     assert end_pressure(contact, np.array([0.0, 0.1, 2.0, 1.0, 2.0, 2.0])) == {}
+
+
+def test_mean_friction_is_that_of_nodes_under_pressure_in_any_unit():
+    limit, pressure = np.array([0.3, 0.0, 0.1, 0.2]), np.array([1.0, 2.0, -1.0, 0.5])
+    for unit in (1e-6, 1.0, 1e6):
+        assert mean_friction(unit * limit, unit * pressure) == pytest.approx(0.5 / 1.5)
+    assert mean_friction(limit, -np.abs(pressure)) == 0.0
 
 
 def along(places, nodes, steps):
