@@ -19,12 +19,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.steps import begin_step
+from fenics_mortar.equations.evaluated import Evaluated
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.moving_frame import MovingFrame
 from fenics_mortar.equations.options import EQUATIONS
@@ -68,6 +71,7 @@ class Predictor:
         self._frame = MovingFrame(problem)
         self.begin(time)
         self._line, self._moving = _Kind(EQUATIONS.max_residual_left), _Kind(np.inf)
+        self._used: _Kind | None = None
 
     def begin(self, time: float) -> None:
         """Set the present state as the first one of a path, at a time (collective)."""
@@ -107,7 +111,11 @@ class Predictor:
         kind = self._go_to_guess(time, here) if guesses else None
         for other in (self._line, self._moving):
             other.left = max(other.left - (other is not kind), 0)
-        report = solve() if kind is None else self._solve_from_guess(kind, here, solve)
+        self._used = kind or self._used
+        try:
+            report = solve() if kind is None else self._solve_from_guess(kind, here, solve)
+        finally:
+            self._problem.evaluated = None
         self._before, self._here = self._here, self._point(time)
         return report
 
@@ -116,7 +124,8 @@ class Predictor:
 
         In the guess floating bodies have to be supported by contact, and pairs under pressure have
         to remain under pressure; otherwise the solve would move bodies and obstacles rigidly before
-        the first iteration.
+        the first iteration. The present state is evaluated only if its distance from the prescribed
+        values does not exclude it. The last evaluation is that of the state returned to.
         """
         problem = self._problem
         if self._before is None or not problem.floating.supported_by_contact:
@@ -126,17 +135,20 @@ class Predictor:
         )
         if not guesses:
             return None
-        best, kind = here, None
-        residual, presses = self._look()
-        for its_kind, guess in guesses:
+        begin_step(problem.contacts)
+        presses, smallest = self._presses(), problem.residual.of_prescribed()
+        found = []
+        for kind, guess in guesses:
             places = np.where(problem.motions.driven, guess.places, here.places)
             guess = replace(guess, places=places).with_settings_of(here)
-            problem.put(guess)
-            guessed, still_presses = self._look()
-            if guessed < residual and not (presses & ~still_presses).any():
-                residual, best, kind = guessed, guess, its_kind
-        go = problem.put if best is guess else problem.restore  # its operators are evaluated
-        go(best)
+            guessed = self._look(guess)
+            if not (presses & ~self._presses()).any():
+                found.append((guessed, kind, guess))
+        residual, kind, guess = min(found, key=itemgetter(0), default=(np.inf, None, here))
+        if residual >= smallest and residual >= self._look(here):
+            kind, guess = None, here
+        if self._looked is not guess:
+            self._look(guess)
         return kind
 
     def _find_guesses(self, ratio: float) -> list[tuple[_Kind, State]]:
@@ -149,20 +161,26 @@ class Predictor:
         if not self._moving.left:
             guess = self._frame.guess(last, before, places - places_before, ratio)
             guesses += [(self._moving, guess)] if guess is not None else []
-        return guesses
+        return sorted(guesses, key=lambda each: each[0] is self._used)  # evaluated last
 
-    def _look(self) -> tuple[float, npt.NDArray[np.bool_]]:
-        """Residual of the present state, inf for inverted cells; marks of pairs under pressure."""
-        problem = self._problem
+    def _look(self, state: State) -> float:
+        """Set a state and evaluate it; its residual, inf for inverted cells [stress length]."""
+        problem, self._looked = self._problem, state
+        problem.put(state)
         for contact in problem.contacts:
             contact.start_step()
-        residual = np.inf if problem.bulk.inverted_cells()[0] else self._residual()
-        contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
-        return residual, np.array([(c.pressure > 0.0).any() for c in contacts], bool)
+        if problem.bulk.inverted_cells()[0]:
+            problem.evaluate_operators()
+            problem.evaluated = None
+            return np.inf
+        status = problem.evaluate(start=True)
+        problem.evaluated = Evaluated(problem.state(), status)
+        return status.residual if np.isfinite(status.residual) else np.inf
 
-    def _residual(self) -> float:
-        residual = self._problem.evaluate(start=True).residual
-        return residual if np.isfinite(residual) else np.inf
+    def _presses(self) -> npt.NDArray[np.bool_]:
+        """Marks of pairs under pressure, shape (contacts,), bool (local)."""
+        contacts = [c for c in self._problem.contacts if isinstance(c, Contact)]
+        return np.array([(c.pressure > 0.0).any() for c in contacts], bool)
 
     def _solve_from_guess(
         self, kind: _Kind, here: State, solve: Callable[[], NewtonReport]
