@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.instant import check_memory
 from fenics_mortar.contact.laws import BUILT_IN, Array, Branches, Friction, Law, Nodal, Row
-from fenics_mortar.utils.errors import NotFiniteError, leave_together, place
+from fenics_mortar.utils.errors import NotFiniteError, format_point, leave_together
 
 Marks = npt.NDArray[np.bool_]
 
@@ -132,8 +132,8 @@ class LawCalls:
                 j = int(np.argmax(wrong))
                 raise NotFiniteError(
                     f"{law!r}: friction_limit returned {limit[j]:g} for a pressure of "
-                    f"{pressure[j]:g}, at '{self._name}' {place(x[j])}; expected zero, a positive "
-                    "number or infinity"
+                    f"{pressure[j]:g}, at '{self._name}' {format_point(x[j])}; expected zero, a "
+                    "positive number or infinity"
                 )
             return limit
 
@@ -198,7 +198,7 @@ class LawCalls:
         if bad.any():
             raise NotFiniteError(
                 f"{law!r}: {what} returned numbers that are not finite at {bad.sum()} nodes of "
-                f"'{self._name}', one at {place(x[np.argmax(bad)])}"
+                f"'{self._name}', one at {format_point(x[np.argmax(bad)])}"
             )
 
 

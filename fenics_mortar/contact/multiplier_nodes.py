@@ -98,10 +98,10 @@ class MultiplierNodes:
             multiplier_nodes: Present multiplier nodes, shape (slave nodes,), bool.
             cover: Covered fraction of each node, shape (slave nodes,) [1].
         """
-        wanted = self.possible & ~((cover < MIN_SHARE) & self._helped(cover))
-        changed = (wanted != multiplier_nodes) & (self._changes < MAX_CHANGES)
+        target = self.possible & ~((cover < MIN_SHARE) & self._helped(cover))
+        changed = (target != multiplier_nodes) & (self._changes < MAX_CHANGES)
         self._changes += changed
-        return np.where(changed, wanted, multiplier_nodes)
+        return np.where(changed, target, multiplier_nodes)
 
     def undecided(self, cover: Array, active: npt.NDArray[np.bool_]) -> Indices:
         """Nodes next to active ones whose cover is close to ``MIN_SHARE`` (local).

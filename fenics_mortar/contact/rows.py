@@ -186,8 +186,8 @@ def _nodal_rows(f: ContactFields, scaled: Array, row: Row) -> list[Block]:
     if row.by_z_n.any():
         change = change + row.by_z_n[:, None] * o.normal_derivative(z)
     if row.by_slip.any():
-        apart = partners.apart(o)
-        change = change + row.by_slip[:, None] * o.tangential_derivative(apart)
+        gap_vectors = partners.gap_vectors(o)
+        change = change + row.by_slip[:, None] * o.tangential_derivative(gap_vectors)
     rows = 2 * j[:, None] + np.arange(2)
     columns = o.normal_columns()[j]
     blocks = [Block(rows, columns, -scaled[j][:, :, None] * change[j][:, None, :])]

@@ -126,7 +126,7 @@ class SomeRows:
         large.setValuesIJV(starts, columns[used], values[used], PETSc.InsertMode.ADD_VALUES, rows)
         large.assemble()
 
-    def room(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:
+    def zeros(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:
         """Large matrix of ``num_owned`` rows with zeros at the entries of the small one."""
         starts, columns, values = small.getValuesCSR()
         sizes = np.zeros(num_owned + 1, PETSc.IntType)
@@ -146,9 +146,9 @@ def add_blocks(matrix: PETSc.Mat, blocks: Iterable[Block]) -> None:
         rows, columns, values = block.rows[used], block.columns[used], block.values[used]
         each = np.repeat(columns, rows.shape[1], axis=0)
         starts = np.arange(rows.size + 1, dtype=PETSc.IntType) * PETSc.IntType(each.shape[1])
-        places = rows.ravel().astype(PETSc.IntType)
+        numbers = rows.ravel().astype(PETSc.IntType)
         matrix.setValuesIJV(
-            starts, each.astype(PETSc.IntType), values, PETSc.InsertMode.ADD_VALUES, places
+            starts, each.astype(PETSc.IntType), values, PETSc.InsertMode.ADD_VALUES, numbers
         )
     matrix.assemble()
 
@@ -175,8 +175,8 @@ def leave(factor: PETSc.Mat, rows: Indices) -> None:
     The ``rows``, shape (n,), are replicated; PETSc returns their Schur complement on rank 0 only.
     """
     mine = rows if factor.comm.rank == 0 else rows[:0]
-    places = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), factor.comm)
-    _check(_set_schur_rows(factor.handle, places.handle))
+    numbers = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), factor.comm)
+    _check(_set_schur_rows(factor.handle, numbers.handle))
 
 
 def schur_complement(factor: PETSc.Mat, num_left: int) -> npt.NDArray[np.float64]:
@@ -206,8 +206,8 @@ def is_symmetric(K: PETSc.Mat) -> bool:
     x, y = K.createVecs()
     Kx, Ky = x.duplicate(), x.duplicate()
     start = K.getOwnershipRange()[0]
-    places = np.arange(start, start + x.getLocalSize(), dtype=float)
-    x.array[:], y.array[:] = np.sin(places**2), np.cos(1.0 + places**2)
+    numbers = np.arange(start, start + x.getLocalSize(), dtype=float)
+    x.array[:], y.array[:] = np.sin(numbers**2), np.cos(1.0 + numbers**2)
     K.mult(x, Kx)
     K.mult(y, Ky)
     return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SUM_ROUNDING * x.norm() * Ky.norm())

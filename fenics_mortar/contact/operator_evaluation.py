@@ -41,7 +41,7 @@ def place_of(reference: Reference | None) -> Array:
     return NO_PLACE if reference is None else reference.place
 
 
-class Integration:
+class OperatorEvaluation:
     """Evaluation of the operators of one contact; does not change the state.
 
     Args:
@@ -115,16 +115,16 @@ class Integration:
         """As ``_integrate``, or a recent result for the same arguments (collective)."""
         if self.obstacle is not None:
             return self._integrate(x, m, multiplier_nodes, linearization, view)
-        places = np.concatenate([x, m]) if view is None else view.outline[0]
+        outline_points = np.concatenate([x, m]) if view is None else view.outline[0]
         searched = None
         for before, nodes, terms, operators in self._recent:
-            same = terms == linearization and np.array_equal(before, places)
+            same = terms == linearization and np.array_equal(before, outline_points)
             if same and np.array_equal(nodes, multiplier_nodes):
                 self.view = view
                 return operators
             searched = operators if same else searched
         operators = self._integrate(x, m, multiplier_nodes, linearization, view, searched)
-        self._recent.appendleft((places, multiplier_nodes, linearization, operators))
+        self._recent.appendleft((outline_points, multiplier_nodes, linearization, operators))
         return operators
 
     def evaluate_reference(self, multiplier_nodes: Flags) -> Reference:
