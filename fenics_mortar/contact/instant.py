@@ -60,7 +60,7 @@ def first_instant(law: Law, slave: Surface, time: float) -> Instant:
 
 
 def check_memory(law: Law, what: str, answer: Any, count: int) -> dict[str, Array]:
-    """Memory returned by a law, in the order of its names (local).
+    """Memory returned by a law, in the order of its names, (slave nodes,) each [its units] (local).
 
     Raises:
         ValueError: If names, shapes or values are not allowed.
@@ -73,7 +73,7 @@ def check_memory(law: Law, what: str, answer: Any, count: int) -> dict[str, Arra
 
 
 def check_numbers(law: Law, what: str, values: Any, count: int) -> Array:
-    """Check for finite real numbers, one per slave node; return them, shape (slave nodes,)."""
+    """Check for finite real numbers, one per slave node; return them, (slave nodes,) [any unit]."""
     array = np.asarray(values)
     if array.shape != (count,) or array.dtype.kind not in "iufb":
         raise ValueError(
@@ -88,7 +88,7 @@ def check_numbers(law: Law, what: str, values: Any, count: int) -> Array:
 def instant_arrays(contact: Any) -> tuple[list[str], Array, Array]:
     """Names of the memory, time and step (2,), and memory (names, slave nodes), for files (local).
 
-    Names and memory of a tie are empty.
+    Units are those of the law [time, its units]. Names and memory of a tie are empty.
     """
     instant, count = contact.state.accepted_instant or Instant(), contact.slave.num_nodes
     values = np.array(list(instant.memory.values()), float).reshape(-1, count)

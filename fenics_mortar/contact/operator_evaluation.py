@@ -37,7 +37,7 @@ class Reference(NamedTuple):
 
 
 def place_of(reference: Reference | None) -> Array:
-    """Position of the obstacle in frozen operators, shape (3,); nan if there are none."""
+    """Position of the obstacle in frozen operators, (3,) [length, radian]; nan without them."""
     return NO_PLACE if reference is None else reference.place
 
 

@@ -90,7 +90,7 @@ class Predictor:
 
     @property
     def time(self) -> float:
-        """Time of the last accepted state."""
+        """Time of the last accepted state [time]."""
         return self._path[-1].time
 
     @property

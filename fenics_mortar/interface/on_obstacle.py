@@ -254,7 +254,7 @@ def _faces(
 
 
 def facet_thickness(slave: Surface, x: Array, nodes: Indices) -> tuple[Array, float] | None:
-    """Thickness at the ``nodes`` (f, K) of facets, and its derivative; ``None`` without one."""
+    """Thickness at ``nodes`` (f, K) [length], and its derivative [1]; ``None`` without one."""
     if slave.thickness is None:
         return None
     return slave.thickness.at(x)[nodes], slave.thickness.by_x

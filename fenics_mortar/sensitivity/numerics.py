@@ -33,7 +33,7 @@ from fenics_mortar.utils.markdown import Markdown
 
 @dataclass(frozen=True)
 class PairNumerics:
-    """Derivatives of an objective with respect to the numerical choices of one pair.
+    """Derivatives of an objective with respect to the numerical choices of one pair; local.
 
     Attributes:
         pair: Number of the pair.
@@ -75,7 +75,7 @@ class NumericsReport(Markdown):
     """Derivatives with respect to numerical choices; prints as a Markdown table.
 
     Attributes:
-        value: The objective.
+        value: The objective [its unit].
         pairs: Derivatives with respect to the choices of each contact; ties have none.
         residual: Error of the objective due to the remaining residual of Newton's method
             [objective], to first order.
@@ -135,6 +135,8 @@ def by_numerics(
 
 class Numerics:
     """Argument of a solve: ``report.sensitivity`` then has derivatives, see ``by_numerics``.
+
+    The constructor is local.
 
     Args:
         objective: See ``gradient``.

@@ -29,7 +29,12 @@ class SurfaceError(MortarError):
 
 
 class NotConvergedError(MortarError):
-    """A solve or path did not converge; ``report`` is its record so far."""
+    """A solve or path did not converge; ``report`` is its record so far (local).
+
+    Args:
+        message: Message of the error.
+        report: Record of the solve or path.
+    """
 
     def __init__(self, message: str, report: Any) -> None:
         super().__init__(message)

@@ -72,11 +72,12 @@ class Crossing:
 
 @dataclass(frozen=True)
 class AcceptedPositions:
-    """Positions of outlines and obstacles at the last accepted state.
+    """Positions of outlines and obstacles at the last accepted state (local).
 
     Attributes:
         x: Positions of the outlines' nodes, shape (n, 2) [length].
-        places: Positions (x, y, angle) of the obstacles, shape (obstacles, 3).
+        places: Places (x, y, angle) of the obstacles, shape (obstacles, 3) [length, length,
+            radian].
     """
 
     x: Array

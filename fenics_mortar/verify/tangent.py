@@ -45,9 +45,9 @@ class TangentCheck(Markdown):
     """Remainders of a Taylor test; all methods are local.
 
     Attributes:
-        steps: Step sizes over the shortest slave facet, shape (s,).
-        remainders: Relative remainder per block and step; blocks "bulk", "n", "g", "D", "M" and
-            "whole", the assembled saddle-point matrix with the motions of obstacles.
+        steps: Step sizes over the shortest slave facet, shape (s,) [1].
+        remainders: Relative remainders [1] of each block, shape (s,) each; blocks "bulk", "n", "g",
+            "D", "M" and "whole", the assembled saddle-point matrix with the motions of obstacles.
     """
 
     steps: Array
@@ -59,7 +59,7 @@ class TangentCheck(Markdown):
 
     @property
     def slopes(self) -> dict[str, float]:
-        """Slope per block, from remainders above roundoff; inf if all are roundoff."""
+        """Slope of each block [1], from remainders above roundoff; inf if all are roundoff."""
         return {name: self._slope(values) for name, values in self.remainders.items()}
 
     def _slope(self, values: Array) -> float:
@@ -172,7 +172,7 @@ class _Probe:
             contact.evaluate(u.x.array, self.problem.linearization)
 
     def values(self, step: float) -> dict[str, Array]:
-        """All functions at the step; owned entries of distributed arrays (collective)."""
+        """All functions at the step; owned entries of arrays [their units] (collective)."""
         self._move(step)
         found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
         force = self.bulk.r.array_r[: self.bulk.num_owned].copy()
@@ -194,7 +194,7 @@ class _Probe:
         return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *laws, pushed])}
 
     def derivative(self) -> dict[str, Array]:
-        """Directional derivatives of ``values`` at step 0, from assembled matrices (collective)."""
+        """Derivatives of ``values`` at step 0 [their units], from the matrices (collective)."""
         self._move(0.0)
         self.bulk.assemble_tangent()
         matrices = OperatorMatrices(self.bulk, self.contacts)
@@ -260,5 +260,5 @@ class _Probe:
         return replicated if self.comm.rank == 0 else replicated[:0]
 
     def norm(self, mine: Array) -> float:
-        """Euclidean norm over all ranks (collective)."""
+        """Euclidean norm over all ranks [unit of the values] (collective)."""
         return float(np.sqrt(self.comm.allreduce(float(mine @ mine))))

@@ -28,7 +28,7 @@ from meshes import two_blocks
 # Names and tags
 
 
-def test_unknown_name_of_a_side_lists_the_known_ones():
+def test_unknown_side_lists_the_known_names():
     data = read(two_blocks.build, **SMALL)
     with refused(fm.MeshError, "no boundary 'punch'", "lower/bottom.*upper/top"):
         fm.ContactPair(data, "punch", "lower/top")
@@ -37,7 +37,7 @@ def test_unknown_name_of_a_side_lists_the_known_ones():
 
 
 @pytest.mark.parametrize("name", [None, ["upper/bottom", None], 1.5])
-def test_what_is_no_name_is_refused_as_unknown(name):
+def test_invalid_name_is_refused_as_unknown(name):
     data = read(two_blocks.build, **SMALL)
     unknown = name[-1] if isinstance(name, list) else name
     with refused(fm.MeshError, re.escape(f"no boundary {unknown!r}"), "upper/bottom"):

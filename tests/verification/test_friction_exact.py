@@ -186,7 +186,7 @@ def draw(scene, steps):
 @pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize("scene", ["plane", "blocks"])
-def test_friction_takes_up_what_is_done_and_not_stored(scene):
+def test_friction_dissipates_the_difference_of_work_and_energy(scene):
     """The balance closes at second order in the step, between bodies with the work of pressures.
 
     To first order the slip of the law is work-conjugate to the forces: the partners are those at

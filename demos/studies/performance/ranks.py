@@ -70,7 +70,8 @@ def say(line):
 # +
 def bytes_of(contact, S, M):
     """Bytes by the formula for numbers of nodes, with outlines in the same proportion as here."""
-    outline = len(contact.sight.outline.X) / (contact.slave.num_nodes + contact.master.num_nodes)
+    nodes = contact.slave.num_nodes + contact.master.num_nodes
+    outline = len(contact.evaluation.sight.outline.X) / nodes
     return 72 * S + 16 * M + 16 * outline * (S + M)
 
 
@@ -82,7 +83,7 @@ def measure(kind, dofs):
         problem.equations.contacts[0],
         Counting(problem.equations.contacts[0].slave.comm),
     )
-    for part in (contact.slave, contact.master, contact.sight.outline):
+    for part in (contact.slave, contact.master, contact.evaluation.sight.outline):
         object.__setattr__(part, "comm", counting)
     problem.equations.evaluate(start=True)
     counting.calls = counting.bytes = 0
