@@ -10,7 +10,7 @@ forces, and s its change in the last step, of length 1. The guess for a step of 
     u(X) = v + r (v - w),    v = u_n(X - r s),    w = u_(n-1)(X - (1 + r) s),
 
 which is linear extrapolation for s = 0; multipliers likewise along the slave surface. States are
-interpolated linearly on a Delaunay triangulation of the body's nodes. Where X - r s or X - (1 + r)
+interpolated linearly on triangles between the body's nodes. Where X - r s or X - (1 + r)
 s is outside the body, linear extrapolation is used. The ends of a long body are hardly affected by
 contact in its middle. The surface of a round body is affected, and rolling bodies do not benefit
 from the frame.
@@ -23,7 +23,7 @@ and 4.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,8 +31,8 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.state import State
+from fenics_mortar.equations.triangles import Triangles, gathered, triangulate
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels.locate import locate
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import HALF_FACET
 
@@ -53,13 +53,13 @@ class _Body(NamedTuple):
         dofs: Local dofs of the nodes, shape (n, 2).
         owned_dofs: Those of the nodes owned by this rank, shape (owned, 2).
         X: Reference positions of the nodes, shape (n, 2) [length].
-        mesh: Delaunay triangulation of the nodes of all ranks.
+        mesh: The body's cells on all ranks, divided into triangles.
     """
 
     dofs: Indices
     owned_dofs: Indices
     X: Array
-    mesh: Any
+    mesh: Triangles
 
 
 class MovingFrame:
@@ -170,33 +170,18 @@ class MovingFrame:
             Values at the local nodes of the body, nan where X - s is outside of it, (nodes, 2).
         """
         b = self._body(body)
-        return _interpolated(b.mesh, self._gathered(values[b.owned_dofs]), b.X - s)
+        return b.mesh.interpolate(gathered(self._problem.comm, values[b.owned_dofs]), b.X - s)
 
     def _body(self, number: int) -> _Body:
         """Nodes of a body and their triangulation (collective at the first call)."""
         if number not in self._bodies:
-            from scipy.spatial import Delaunay
-
             bulk = self._problem.bulk
             mine = np.flatnonzero(self._problem.floating.labels == number)
-            X, owned = bulk.cells.X[mine], mine < bulk.space.num_nodes
-            dofs = bulk.space.dofs[mine]
-            mesh = Delaunay(self._gathered(X[owned]))
+            X, dofs = bulk.cells.X[mine], bulk.space.dofs[mine]
+            owned = mine < bulk.space.num_nodes
+            mesh = triangulate(bulk.space, mine)
             self._bodies[number] = _Body(dofs, dofs[owned], X, mesh)
         return self._bodies[number]
-
-    def _gathered(self, values: Array) -> Array:
-        """Concatenate the rows of all ranks (collective)."""
-        comm = self._problem.comm
-        return values if comm.size == 1 else np.concatenate(comm.allgather(values))
-
-
-def _interpolated(mesh: Any, values: Array, points: Array) -> Array:
-    """Interpolate values (nodes, 2) at points (n, 2), nan outside the triangulation (local)."""
-    found, weights = np.empty(len(points), np.int64), np.empty((len(points), 3))
-    locate(points, mesh.points, mesh.simplices, mesh.neighbors, found, weights)
-    at = np.einsum("nk,nkc->nc", weights, values[mesh.simplices[found]])
-    return np.where(found[:, None] >= 0, at, np.nan)
 
 
 def _shifted(surface: Surface, states: tuple[Array, Array], s: Array, ratio: float) -> Array:

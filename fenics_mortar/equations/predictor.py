@@ -156,14 +156,14 @@ class Predictor:
             guessed = self._look(guess)
             if not (presses & ~self._presses()).any():
                 found.append((guessed, kind, guess))
-        residual, kind, guess = min(found, key=itemgetter(0), default=(np.inf, None, here))
-        for _, other, _ in found if len(found) > 1 else ():
-            other.compared(won=other is kind)
-        if residual >= smallest and residual >= self._look(here):
-            kind, guess = None, here
-        if self._looked is not guess:
-            self._look(guess)
-        return kind
+        best = min(found, key=itemgetter(0), default=(np.inf, None, here))
+        for _, kind, _ in found if len(found) > 1 else ():
+            kind.compared(won=kind is best[1])
+        if best[0] >= smallest and best[0] >= self._look(here):
+            best = (np.inf, None, here)
+        if self._looked is not best[2]:
+            self._look(best[2])
+        return best[1]
 
     def _find_guesses(self, step: float) -> list[tuple[_Kind, State]]:
         """Guesses for a step of this length, except paused kinds; the last used kind is first."""
