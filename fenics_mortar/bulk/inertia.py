@@ -208,8 +208,8 @@ class Inertia:
         """
         dofs = self._space.owned_dofs
         p, x = self.times_mass(velocity)[dofs], x[dofs]
-        turn = float((x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]).sum())
-        return self._space.V.mesh.comm.allreduce(np.array([*p.sum(axis=0), turn]))
+        angular = float((x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]).sum())
+        return self._space.V.mesh.comm.allreduce(np.array([*p.sum(axis=0), angular]))
 
     def acceleration_of(self, force: Array, prescribed: Flags) -> Array:
         """Acceleration due to forces on the bodies, zero at prescribed dofs.
@@ -225,15 +225,15 @@ class Inertia:
         """
         if self._solver is None:
             self._solver = self._create_solver(prescribed)
-        right, answer = self._input, self._output
+        right, solution = self._input, self._output
         right.array[:] = force
         if self._P is not None:
-            self._P.multTranspose(right, answer)
-            answer.copy(right)
+            self._P.multTranspose(right, solution)
+            solution.copy(right)
         right.array[self._fixed(prescribed)] = 0.0
-        self._solver.solve(right, answer)
+        self._solver.solve(right, solution)
         result = fem.Function(self._space.whole)
-        result.x.array[: self._space.num_owned] = answer.array_r
+        result.x.array[: self._space.num_owned] = solution.array_r
         result.x.scatter_forward()
         return result.x.array.copy()
 

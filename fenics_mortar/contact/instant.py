@@ -59,17 +59,17 @@ def first_instant(law: Law, slave: Surface, time: float) -> Instant:
     return Instant.of(time, 1.0, memory)
 
 
-def check_memory(law: Law, what: str, answer: Any, count: int) -> dict[str, Array]:
+def check_memory(law: Law, what: str, result: Any, count: int) -> dict[str, Array]:
     """Memory returned by a law, in the order of its names, (slave nodes,) each [its units] (local).
 
     Raises:
         ValueError: If names, shapes or values are not allowed.
     """
-    if not isinstance(answer, Mapping) or set(answer) != set(law.memory):
+    if not isinstance(result, Mapping) or set(result) != set(law.memory):
         raise ValueError(
-            f"{law!r}: {what} returned {answer!r}; expected arrays named {', '.join(law.memory)}"
+            f"{law!r}: {what} returned {result!r}; expected arrays named {', '.join(law.memory)}"
         )
-    return {name: check_numbers(law, f"{what}: {name}", answer[name], count) for name in law.memory}
+    return {name: check_numbers(law, f"{what}: {name}", result[name], count) for name in law.memory}
 
 
 def check_numbers(law: Law, what: str, values: Any, count: int) -> Array:

@@ -101,7 +101,7 @@ class LinearizedContact:
             found = comm.bcast(self._solve(elastic, nodes, snap) if comm.rank == 0 else None)
             if found is None:
                 return False
-            self._take(nodes, found)
+            self._adopt(nodes, found)
             mark()
         return True
 
@@ -151,7 +151,7 @@ class LinearizedContact:
         branch = np.where(slides, np.sign(z_tau), 0.0).astype(np.int64)
         return Sets(z_n > 0.0, branch, z_n, z_tau), gap
 
-    def _take(self, nodes: Sequence[Indices], found: Sets) -> None:
+    def _adopt(self, nodes: Sequence[Indices], found: Sets) -> None:
         """Adopt sets and multipliers of ``nodes``; all other nodes are open."""
         ends = np.cumsum([j.size for j in nodes])[:-1]
         for contact, j, *sets in zip(

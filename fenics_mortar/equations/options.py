@@ -16,8 +16,10 @@ class EquationOptions:
             their size [1], or by 30 degrees for equal sizes. Applied to motions of the contacts on
             a body, and to loads of two solves.
         same_phase: Largest distance of a motion of contact from whole facets [facet lengths] after
-            which a step is repeated.
-        recent_steps: Number of last steps of which one may be repeated; states that are kept.
+            which a step is repeated: the measured centre of a contact varies by a tenth of a facet
+            from step to step. If no step begins as near, contact is extrapolated.
+        recent_steps: Number of last steps of which one may be repeated, and of states that are
+            kept for it: with four, half of all sliding speeds repeat a position on the facets.
         max_losses: Number of lost comparisons in a row after which a kind of guess is compared only
             every eighth step; the pause doubles from the second one on.
         max_guess_iterations: Number of iterations after which a guess is abandoned: more than any

@@ -146,23 +146,23 @@ class Predictor:
         if not guesses:
             return None
         begin_step(problem.contacts)
-        presses, smallest = self._presses(), problem.residual.of_prescribed()
+        presses, smallest = self._under_pressure(), problem.residual.of_prescribed()
         found = list[tuple[float, _Kind, State]]()
         for kind, guess in guesses:
             if found and kind.is_skipped():
                 continue
             places = np.where(problem.motions.driven, guess.places, here.places)
             guess = replace(guess, places=places).with_settings_of(here)
-            guessed = self._look(guess)
-            if not (presses & ~self._presses()).any():
+            guessed = self._residual_at(guess)
+            if not (presses & ~self._under_pressure()).any():
                 found.append((guessed, kind, guess))
         best = min(found, key=itemgetter(0), default=(np.inf, None, here))
         for _, kind, _ in found if len(found) > 1 else ():
             kind.compared(won=kind is best[1])
-        if best[0] >= smallest and best[0] >= self._look(here):
+        if best[0] >= smallest and best[0] >= self._residual_at(here):
             best = (np.inf, None, here)
-        if self._looked is not best[2]:
-            self._look(best[2])
+        if self._evaluated is not best[2]:
+            self._residual_at(best[2])
         return best[1]
 
     def _find_guesses(self, step: float) -> list[tuple[_Kind, State]]:
@@ -181,9 +181,9 @@ class Predictor:
         found = [(kind, guess) for kind, guess in guesses if guess is not None]
         return sorted(found, key=lambda each: each[0] is not self._used)
 
-    def _look(self, state: State) -> float:
+    def _residual_at(self, state: State) -> float:
         """Set a state and evaluate it; its residual, inf for inverted cells [stress length]."""
-        problem, self._looked = self._problem, state
+        problem, self._evaluated = self._problem, state
         problem.put(state)
         for contact in problem.contacts:
             contact.start_step()
@@ -195,7 +195,7 @@ class Predictor:
         problem.evaluated = Evaluated(problem.state(), status)
         return status.residual if np.isfinite(status.residual) else np.inf
 
-    def _presses(self) -> npt.NDArray[np.bool_]:
+    def _under_pressure(self) -> npt.NDArray[np.bool_]:
         """Marks of pairs under pressure, shape (contacts,), bool (local)."""
         contacts = [c for c in self._problem.contacts if isinstance(c, Contact)]
         return np.array([(c.pressure > 0.0).any() for c in contacts], bool)

@@ -35,8 +35,8 @@ class Coupling:
     def __init__(self, o: MortarOperators, faced: tuple[Indices, Indices]) -> None:
         self._slave, self._master = o.slave, o.master
         everywhere = np.ones(o.slave.num_nodes, bool)
-        self._met = np.union1d(_met(o, MARGIN, everywhere), _faced(o, *faced))
-        facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
+        self._near_pairs = np.union1d(_near_pairs(o, MARGIN, everywhere), _faced(o, *faced))
+        facet, partner = np.divmod(self._near_pairs, o.master.num_nodes + 1)
         meets = partner < o.master.num_nodes
         self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
 
@@ -55,8 +55,10 @@ class Coupling:
                 bool.
         """
         slips = acting[faced[0]]
-        pairs = np.concatenate([_met(o, 0, acting), _faced(o, *(side[slips] for side in faced))])
-        inside = np.append(self._met, -1)[np.searchsorted(self._met, pairs)] == pairs
+        pairs = np.concatenate(
+            [_near_pairs(o, 0, acting), _faced(o, *(side[slips] for side in faced))]
+        )
+        inside = np.append(self._near_pairs, -1)[np.searchsorted(self._near_pairs, pairs)] == pairs
         return bool(inside.all())
 
     def derivative_pattern(self) -> Block:
@@ -80,7 +82,7 @@ class Coupling:
         )
         slave = np.concatenate([near[index, which], np.full(self._facet.size, -1)])
         order = np.argsort(facet, kind="stable")
-        i, k = (order[places] for places in _pairs_within(facet[order]))
+        i, k = (order[group] for group in _pairs_within(facet[order]))
         return slave[i], dofs[i], dofs[k]
 
     def force_pattern(self) -> tuple[Indices, Indices]:
@@ -94,7 +96,7 @@ class Coupling:
         return dofs, np.concatenate([carriers.ravel(), carrier])
 
 
-def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indices:
+def _near_pairs(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indices:
     """Numbers of pairs of a slave facet with any of ``slaves`` and a master node it faces.
 
     A pair (first node i of the facet, master node k) has the number i (master nodes + 1) + k. Each
@@ -131,7 +133,7 @@ def _with_next_facets(
 
 
 def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
-    """Numbers, as in ``_met``, of pairs of slave and master nodes, one facet per slave node."""
+    """Numbers, as in ``_near_pairs``, of slave and master nodes, one facet per slave node."""
     facets = o.facet_nodes
     first = np.full(o.slave.num_nodes, -1)
     first[facets] = facets[:, :1]

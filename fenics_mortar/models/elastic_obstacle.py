@@ -117,11 +117,11 @@ class ElasticObstacle:
         for points in touching:
             points.add_tractions(load)
         self._surface.comm.Allreduce(MPI.IN_PLACE, load)
-        force, answer = self._bulk.K.createVecs()
+        force, solution = self._bulk.K.createVecs()
         self._surface.scatter_add(load, force.array)
         force.array[self._bulk.prescribed_dofs] = 0.0
-        self._factors.apply(force, answer)
-        moved = self._surface.gather(answer.array_r)
+        self._factors.apply(force, solution)
+        moved = self._surface.gather(solution.array_r)
         return [points.means(points.along_normals(moved)) for points in touching]
 
     def flatness(self, contacts: Sequence[Contact]) -> list[Array]:

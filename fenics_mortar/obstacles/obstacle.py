@@ -2,9 +2,8 @@
 """Rigid obstacles: signed distances, their place, and the forces that drive them.
 
 An obstacle is given by its signed distance phi, positive outside the solid, with gradient and
-Hessian H in the obstacle's frame. Its rigid motion is q = (x, y, turn), turn = angle times a length
-``arm``. With V = (e_x, e_y, e_z x r / arm), r from the pivot, the derivatives at a point x in space
-are
+Hessian H in the obstacle's frame. Its rigid motion is q = (x, y, angle arm), with a length ``arm``.
+With V = (e_x, e_y, e_z x r / arm), r from the pivot, the derivatives at a point x in space are
 
     d phi = grad phi . (dx - V dq),    d grad phi = H (dx - V dq) + e_z x grad phi dq_3 / arm.
 """

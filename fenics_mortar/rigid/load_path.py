@@ -39,7 +39,7 @@ Flags = npt.NDArray[np.bool_]
 
 
 class TurningPoint(NamedTuple):
-    """Turn of a path.
+    """Turning point of a path.
 
     Attributes:
         fraction: Load parameter s at the turning point [1].

@@ -2,8 +2,7 @@
 """Controls of contact: parameters of laws, offsets, obstacles, nodal positions.
 
 A control computes the derivative of the residuals of one step, with the rows and units of
-``equations.linearized``, at the present state: at fixed displacement, multipliers, active sets, and
-state before.
+``equations.linearized``, at fixed displacement, multipliers, active sets, and state before.
 """
 
 from __future__ import annotations
@@ -65,9 +64,7 @@ class Control(Protocol):
         raise TypeError(f"{self.name} cannot be set")
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """Change of the residuals along ``dm`` (collective).
-
-        ``dm`` has the shape of the values [their unit].
+        """Change of the residuals along ``dm``, of the values' shape [their unit] (collective).
 
         Raises:
             MortarError: On all ranks, if the derivative is not available.

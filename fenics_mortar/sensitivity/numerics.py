@@ -7,7 +7,7 @@ choice            derivative
 nodal offsets     of each slave node; faceting changes gaps by such offsets, see ``faceting``
 c_n               weight of the gap in the active-set test: zero
 stiffness         weight k of the rows of contact: zero but for redundant sticks, which are elastic
-residual          what Newton's method left of it: the error of the objective by stopping there
+residual          effect of the remaining residual of Newton's method on the objective
 ================  =================================================================================
 """
 

@@ -46,7 +46,7 @@ def at_pair(equations: ContactEquations, i: int, x: LinearVector) -> PairVector:
 
 
 def add_pair(equations: ContactEquations, i: int, x: LinearVector, pair: PairVector) -> None:
-    """Add values at pair ``i`` to a vector made by ``zeros``: transpose of ``at_pair`` (local)."""
+    """Add values at pair ``i`` to a vector of ``zero_vector``: transpose of ``at_pair`` (local)."""
     contact = equations.contacts[i]
     u, z, q = x.u, x.z, x.q
     assert u is not None and z is not None and q is not None

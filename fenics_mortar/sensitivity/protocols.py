@@ -101,8 +101,8 @@ def check_dependence(
     check_same_texts(problem.comm, "gradient", given)
     for control in controls:
         occurs = getattr(control, "occurs", True)
-        asked = (getattr(quantity, "depends_on", lambda _: False) for quantity in quantities)
-        if not occurs and not any(depends_on(control) for depends_on in asked):
+        tests = (getattr(quantity, "depends_on", lambda _: False) for quantity in quantities)
+        if not occurs and not any(depends_on(control) for depends_on in tests):
             raise ValueError(
                 f"{control.name}: neither residual nor Dirichlet conditions nor objective depend "
                 "on this control"

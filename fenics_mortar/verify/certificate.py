@@ -31,6 +31,7 @@ from fenics_mortar.verify.limits import LIMITS
 from fenics_mortar.verify.obstacle_gradient import gradient_error
 from fenics_mortar.verify.pair_certificate import PairCertificate
 from fenics_mortar.verify.resultant import beyond_cover
+from fenics_mortar.verify.sharp_obstacle import along_facets
 
 
 @dataclass(frozen=True)
@@ -148,8 +149,8 @@ def _certify_pair(
     """Measure one pair; ``paired``: global numbers of the nodes with a partner in any pair."""
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
     limit = contact.now.friction_limit(pressure)
-    bears = contact.acts if contact.pair.law.bridges_gap else contact.active
-    limit = np.where(bears, limit, 0.0)
+    may_transfer = contact.acts if contact.pair.law.bridges_gap else contact.active
+    limit = np.where(may_transfer, limit, 0.0)
     excess, tension = np.abs(contact.z_tau) - limit, contact.now.tension
     smallest = LIMITS.min_pressure * float(contact.modulus.max())
     largest = max(float(np.abs(pressure).max()), smallest)
@@ -166,6 +167,7 @@ def _certify_pair(
         complementarity=float(np.abs(tension * gap).max()) / largest,
         **between_nodes(contact),
         **oblique_forces(contact, pressure),
+        **along_facets(contact),
         friction=mean_friction(limit, pressure),
         **end_pressure(contact, pressure),
         **beyond_cover(contact, runs_of(contact)),

@@ -78,14 +78,8 @@ def _at_corners(contact: Contact, forces: Array, total: float) -> dict[str, Any]
         forces: Norms of the normal forces, shape (slave nodes,) [stress length].
         total: Their sum [stress length].
     """
-    o, slave = contact.operators, contact.slave
-    before, after = (
-        np.where(beside < 0, end, _angle(o.n, _right_of(way * (o.x[beside] - o.x))))
-        for beside, end, way in (
-            (slave.previous, -np.pi / 2, -1.0),
-            (slave.following, np.pi / 2, 1.0),
-        )
-    )
+    o = contact.operators
+    before, after = facet_angles(contact)
     corners = np.flatnonzero(contact.active & (after - before > LIMITS.corner))
     if not corners.size:
         return {}
@@ -108,6 +102,24 @@ def _at_corners(contact: Contact, forces: Array, total: float) -> dict[str, Any]
     return {
         "misdirected": float(error) / total, "excess_shear": largest, "excess_shear_at": where,
     }  # fmt: skip
+
+
+def facet_angles(contact: Contact) -> tuple[Array, Array]:
+    """Angles from the nodal normals to those of the facets before and after (local).
+
+    Returns:
+        Two arrays (slave nodes,) [radian]. At an end of the surface the body may continue at any
+        angle: a quarter turn.
+    """
+    o, slave = contact.operators, contact.slave
+    before, after = (
+        np.where(beside < 0, end, _angle(o.n, _right_of(way * (o.x[beside] - o.x))))
+        for beside, end, way in (
+            (slave.previous, -np.pi / 2, -1.0),
+            (slave.following, np.pi / 2, 1.0),
+        )
+    )
+    return before, after
 
 
 def _excess_shear(contact: Contact, run: Flags, across: Array) -> float:
@@ -164,8 +176,8 @@ def _right_of(directions: Array) -> Array:
 
 def _angle(a: Array, b: Array) -> Array:
     """Angles from vectors ``a`` to ``b``, shapes (..., 2) [radian]."""
-    turn = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return np.arctan2(turn, (a * b).sum(axis=-1))
+    cross = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return np.arctan2(cross, (a * b).sum(axis=-1))
 
 
 def runs_of(contact: Contact) -> Indices:

@@ -247,8 +247,10 @@ class Crossings:
         else:
             found = []
             for i, body in enumerate(motions.labels):
-                seen = Motions(motions.moved_with(i), x1, self.outline.bodies)
-                found += self._through_bodies(seen.node_paths(), ALL, self._segment_bodies == body)
+                relative = Motions(motions.moved_with(i), x1, self.outline.bodies)
+                found += self._through_bodies(
+                    relative.node_paths(), ALL, self._segment_bodies == body
+                )
         return found + self._through_obstacles(x1, places)
 
     def _through_bodies(

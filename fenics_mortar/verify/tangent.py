@@ -39,6 +39,12 @@ class Checkable(Protocol):
     linearization: Linearization
     motions: DrivenObstacles
 
+    def state(self) -> Any:
+        """The present state, a value."""
+
+    def restore(self, state: Any) -> None:
+        """Restore a state exactly, and evaluate the operators."""
+
 
 @dataclass(frozen=True)
 class TangentCheck(Markdown):
@@ -63,10 +69,10 @@ class TangentCheck(Markdown):
         return {name: self._slope(values) for name, values in self.remainders.items()}
 
     def _slope(self, values: Array) -> float:
-        seen = values > ASSEMBLY_ROUNDING  # smaller ones do not define a slope
-        if seen.sum() < 2:
+        large = values > ASSEMBLY_ROUNDING  # smaller ones do not define a slope
+        if large.sum() < 2:
             return np.inf
-        return float(np.polyfit(np.log(self.steps[seen]), np.log(values[seen]), 1)[0])
+        return float(np.polyfit(np.log(self.steps[large]), np.log(values[large]), 1)[0])
 
     def table(self) -> str:
         """Markdown table: remainder per block and step; the last row has the slopes."""
@@ -98,16 +104,11 @@ def check_tangent(
         Remainders and slopes.
     """
     steps = 1e-3 * 0.5 ** np.arange(6) if steps is None else np.asarray(steps)
-    u = problem.bulk.u
-    before = u.x.array.copy(), [contact.state for contact in problem.contacts]
-    places = problem.motions.places
+    before = problem.state()
     try:
         check = _check(_Probe(problem, seed), steps)
     finally:
-        u.x.array[:], problem.motions.places = before[0], places
-        for contact, state in zip(problem.contacts, before[1], strict=True):
-            contact.put(state)
-            contact.evaluate(u.x.array, problem.linearization)
+        problem.restore(before)
         problem.bulk.assemble_residual()
     if print_table and problem.comm.rank == 0:
         print(check.table())

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.serial
         ((0.6, 0.8, 0.0), r"move along (0.6, 0.8)"),
         ((0.0, 1.0, 0.0), r"move along (0, 1)"),
         ((0.0, 0.0, 1.0), r"rotate about (3, 4)"),
-        ((0.6, 0.0, 0.8), r"rotate about (3, 5.5)"),  # 0.8 / 2 of turn for 0.6 of way: 1.5 off
+        ((0.6, 0.0, 0.8), r"rotate about (3, 5.5)"),  # 0.6 over 0.8 / 2: 1.5 off
     ],
 )
 def test_free_motion_and_its_negative_have_the_same_description(motion, words):

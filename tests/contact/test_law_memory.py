@@ -104,7 +104,7 @@ def test_failed_step_leaves_time_and_memory():
 def test_law_receives_the_steps_of_a_path():
     """A path from time 3, with a cut, is the loop over the same times."""
     law = Worn(0.05, 2e-2)
-    seen = []
+    records = []
     path, loop = blocks(law), blocks(law)
 
     def loads(scene, time):
@@ -114,11 +114,11 @@ def test_law_receives_the_steps_of_a_path():
     fm.follow_path(
         path.problem, lambda t: loads(path, t), fm.SteppingOptions(step=0.5, predict=False),
         start=3.0, stop=5.0,
-        on_step=lambda time, _: seen.append((time, path.contact.nodal.step)),
+        on_step=lambda time, _: records.append((time, path.contact.nodal.step)),
     )  # fmt: skip
     assert path.problem.time == 5.0
     before = 3.0
-    for time, step in seen:
+    for time, step in records:
         assert step == pytest.approx(time - before, rel=1e-12)
         before = time
         loads(loop, time)

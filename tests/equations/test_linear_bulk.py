@@ -81,7 +81,7 @@ def test_dense_matrices_are_made_for_many_solves(monkeypatch):
 
 
 def disc_on_block(reduced):
-    """A half disc on a block, whose facets are ten times shorter than the way of its flat side."""
+    """A half disc on a block; its facets are a tenth of the displacement of its flat side."""
     build = half_cylinder_on_block.build
     data = read(build, radius=1.0, width=4.0, height=2.0, h=0.012, fine=0.05, growth=0.4)
     V = fm.vector_space(data.mesh, 1)

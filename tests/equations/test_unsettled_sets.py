@@ -65,7 +65,7 @@ def test_no_linearized_problem_without_possible_contact():
 
 
 def test_multipliers_of_the_linearized_problem_are_those_of_small_loads():
-    """A block of two tied parts pushed onto another, both parts held."""
+    """A block of two tied parts pushed onto another, both parts supported."""
     data = read(
         rectangles,
         size=0.21,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Names, tags and surfaces that are refused, and surfaces that are sound."""
+"""Names, tags and surfaces that are rejected, and valid surfaces."""
 
 import re
 
@@ -110,7 +110,7 @@ def test_facets_inside_a_body_are_refused():
 @pytest.mark.ranks
 @pytest.mark.parametrize("tagged_by", ["both ranks", "owner", "the other"])
 def test_facets_between_two_ranks_are_known_to_be_inside(tagged_by):
-    """Without ghost cells (dolfinx 0.9) a rank sees only one cell of such a facet."""
+    """Without ghost cells (dolfinx 0.9) a rank has only one cell of such a facet."""
     cells, x = grid(8, 8)
     mesh = mesh_of(cells, x)
     mesh.topology.create_connectivity(1, 2)
@@ -144,7 +144,7 @@ def test_facets_between_two_ranks_are_known_to_be_inside(tagged_by):
 def test_branching_surface_is_refused(case):
     """Cells that meet in one corner only, with the whole outline as one surface.
 
-    If the corner lies between ranks, dolfinx makes two nodes of it, without a word.
+    If the corner lies between ranks, dolfinx makes two nodes of it without a warning.
     """
     if case == "two squares":
         one, x = grid(2, 2)

@@ -245,14 +245,14 @@ def test_hook_snaps_behind_a_catch(slave, barb, wide):
     pair = [slave, "catch" if slave == "hook" else "hook"]
     fixed = [(at(1, -0.2 - barb), None), (at(0, 2.0), None)]
     scene = Scene(grids, [pair], fixed)
-    seen = []
+    records = []
     fm.follow_path(
         scene.problem,
         lambda time: scene.move(1, -1.5 * time, 0.03),
         fm.SteppingOptions(0.05, smallest=1e-3),
-        on_step=lambda time, report: seen.append((time, *scene.contact.total_force)),
+        on_step=lambda time, report: records.append((time, *scene.contact.total_force)),
     )
-    time, force, _ = np.transpose(seen)
+    time, force, _ = np.transpose(records)
     first = (0.6 - wide - 0.05) / 1.5  # until then the bumps are beside each other
     assert np.abs(force[time < first]).max(initial=0.0) == 0.0
     push = force * (1.0 if slave == "hook" else -1.0)

@@ -143,12 +143,12 @@ def pressed_cylinder(refinements, cylinder, block):
         ],
         petsc_options_prefix="test_", solver="iterative",
     )  # fmt: skip
-    seen = []
-    problem.equations.system.ksp.setMonitor(lambda ksp, *now: seen.append(now))
+    iterations = []
+    problem.equations.system.ksp.setMonitor(lambda ksp, *now: iterations.append(now))
     for depth in (0.05, 0.15):
         push.value[1] = -depth
         problem.solve()
-    iteration, left = np.array(seen).T
+    iteration, left = np.array(iterations).T
     first = np.flatnonzero(iteration == 0)
     last = np.append(first[1:], iteration.size) - 1
     return 8.0 * iteration[last].sum() / np.log10(left[first] / left[last]).sum()

@@ -306,12 +306,12 @@ def test_frictionless_against_stick(width, push, friction, verdict):
 
 
 def test_frictionless_check_needs_a_pair_with_friction():
-    for law, asks in ((fm.Coulomb(0.3), False), (Stick(), True)):
+    for law, has_demand in ((fm.Coulomb(0.3), False), (Stick(), True)):
         scene = pressed_blocks(**MESH, pair={"law": law})
         scene.loads["push"].value[:] = (0.02, -0.05)
         scene.problem.solve()
         assert np.abs(scene.contact.shear_force).max() > 0.0
-        assert (shear_demand(scene.problem) > 0.0) == asks
+        assert (shear_demand(scene.problem) > 0.0) == has_demand
 
 
 @pytest.mark.once

@@ -23,7 +23,7 @@ def posed(scene):
 
 
 def cantilevers(way):
-    """One is pushed past another: their tips separate at 0.551 of the way down."""
+    """One is pushed past another: their tips separate at 0.551 of the displacement."""
     left = block(8, 1, width=1.0, height=0.1, corner=(-1.0, -0.1))
     right = block(7, 1, width=1.0, height=0.1, corner=(-0.05, 0.0))
     return Scene(

@@ -103,7 +103,7 @@ def test_a_velocity_set_on_the_owned_dofs_counts_on_all_ranks():
 
 @pytest.mark.parametrize("scheme", ["conserving", "generalized_alpha"])
 def test_energy_added_by_contact_is_reported(scheme):
-    """The trapezoidal rule multiplies the energy of an impact; the report says so."""
+    """The trapezoidal rule multiplies the energy of an impact; the report contains a remark."""
     made, speed = bar(cells=20), np.sqrt(E / RHO)
     motion = made.dynamics(scheme, 1.0)
     made.set_velocity(motion, {"bar": (0.0, -0.01 * speed, 0.0)})
@@ -131,7 +131,7 @@ def test_rates_of_prescribed_motions_follow_from_these():
     """They do not alternate after an inconsistent start or a jump."""
     made = free_block(cells=3, held=[("block/top", 1, 0.0)])
     motion = made.dynamics("conserving")
-    made.set_velocity(motion, {"block": (0.0, -1.0, 0.0)})  # of the held nodes, too
+    made.set_velocity(motion, {"block": (0.0, -1.0, 0.0)})  # of the prescribed nodes, too
     motion.run(0.16, fm.SteppingOptions(step=0.02))
     held = made.problem.equations.bulk.prescribed
     rates = motion._inertia.rates

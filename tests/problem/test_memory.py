@@ -67,12 +67,12 @@ def test_results_do_not_leak_memory():
     problem.solve()
     size = problem.equations.bulk.r.getSize()
 
-    def ask(times):
+    def evaluate(times):
         for _ in range(times):
             problem.estimate()
             problem.matrices.D(0), problem.matrices.M(0), problem.tangent, problem.matrices.gap()
 
-    ask(5)
+    evaluate(5)
     before = memory()
-    ask(40)
+    evaluate(40)
     assert comm.allreduce(memory() - before) < 40 * 8 * size

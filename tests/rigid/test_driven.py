@@ -184,7 +184,7 @@ def test_contact_adds_no_energy():
         path = fm.follow_path(problem, set_loads, fm.SteppingOptions(step=step))
         rests.append(sum(step.work.contact for step in path.steps))
         assert abs(rests[-1]) < 2e-3 * sum(step.work.supports for step in path.steps)
-    assert rests[0] / rests[1] == pytest.approx(4.0, rel=0.03)  # 3.94: what is of fourth order
+    assert rests[0] / rests[1] == pytest.approx(4.0, rel=0.03)  # 3.94: a term of fourth order
 
 
 def test_forces_and_moments_of_supports_and_obstacle_cancel():

@@ -23,7 +23,7 @@ BASES = pytest.mark.parametrize("base", ["plane", "body"])
 
 
 def stays(scene, most=None):
-    """Solve all steps: sound states with elastic displacements only."""
+    """Solve all steps: states without violations, with elastic displacements only."""
     reports = []
     for step, report in enumerate(scene.solve()):
         assert scene.verdict(step)[0].feasible, "limit analysis"

@@ -37,7 +37,7 @@ def test_weights_have_no_effect(law):
     (pair,) = report.pairs
     assert abs(pair.by_c_n) < 1e-12 * abs(report.value)
     assert abs(pair.by_stiffness) < 1e-11 * abs(report.value)
-    assert abs(pair.by_offset).max() > abs(report.value)  # what it does depend on
+    assert abs(pair.by_offset).max() > abs(report.value)  # the quantity depends on these
 
 
 def test_adjoint_is_tangent_linear():

@@ -85,8 +85,8 @@ def test_result_is_independent_of_units():
         rows, norms = histories[step]
         for other_rows, other in (histories[2 + step], histories[4 + step]):
             assert rows == other_rows
-            seen = norms > 1e-9  # below that rounding differs
-            assert np.allclose(norms[seen], other[seen], rtol=1e-5)
+            large = norms > 1e-9  # below that rounding differs
+            assert np.allclose(norms[large], other[large], rtol=1e-5)
 
 
 @pytest.mark.once

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Certificates of sound states, and of states that are not solutions."""
+"""Certificates of solved states, and of states that are not solutions."""
 
 import re
 from types import SimpleNamespace
@@ -33,6 +33,16 @@ def test_solved_state_has_no_violations(slave, basis, degree):
     assert certificate.force < 1e-14 and certificate.shear < 1e-12
     assert certificate.overlap < 1e-12 and certificate.complementarity < 1e-12  # rounding
     assert certificate.unpaired == 0
+
+
+def test_certificate_is_that_of_a_displacement_set_by_the_user():
+    scene = solved(n_upper=4, n_lower=6)
+    scene.problem.equations.bulk.u.x.array[:] *= 1.05
+    (found,) = scene.problem.certificate().pairs
+    scene.problem.equations.evaluate_operators()
+    (again,) = scene.problem.certificate().pairs
+    assert found.penetration == again.penetration
+    assert found.complementarity == again.complementarity > 1e-4
 
 
 def test_moment_of_flat_contact_balances():
@@ -71,7 +81,7 @@ def test_penetration_between_nodes_is_reported():
             u.x.scatter_forward()
             contact.evaluate(u.x.array, scene.problem.equations.linearization)
             (pair,) = scene.problem.certificate().pairs
-            assert any(re.search(expected, said) for said in (*pair.remarks(), *pair.violations()))
+            assert any(re.search(expected, text) for text in (*pair.remarks(), *pair.violations()))
     contact.change(active=np.zeros_like(contact.active))
     assert list(pair.remarks()) != []
     (pair,) = scene.problem.certificate().pairs
@@ -264,7 +274,7 @@ def test_pressed_prescribed_slave_node_is_reported(shift, presses):
 
 
 def test_pressure_beside_a_clamped_end_is_compared_with_that_farther_away():
-    """One node each way counts as beside it, nodes up to three away as the next ones."""
+    """One node on each side counts as beside it, nodes up to three away as the next ones."""
     places = np.arange(6)
     around = SimpleNamespace(degree=1, along=lambda j, steps: along(places, j, steps))
     free, may_carry = np.ones((6, 2)), places > 0
@@ -298,9 +308,9 @@ def test_two_solutions_at_the_end_of_the_master_are_reported(part, num_remarks):
     scene = pressed_blocks(n_upper=5, layers_upper=2, layers_lower=2, width_upper=width, **lower)
     scene.problem.equations.evaluate(start=True)
     assert np.allclose(scene.contact.operators.cover[[1, 7]], 0.25 * part, rtol=1e-9)
-    said = [remark for remark in scene.problem.certificate().remarks() if "two solutions" in remark]
-    assert len(said) == num_remarks
-    assert all(where in remark for remark in said for where in ("(0.25, 1)", "(1.75, 1)"))
+    remarks = [r for r in scene.problem.certificate().remarks() if "two solutions" in r]
+    assert len(remarks) == num_remarks
+    assert all(where in remark for remark in remarks for where in ("(0.25, 1)", "(1.75, 1)"))
 
 
 @pytest.mark.parametrize("even, basis", [(True, "dual"), (False, "dual"), (True, "standard")])

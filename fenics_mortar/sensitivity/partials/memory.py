@@ -61,7 +61,7 @@ class PairMemory:
         def found() -> Array:
             return differentiate(
                 f"{law!r}: the complex step of remember by '{name}'", value, np.ones_like(value),
-                lambda changed: _remembered(law, f, contact.parameters, {name: changed}),
+                lambda changed: _updated_memory(law, f, contact.parameters, {name: changed}),
             )  # fmt: skip
 
         return np.asarray(call_together(contact.slave.comm, self._what, found))
@@ -75,7 +75,7 @@ class PairMemory:
         def found() -> Array:
             return differentiate(
                 f"{law!r}: the complex step of remember by '{name}'", value, np.ones_like(value),
-                lambda changed: _remembered(
+                lambda changed: _updated_memory(
                     law, f, contact.parameters, {"memory": {**memory, name: changed}}
                 ),
             )  # fmt: skip
@@ -146,8 +146,8 @@ class PairMemory:
 
         def at(changed: Any) -> Array:
             if name in law.varying:
-                return _remembered(law, f, {**contact.parameters, name: changed}, {})
-            return _remembered(with_parameter(law, name, changed), f, contact.parameters, {})
+                return _updated_memory(law, f, {**contact.parameters, name: changed}, {})
+            return _updated_memory(with_parameter(law, name, changed), f, contact.parameters, {})
 
         what = f"{law!r}: the complex step of remember by '{name}'"
         value = parameter(contact, name)
@@ -176,7 +176,7 @@ def _given(f: ContactFields) -> Any:
     return f.of_geometry if isinstance(f, LawFields) else f.nodal
 
 
-def _remembered(
+def _updated_memory(
     law: Law, f: ContactFields, fields: Mapping[str, Any], changes: Mapping[str, Any]
 ) -> Array:
     """Memory at the end of the step, with changed arguments, complex (names, slave nodes)."""
@@ -185,5 +185,5 @@ def _remembered(
     node = replace(given, **{**numbers, "fields": fields, **changes})
     if law.has_closing_gap:
         node = replace(node, gap=np.where(f.covered, law.closing_gap(node).residual, node.gap))
-    answer = law.remember(node, f.state.branch)
-    return np.array([np.asarray(answer[name], complex) for name in law.memory])
+    result = law.remember(node, f.state.branch)
+    return np.array([np.asarray(result[name], complex) for name in law.memory])
