@@ -19,7 +19,7 @@ class EquationOptions:
             which a step is repeated: the measured centre of a contact varies by a tenth of a facet
             from step to step. If no step begins as near, contact is extrapolated.
         recent_steps: Number of last steps of which one may be repeated, and of states that are
-            kept for it: with four, half of all sliding speeds repeat a position on the facets.
+            kept for it: with four, four fifths of all sliding speeds repeat a place on the facets.
         max_losses: Number of lost comparisons in a row after which a kind of guess is compared only
             every eighth step; the pause doubles from the second one on.
         max_guess_iterations: Number of iterations after which a guess is abandoned: more than any
