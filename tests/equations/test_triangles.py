@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Fields carried along a body: interpolation in a rank's own cells, little communication."""
+"""Interpolation in a body: in a rank's own cells, with little communication."""
 
 from mpi4py import MPI
 
@@ -9,15 +9,18 @@ import pytest
 from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
-from fenics_mortar.bulk.carried_fields import CarriedFields, neighbours_of
 from fenics_mortar.bulk.cells import Cells
+from fenics_mortar.equations.triangles import DIVISIONS, triangles_of
+from fenics_mortar.utils import compat
 
 comm = MPI.COMM_WORLD
 N = 24  # cells along the side of a square
 
 
 class Counting:
-    """A communicator that counts the rows sent to all ranks, and those of the answers."""
+    """A communicator that counts the rows sent to all ranks."""
+
+    size, rank = comm.size, comm.rank
 
     def __init__(self):
         self.rows = 0
@@ -32,15 +35,21 @@ class Counting:
 
 
 def square(kind, degree, *, notch):
-    """Local nodes and cells of the unit square, if asked for without its upper right quarter."""
+    """Local nodes and triangles of the unit square, perhaps without its upper right quarter."""
     cell = getattr(dmesh.CellType, kind)
     mesh = dmesh.create_unit_square(comm, N, N, cell)
-    cells = Cells(fm.vector_space(mesh, degree))
-    mine = cells.with_ghosts
+    V = fm.vector_space(mesh, degree)
+    X, mine = Cells(V).X, compat.dofmap(V)
     if notch:
-        mine = mine[(cells.X[mine].mean(axis=1) < 0.5).any(axis=1)]
+        mine = mine[(X[mine].mean(axis=1) < 0.5).any(axis=1)]
     nodes = np.unique(mine)
-    return cells.X[nodes], np.searchsorted(nodes, mine)
+    triangles = np.searchsorted(nodes, mine)[:, np.array(DIVISIONS[mine.shape[1]])]
+    return X[nodes], triangles.reshape(-1, 3)
+
+
+def carried(X, triangles, s, comm=comm):
+    """A linear field carried along by ``s``."""
+    return triangles_of(comm, X, triangles).interpolate(linear(X), X - s)
 
 
 def linear(X):
@@ -54,7 +63,7 @@ def linear(X):
 def test_linear_fields_are_exact_inside_and_not_a_number_outside(kind, notch, degree, s):
     X, cells = square(kind, degree, notch=notch)
     at = X - s
-    found = CarriedFields(comm, X, cells).carried(linear(X), np.array(s))
+    found = carried(X, cells, np.array(s))
     inside = ((at > 1e-9) & (at < 1 - 1e-9)).all(axis=1)
     outside = ((at < -1e-9) | (at > 1 + 1e-9)).any(axis=1)
     if notch:
@@ -69,15 +78,15 @@ def test_ranks_exchange_only_what_lies_beyond_the_outlines_of_their_parts():
     """Two columns of nodes along each outline, not the body."""
     X, cells = square("triangle", 1, notch=False)
     counting = Counting()
-    CarriedFields(counting, X, cells).carried(linear(X), np.array([1.5 / N, 0.0]))
-    assert 0 < counting.rows <= 2 * comm.size * (N + 1)
+    carried(X, cells, np.array([1.5 / N, 0.0]), counting)
+    assert counting.rows <= 2 * comm.size * (N + 1)
 
 
 def test_positions_on_nodes_of_other_ranks_are_found():
     """Rounding places some of them outside of the box around a part."""
     X, cells = square("quadrilateral", 1, notch=False)
     s = np.array([3.0 / N, 0.0])
-    found = CarriedFields(comm, X, cells).carried(linear(X), s)
+    found = carried(X, cells, s)
     inside = (X - s)[:, 0] > -0.1 / N
     assert np.abs(found - linear(X - s))[inside].max(initial=0.0) < 1e-12
 
@@ -86,11 +95,5 @@ def test_rank_without_cells_of_the_body_takes_part():
     X, cells = square("triangle", 1, notch=False)
     if comm.rank:
         X, cells = X[:0], cells[:0]
-    found = CarriedFields(comm, X, cells).carried(linear(X), np.array([0.1, 0.1]))
+    found = carried(X, cells, np.array([0.1, 0.1]))
     assert found.shape == X.shape
-
-
-@pytest.mark.serial
-def test_neighbours_share_the_side_opposite_to_a_node():
-    triangles = np.array([[0, 1, 2], [3, 2, 1], [2, 3, 4]])
-    assert neighbours_of(triangles).tolist() == [[1, -1, -1], [0, -1, 2], [-1, -1, 1]]
