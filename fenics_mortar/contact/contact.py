@@ -34,6 +34,7 @@ from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.instant import first_instant
 from fenics_mortar.contact.integration import Integration
 from fenics_mortar.contact.interface import NO_PAIRS, NO_WELDS, Interface, read_only, settable
+from fenics_mortar.contact.interface_fields import split_multipliers
 from fenics_mortar.contact.law_calls import LawCalls, raise_stored
 from fenics_mortar.contact.law_fields import LawFields
 from fenics_mortar.contact.laws import Frictionless, Nodal
@@ -208,7 +209,7 @@ class Contact(Interface):
         """
         old, o, adhesion, force_decided = self.z, self.operators, self.now.adhesion[0], None
         z = old + fraction * (z - old) if fraction < 1.0 else z
-        pulls = self.active & (np.einsum("ja,ja->j", o.n, z) + adhesion < 0.0)
+        pulls = self.active & (split_multipliers(o.n, z).z_n + adhesion < 0.0)
         if pulls.any():
             sides = self.slave.gather(step), self.master.gather(step)
             change = fraction * change_along(self.now, o.weight_derivative(), *sides)
@@ -279,8 +280,7 @@ class Contact(Interface):
         if self.options.integration == "nodes":
             return 0
         cover = _covered_fraction(self.operators)
-        new = self._multiplier_nodes.update(self.multiplier_nodes, cover)
-        changed = int((self.multiplier_nodes != new).sum())
+        new, changed = self._multiplier_nodes.update(self.multiplier_nodes, cover)
         if changed:
             self.change(multiplier_nodes=new)
         return changed
@@ -308,7 +308,7 @@ class Contact(Interface):
         """
         self.now, changed = next_sets(self.now, start=start)
         self._state = self.now.state
-        return int(np.count_nonzero(changed))
+        return changed
 
 
 def _covered_fraction(o: MortarOperators) -> Array:

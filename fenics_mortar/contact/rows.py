@@ -18,6 +18,7 @@ import numpy as np
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.laws import Row
 from fenics_mortar.interface.mortar import Block
+from fenics_mortar.kernels.complementarity import measure_rows
 from fenics_mortar.utils.arrays import Array
 
 # Weights of the rows: n k / D of gaps, nodal areas of multipliers that do not act, tau D and n D of
@@ -57,8 +58,13 @@ class InterfaceRows(ABC):
         """The linearized rows; shapes and units are those of ``Rows``."""
 
     @abstractmethod
-    def residual(self) -> Array:
-        """Left side of the nonlinear rows as forces, shape (slave nodes, 2) [stress length]."""
+    def measure(self) -> tuple[float, float]:
+        """Size of the nonlinear rows.
+
+        Returns:
+            Sum of squares of their left sides as forces [stress^2 length^2], and the largest mean
+            gap of an active node over its length [1].
+        """
 
     @abstractmethod
     def followed(self) -> Array:
@@ -97,15 +103,14 @@ class ContactRows(InterfaceRows):
             by_gap = by_gap + scaled * row.by_gap[:, None]
         return Rows([*_gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
 
-    def residual(self) -> Array:
+    def measure(self) -> tuple[float, float]:
         """See ``InterfaceRows``."""
         f: ContactFields = self._interface.now
-        tangential, opening, *closing = f.law_rows
-        D = f.operators.diagonal
-        closing_gap = closing[0].residual if closing else f.mean_gap
-        gap = np.where(f.state.active, f.sides.stiffness * closing_gap, 0.0)
-        normal = np.where(f.attracted, D * opening.residual, gap)
-        return np.stack([normal, np.where(f.acts, D * tangential.residual, 0.0)], 1)
+        tangential, opening, *_ = f.law_rows
+        return measure_rows(
+            f.covered_gap, f.nodal_lengths, f.sides.stiffness, f.operators.diagonal,
+            opening.residual, tangential.residual, f.state.active, f.attracted,
+        )  # fmt: skip
 
     def followed(self) -> Array:
         """See ``InterfaceRows``: the normal row of an active node has -k n_j . dd_j."""

@@ -36,7 +36,8 @@ import numpy as np
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import projection
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.kernels.forces import add_contact_forces
+from fenics_mortar.utils.arrays import Array, Indices, read_only
 
 
 class Block(NamedTuple):
@@ -158,15 +159,13 @@ class MortarOperators:
             Arrays (slave nodes, 2) and (master nodes, 2) [stress length].
         """
         count, s = len(self.x), self.segments
-        on_slave = np.einsum("ejk,ejc->ekc", self.D, z[self.facet_nodes])
-        on_master = -np.einsum("sjl,sjc->slc", self.M, z[s.slave])
-        nodes = np.concatenate([self.facet_nodes.ravel(), count + s.master.ravel()])
-        forces = np.concatenate([on_slave.reshape(-1, 2), on_master.reshape(-1, 2)])
-        both = np.empty((count + len(self.m), 2))
-        for c in range(2):
-            both[:, c] = np.bincount(nodes, forces[:, c], len(both))
-        self.slave.comm.Allreduce(MPI.IN_PLACE, both)
-        return both[:count], both[count:]
+        forces = np.zeros((count + len(self.m), 2))
+        on_slave, on_master = forces[:count], forces[count:]
+        add_contact_forces(
+            self.D, self.M, read_only(z), self.facet_nodes, s.slave, s.master, on_slave, on_master
+        )
+        self.slave.comm.Allreduce(MPI.IN_PLACE, forces)
+        return on_slave, on_master
 
     def reaction(self, z: Array) -> tuple[Array, Array]:
         """Points of the master and forces there, each (master nodes, 2) (collective).
