@@ -36,6 +36,7 @@ import numpy as np
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import projection
+from fenics_mortar.kernels.blocks import weigh_derivatives
 from fenics_mortar.kernels.forces import add_contact_forces
 from fenics_mortar.utils.arrays import Array, Indices, read_only
 
@@ -199,20 +200,21 @@ class MortarOperators:
         Rows and columns are displacement dofs.
         """
         s = self.segments
-        values = np.einsum("sjkq,sjc->skcq", self.dD, z[s.slave])
         rows = self.slave.dofs[s.slave].reshape(len(s.slave), 2 * s.slave.shape[1])
-        return Block(rows, self.columns, values.reshape(*rows.shape, self.dD.shape[3]))
+        values = np.empty((*rows.shape, self.dD.shape[3]))
+        weigh_derivatives(self.dD, np.arange(len(rows)), s.slave, read_only(z), 1.0, values)
+        return Block(rows, self.columns, values)
 
     def master_force_derivative(self, z: Array) -> Block:
         """Blocks of -d(M^T z)/dd [stress] at fixed ``z`` (slave nodes, 2).
 
         Rows and columns are displacement dofs.
         """
-        s = self.segments
-        i, k = s.pairs[:, 0], s.pairs[:, 1]
-        values = -np.einsum("pjlq,pjc->plcq", self.dM, z[s.slave[i]])
+        i, k = np.ascontiguousarray(self.segments.pairs.T)
         rows = self.master_dofs[i]
-        return Block(rows, self.columns[k], values.reshape(*rows.shape, self.dM.shape[3]))
+        values = np.empty((*rows.shape, self.dM.shape[3]))
+        weigh_derivatives(self.dM, i, self.segments.slave, read_only(z), -1.0, values)
+        return Block(rows, self.columns[k], values)
 
     def weight_derivative(self) -> list[Block]:
         """Blocks of dw/dd [1], w = row sums of D; rows: slave nodes, columns: displacement dofs."""
