@@ -209,7 +209,8 @@ class Contact(Interface):
         """
         old, o, adhesion, force_decided = self.z, self.operators, self.now.adhesion[0], None
         z = old + fraction * (z - old) if fraction < 1.0 else z
-        pulls = self.active & (split_multipliers(o.n, z).z_n + adhesion < 0.0)
+        z_n, _ = split_multipliers(o.n, z)
+        pulls = self.active & (z_n + adhesion < 0.0)
         if pulls.any():
             sides = self.slave.gather(step), self.master.gather(step)
             change = fraction * change_along(self.now, o.weight_derivative(), *sides)

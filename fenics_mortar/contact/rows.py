@@ -99,7 +99,7 @@ class ContactRows(InterfaceRows):
                 continue
             slips, change = row.by_slip.any(), np.empty_like(o.dn)
             apart = f.state.partners.apart(o) if slips else np.zeros_like(normal)
-            linearize_law(scaled, tuple(row), o.n, o.dn, f.state.z, apart, A_z, rhs, by_gap, change)
+            linearize_law(scaled, *row, o.n, o.dn, f.state.z, apart, A_z, rhs, by_gap, change)
             j = f.sides.slave.owned[f.acts[f.sides.slave.owned]]
             rows = 2 * j[:, None] + np.arange(2)
             blocks.append(Block(rows, o.normal_columns()[j], change[j]))

@@ -47,7 +47,8 @@ def weigh_derivatives(dX, which, nodes, z, sign, values):
 
 
 @kernel
-def linearize_law(scaled, row, n, dn, z, apart, A_z, rhs, by_gap, change):
+def linearize_law(scaled, rho, rho_gap, rho_slip, rho_n, rho_tau, n, dn, z, apart, A_z, rhs, by_gap,
+                  change):  # fmt: skip
     """Add a linearized row of the contact law, -``scaled`` times rho, at all slave nodes.
 
     Derivatives with respect to gaps follow from ``by_gap``; ``change`` has those due to the
@@ -55,7 +56,11 @@ def linearize_law(scaled, row, n, dn, z, apart, A_z, rhs, by_gap, change):
 
     Args:
         scaled: Weighted directions of the row, shape (n, 2) [length].
-        row: rho and its derivatives by gap, slip, z_n and z_tau, shape (n,) each.
+        rho: Residual of the law, shape (n,) [stress].
+        rho_gap: Its derivative by the gap, shape (n,).
+        rho_slip: Its derivative by the slip, shape (n,).
+        rho_n: Its derivative by z_n, shape (n,).
+        rho_tau: Its derivative by z_tau, shape (n,).
         n: Normals, shape (n, 2).
         dn: Their derivatives, shape (n, 2, c) [1 / length].
         z: Multipliers, shape (n, 2) [stress].
@@ -65,7 +70,6 @@ def linearize_law(scaled, row, n, dn, z, apart, A_z, rhs, by_gap, change):
         by_gap: Derivatives by the gap, with the sign of rho, shape (n, 2); changed.
         change: Derivatives by positions, shape (n, 2, c); filled.
     """
-    rho, rho_gap, rho_slip, rho_n, rho_tau = row
     for j in range(n.shape[0]):
         x = rho_tau[j] * -n[j, 1] + rho_n[j] * n[j, 0]
         y = rho_tau[j] * n[j, 0] + rho_n[j] * n[j, 1]
