@@ -20,7 +20,6 @@
 # ## Implementation
 
 # +
-import sys
 from pathlib import Path
 
 from mpi4py import MPI
@@ -32,7 +31,8 @@ from matplotlib.figure import Figure
 import ufl
 from dolfinx import fem
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+import this_clone
+
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, build, mapped
 

@@ -16,7 +16,6 @@
 # ## Implementation
 
 # +
-import sys
 from pathlib import Path
 
 from mpi4py import MPI
@@ -28,8 +27,8 @@ from matplotlib.figure import Figure
 import ufl
 from dolfinx import fem
 
-root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root)]
+import this_clone
+
 import fenics_mortar as fm
 from meshes import half_cylinder_on_block
 

@@ -15,7 +15,6 @@
 # ## Implementation
 
 # +
-import sys
 from pathlib import Path
 
 from mpi4py import MPI
@@ -28,7 +27,8 @@ from scipy.optimize import minimize
 import ufl
 from dolfinx import fem
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+import this_clone
+
 import fenics_mortar as fm
 from meshes import two_blocks
 

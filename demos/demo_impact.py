@@ -14,9 +14,6 @@
 # ## Implementation
 
 # +
-import sys
-from pathlib import Path
-
 from mpi4py import MPI
 
 import gmsh
@@ -25,7 +22,8 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+import this_clone
+
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, block, build
 

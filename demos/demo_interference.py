@@ -17,7 +17,6 @@
 # ## Implementation
 
 # +
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +26,8 @@ from scipy.optimize import minimize
 import ufl
 from dolfinx import fem
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+import this_clone
+
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, block, mesh
 

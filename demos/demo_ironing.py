@@ -25,7 +25,8 @@ from matplotlib.figure import Figure
 import ufl
 from dolfinx import fem
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+import this_clone
+
 import fenics_mortar as fm
 from meshes import indenter_on_block
 

@@ -10,9 +10,7 @@
 # ## Implementation
 
 # +
-import sys
 from collections.abc import Callable
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -21,7 +19,8 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+import this_clone
+
 import fenics_mortar as fm
 
 comm = MPI.COMM_WORLD

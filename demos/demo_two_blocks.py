@@ -14,9 +14,6 @@
 # ## Implementation
 
 # +
-import sys
-from pathlib import Path
-
 from mpi4py import MPI
 
 import gmsh
@@ -25,8 +22,8 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root)]
+import this_clone
+
 import fenics_mortar as fm
 from meshes import two_blocks
 

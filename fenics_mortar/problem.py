@@ -111,7 +111,7 @@ class ContactProblem:
         petsc_options_prefix: str,
         petsc_options: dict[str, Any] | None = None,
         algorithm: Algorithm | None = None,
-        solver: solvers.Solver = "auto",
+        solver: solvers.SolverName = "auto",
         linearization: str = "full",
         newton: NewtonOptions | None = None,
         jacobian: Any | None = None,
@@ -250,8 +250,9 @@ class ContactProblem:
 
         Returns:
             Bulk residual and contact forces at the dofs of this rank, each of shape (owned dofs,)
-            [stress length]; their sum at prescribed dofs is the support reaction. Third, forces and
-            moments that keep the obstacles in place, shape (obstacles, 3), equal on all ranks.
+            [stress length]; their sum at prescribed dofs is the support reaction. Third, the force
+            (x, y) and the moment about the pivot that keep each obstacle in place, shape
+            (obstacles, 3) [stress length, stress length, stress length^2], equal on all ranks.
         """
         return self._present.forces()
 

@@ -20,6 +20,7 @@ os.environ.setdefault("NUMBA_CACHE_DIR", folder_of_kernels())
 from mpi4py import MPI  # noqa: E402
 
 import pytest  # noqa: E402
+from rank_failures import RankFailures  # noqa: E402
 
 # Without JIT a kernel takes a hundred times as long: one in this number of a test's cases is run.
 ONE_OF = 20
@@ -32,6 +33,12 @@ LONG = os.environ.get("FENICS_MORTAR_LONG", "0") == "1"
 CASES_ON_RANKS = 2
 # One half of all kernels each: two processes compile them, others load them from the cache.
 COMPILING = ("test_crossing_kernels", "test_mortar_kernels")
+FAILURES = RankFailures(MPI.COMM_WORLD)
+
+
+def pytest_configure(config):
+    if MPI.COMM_WORLD.size > 1:
+        config.pluginmanager.register(FAILURES)
 
 
 def pytest_collection_modifyitems(items):
@@ -115,7 +122,7 @@ def together():
     yield
     gc.collect()
     gc.freeze()
-    MPI.COMM_WORLD.barrier()
+    FAILURES.wait()
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@
     python3 tests/mutants.py                    40 mutants, in a temporary copy of the checkout
     python3 tests/mutants.py -n 100 --seed 3    others
     python3 tests/mutants.py --only sparse      in files whose path holds this word only
+    python3 tests/mutants.py --again FILE       those of an earlier log, at their present places
 
 A mutant is one change in one file of the package: of a sign, a constant or a comparison, or a term,
 factor or statement dropped. Files are drawn by their number of lines. First all tests run once in
@@ -12,7 +13,8 @@ existing one). Then the tests that run the changed line are run for each mutant,
 until one fails or ``--budget`` seconds of CPU time are used; survivors are tested on two ranks,
 too. Lines of compiled functions are not traced: their tests are those of files that import the
 module, first without JIT. Prints a table, and survivors with position and difference;
-``--log FILE`` has a line of JSON for each mutant.
+``--log FILE`` has a line of JSON for each mutant. With ``--again`` the similarity of the changed
+lines decides where they are now; those that are gone are listed.
 """
 
 from __future__ import annotations
@@ -26,8 +28,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from mutation.mutant_changes import PACKAGE, draw
+from mutation.mutant_changes import PACKAGE, Mutant, draw
 from mutation.mutant_lines import ROOT, trace_tests
+from mutation.mutant_places import read_sample
 from mutation.mutant_runs import Run
 
 NOT_COPIED = (".git", "__pycache__", "results", ".*_cache")
@@ -67,12 +70,24 @@ def report(results: list[dict]) -> None:
     print(f"\n{table(results)}")
 
 
+def chosen(folder: Path, given: argparse.Namespace) -> list[Mutant]:
+    """Mutants drawn, or those of a log."""
+    if given.again is None:
+        return draw(folder, given.n, given.seed, given.only)[given.skip :]
+    mutants, gone = read_sample(folder, given.again)
+    for each in gone:
+        print(f"gone: {each['path']}:{each['line']} ({each['kind']})\n{each['difference']}")
+    return mutants[given.skip :]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-n", type=int, default=40, help="number of mutants")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--skip", type=int, default=0, help="leave out the first ones")
-    parser.add_argument("--only", default="", help="a part of the path of the files to change")
+    word = "a part of the path of the files to change; may be repeated"
+    parser.add_argument("--only", action="append", default=[], help=word)
+    parser.add_argument("--again", type=Path, help="repeat the mutants of this log")
     parser.add_argument("--budget", type=float, default=40.0, help="CPU seconds of tests each")
     parser.add_argument("--map", type=Path, help="file of the lines that each test runs")
     parser.add_argument("--log", type=Path, help="file that gets a line for each mutant")
@@ -85,7 +100,7 @@ def main() -> None:
         return
     folder = copy_checkout()
     try:
-        mutants = draw(folder, given.n, given.seed, given.only)[given.skip :]
+        mutants = chosen(folder, given)
         if given.list:
             for mutant in mutants:
                 print(f"{mutant.path}:{mutant.line} ({mutant.kind})\n{mutant.difference}")

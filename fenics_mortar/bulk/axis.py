@@ -15,7 +15,7 @@ from ufl.algorithms.analysis import extract_type
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.errors import MeshError, MortarError, count_places
+from fenics_mortar.utils.errors import MeshError, MortarError, count_points
 from fenics_mortar.utils.rounding import ROUNDING
 
 
@@ -36,14 +36,14 @@ def check_axis(space: DisplacementSpace, prescribed: Flags) -> None:
         return
     comm = space.V.mesh.comm
     X, rounding = _nodes(space)
-    count, where = count_places(comm, X[X[:, 0] < -rounding])
+    count, where = count_points(comm, X[X[:, 0] < -rounding])
     if count:
         raise MeshError(
             f"{count} nodes have x < 0, one at {where}: with geometry='axisymmetric' x is the "
             "distance from the axis; expected the half of the meridian plane with x >= 0"
         )
     free = ~prescribed[space.owned_dofs[:, 0]]
-    count, where = count_places(comm, X[(np.abs(X[:, 0]) <= rounding) & free])
+    count, where = count_points(comm, X[(np.abs(X[:, 0]) <= rounding) & free])
     if count:
         raise MortarError(
             f"{count} nodes on the axis may move away from it, one at {where}: the radial "

@@ -16,8 +16,11 @@ from scipy.sparse.csgraph import connected_components
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import ROUNDING, TINY
+
+# Rotation or translation of a motion of size one [1] below which messages leave it out.
+MINOR = 0.1
 
 
 @dataclass(frozen=True)
@@ -54,10 +57,10 @@ class FloatingBody:
         """
         x, y, rotation = np.round(motion @ self.motions / np.linalg.norm(motion), 4)
         x, y = (x, y) if directed or rotation or (x, y) > (0.0, 0.0) else (-x, -y)
-        if abs(rotation) > 0.1:
+        if abs(rotation) > MINOR:
             pole = self.centre + self.size / rotation * np.array([-y, x])
-            return f"rotate about {place(pole)}"
-        return f"move along {place((x + 0.0, y + 0.0))}"
+            return f"rotate about {format_point(pole)}"
+        return f"move along {format_point((x + 0.0, y + 0.0))}"
 
 
 def _rigid_motions(X: Array, centre: Array, size: float) -> Array:
@@ -141,11 +144,11 @@ def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[F
     return found
 
 
-def resistance(answers: Array, comm: MPI.Comm) -> tuple[Array, Array]:
+def resistance(responses: Array, comm: MPI.Comm) -> tuple[Array, Array]:
     """Resistance to motions, as norms of the forces that they cause (collective).
 
     Args:
-        answers: Local forces due to each of m motions, shape (m, n).
+        responses: Local forces due to each of m motions, shape (m, n).
         comm: Communicator of the forces.
 
     Returns:
@@ -153,8 +156,8 @@ def resistance(answers: Array, comm: MPI.Comm) -> tuple[Array, Array]:
         and these combinations, shape (m, m). Unlike eigenvalues of the Gram matrix, the norms are
         accurate to rounding.
     """
-    count = len(answers)
-    triangle = np.linalg.qr(np.vstack([answers.T, np.zeros((count, count))]), mode="r")
+    count = len(responses)
+    triangle = np.linalg.qr(np.vstack([responses.T, np.zeros((count, count))]), mode="r")
     _, norms, combinations = np.linalg.svd(np.concatenate(comm.allgather(triangle)))
     return norms, combinations
 

@@ -15,7 +15,7 @@ from fenics_mortar.bulk.reference_cell import nodal_gradients
 from fenics_mortar.kernels.cells import find_near, keep_area, tabulate_areas
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.errors import count_places
+from fenics_mortar.utils.errors import count_points
 from fenics_mortar.utils.near import near
 from fenics_mortar.utils.rounding import ROUNDING
 
@@ -89,12 +89,12 @@ class Cells:
         if not self._comm.allreduce(bool(is_inverted.any()), MPI.LOR):
             return 0, "nowhere"
         inverted = np.flatnonzero(is_inverted.any(axis=1))
-        return count_places(self._comm, self.X[self._nodes[inverted]].mean(axis=1))
+        return count_points(self._comm, self.X[self._nodes[inverted]].mean(axis=1))
 
     def flat(self) -> tuple[int, str]:
         """Number of undeformed cells without area, and the position of one (collective)."""
         flat = np.isnan(self._undeformed_areas).all(axis=1)
-        return count_places(self._comm, self.X[self._nodes[flat]].mean(axis=1))
+        return count_points(self._comm, self.X[self._nodes[flat]].mean(axis=1))
 
     def deformation_gradients(self, x: Array) -> Array:
         """F at positions ``x`` (n, 2), averaged over the nodes, shape (cells, 2, 2) [1] (local)."""

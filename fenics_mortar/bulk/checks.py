@@ -22,7 +22,7 @@ from fenics_mortar.mesh.data import check_plane
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MeshError, MortarError, SurfaceError, place
+from fenics_mortar.utils.errors import MeshError, MortarError, SurfaceError, format_point
 
 # Names of UFL's integral types in messages.
 _DOMAINS = {"cell": "cells", "exterior_facet": "the boundary", "interior_facet": "inner facets"}
@@ -90,8 +90,8 @@ def check_slave_nodes(contacts: Sequence[Interface]) -> None:
                 where = one.slave.X[np.flatnonzero(one.slave.nodes == both[0])[0]]
                 raise SurfaceError(
                     f"{both.size} nodes are slaves of '{one.master.name}' in two pairs, with "
-                    f"'{one.slave.name}' and '{other.slave.name}', one at {place(where)}; pass "
-                    f"both sides in one list, or make one of the two a master there"
+                    f"'{one.slave.name}' and '{other.slave.name}', one at {format_point(where)}; "
+                    f"pass both sides in one list, or make one of the two a master there"
                 )
 
 

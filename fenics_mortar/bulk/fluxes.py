@@ -291,12 +291,12 @@ class _Given(MultiFunction):
         return self._gradient if o.ufl_operands[0] == self._argument else o
 
 
-def _unit(shape: tuple[int, ...], place: tuple[int, ...] | None) -> Any:
+def _unit(shape: tuple[int, ...], index: tuple[int, ...] | None) -> Any:
     """A tensor of zeros with 1 at one position."""
-    if place is None:
+    if index is None:
         return ufl.zero(*shape)
     entries = np.zeros(shape)
-    entries[place] = 1.0
+    entries[index] = 1.0
     return ufl.as_tensor(entries.tolist())
 
 

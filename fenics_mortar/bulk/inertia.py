@@ -38,8 +38,8 @@ class Rates(Value):
         average: Auxiliary acceleration of the scheme, an average over a step [length / time^2].
         time: Time.
         begun: Whether the accelerations are known.
-        owed: Energy extracted by contact pressures through errors of the time steps and not
-            returned yet [stress length^2].
+        energy_deficit: Energy extracted by contact pressures through errors of the time steps and
+            not returned yet [stress length^2].
     """
 
     velocity: Array
@@ -47,7 +47,7 @@ class Rates(Value):
     average: Array
     time: float = 0.0
     begun: bool = False
-    owed: float = 0.0
+    energy_deficit: float = 0.0
 
 
 class Inertia:
@@ -92,7 +92,7 @@ class Inertia:
         space = self._space
         parts = ufl.TrialFunction(space.whole), ufl.TestFunction(space.whole)
         if space.is_mixed:
-            a, b = (ufl.split(part)[space.part] for part in parts)
+            a, b = (ufl.split(function)[space.part] for function in parts)
         else:
             a, b = parts
         form = compat.form(density * ufl.inner(a, b) * ufl.dx)
@@ -126,24 +126,24 @@ class Inertia:
     def saved_data(self) -> dict[str, Any]:
         """All rates at the nodes of the mesh input, equal on all ranks."""
         rates, data = self.rates, dict[str, Any]()
-        for part in fields(rates):
-            value = getattr(rates, part.name)
+        for attribute in fields(rates):
+            value = getattr(rates, attribute.name)
             if isinstance(value, np.ndarray):
                 _, value = by_input_node(self._space, self._function(value))
-            data[part.name] = np.asarray(value)
+            data[attribute.name] = np.asarray(value)
         return data
 
     def restore_data(self, data: Mapping[str, Any], u: Array) -> None:
         """Restore the rates of ``saved_data`` for the displacement ``u`` (local dofs,)."""
         given = dict[str, Any]()
-        for part in fields(Rates):
-            value = data[part.name]
+        for attribute in fields(Rates):
+            value = data[attribute.name]
             if value.ndim:
                 function = self._function(u)
                 set_by_input_node(self._space, function, data["nodes"], value)
-                given[part.name] = function.x.array.copy()
+                given[attribute.name] = function.x.array.copy()
             else:
-                given[part.name] = value[()]
+                given[attribute.name] = value[()]
         self.set_rates(Rates(**given), u)
 
     def _function(self, values: Array) -> fem.Function:
@@ -158,11 +158,13 @@ class Inertia:
         """Add the inertia forces at the displacement ``u``, shape (local dofs,) [length]."""
         r.array[: self._space.num_owned] += self.forces(u)
 
-    def add_to_tangent(self, K: PETSc.Mat, *, has_room: bool) -> None:
-        """Add c M; ``has_room``: whether the pattern of M is part of that of ``K``."""
+    def add_to_tangent(self, K: PETSc.Mat, *, includes_mass: bool) -> None:
+        """Add c M; ``includes_mass``: whether the pattern of M is part of that of ``K``."""
         structures = PETSc.Mat.Structure
         structure = (
-            structures.SUBSET_NONZERO_PATTERN if has_room else structures.DIFFERENT_NONZERO_PATTERN
+            structures.SUBSET_NONZERO_PATTERN
+            if includes_mass
+            else structures.DIFFERENT_NONZERO_PATTERN
         )
         K.axpy(self.factor, self.M, structure)
 

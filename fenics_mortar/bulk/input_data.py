@@ -13,7 +13,7 @@ import numpy as np
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags
-from fenics_mortar.utils.errors import MortarError, check_same, count_places
+from fenics_mortar.utils.errors import MortarError, check_same, count_points
 from fenics_mortar.utils.rounding import ROUNDING
 
 
@@ -93,7 +93,7 @@ class InputData:
         far = self._comm.allreduce(float(np.abs(self._nodes).max(initial=0.0)), MPI.MAX)
         same = np.abs(self._mesh.geometry.x - self._nodes) <= ROUNDING * far
         moved = np.unique(np.nonzero(~same)[0])
-        count, where = count_places(self._comm, self._nodes[moved, :2])
+        count, where = count_points(self._comm, self._nodes[moved, :2])
         if count:
             raise MortarError(
                 f"the mesh was moved after the problem was set up, one node was at {where}; move "
@@ -114,10 +114,10 @@ class InputData:
         others = dofs[: space.num_owned].copy()
         others[space.owned_dofs] = False
         marked = dofs[space.owned_dofs].any(axis=1)
-        places = [self._X[: space.num_nodes][marked]]
+        points = [self._X[: space.num_nodes][marked]]
         if space.is_mixed:
             cells = compat.dofmap(space.whole)
             middle = np.empty((self._u.x.array.size, 2))
             middle[cells] = self._X[compat.dofmap(space.V)].mean(axis=1)[:, None]
-            places.append(middle[np.flatnonzero(others)])
-        return count_places(self._comm, np.concatenate(places))
+            points.append(middle[np.flatnonzero(others)])
+        return count_points(self._comm, np.concatenate(points))

@@ -29,7 +29,7 @@ from fenics_mortar.bulk.bodies import centre_and_size, label_bodies
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import MortarError, place
+from fenics_mortar.utils.errors import MortarError, format_point
 from fenics_mortar.utils.rounding import EPSILON, MAX_STEPS, ROUNDING, SAME_PLACE
 
 # Pairs of the fields 1, x and y whose products are the moments of a body.
@@ -74,18 +74,18 @@ def _scales(space: DisplacementSpace, M: PETSc.Mat, moved: PETSc.Mat) -> Array |
         fields[0, dofs[mine, 0]] = 1.0
         fields[1:, dofs[mine, 0]] = ((X[mine] - centre) / size).T
         powers = np.array([fields[a] * fields[b] for a, b in MOMENTS])
-        wanted = _moments(M, fields, fields, comm)
+        target = _moments(M, fields, fields, comm)
         factors = np.zeros(len(MOMENTS))
         for _ in range(MAX_STEPS):
             scaled = (1.0 + factors @ powers) * fields
-            missing = wanted - _moments(moved, scaled, scaled, comm)
-            if np.abs(missing).max() <= EPSILON * len(X) * np.abs(wanted).max():
+            missing = target - _moments(moved, scaled, scaled, comm)
+            if np.abs(missing).max() <= EPSILON * len(X) * np.abs(target).max():
                 break
             by_factors = [2.0 * _moments(moved, scaled, p * fields, comm) for p in powers]
             factors = factors + np.linalg.lstsq(np.transpose(by_factors), missing, rcond=None)[0]
         mass = 1.0 + factors @ powers[:, dofs[mine, 0]]
         smallest = comm.allreduce(float(mass.min(initial=np.inf)), min)
-        if np.abs(missing).max() > ROUNDING * np.abs(wanted).max() or smallest <= 0.0:
+        if np.abs(missing).max() > ROUNDING * np.abs(target).max() or smallest <= 0.0:
             return None
         scales[dofs[mine]] = mass[:, None]
     return scales
@@ -156,9 +156,9 @@ def _stencils(V: Any, nodes: Indices, weigh: Weigh) -> dict[int, tuple[Indices, 
         weights = weigh(offsets)
         if weights is None:
             raise MortarError(
-                f"the body at {place(where[node])} has fewer than two layers of nodes behind the "
-                "slave surface, which could carry its mass: refine the body, take the other "
-                "side as the slave, or use scheme='generalized_alpha'"
+                f"the body at {format_point(where[node])} has fewer than two layers of nodes "
+                "behind the slave surface, which could carry its mass: refine the body, take the "
+                "other side as the slave, or use scheme='generalized_alpha'"
             )
         found[node] = numbers, weights
     return found
@@ -195,8 +195,8 @@ def _cells_at(V: Any, nodes: Indices) -> tuple[Indices, Array]:
     numbers = index_map.local_to_global(np.arange(count, dtype=np.int32))
     touched = np.isin(numbers, nodes)[local].any(axis=1)
     cells = comm.allgather(numbers[local[touched]])
-    places = comm.allgather(V.tabulate_dof_coordinates()[local[touched], :2])
-    return np.concatenate(cells).astype(np.int64), np.concatenate(places)
+    positions = comm.allgather(V.tabulate_dof_coordinates()[local[touched], :2])
+    return np.concatenate(cells).astype(np.int64), np.concatenate(positions)
 
 
 def _neighbours(cells: Indices) -> dict[int, set[int]]:

@@ -29,8 +29,8 @@ from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import MeshError, count_places, place
-from fenics_mortar.utils.lines import cross, near_pairs
+from fenics_mortar.utils.errors import MeshError, count_points, format_point
+from fenics_mortar.utils.lines import lines_cross, near_pairs
 from fenics_mortar.utils.near import near
 from fenics_mortar.utils.rounding import SAME_PLACE
 
@@ -73,8 +73,8 @@ def check_mesh_overlap(V: Any, contacts: Sequence[Interface]) -> None:
     _check_outline(_outline(V, x, cells, sides), contacts)
 
 
-def _refuse(mesh: Any, what: str, places: Array) -> None:
-    count, where = count_places(mesh.comm, places)
+def _refuse(mesh: Any, what: str, positions: Array) -> None:
+    count, where = count_points(mesh.comm, positions)
     if count:
         raise MeshError(f"{count} {what}, one at {where}; correct the mesh")
 
@@ -179,21 +179,21 @@ def _check_outline(outline: _Outline, contacts: Sequence[Interface]) -> None:
         where = middles[i[np.argmax(near & same)]]
         raise MeshError(
             f"the mesh covers an area twice: two facets of outlines coincide at "
-            f"{place(where)}, with their bodies on the same side; remove the copy"
+            f"{format_point(where)}, with their bodies on the same side; remove the copy"
         )
     paired = _on_surfaces(outline, contacts)
     pairs = pairs[(body[i] == body[j]) & ~(paired[i] & paired[j])]
-    crosses = cross(start, end, pairs, SAME_PLACE)
+    crosses = lines_cross(start, end, pairs, SAME_PLACE)
     after = _following(outline)
     i, j = pairs.T
     apart = (after[i] != j) & (after[j] != i) & ~crosses
-    touches = np.flatnonzero(apart)[cross(start, end, pairs[apart], touching=True)]
+    touches = np.flatnonzero(apart)[lines_cross(start, end, pairs[apart], touching=True)]
     crosses[touches] = _cross_at_nodes(outline, after, pairs[touches])
     if crosses.any():
         where = middles[pairs[np.argmax(crosses), 0]]
         raise MeshError(
-            f"a body overlaps itself: its outline crosses itself at {place(where)}; correct the "
-            "mesh"
+            f"a body overlaps itself: its outline crosses itself at {format_point(where)}; correct "
+            "the mesh"
         )
     _check_nested(outline)
 
@@ -224,7 +224,7 @@ def _cross_at_nodes(outline: _Outline, after: Indices, pairs: Indices) -> npt.ND
             lines = np.concatenate([start[one[0]], start[other[0]]])
             ends = np.concatenate([end[one[1]], end[other[1]]])
             both = np.arange(2 * len(pairs)).reshape(2, -1).T
-            found |= cross(lines, ends, both, SAME_PLACE)
+            found |= lines_cross(lines, ends, both, SAME_PLACE)
     return found
 
 
@@ -236,9 +236,9 @@ def _on_surfaces(outline: _Outline, contacts: Sequence[Interface]) -> npt.NDArra
         return np.zeros(len(outline.start), bool)
     middles = 0.5 * (outline.start + outline.end)
     lengths = np.linalg.norm(outline.end - outline.start, axis=1)
-    places, apart = np.concatenate(known), max(lengths.min(), SAME_PLACE * lengths.max())
-    i, j = near(middles, places, float(apart))
-    close = np.linalg.norm(middles[i] - places[j], axis=1) <= SAME_PLACE * lengths[i]
+    positions, radius = np.concatenate(known), max(lengths.min(), SAME_PLACE * lengths.max())
+    i, j = near(middles, positions, float(radius))
+    close = np.linalg.norm(middles[i] - positions[j], axis=1) <= SAME_PLACE * lengths[i]
     found = np.zeros(len(middles), bool)
     found[i[close]] = True
     return found
@@ -259,8 +259,9 @@ def _check_nested(outline: _Outline) -> None:
                 _inside(start[other], start[mine], end[mine]).any()
             ):
                 raise MeshError(
-                    f"the body around {place(start[mine].mean(axis=0))} lies inside the one around "
-                    f"{place(start[other].mean(axis=0))}, which has no hole there: cut one"
+                    f"the body around {format_point(start[mine].mean(axis=0))} lies inside the one "
+                    f"around {format_point(start[other].mean(axis=0))}, which has no hole there: "
+                    "cut one"
                 )
 
 

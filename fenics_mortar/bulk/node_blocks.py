@@ -42,9 +42,9 @@ class NodeBlocks:
     def __init__(self, blocks: PETSc.Mat, rows: PETSc.Mat) -> None:
         self.blocks, self._rows, self._num_used = blocks, rows, _num_used(rows)
         starts, columns = rows.getRowIJ()
-        self._places = np.empty(columns.size, np.int64)
+        self._indices = np.empty(columns.size, np.int64)
         block_starts, block_columns = blocks.getRowIJ(compressed=True)
-        node_blocks.find_places(starts, columns, block_starts, block_columns, self._places)
+        node_blocks.find_indices(starts, columns, block_starts, block_columns, self._indices)
         self._of_blocks = ctypes.c_double * (4 * block_columns.size)
         self._of_rows = ctypes.c_double * columns.size
         self._copied = -1  # state of the rows, as PETSc counts it
@@ -62,7 +62,7 @@ class NodeBlocks:
         if not self.fit(rows):
             return False
         values = _values(self.blocks, self._of_blocks), _values(self._rows, self._of_rows)
-        node_blocks.copy_to_rows(values[0], self._places, values[1])
+        node_blocks.copy_to_rows(values[0], self._indices, values[1])
         self._rows.stateIncrease()
         return True
 
@@ -79,7 +79,7 @@ class NodeBlocks:
             return False
         if self._rows.stateGet() != self._copied:
             values = _values(self.blocks, self._of_blocks), _values(self._rows, self._of_rows)
-            node_blocks.copy_to_blocks(values[1], self._places, values[0])
+            node_blocks.copy_to_blocks(values[1], self._indices, values[0])
             self.blocks.stateIncrease()
             self._copied = self._rows.stateGet()
         return True
@@ -107,9 +107,9 @@ def in_blocks(rows: PETSc.Mat) -> NodeBlocks:
     """A matrix with such rows, copied into blocks that contain all its entries."""
     starts, _ = rows.getRowIJ()
     pairs = np.diff(starts).reshape(-1, 2)
-    room = np.minimum(pairs.sum(axis=1), len(pairs))  # at most; PETSc drops the rest
+    counts = np.minimum(pairs.sum(axis=1), len(pairs))  # at most; PETSc drops the rest
     blocks = PETSc.Mat().createBAIJ(
-        rows.getSize(), 2, nnz=room.astype(PETSc.IntType), comm=rows.comm
+        rows.getSize(), 2, nnz=counts.astype(PETSc.IntType), comm=rows.comm
     )
     rows.convert(PETSc.Mat.Type.BAIJ, blocks)
     return NodeBlocks(blocks, rows)

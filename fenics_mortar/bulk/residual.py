@@ -96,7 +96,7 @@ class Bulk:
         self._data: list[Array] = []
         self._K_is_whole = False  # true if K is up to date and without added terms
         self.inertia: Any = None  # an Inertia
-        self._K_has_room = False  # true if the pattern includes that of the mass matrix
+        self._K_includes_mass = False  # true if the pattern includes that of the mass matrix
         self.K: PETSc.Mat = compat.create_matrix(self._tangent)
         self.num_patterns, self._num_growths = 1, 0
         self._blocks: NodeBlocks | None = None  # of K on one rank
@@ -141,8 +141,8 @@ class Bulk:
             self.renew_tangent()
         self._assemble_cells()
         if self.inertia is not None:
-            self.inertia.add_to_tangent(self.K, has_room=self._K_has_room)
-            self._K_has_room = True
+            self.inertia.add_to_tangent(self.K, includes_mass=self._K_includes_mass)
+            self._K_includes_mass = True
         self._K_is_whole = True
 
     def _assemble_cells(self) -> None:
@@ -165,7 +165,7 @@ class Bulk:
         old, self.K = self.K, compat.create_matrix(self._tangent)  # the old one until then
         old.destroy()
         self.num_patterns, self._num_growths = self.num_patterns + 1, 0
-        self._K_has_room = False
+        self._K_includes_mass = False
 
     def inertia_forces(self) -> Array:
         """Inertia forces at the present displacement; shape (num_owned,), in statics (0,)."""
@@ -175,13 +175,13 @@ class Bulk:
         """Free unreferenced PETSc objects, also those made from ``r`` and ``K`` (collective)."""
         garbage.free_garbage(self.comm, self.r, self.K)
 
-    def grow_tangent(self, room: PETSc.Mat) -> None:
+    def extend_tangent(self, zeros: PETSc.Mat) -> None:
         """Extend the pattern of ``K`` by that of a matrix of zeros (collective).
 
         After ``MAX_GROWTHS`` extensions a new pattern is created.
         """
         self._num_growths += 1
-        self.K.axpy(1.0, room, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        self.K.axpy(1.0, zeros, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
 
     def tangent_to_change(self) -> PETSc.Mat:
         """Return ``K`` for additions in place; it is assembled anew before the next use (local)."""

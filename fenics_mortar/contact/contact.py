@@ -32,7 +32,6 @@ from fenics_mortar.contact.active_set import next_sets
 from fenics_mortar.contact.directions import change_along
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.instant import first_instant
-from fenics_mortar.contact.integration import Integration
 from fenics_mortar.contact.interface import NO_PAIRS, NO_WELDS, Interface, read_only, settable
 from fenics_mortar.contact.interface_fields import split_multipliers
 from fenics_mortar.contact.law_calls import LawCalls, raise_stored
@@ -42,10 +41,11 @@ from fenics_mortar.contact.multiplier_nodes import (
     MultiplierNodes,
     normals_on_planes,
 )
+from fenics_mortar.contact.operator_evaluation import OperatorEvaluation
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.parameters import Parameters
 from fenics_mortar.contact.rows import ContactRows
-from fenics_mortar.contact.sides import points_of
+from fenics_mortar.contact.sides import points_per_segment
 from fenics_mortar.contact.slip import Measure, find_partners
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.interface.mortar import Linearization, MortarOperators, minus_offset
@@ -65,7 +65,7 @@ class Contact(Interface):
     Replicated: all attributes except the blocks in ``operators`` are equal on all ranks.
 
     Attributes:
-        integration: Evaluation of the operators.
+        evaluation: Evaluation of the operators.
         arm: Length by which angles of the obstacle are multiplied [length].
         master_free: 1 where a component of a master node is not prescribed, else 0, (nodes, 2).
         law_calls: Calls of the pair's law, with checks of the results.
@@ -117,17 +117,18 @@ class Contact(Interface):
             raise SurfaceError(f"all nodes of slave surface '{pair.slave_name}' are prescribed")
         self.arm = self.slave.extent
         on_surface = self.obstacle is None
-        reach = min(self.slave.extent, self.master.extent) if on_surface else np.inf
-        points = points_of(pair, self.slave, self.master)
-        self.options = choice.options(points, pair.search_radius or reach)
+        radius = min(self.slave.extent, self.master.extent) if on_surface else np.inf
+        points = points_per_segment(pair, self.slave, self.master)
+        self.options = choice.options(points, pair.search_radius or radius)
         sides, small = (self.slave, self.master), pair.sliding == "small"
-        self.integration = Integration(
+        self.evaluation = OperatorEvaluation(
             sides, self.obstacle, self.arm, self.plane_normals, self.options, small=small
         )
         self._parameters = Parameters(space, self.slave)
         self.law_calls = LawCalls(pair.slave_name)
         self.adopt_law()
-        none, X, memory = np.zeros(self.slave.num_nodes), self.slave.X, self.state.committed.memory
+        none, X = np.zeros(self.slave.num_nodes), self.slave.X
+        memory = self.state.accepted_instant.memory
         start = Nodal(none, none, none, none, none + 1.0, none, X, X, 0.0, 1.0, memory)
         start = replace(start, fields=self.parameters)
         at_rest = np.zeros(none.size, np.int64)
@@ -137,12 +138,12 @@ class Contact(Interface):
 
     def limit_sight(self, outline: Outline) -> Outline:
         """See ``Interface``; the outline limits the distance of partners behind the slave."""
-        self.integration.limit_sight(outline)
+        self.evaluation.limit_sight(outline)
         return outline
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, shape (local dofs,) (collective)."""
-        operators, reference = self.integration.evaluate(u, self._state, linearization)
+        operators, reference = self.evaluation.evaluate(u, self._state, linearization)
         if reference is not self._state.reference:
             self.change(reference=reference)
         offset = self._state.offset
@@ -162,11 +163,11 @@ class Contact(Interface):
         """Evaluate the operators of the undeformed mesh of an earlier state (collective).
 
         Args:
-            place: ``integration.place_of`` the state's reference, shape (3,); nan without
+            place: ``evaluation.place_of`` the state's reference, shape (3,); nan without
                 reference.
             multiplier_nodes: Multiplier nodes of that state, shape (slave nodes,), bool.
         """
-        reference = self.integration.reference_at(place, multiplier_nodes)
+        reference = self.evaluation.reference_at(place, multiplier_nodes)
         self.change(reference=reference, multiplier_nodes=multiplier_nodes)
 
     @property
@@ -178,11 +179,11 @@ class Contact(Interface):
 
     def intersections(self) -> Segments:
         """Intersections of this rank's slave facets with the master, for any integration."""
-        return self.integration.intersections(self.partner_operators)
+        return self.evaluation.intersections(self.partner_operators)
 
     def set_arm(self, arm: float) -> None:
         """Set the length by which angles of the obstacle are multiplied [length]."""
-        self.arm = self.integration.arm = arm
+        self.arm = self.evaluation.arm = arm
 
     def adopt(self, other: Contact) -> None:
         """Copy offset, c_n and frozen operators from this pair in another model (local)."""
@@ -191,7 +192,7 @@ class Contact(Interface):
             c_n=other.c_n,
             reference=other.state.reference or self.state.reference,
         )
-        self.integration.view = other.integration.view or self.integration.view
+        self.evaluation.view = other.evaluation.view or self.evaluation.view
 
     def begin(self) -> None:
         """Reset the counts of multiplier changes and the forces of the last solve."""
@@ -230,7 +231,7 @@ class Contact(Interface):
         touches = self.active | (self.pair.sliding == "small")
         if self.pair.law.bridges_gap and self.partners is not None:
             touches |= self.acts
-        accepted = find_partners(
+        accepted_partners = find_partners(
             self.operators,
             self.covered,
             touches,
@@ -239,18 +240,18 @@ class Contact(Interface):
             between=self.pair.law.has_friction,
         )
         now = self.now
-        accepted = replace(
-            accepted,
-            start=accepted.start - slip,
+        accepted_partners = replace(
+            accepted_partners,
+            start=accepted_partners.start - slip,
             shear=np.where(self.active, now.z_tau, 0.0),
             pressure=np.where(self.active, now.z_n, 0.0),
             gap=np.where(self.covered, now.mean_gap, np.inf),
         )
-        self.change(accepted=accepted)
+        self.change(accepted_partners=accepted_partners)
 
     def start_step(self) -> None:
         """Count slip and memory from the accepted state (local)."""
-        self.change(partners=self.accepted, past=self._state.committed)
+        self.change(partners=self.accepted_partners, start_instant=self._state.accepted_instant)
 
     def adopt_law(self) -> None:
         """Adopt the present law of the pair (collective).
@@ -258,12 +259,12 @@ class Contact(Interface):
         Parameters that vary in space are evaluated. If the names in memory differ from those of the
         last law, memory starts from its initial values.
         """
-        law, instant = self.pair.law, self._state.committed
+        law, instant = self.pair.law, self._state.accepted_instant
         self.parameters = self._parameters.sample(law) if law.fields else {}
         self._kind = LawFields if law.needs_nodal_state else ContactFields
         if instant is None or instant.begins(law):
             instant = first_instant(law, self.slave, 0.0 if instant is None else instant.time)
-            self.change(committed=instant, past=instant)
+            self.change(accepted_instant=instant, start_instant=instant)
 
     def coupled_by_slip(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""
@@ -297,8 +298,8 @@ class Contact(Interface):
     def set_initial_gap(self) -> None:
         """Set the offset such that nodes near the other surface have the pair's ``initial_gap``."""
         if self.pair.initial_gap is not None:
-            reach = HALF_FACET * self.slave.nodal_lengths
-            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= reach
+            radius = HALF_FACET * self.slave.nodal_lengths
+            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= radius
             self.offset = np.where(near, np.nan_to_num(self.gap) - self.pair.initial_gap, 0.0)
 
     def update_active(self, *, start: bool = False) -> int:

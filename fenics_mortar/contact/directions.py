@@ -35,8 +35,8 @@ def change_along(
     order = np.argsort(dofs)
     change = np.zeros(sides[0].num_nodes)
     for block in blocks:
-        place = order[np.searchsorted(dofs[order], np.maximum(block.columns, dofs.min()))]
-        direction = np.where(block.columns >= 0, values[place], 0.0)
+        index = order[np.searchsorted(dofs[order], np.maximum(block.columns, dofs.min()))]
+        direction = np.where(block.columns >= 0, values[index], 0.0)
         np.add.at(change, block.rows, np.einsum("bjq,bq->bj", block.values, direction))
     sides[0].comm.Allreduce(MPI.IN_PLACE, change)
     return change

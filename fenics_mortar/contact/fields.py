@@ -17,7 +17,7 @@ from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Attributes of the state on which the arguments of a law and its tangential row depend.
-LAW_ATTRIBUTES = ("z", "multiplier_nodes", "partners", "c_n", "load_time", "past")
+LAW_ATTRIBUTES = ("z", "multiplier_nodes", "partners", "c_n", "load_time", "start_instant")
 RULED = (*LAW_ATTRIBUTES, "active", "branch", "redundant")
 # Stiffness of elastic stick over that of the bulk [1]. Curvature causes a slip of second order in
 # the strains e; the shear is then 1000 e times the pressure.
@@ -129,11 +129,11 @@ class ContactFields(InterfaceFields):
         c_n = self.state.c_n * stiffness
         needs_slip = type(self.sides.pair.law) is not Frictionless
         slip = self.slip if needs_slip else np.zeros(stiffness.size)
-        X, time, past = self.sides.slave.X, self.state.load_time, self.state.past
-        step = time - past.time if time > past.time else past.step
+        X, time, start_instant = self.sides.slave.X, self.state.load_time, self.state.start_instant
+        step = time - start_instant.time if time > start_instant.time else start_instant.step
         return Nodal(
             self.mean_gap, slip, self.z_n, self.z_tau, stiffness, c_n, X, self.operators.x, time,
-            step, past.memory, self.sides.parameters,
+            step, start_instant.memory, self.sides.parameters,
         )  # fmt: skip
 
     @property

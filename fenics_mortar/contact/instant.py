@@ -90,7 +90,7 @@ def instant_arrays(contact: Any) -> tuple[list[str], Array, Array]:
 
     Names and memory of a tie are empty.
     """
-    instant, count = contact.state.committed or Instant(), contact.slave.num_nodes
+    instant, count = contact.state.accepted_instant or Instant(), contact.slave.num_nodes
     values = np.array(list(instant.memory.values()), float).reshape(-1, count)
     return list(instant.memory), np.array([instant.time, instant.step]), values
 
@@ -98,8 +98,8 @@ def instant_arrays(contact: Any) -> tuple[list[str], Array, Array]:
 def restore_instant(contact: Any, clock: Array, values: Array) -> None:
     """Set (time, step) and memory (names, slave nodes) from a file, for the present law (local)."""
     time, step = map(float, clock)
-    instant = contact.state.committed
+    instant = contact.state.accepted_instant
     if instant is not None:
         memory = dict(zip(instant.memory, values, strict=True))
-        contact.change(committed=Instant.of(time, step, memory))
+        contact.change(accepted_instant=Instant.of(time, step, memory))
     contact.change(load_time=time)

@@ -19,7 +19,7 @@ from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import complementarity
-from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only
+from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view
 
 
 class _Field:
@@ -77,7 +77,7 @@ class Parts(NamedTuple):
 def split_multipliers(n: Array, z: Array) -> Parts:
     """Normal and tangential part of ``z`` (n, 2) [stress] with normals ``n`` (n, 2) (local)."""
     parts = Parts(*np.empty((2, len(z))))
-    complementarity.split_multipliers(n, read_only(z), *parts)
+    complementarity.split_multipliers(n, read_only_view(z), *parts)
     return parts
 
 

@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.instant import check_memory
 from fenics_mortar.contact.laws import BUILT_IN, Array, Branches, Friction, Law, Nodal, Row
-from fenics_mortar.utils.arrays import read_only
-from fenics_mortar.utils.errors import NotFiniteError, leave_together, place
+from fenics_mortar.utils.arrays import read_only_view
+from fenics_mortar.utils.errors import NotFiniteError, format_point, leave_together
 
 Marks = npt.NDArray[np.bool_]
 
@@ -45,7 +45,7 @@ class LawCalls:
             return law.branch(node, before)
 
         def call() -> Branches:
-            answer = law.branch(_protected(node), read_only(before))
+            answer = law.branch(_protected(node), read_only_view(before))
             (branch,) = self._numbers(law, "branch", (answer,), before.size)
             self._check_finite(law, "branch", (branch,), _all_finite(node), x)
             whole = np.rint(np.nan_to_num(branch))
@@ -71,7 +71,7 @@ class LawCalls:
             return law.tangential(node, branch)
 
         def call() -> Row:
-            row = law.tangential(_protected(node), read_only(branch))
+            row = law.tangential(_protected(node), read_only_view(branch))
             return self._row(law, "tangential", row, node, used, x)
 
         none = np.zeros(branch.size)
@@ -108,7 +108,7 @@ class LawCalls:
         """See ``Law.remember``."""
 
         def call() -> Mapping[str, Array]:
-            answer = law.remember(_protected(node), read_only(branch))
+            answer = law.remember(_protected(node), read_only_view(branch))
             return check_memory(law, "remember", answer, branch.size)
 
         return self._storing_errors(call, node.memory)
@@ -117,7 +117,7 @@ class LawCalls:
         """See ``Law.friction_limit``."""
         if type(law) in BUILT_IN:
             return law.friction_limit(pressure)
-        return self._limit(law, lambda: law.friction_limit(read_only(pressure)), pressure, x)
+        return self._limit(law, lambda: law.friction_limit(read_only_view(pressure)), pressure, x)
 
     def friction_limit_at(self, law: Law, node: Nodal, x: Array) -> Array:
         """See ``Law.friction_limit_at``."""
@@ -133,8 +133,8 @@ class LawCalls:
                 j = int(np.argmax(wrong))
                 raise NotFiniteError(
                     f"{law!r}: friction_limit returned {limit[j]:g} for a pressure of "
-                    f"{pressure[j]:g}, at '{self._name}' {place(x[j])}; expected zero, a positive "
-                    "number or infinity"
+                    f"{pressure[j]:g}, at '{self._name}' {format_point(x[j])}; expected zero, a "
+                    "positive number or infinity"
                 )
             return limit
 
@@ -146,7 +146,7 @@ class LawCalls:
             return law.adhesion(gap)
 
         def call() -> tuple[Array, Array]:
-            answer = law.adhesion(read_only(gap))
+            answer = law.adhesion(read_only_view(gap))
             if not isinstance(answer, tuple) or len(answer) != 2:
                 raise ValueError(
                     f"{law!r}: adhesion returned {answer!r}; expected two arrays, the adhesion and "
@@ -199,7 +199,7 @@ class LawCalls:
         if bad.any():
             raise NotFiniteError(
                 f"{law!r}: {what} returned numbers that are not finite at {bad.sum()} nodes of "
-                f"'{self._name}', one at {place(x[np.argmax(bad)])}"
+                f"'{self._name}', one at {format_point(x[np.argmax(bad)])}"
             )
 
 
@@ -232,5 +232,5 @@ def _all_finite(node: Nodal) -> Marks:
 def _protected(node: Nodal) -> Nodal:
     """Read-only views of ``node``, since a user's law might write into the arrays."""
     arrays = {name: value for name, value in vars(node).items() if isinstance(value, np.ndarray)}
-    views: dict[str, Any] = {name: read_only(values) for name, values in arrays.items()}
+    views: dict[str, Any] = {name: read_only_view(values) for name, values in arrays.items()}
     return replace(node, **views)

@@ -8,7 +8,7 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.kernels.pairing import BEHIND
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import SAME_PLACE
 
 
@@ -28,12 +28,12 @@ def describe_start(contact: Interface) -> str:
         return ""
     return (
         f"'{contact.slave.name}' and '{contact.master.name}' overlap by up to {overlap[j]:.3g} at "
-        f"{place(contact.operators.x[j])} before the first solve, treated as interference; "
+        f"{format_point(contact.operators.x[j])} before the first solve, treated as interference; "
         "initial_gap=0 removes overlaps of the mesh"
     )
 
 
-def describe_reach(contact: Contact) -> str:
+def describe_search_radius(contact: Contact) -> str:
     """Search radius as text."""
     if contact.obstacle is not None:
         return f"up to {contact.options.radius:.3g}"
@@ -55,8 +55,8 @@ def describe_overlap(contact: Interface) -> str:
         return ""
     depth = overlap[j] * contact.slave.nodal_lengths[j]
     return (
-        f"the node at {place(contact.operators.x[j])} of '{contact.slave.name}' overlaps "
+        f"the node at {format_point(contact.operators.x[j])} of '{contact.slave.name}' overlaps "
         f"'{contact.master.name}' by {overlap[j]:.1f} facets; partners are searched "
-        f"{describe_reach(contact)}: take smaller steps or, if this is not a contact, set "
+        f"{describe_search_radius(contact)}: take smaller steps or, if this is not a contact, set "
         f"search_radius below {depth:.3g}"
     )

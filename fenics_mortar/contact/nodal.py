@@ -103,12 +103,12 @@ def at_points(node: Nodal, of: Callable[[Any], Any]) -> Nodal:
         of: Interpolates nodal values, shape (slave nodes,), to points, shape (n, q).
     """
     new: dict[str, Any] = {}
-    for part in fields(node):
-        value = getattr(node, part.name)
+    for attribute in fields(node):
+        value = getattr(node, attribute.name)
         if isinstance(value, Mapping):
-            new[part.name] = {name: of(numbers) for name, numbers in value.items()}
-        elif part.name in ("X", "x"):
-            new[part.name] = np.stack([of(value[:, 0]), of(value[:, 1])], axis=-1)
+            new[attribute.name] = {name: of(numbers) for name, numbers in value.items()}
+        elif attribute.name in ("X", "x"):
+            new[attribute.name] = np.stack([of(value[:, 0]), of(value[:, 1])], axis=-1)
         else:
-            new[part.name] = of(value) if isinstance(value, np.ndarray) else value
+            new[attribute.name] = of(value) if isinstance(value, np.ndarray) else value
     return Nodal(**new)

@@ -14,12 +14,12 @@ from fenics_mortar.contact.laws import Frictionless, Law
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
-from fenics_mortar.utils.errors import check_same_words, together
+from fenics_mortar.utils.errors import check_same_texts, together
 
 Sliding = Literal["finite", "small"]
 
 
-def check_radius(search_radius: Any) -> None:
+def check_search_radius(search_radius: Any) -> None:
     """Raise an error for a search radius that is not a positive length (local)."""
     if search_radius is not None:
         expected = "a positive length, or None"
@@ -88,7 +88,7 @@ class ContactPair:
             self.slave_tags = data.boundary_tags(slave)
             if not (master is None or isinstance(master, Obstacle)):
                 data.boundary_tags(master)
-        check_same_words(data.mesh.comm, "ContactPair", vars(self))
+        check_same_texts(data.mesh.comm, "ContactPair", vars(self))
         for names in (slave, master):
             if not (names is None or isinstance(names, Obstacle)):
                 data.boundary_facets(names)
@@ -109,7 +109,7 @@ class ContactPair:
         expected = "an instance of Discretization"
         check_kind("discretization", self.discretization, Discretization, expected)
         self.discretization.check()
-        check_radius(self.search_radius)
+        check_search_radius(self.search_radius)
         if self.initial_gap is not None:
             check_number("initial_gap", self.initial_gap, "a length, or None", np.isfinite)
         check_kind("law", self.law, Law, "an instance of Frictionless, Coulomb, Tresca or Law")

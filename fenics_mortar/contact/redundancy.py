@@ -88,10 +88,10 @@ class Redundancy:
         if not kept.any():
             return
         pair, row, node, value = pair[kept], row[kept], node[kept], value[kept]
-        rows, place = np.unique(np.stack([row % 2, pair, row // 2]), axis=1, return_inverse=True)
+        rows, index = np.unique(np.stack([row % 2, pair, row // 2]), axis=1, return_inverse=True)
         nodes, column = np.unique(node, return_inverse=True)
         matrix = np.zeros((rows.shape[1], nodes.size, 2))
-        np.add.at(matrix, (place.ravel(), column.ravel()), value)
+        np.add.at(matrix, (index.ravel(), column.ravel()), value)
         sticks, pair, slave_node = rows
         redundant = dependent(matrix.reshape(len(matrix), -1)) & (sticks == 1)
         for i in np.unique(pair[redundant]):

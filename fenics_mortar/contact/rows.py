@@ -98,8 +98,8 @@ class ContactRows(InterfaceRows):
             if not scaled.any():
                 continue
             slips, change = row.by_slip.any(), np.empty_like(o.dn)
-            apart = f.state.partners.apart(o) if slips else np.zeros_like(normal)
-            linearize_law(scaled, *row, o.n, o.dn, f.state.z, apart, A_z, rhs, by_gap, change)
+            gap_vectors = f.state.partners.gap_vectors(o) if slips else np.zeros_like(normal)
+            linearize_law(scaled, *row, o.n, o.dn, f.state.z, gap_vectors, A_z, rhs, by_gap, change)
             j = f.sides.slave.owned[f.acts[f.sides.slave.owned]]
             rows = 2 * j[:, None] + np.arange(2)
             blocks.append(Block(rows, o.normal_columns()[j], change[j]))

@@ -13,7 +13,7 @@ from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Indices
-from fenics_mortar.utils.errors import SurfaceError, place
+from fenics_mortar.utils.errors import SurfaceError, format_point
 
 
 def surfaces_of(pair: Any, space: DisplacementSpace, welds: Indices) -> tuple[Surface, Surface]:
@@ -51,8 +51,8 @@ def _check_that_they_differ(slave: Surface, master: Surface) -> None:
         where = slave.X[np.flatnonzero(slave.nodes == both[0])[0]]
         raise SurfaceError(
             f"slave '{slave.name}' and master '{master.name}' share "
-            f"{both.size} nodes, one at {place(where)}; expected different surfaces that are "
-            "not joined in the mesh"
+            f"{both.size} nodes, one at {format_point(where)}; expected different surfaces that "
+            "are not joined in the mesh"
         )
 
 
@@ -63,7 +63,7 @@ def substitutes_of(slave: Surface, *, at_vertices: bool) -> tuple[Indices, Indic
     return alone, np.where(after >= 0, after, before)
 
 
-def points_of(pair: Any, slave: Surface, master: Surface) -> int:
+def points_per_segment(pair: Any, slave: Surface, master: Surface) -> int:
     """Gauss points per segment, with "elements" per facet.
 
     Error of a uniform pressure with "elements", independent of the mesh: 0.1 % with 5 points on

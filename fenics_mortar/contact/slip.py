@@ -93,16 +93,18 @@ class Partners:
     gap: Array
     facing: Facing | None = None
 
-    def apart(self, o: MortarOperators) -> Array:
+    def gap_vectors(self, o: MortarOperators) -> Array:
         """Distance vectors b_j at the positions of ``o``, shape (slave nodes, 2) [length]."""
         if isinstance(o, ObstacleOperators):
             return o.x - o.obstacle.to_space(self.feet)
-        apart = self.D @ o.x - self.M @ o.m
-        return apart - self.present[:, None] * o.vectors if self.present.any() else apart
+        gap_vectors = self.D @ o.x - self.M @ o.m
+        return (
+            gap_vectors - self.present[:, None] * o.vectors if self.present.any() else gap_vectors
+        )
 
     def slip(self, o: MortarOperators) -> Array:
         """Slip since that state, shape (slave nodes,) [length]."""
-        return np.einsum("ja,ja->j", o.tau, self.apart(o)) - self.start
+        return np.einsum("ja,ja->j", o.tau, self.gap_vectors(o)) - self.start
 
     def derivative(self, o: MortarOperators) -> Iterator[Block]:
         """Blocks tau_j . db_j of this rank's share: rows slave nodes, columns dofs [1].
@@ -123,7 +125,9 @@ class Partners:
         """Derivative of the slip with respect to obstacle motions, shape (slave nodes, 3)."""
         turned = np.stack([-o.dn_dq[:, 1], o.dn_dq[:, 0]], axis=1)
         V = o.obstacle.motions(o.obstacle.to_space(self.feet), o.arm)
-        return np.einsum("jam,ja->jm", turned, self.apart(o)) - np.einsum("jmc,jc->jm", V, o.tau)
+        return np.einsum("jam,ja->jm", turned, self.gap_vectors(o)) - np.einsum(
+            "jmc,jc->jm", V, o.tau
+        )
 
     def pairs(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them, each (k,)."""
@@ -166,7 +170,7 @@ def find_partners(
         present = per_weight if measure == "operators" else none
     partners = Partners(D, M, feet, present, none, none, none, none, facing)
     tangent = np.where(touches[:, None], o.tau, _mean_tangents(o, M, master_planes))
-    return replace(partners, start=np.einsum("ja,ja->j", tangent, partners.apart(o)))
+    return replace(partners, start=np.einsum("ja,ja->j", tangent, partners.gap_vectors(o)))
 
 
 def _mean_tangents(o: MortarOperators, M: csr_array, planes: Array) -> Array:
@@ -192,8 +196,8 @@ def _replicate(
     used = (values != 0.0) & (scale[rows] != 0.0)[:, :, None]
     i = np.broadcast_to(rows[:, :, None], values.shape)[used]
     k = np.broadcast_to(columns[:, None, :], values.shape)[used]
-    parts = o.slave.comm.allgather((i, k, values[used] * scale[i]))
-    i, k, v = (np.concatenate(part) for part in zip(*parts, strict=True))
+    gathered = o.slave.comm.allgather((i, k, values[used] * scale[i]))
+    i, k, v = (np.concatenate(column) for column in zip(*gathered, strict=True))
     return i, k, v
 
 
@@ -208,5 +212,5 @@ def _nearest(o: MortarOperators, j: Indices) -> tuple[Entries, Entries]:
 
 def _sum(one: Entries, other: Entries, rows: int, columns: int) -> csr_array:
     """Matrix of shape (rows, columns) with the entries of both."""
-    i, k, v = (np.concatenate(parts) for parts in zip(one, other, strict=True))
+    i, k, v = (np.concatenate(entries) for entries in zip(one, other, strict=True))
     return coo_array((v, (i, k)), shape=(rows, columns)).tocsr()

@@ -30,15 +30,15 @@ class InterfaceState(Value):
             elastically, shape (slave nodes,), bool; see ``redundancy``.
         partners: Material points that slip is counted from, the ``Partners`` of the slave nodes at
             the start of the step; ``None`` for a tie.
-        accepted: Partners at the last accepted state, used in the next step.
+        accepted_partners: Partners at the last accepted state, used in the next step.
         c_n: Weight of the gap in the complementarity function [1]; reduced below the pair's value
             after a cycle of the active set.
         offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length].
         reference: Operators of the undeformed mesh, with small sliding.
         load_time: Time of the present loads, at the end of the step.
-        past: ``Instant`` at the start of the step, whose memory is given to the law; ``None`` for a
-            tie.
-        committed: ``Instant`` of the last accepted state, used in the next step.
+        start_instant: ``Instant`` at the start of the step; the law reads its memory; ``None`` for
+            a tie.
+        accepted_instant: ``Instant`` of the last accepted state, used in the next step.
         force_decided: Nodes with tensile multiplier and compressive force, and the forces of all
             nodes, for the next active set; see ``Contact.move``.
     """
@@ -49,15 +49,17 @@ class InterfaceState(Value):
     multiplier_nodes: Flags
     redundant: Flags = field(metadata=DERIVED)
     partners: Any = field(default=None, metadata=DERIVED)
-    accepted: Any = field(default=None, metadata=DERIVED)
+    accepted_partners: Any = field(default=None, metadata=DERIVED)
     c_n: float = 1.0
     offset: Any = 0.0
     reference: Any = field(default=None, metadata=DERIVED)
     load_time: float = field(default=0.0, metadata=DERIVED)
-    past: Any = field(default=None, metadata=DERIVED)
-    committed: Any = field(default=None, metadata=DERIVED)
+    start_instant: Any = field(default=None, metadata=DERIVED)
+    accepted_instant: Any = field(default=None, metadata=DERIVED)
     force_decided: tuple[Flags, Array] | None = field(default=None, metadata=DERIVED)
 
 
 # Names of the attributes that determine all others.
-INDEPENDENT = tuple(part.name for part in fields(InterfaceState) if not part.metadata)
+INDEPENDENT = tuple(
+    attribute.name for attribute in fields(InterfaceState) if not attribute.metadata
+)

@@ -32,7 +32,7 @@ def begin_step(contacts: Sequence[Interface]) -> None:
 
 def _check_time(contact: Contact) -> None:
     """Raise an error for a step of zero length if the law needs the length (local)."""
-    now, before = contact.state.load_time, contact.state.committed.time
+    now, before = contact.state.load_time, contact.state.accepted_instant.time
     if contact.pair.law.needs_time and not now > before:
         raise MortarError(
             f"{contact.pair.law!r} needs the length of the step, but the time {now:g} is not later "
@@ -73,13 +73,13 @@ def _instant_of(contact: Contact) -> Instant:
 def commit(contacts: Sequence[Interface], instants: Sequence[Instant | None]) -> None:
     """Set the accepted time and memory, from which the next step starts (local)."""
     for contact, instant in zip(contacts, instants, strict=True):
-        contact.change(committed=instant)
+        contact.change(accepted_instant=instant)
 
 
 def start_clock(contacts: Sequence[Interface], time: float) -> None:
     """Set the time of the accepted state (local)."""
     for contact in contacts:
-        instant = contact.state.committed
+        instant = contact.state.accepted_instant
         if instant is not None and instant.time != time:
             instant = replace(instant, time=time)
-        contact.change(committed=instant, load_time=time)
+        contact.change(accepted_instant=instant, load_time=time)

@@ -32,7 +32,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact.interface import Interface, read_only, settable
-from fenics_mortar.contact.sides import points_of
+from fenics_mortar.contact.sides import points_per_segment
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.tied_rows import TiedFields, TiedOperators, TiedRows
 from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
@@ -43,7 +43,7 @@ from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import MIN_SHARE, Surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.errors import SurfaceError, place
+from fenics_mortar.utils.errors import SurfaceError, format_point
 from fenics_mortar.utils.rounding import HALF_FACET, LAST_DIGITS, SAME_PLACE
 
 
@@ -74,7 +74,7 @@ class Tie(Interface):
         self.rows, self.arm = TiedRows(self), 0.0
         longest = max(float(side.lengths.max()) for side in (self.slave, self.master))
         choice = pair.discretization
-        points = points_of(pair, self.slave, self.master)
+        points = points_per_segment(pair, self.slave, self.master)
         self.options = MortarOptions(
             choice.basis, "opposite", "basis", choice.integration, points,
             pair.search_radius or HALF_FACET * longest, float(np.cos(np.radians(choice.max_angle))),
@@ -105,7 +105,7 @@ class Tie(Interface):
 
     def _check_multiplier_nodes(self, dropped: Flags) -> None:
         if not self.multiplier_nodes.any():
-            where = place(self.slave.X[np.flatnonzero(dropped)[0]])
+            where = format_point(self.slave.X[np.flatnonzero(dropped)[0]])
             raise SurfaceError(
                 f"{self._names} cannot be tied: every slave node that has a partner is prescribed "
                 f"or belongs to another pair, for example the one at {where}; exchange slave and "
@@ -132,11 +132,11 @@ class Tie(Interface):
         )
         constant = {name: np.zeros_like(getattr(o, name)) for name in ("dD", "dM", "dgap", "gap")}
         values = (
-            {part.name: getattr(o, part.name) for part in fields(o)}
+            {field.name: getattr(o, field.name) for field in fields(o)}
             | constant
             | {"linearization": Linearization(False, False, frozen=True)}
         )
-        self.set_operators(TiedOperators(**values, apart=np.zeros((slave.num_nodes, 2))))
+        self.set_operators(TiedOperators(**values, weighted_jump=np.zeros((slave.num_nodes, 2))))
         self.may_carry = self.multiplier_nodes & (o.diagonal > 0.0)
         self.change(active=self.may_carry)
         s, shape = o.segments, (slave.num_nodes, master.num_nodes)
@@ -150,8 +150,8 @@ class Tie(Interface):
         """Sum of the blocks of all ranks, replicated; rows of active nodes only (collective)."""
         values = np.where(self.active[rows][:, :, None], values, 0.0)
         i, j = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
-        parts = self.slave.comm.allgather((i.ravel(), j.ravel(), values.ravel()))
-        i, j, v = (np.concatenate(part) for part in zip(*parts, strict=True))
+        gathered = self.slave.comm.allgather((i.ravel(), j.ravel(), values.ravel()))
+        i, j, v = (np.concatenate(column) for column in zip(*gathered, strict=True))
         matrix = coo_array((v, (i, j)), shape=shape).tocsr()
         matrix.eliminate_zeros()
         return matrix
@@ -165,8 +165,8 @@ class Tie(Interface):
     def welds(self) -> Indices:
         """Coinciding ends of slave and master: global nodes, shape (k, 2)."""
         ends = [np.flatnonzero((side.previous < 0) | (side.following < 0)) for side in self._sides]
-        apart = self.slave.X[ends[0], None] - self.master.X[ends[1]]
-        near = np.linalg.norm(apart, axis=2) < SAME_PLACE * self.slave.nodal_lengths[ends[0], None]
+        gaps = self.slave.X[ends[0], None] - self.master.X[ends[1]]
+        near = np.linalg.norm(gaps, axis=2) < SAME_PLACE * self.slave.nodal_lengths[ends[0], None]
         j, l = np.nonzero(near)
         return np.stack([self.slave.nodes[ends[0][j]], self.master.nodes[ends[1][l]]], axis=1)
 
@@ -179,8 +179,10 @@ class Tie(Interface):
         on_slave, on_master = self.slave.gather(u), self.master.gather(u)
         x, m = self.slave.X + on_slave, self.master.X + on_master
         n, dn = evaluate_normals(self.slave, x, self.options.weighting)
-        apart = self.D @ on_slave - self.M @ on_master
-        self.set_operators(replace(self.operators, x=x, m=m, n=n, dn=dn, apart=apart))
+        weighted_jump = self.D @ on_slave - self.M @ on_master
+        self.set_operators(
+            replace(self.operators, x=x, m=m, n=n, dn=dn, weighted_jump=weighted_jump)
+        )
 
     @property
     def partner_operators(self) -> MortarOperators:

@@ -6,10 +6,10 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 from fenics_mortar.contact.discretization import Discretization, as_discretization
-from fenics_mortar.contact.pair import check_radius
+from fenics_mortar.contact.pair import check_search_radius
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.utils.arguments import check_choice, check_kind
-from fenics_mortar.utils.errors import check_same_words, together
+from fenics_mortar.utils.errors import check_same_texts, together
 
 Gap = Literal["removed", "kept"]
 
@@ -70,7 +70,7 @@ class TiedPair:
             self.check()
             self.slave_tags = data.boundary_tags(slave)
             data.boundary_tags(master)
-        check_same_words(data.mesh.comm, "TiedPair", vars(self))
+        check_same_texts(data.mesh.comm, "TiedPair", vars(self))
         for names in (slave, master):
             data.boundary_facets(names)
 
@@ -84,7 +84,7 @@ class TiedPair:
         expected = "an instance of Discretization"
         check_kind("discretization", self.discretization, Discretization, expected)
         self.discretization.check_for_tie()
-        check_radius(self.search_radius)
+        check_search_radius(self.search_radius)
 
     def __repr__(self) -> str:
         """The two sides."""

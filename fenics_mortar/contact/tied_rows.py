@@ -21,10 +21,10 @@ class TiedOperators(MortarOperators):
     """D and M of the reference configuration; positions and normals are the current ones.
 
     Attributes:
-        apart: D u_s - M u_m, shape (slave nodes, 2) [length^2].
+        weighted_jump: D u_s - M u_m, shape (slave nodes, 2) [length^2].
     """
 
-    apart: Array
+    weighted_jump: Array
 
     def gap_derivative(self) -> list[Block]:
         """Empty: there is no weighted gap."""
@@ -43,7 +43,7 @@ class TiedFields(InterfaceFields):
     @property
     def jump(self) -> Array:
         """D u_s - M u_m, shape (slave nodes, 2) [length^2]."""
-        return self.operators.apart
+        return self.operators.weighted_jump
 
     @property
     def gap(self) -> Array:

@@ -166,7 +166,7 @@ class PairView:
     @property
     def memory(self) -> dict[str, Array]:
         """Memory of the law at the last accepted state by name, (slave nodes,) each [its units]."""
-        instant = self._interface.committed
+        instant = self._interface.accepted_instant
         return {} if instant is None else {n: v.copy() for n, v in instant.memory.items()}
 
     @property

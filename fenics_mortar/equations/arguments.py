@@ -13,7 +13,7 @@ from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.la.choice import Algorithm
-from fenics_mortar.la.options import Solver
+from fenics_mortar.la.options import SolverName
 from fenics_mortar.mesh.thickness import check_geometry
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
@@ -65,7 +65,7 @@ def check_options(
         if not isinstance(name, str) or name.startswith("-"):
             raise ValueError(f"petsc_options with {name!r}: expected a name such as 'ksp_rtol'")
     check_choice("linearization", linearization, LINEARIZATIONS)
-    check_choice("solver", solver, get_args(Solver))
+    check_choice("solver", solver, get_args(SolverName))
     if algorithm is not None:
         check_choice("algorithm", algorithm, get_args(Algorithm))
     expected = "the number of a sub-space"

@@ -15,7 +15,7 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.equations.options import EQUATIONS
-from fenics_mortar.la.factored import factored_bulk, portions
+from fenics_mortar.la.factored import column_groups, factored_bulk
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array
@@ -55,15 +55,15 @@ class BodyCompliance:
         """Displacements [length] due to forces [stress length], both (owned dofs, k)."""
         bulk, found = self._bulk, []
         forces = np.where(bulk.prescribed[: bulk.num_owned, None], 0.0, forces)
-        for group in portions(forces.shape[1]):
+        for group in column_groups(forces.shape[1]):
             sizes = (bulk.num_owned, None), (None, group.size)
             load = np.asfortranarray(forces[:, group]).ravel(order="F")
             loads = PETSc.Mat().createDense(sizes, array=load, comm=bulk.comm)
             loads.assemble()
-            answers = loads.duplicate()
-            self._factors.getFactorMatrix().matSolve(loads, answers)
-            found.append(answers.getDenseArray().copy())
+            responses = loads.duplicate()
+            self._factors.getFactorMatrix().matSolve(loads, responses)
+            found.append(responses.getDenseArray().copy())
             loads.destroy()
-            answers.destroy()
+            responses.destroy()
         along = bulk.comm.allreduce(self._motions @ forces)
         return np.concatenate(found, axis=1) + self._motions.T @ (self._added[:, None] * along)

@@ -34,7 +34,10 @@ from fenics_mortar.utils.errors import as_text
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Attributes of an interface's state that a user may have changed since the last solve.
-KEPT = ("z", "active", "branch", "multiplier_nodes", "partners", "accepted", "committed")
+COMPARED = (
+    "z", "active", "branch", "multiplier_nodes", "partners", "accepted_partners",
+    "accepted_instant",
+)  # fmt: skip
 
 
 class _Loads(NamedTuple):
@@ -93,7 +96,7 @@ class Continuation:
         same = np.array_equal(equations.bulk.u.x.array, last.u) and all(
             getattr(contact.state, name) is getattr(interface, name)
             for contact, interface in zip(equations.contacts, last.interfaces, strict=True)
-            for name in KEPT
+            for name in COMPARED
         )
         driven = equations.motions.driven
         same &= np.array_equal(equations.motions.places[driven], last.places[driven])

@@ -13,11 +13,11 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.messages import describe_overlap
-from fenics_mortar.equations.set_history import SetsOfPairs
+from fenics_mortar.equations.set_record import SetsOfPairs
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MortarError, place
+from fenics_mortar.utils.errors import MortarError, format_point
 
 
 def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> None:
@@ -95,8 +95,9 @@ def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[SetsOfPair
         if wavers.size and 0.0 < bound[wavers[0]] < np.inf:
             return (
                 f"{wavers.size} nodes of '{contact.slave.name}' close and open repeatedly, one at "
-                f"{place(contact.operators.x[wavers[0]])}: {contact.pair.law!r} admits shear "
-                "without pressure, which may peel them off each time they close; take smaller "
-                "steps, or Coulomb(mu, max_shear=...), whose limit vanishes with the pressure"
+                f"{format_point(contact.operators.x[wavers[0]])}: {contact.pair.law!r} admits "
+                "shear without pressure, which may peel them off each time they close; take "
+                "smaller steps, or Coulomb(mu, max_shear=...), whose limit vanishes with the "
+                "pressure"
             )
     return ""

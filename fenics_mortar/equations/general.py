@@ -29,7 +29,7 @@ from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.remedies import Remedies
 from fenics_mortar.equations.residual import Residual
-from fenics_mortar.equations.set_history import SetHistory
+from fenics_mortar.equations.set_record import SetRecord
 from fenics_mortar.equations.springs import CombinedSprings
 from fenics_mortar.equations.state import State, check_state
 from fenics_mortar.interface.mortar import Linearization
@@ -118,9 +118,9 @@ class ContactEquations:
         self.springs = CombinedSprings(
             self.floating, self.motions, self.stiffest, self.residual.forces
         )
-        self._history = SetHistory(contacts)
+        self._set_record = SetRecord(contacts)
         self.remedies = Remedies(
-            self.floating, self.residual, self._history, self._take_linearized_sets
+            self.floating, self.residual, self._set_record, self._adopt_linearized_sets
         )
         lengths = [float(contact.slave.lengths.min()) for contact in contacts]
         self._shortest_facet: float = min(lengths, default=0.0)
@@ -155,14 +155,14 @@ class ContactEquations:
     def evaluate_without_bulk(self, *, start: bool) -> Status:
         """Evaluate operators and active sets, with the bulk residual already assembled."""
         if start:
-            self._history.begin()
+            self._set_record.begin()
             self._redundancy.begin()
             self.residual.begin()
             for contact in self.contacts:
                 contact.begin()
         changed = self.evaluate_contacts(start=start)
         residual = self.residual.measure()
-        self._history.record(residual, changed)
+        self._set_record.record(residual, changed)
         num_active, sets = 0, b""
         for c in self.contacts:
             num_active += int(np.count_nonzero(c.active))
@@ -202,7 +202,7 @@ class ContactEquations:
 
     def diagnose(self) -> str:
         """Describe inverted cells, loose bodies, peeling edges and deep overlaps; "" if none."""
-        recent = self._history.recent
+        recent = self._set_record.recent
         return diagnose(
             self.bulk, self.contacts, self.floating, self.motions, self.residual.force, recent
         )
@@ -212,7 +212,7 @@ class ContactEquations:
     def advance(self) -> Step:
         """Carry out one Newton iteration: linearize, solve, apply; too long a step is shortened."""
         if self.floating.bodies:
-            self.remedies.settle_sets()
+            self.remedies.replace_unsettled_sets()
         self.linearize()
         increment = self.solve_linear()
         return self.apply(increment)
@@ -232,9 +232,9 @@ class ContactEquations:
         residual = self.residual
         goal = self.newton.residual_tolerance * residual.force
         solver = self.system.solver
-        solver.forcing = forcing(self._history.residuals, goal)
+        solver.forcing = forcing(self._set_record.residuals, goal)
         is_driven = bool(self.motions.obstacles and self.motions.driven.any())
-        solver.same_step = len(self._history.residuals) > 1 and not is_driven
+        solver.same_step = len(self._set_record.residuals) > 1 and not is_driven
         x, motion = self.system.step(residual.distance), NO_MOTION
         if self.motions.obstacles:
             x, motion = self.motions.solve(x, self.system, self.stiffest, residual.force)
@@ -248,35 +248,35 @@ class ContactEquations:
     def apply(self, increment: Increment) -> Step:
         """Apply an increment to the state; a step that is too long is shortened."""
         step = increment.u
-        part = self.bulk.move(step)
+        fraction = self.bulk.move(step)
         for contact, z in zip(self.contacts, increment.z, strict=True):
-            contact.move(z, part, step)
+            contact.move(z, fraction, step)
         if self.motions.obstacles:
-            self.motions.move(part * increment.motion)
+            self.motions.move(fraction * increment.motion)
         size = max(self.bulk.largest(step), np.abs(increment.motion).max(initial=0.0))
-        return self.step(size, part, increment.remark)
+        return self.step(size, fraction, increment.remark)
 
-    def _take_linearized_sets(self, snap: bool) -> bool:
+    def _adopt_linearized_sets(self, snap: bool) -> bool:
         """Adopt the sets of the linearized problem; return whether they were found."""
         linearized = LinearizedContact(self.bulk, self.floating, self.system, self.motions)
         if not linearized.applies:
             return False
-        self._history.count_call()
+        self._set_record.count_call()
         self.bulk.assemble_tangent()
         return linearized.choose_sets(self._redundancy.mark, snap=snap)
 
-    def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
+    def step(self, increment: float, fraction: float = 1.0, note: str = "") -> Step:
         """Record of a step.
 
         Args:
             increment: Largest increment [length].
-            part: Fraction of the increment that was applied [1].
+            fraction: Fraction of the increment that was applied [1].
             note: Remark.
         """
         moved = self.motions.largest() if self.motions.obstacles else 0.0
         displacement = max(self.bulk.largest(self.bulk.values), moved)
         size = max(displacement, EQUATIONS.at_rest * self._shortest_facet, TINY)
-        return Step(increment / size, part, note)
+        return Step(increment / size, fraction, note)
 
     # States
 

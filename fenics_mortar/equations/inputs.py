@@ -32,7 +32,7 @@ from fenics_mortar.utils.errors import (
     NotFiniteError,
     as_text,
     check_same,
-    check_same_words,
+    check_same_texts,
     together,
 )
 from fenics_mortar.utils.rounding import ROUNDING, SAME_PLACE
@@ -81,13 +81,13 @@ class Inputs:
                 check_obstacle(obstacle)
                 if self._bulk.space.is_axisymmetric:
                     check_axial(obstacle)
-        asked = np.array(float(sensitivity is not None))
-        check_same(comm, [*self._numbers(), ("whether sensitivity is given", asked)])
+        is_given = np.array(float(sensitivity is not None))
+        check_same(comm, [*self._numbers(), ("whether sensitivity is given", is_given)])
         for contact in self._contacts:
             name = f"offset of '{contact.slave.name}'"
             check_lengths(name, contact.offset, contact.slave.num_nodes)
-        words = {**dict(self._words(newton)), **flags}
-        check_same_words(comm, "what was set of the problem", words)
+        texts = {**dict(self._texts(newton)), **flags}
+        check_same_texts(comm, "what was set of the problem", texts)
         self._check_distances()
         self._axis.check()
         remarks, self._on_radius = [self._on_radius], ""
@@ -103,7 +103,7 @@ class Inputs:
             yield f"the push of obstacle '{obstacle.name}'", obstacle.load
             yield f"the pivot of obstacle '{obstacle.name}'", obstacle.pivot
 
-    def _words(self, newton: NewtonOptions) -> Iterator[tuple[str, Any]]:
+    def _texts(self, newton: NewtonOptions) -> Iterator[tuple[str, Any]]:
         """Options and laws that have to be equal on all ranks, by name."""
         yield "newton", newton
         for number, contact in enumerate(self._contacts):
@@ -158,7 +158,7 @@ class Conflicts:
     def describe(self) -> list[str]:
         """Describe conflicts of the present values that were not reported before (collective)."""
         found = self._find() if self._any_twice else []
-        new = [words for words in found if words not in self._described]
+        new = [texts for texts in found if texts not in self._described]
         self._described.update(new)
         return new
 
@@ -193,8 +193,8 @@ def _options(pair: Any) -> dict[str, str]:
 def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
     """Reject invalid values of a pair or of its contact (local)."""
     pair = contact.pair
-    for name, words in _options(pair).items():
-        if as_bound.get(name) != words:
+    for name, texts in _options(pair).items():
+        if as_bound.get(name) != texts:
             raise MortarError(
                 f"{name} of {pair!r} was set after the problem was set up, which has no effect: "
                 "set up a new problem (its law may be set, and contact.c_n and contact.offset)"

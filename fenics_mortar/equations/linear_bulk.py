@@ -28,35 +28,35 @@ class LinearBulk:
 
     Args:
         general: The general equations.
-        wanted: Whether to reduce. ``None``: yes with small sliding; otherwise if the residual is
+        requested: Whether to reduce. ``None``: yes with small sliding; otherwise if the residual is
             linear and the predicted cost of the compliance is below the past and future cost of
             factorizations, with no more memory, see ``costs``.
         prefix: Prefix of PETSc's options.
 
     Attributes:
-        words: The last choice and its reason, as text; "" if the bulk is not linear.
+        choice: The last choice and its reason, as text; "" if the bulk is not linear.
     """
 
-    def __init__(self, general: ContactEquations, wanted: bool | None, prefix: str) -> None:
-        self._general, self._wanted, self._prefix = general, wanted, f"{prefix}{COMPLIANCE}"
-        if wanted and general.newton.damped:
+    def __init__(self, general: ContactEquations, requested: bool | None, prefix: str) -> None:
+        self._general, self._requested, self._prefix = general, requested, f"{prefix}{COMPLIANCE}"
+        if requested and general.newton.damped:
             raise ValueError(
                 "linear_bulk=True takes full steps: expected no line_search and max_motion, or "
                 "linear_bulk=False"
             )
-        linear = general.bulk.is_linear if wanted is None else wanted
+        linear = general.bulk.is_linear if requested is None else requested
         self._given = self._possible = linear and bool(general.contacts)
         self._data: list[Array] = []
         self._equations: ReducedEquations | None = None
         self._num_iterations = 0
-        self.words = ""
+        self.choice = ""
 
     def choose(self) -> tuple[ReducedEquations | None, list[str]]:
         """The reduced equations, or ``None`` for all dofs; remarks (collective)."""
         if not self._possible:
             return None, []
         if self._general.newton.damped or self._general.motions.driven.any():
-            self.words = ""
+            self.choice = ""
             return None, []
         if self._data_changed():
             self._equations, self._num_iterations = None, 0
@@ -64,16 +64,16 @@ class LinearBulk:
             obstacle = self._obstacle()
             if obstacle:
                 self._possible = False
-                self.words = f"linear bulk factored in every iteration: {obstacle}"
+                self.choice = f"linear bulk factored in every iteration: {obstacle}"
                 return None, [f"linear bulk, but {obstacle}: K is factored in every iteration"]
             equations = SmallSlidingEquations if self._slides_little else ReducedEquations
             try:
                 with clock("solve"):
                     self._equations = equations(self._general, self._prefix)
             except MortarError:  # singular: the solve on all dofs locates the cause
-                if self._wanted:
+                if self._requested:
                     raise
-                self.words = "linear bulk factored in every iteration: its stiffness is singular"
+                self.choice = "linear bulk factored in every iteration: its stiffness is singular"
                 return None, []
             unused = self._general.system.solver.describe_unused(reduced=True)
             return self._equations, [unused]
@@ -96,7 +96,7 @@ class LinearBulk:
         """Count iterations on all dofs (local)."""
         self._num_iterations += num_iterations
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Discard the factors of the bulk (local)."""
         self._equations, self._data, self._num_iterations = None, [], 0
         self._possible = self._given
@@ -111,21 +111,21 @@ class LinearBulk:
         )
 
     def _pays(self) -> bool:
-        """Whether to factorize once; sets ``words`` (local)."""
+        """Whether to factorize once; sets ``choice`` (local)."""
         unknowns = self._general.bulk.r.getSize()
         dofs = 2 * sum(c.slave.num_nodes + c.master.num_nodes for c in self._general.contacts)
         iterations = self._num_iterations + COSTS.expected
         compliance = COSTS.compliance(unknowns, dofs)
         factors, fits = COSTS.factors(unknowns, iterations), COSTS.fits(unknowns, dofs)
-        pays = bool(self._wanted) or self._slides_little or (fits and compliance < factors)
+        pays = bool(self._requested) or self._slides_little or (fits and compliance < factors)
         if pays:
-            self.words = f"linear bulk factored once, Newton's method on {dofs} contact dofs"
+            self.choice = f"linear bulk factored once, Newton's method on {dofs} contact dofs"
         else:
-            self.words = f"linear bulk factored in every iteration: {dofs} contact dofs are many"
-        self.words += f" of {unknowns} unknowns"
-        if self._wanted is None and not self._slides_little:
+            self.choice = f"linear bulk factored in every iteration: {dofs} contact dofs are many"
+        self.choice += f" of {unknowns} unknowns"
+        if self._requested is None and not self._slides_little:
             memory = "" if fits else ", and its matrices would need more memory than factors"
-            self.words += (
+            self.choice += (
                 f" (predicted: once {compliance:.2g} s, {iterations} factorizations "
                 f"{factors:.2g} s{memory})"
             )

@@ -18,6 +18,11 @@ q, driven motions                length, radian    forces and moment f_q of cont
 q, prescribed motions            length, radian    q                                      as q
 ===============================  ================  =====================================  ==========
 
+The two rows of a slave node are Cartesian components. An active node has the row of its gap,
+scaled by k_j / D_jj, along n, and the tangential row of the law, scaled by D_jj, along -tau; see
+``contact.rows``. An open node has minus its nodal area times its multiplier, which exerts no force
+on the bodies. A tied node has its jump, scaled by k_j / D_jj.
+
 A does not contain the springs that regularize floating bodies and loose obstacles in Newton's
 method. If contact leaves a rigid motion free, A is singular.
 
@@ -52,14 +57,22 @@ from fenics_mortar.utils.errors import check_same, together
 
 @dataclass(frozen=True)
 class LinearVector:
-    """Right-hand side or solution of ``ContactProblem.linear_solve``; units: see ``linearized``.
+    """Right-hand side or solution of ``ContactProblem.linear_solve``.
+
+    A solution of the tangent has the units of the unknowns, a right-hand side those of the rows;
+    with the transpose it is the other way round, over the unit of the functional. The scaling of
+    the rows is that of ``equations.linearized``.
 
     Attributes:
-        u: Values of the owned dofs in the order of dolfinx, shape (owned dofs,); ``None``: zero.
-        z: Values at the slave nodes of each pair, in the order along the surface, shape (slave
-            nodes, 2) each, replicated; ``None``: zero.
+        u: Values of the owned dofs in the order of dolfinx, shape (owned dofs,): displacements
+            [length]; in rows forces [stress length], at prescribed dofs displacements [length].
+            ``None``: zero.
+        z: x and y components at the slave nodes of each pair, in the order along the surface, shape
+            (slave nodes, 2) each, replicated: multipliers [stress]; in rows those of the contact
+            law [stress length]. ``None``: zero.
         q: x, y and angle of each obstacle, in the order of ``problem.obstacles``, shape
-            (obstacles, 3), replicated; ``None``: zero.
+            (obstacles, 3), replicated [length, length, radian]; in rows of driven motions forces
+            and moment [stress length, stress length, stress length^2]. ``None``: zero.
     """
 
     u: Array | None = None
@@ -139,7 +152,7 @@ class LinearizedEquations:
         x = self._tangent.solve(b - given @ border.columns[~driven])
         balance = c[driven] - border.corner[np.ix_(driven, ~driven)] @ given
         x, q[driven] = solve_bordered(
-            self._tangent.solve, border.part(driven), x, balance, self._bulk.comm
+            self._tangent.solve, border.restricted_to(driven), x, balance, self._bulk.comm
         )
         return x, q
 
@@ -151,7 +164,7 @@ class LinearizedEquations:
             return self._tangent.solve(rhs, transpose=True)
 
         x, q[driven] = solve_bordered(
-            solve, border.part(driven).transposed, solve(b), c[driven], self._bulk.comm
+            solve, border.restricted_to(driven).transposed, solve(b), c[driven], self._bulk.comm
         )
         coupled = self._bulk.comm.allreduce(border.columns[~driven] @ x)
         q[~driven] = c[~driven] - coupled - q[driven] @ border.corner[np.ix_(driven, ~driven)]

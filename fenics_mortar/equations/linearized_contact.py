@@ -33,7 +33,7 @@ from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.complementarity import FrictionProblem, Sets, solve_friction
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.rigid.load_path import Turn, follow_loads
+from fenics_mortar.rigid.load_path import TurningPoint, follow_loads
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -116,17 +116,17 @@ class LinearizedContact:
             return found
         return solve_friction(problem) if snap else None
 
-    def describe_turn(self) -> str:
+    def describe_turning_point(self) -> str:
         """Describe the turn of the path from the accepted state; "" if there is none."""
         problem, nodes = self._problem()
         problem, comm = self._with_elastic_sticks(problem, nodes), self._bulk.comm
         start = self._accepted(problem.slope, nodes)
         found = comm.bcast(follow_loads(problem, *start) if comm.rank == 0 else None)
-        if not isinstance(found, Turn) or found.node < 0:
+        if not isinstance(found, TurningPoint) or found.node < 0:
             return ""
         contacts = np.repeat(np.arange(len(nodes)), [j.size for j in nodes])
         contact = self._contacts[contacts[found.node]]
-        where = errors.place(contact.operators.x[np.concatenate(nodes)[found.node]])
+        where = errors.format_point(contact.operators.x[np.concatenate(nodes)[found.node]])
         return (
             f"the path of equilibria, linearized at the last one, turns where the node at {where} "
             f"of '{contact.pair.slave_name}' opens, closes, sticks or slides: it continues only "
@@ -154,7 +154,7 @@ class LinearizedContact:
         """Adopt sets and multipliers of ``nodes``; all other nodes are open."""
         ends = np.cumsum([j.size for j in nodes])[:-1]
         for contact, j, *sets in zip(
-            self._contacts, nodes, *(np.split(part, ends) for part in found), strict=True
+            self._contacts, nodes, *(np.split(column, ends) for column in found), strict=True
         ):
             active, branch, z_n, z_tau = sets
             o, j = contact.operators, j[active]
@@ -252,12 +252,12 @@ class LinearizedContact:
         bulk.K.mult(moved, force)
         rest = -(force.array_r + bulk.r.array_r[: bulk.num_owned])
         forces = _columns(B_T, used)
-        answers = compliance.displacements(np.column_stack([forces, rest]))
-        answers[:, -1] += moved.array_r
-        rows = comm.allreduce(_columns(C.transpose(), used).T @ answers)
-        rhs = np.zeros(2 * sum(place.size for place in system.places))
-        for law, place in zip(laws, system.places, strict=True):
-            rhs[2 * place[:, None] + np.arange(2)] = law.rhs
+        responses = compliance.displacements(np.column_stack([forces, rest]))
+        responses[:, -1] += moved.array_r
+        rows = comm.allreduce(_columns(C.transpose(), used).T @ responses)
+        rhs = np.zeros(2 * sum(z_number.size for z_number in system.z_numbers))
+        for law, z_number in zip(laws, system.z_numbers, strict=True):
+            rhs[2 * z_number[:, None] + np.arange(2)] = law.rhs
         V, y = -rows[:, :-1], rows[:, -1] - rhs[used]
         self._free_obstacles(V, y, used)
         for matrix in (B_T, C, moved, force):
@@ -273,13 +273,16 @@ class LinearizedContact:
         weak = RIGID.weakest_spring * max(
             float(contact.stiffness.max()) for contact in self._contacts
         )
-        size = 2 * sum(place.size for place in system.places)
+        size = 2 * sum(z_number.size for z_number in system.z_numbers)
         by_motion = np.zeros((*driven.shape, size))
         by_pressure = np.zeros_like(by_motion)
-        for contact, place in system.numbered():
+        for contact, z_number in system.numbered():
             if not isinstance(contact, Contact) or contact.obstacle is None:
                 continue
-            number, columns = motions.obstacles.index(contact.obstacle), 2 * place[:, None] + [0, 1]
+            number, columns = (
+                motions.obstacles.index(contact.obstacle),
+                2 * z_number[:, None] + [0, 1],
+            )
             rows, (_, M_q, _) = (
                 contact.rows.by_motions(),
                 contact.on_obstacle.motion_force_derivatives(contact.z),
@@ -292,8 +295,8 @@ class LinearizedContact:
 
     def _directions(self, nodes: Sequence[Indices]) -> Array:
         """Normals, then tangents of the nodes as rows over all multiplier components (local)."""
-        size, found = 2 * sum(place.size for place in self._system.places), []
-        places = dict(zip(map(id, self._system.contacts), self._system.places, strict=True))
+        size, found = 2 * sum(z_number.size for z_number in self._system.z_numbers), []
+        places = dict(zip(map(id, self._system.contacts), self._system.z_numbers, strict=True))
         for kind in ("n", "tau"):
             for contact, j in zip(self._contacts, nodes, strict=True):
                 rows = np.zeros((j.size, size))
@@ -306,12 +309,12 @@ class LinearizedContact:
         """Multiplier components of ties as rows over all components (local)."""
         system = self._system
         columns = [
-            2 * place[contact.active_nodes][:, None] + np.arange(2)
-            for contact, place in system.numbered()
+            2 * z_number[contact.active_nodes][:, None] + np.arange(2)
+            for contact, z_number in system.numbered()
             if not isinstance(contact, Contact)
         ]
         columns = np.concatenate([np.empty(0, np.int64), *map(np.ravel, columns)])
-        return np.eye(2 * sum(place.size for place in system.places))[columns]
+        return np.eye(2 * sum(z_number.size for z_number in system.z_numbers))[columns]
 
 
 def _may_touch(contact: Contact) -> Flags:
@@ -325,11 +328,11 @@ def _columns(matrix: PETSc.Mat, used: Indices) -> Array:
     """Owned rows and the ascending columns ``used`` of a matrix as a dense array (local)."""
     starts, columns, values = matrix.getValuesCSR()
     rows = np.repeat(np.arange(starts.size - 1), np.diff(starts))
-    place = np.full(matrix.getSize()[1], -1)
-    place[used] = np.arange(used.size)
-    kept = place[columns] >= 0
+    index = np.full(matrix.getSize()[1], -1)
+    index[used] = np.arange(used.size)
+    kept = index[columns] >= 0
     dense = np.zeros((starts.size - 1, used.size))
-    dense[rows[kept], place[columns[kept]]] = values[kept]
+    dense[rows[kept], index[columns[kept]]] = values[kept]
     return dense
 
 

@@ -63,7 +63,7 @@ class MovingFrame:
                     self._sides.append(_Side(number, is_slave, surface, int(bodies[0])))
         self._meshes: dict[int, Any] = {}
 
-    def places(self) -> Array:
+    def contact_centres(self) -> Array:
         """Positions of contacts on undeformed bodies, nan if open, (sides, 2) (collective)."""
         found = []
         for side in self._sides:
@@ -80,7 +80,7 @@ class MovingFrame:
         Args:
             last: The last state.
             before: The state before it.
-            moved: Change of ``places`` between them, shape (sides, 2) [length].
+            moved: Change of ``contact_centres`` between them, shape (sides, 2) [length].
             ratio: Length of the next step over that of the last one.
 
         Returns:
@@ -111,8 +111,8 @@ class MovingFrame:
             s = moved[mine].mean(axis=0)
             facet = min(self._sides[k].surface.lengths.min() for k in mine)
             size = np.hypot(*s)
-            apart = np.hypot(*(moved[mine] - s).T).max()
-            if ratio * size > HALF_FACET * facet and apart <= EQUATIONS.same_direction * size:
+            distance = np.hypot(*(moved[mine] - s).T).max()
+            if ratio * size > HALF_FACET * facet and distance <= EQUATIONS.same_direction * size:
                 found[body] = s
         return found
 

@@ -85,7 +85,7 @@ class Predictor:
         return self._here.state
 
     def _point(self, time: float) -> _Point:
-        return _Point(time, self._problem.state(), self._frame.places())
+        return _Point(time, self._problem.state(), self._frame.contact_centres())
 
     def solve(
         self, time: float, solve: Callable[[], NewtonReport], *, guesses: bool = True

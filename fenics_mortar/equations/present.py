@@ -49,7 +49,8 @@ class PresentState:
     def forces(self) -> tuple[Array, Array, Array]:
         """See ``ContactProblem.forces``."""
         self._equations.evaluate_operators()
-        return self._equations.residual.forces()
+        bulk, contact, on_obstacles = self._equations.residual.forces()
+        return bulk, contact, on_obstacles * self._equations.motions.scales
 
     def estimate(self) -> ErrorEstimate:
         """See ``ContactProblem.estimate``."""

@@ -32,7 +32,7 @@ from scipy.sparse import coo_array
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.options import EQUATIONS
-from fenics_mortar.equations.reduced_dense import Parts, solve_dense
+from fenics_mortar.equations.reduced_dense import ContactMatrices, solve_dense
 from fenics_mortar.equations.reduced_tangent import ReducedTangent
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.compliance import Compliance
@@ -84,22 +84,22 @@ class ReducedEquations:
             without_contact = self._step_without_contact(change)
         with clock("assembly"):
             laws = [contact.rows.linearized() for contact in self._general.contacts]
-            parts = self._assemble(laws)
+            matrices = self._assemble(laws)
         with clock("solve"):
-            step, zeta, self._force = self._solve(without_contact, laws, parts)
+            step, zeta, self._force = self._solve(without_contact, laws, matrices)
         moved = np.zeros_like(u)
         self._dofs.put(step, moved)
         moved[prescribed] = change
-        part = 1.0
+        fraction = 1.0
         if self._distorts(step):
-            part = self._move_all(moved)
+            fraction = self._move_all(moved)
         else:
             u += moved
             self._balance(self._force)
-        for contact, place in self._system.numbered():
-            z = zeta[place] * self._system.scale(contact)[:, None]
-            contact.move(z, part, moved[: self._bulk.num_owned])
-        return self._general.step(self._bulk.largest(moved), part)
+        for contact, z_number in self._system.numbered():
+            z = zeta[z_number] * self._system.scale(contact)[:, None]
+            contact.move(z, fraction, moved[: self._bulk.num_owned])
+        return self._general.step(self._bulk.largest(moved), fraction)
 
     def _distorts(self, step: Array) -> bool:
         """Whether a step may invert cells, by the relative motion of facet ends.
@@ -129,9 +129,9 @@ class ReducedEquations:
         whole = (u - start)[: self._bulk.num_owned]
         u[:] = start
         self._bulk.u.x.scatter_forward()
-        part = self._bulk.move(whole)
+        fraction = self._bulk.move(whole)
         self._bulk.assemble_residual()
-        return part
+        return fraction
 
     def _balance(self, force: Array) -> None:
         """Set the residual to that of contact forces alone, as after a full step (local)."""
@@ -159,11 +159,11 @@ class ReducedEquations:
         moved[self._bulk.prescribed_dofs] = change
         return np.where(self._dofs.free, step, 0.0) + self._dofs.gather(moved)
 
-    def _assemble(self, laws: Sequence[Rows]) -> Parts:
+    def _assemble(self, laws: Sequence[Rows]) -> ContactMatrices:
         """The matrices on the contact dofs, complete on rank 0."""
         system, size = self._system, self._dofs.size
-        count = 2 * sum(place.size for place in system.places)
-        return Parts(
+        count = 2 * sum(z_number.size for z_number in system.z_numbers)
+        return ContactMatrices(
             self._collect(system.force_derivative(), (size, size), (True, True)),
             self._collect(system.force_blocks(), (size, count), (True, False)),
             self._collect(system.law_blocks(laws), (count, size), (False, True)),
@@ -176,20 +176,22 @@ class ReducedEquations:
         """Gather blocks on rank 0; ``are_dofs``: whether rows and columns are global dofs."""
         *places, v = flatten(blocks)
         i, j = (self._dofs.number(p) if are else p for p, are in zip(places, are_dofs, strict=True))
-        parts = self._comm.gather((i, j, v)) or [(i, j, v)]
-        i, j, v = (np.concatenate(part) for part in zip(*parts, strict=True))
+        gathered = self._comm.gather((i, j, v)) or [(i, j, v)]
+        i, j, v = (np.concatenate(column) for column in zip(*gathered, strict=True))
         inside = (i >= 0) & (j >= 0) & (v != 0.0)
         return coo_array((v[inside], (i[inside], j[inside])), shape=shape)
 
-    def _solve(self, d: Array, laws: Sequence[Rows], parts: Parts) -> tuple[Array, Array, Array]:
+    def _solve(
+        self, d: Array, laws: Sequence[Rows], matrices: ContactMatrices
+    ) -> tuple[Array, Array, Array]:
         """Step of the contact dofs, multipliers zeta (n, 2) and contact force (collective)."""
-        count = parts.A_z.shape[0] // 2
+        count = matrices.A_z.shape[0] // 2
         rhs, weight = np.zeros((count, 2)), np.ones((count, 1))
-        for (contact, place), law in zip(self._system.numbered(), laws, strict=True):
-            rhs[place], weight[place, 0] = law.rhs, 1.0 / contact.stiffness
+        for (contact, z_number), law in zip(self._system.numbered(), laws, strict=True):
+            rhs[z_number], weight[z_number, 0] = law.rhs, 1.0 / contact.stiffness
         answer = None
         if self._comm.rank == 0:
-            answer = self._solve_dense(d, parts, rhs.ravel(), np.repeat(weight, 2))
+            answer = self._solve_dense(d, matrices, rhs.ravel(), np.repeat(weight, 2))
         answer = self._comm.bcast(answer)
         if answer is None:
             raise MortarError("the reduced linear system is singular")
@@ -197,16 +199,16 @@ class ReducedEquations:
         return step, zeta.reshape(-1, 2), force
 
     def _solve_dense(
-        self, d: Array, parts: Parts, rhs: Array, weight: Array
+        self, d: Array, matrices: ContactMatrices, rhs: Array, weight: Array
     ) -> tuple[Array, Array, Array] | None:
         """The solution on rank 0; ``None`` if the system is singular.
 
         Unknowns are the multipliers that may act and the dofs in their rows and forces: if a row of
         the law has neither displacements nor a right-hand side, its multiplier is zero.
         """
-        nodes = np.unique(np.concatenate([parts.C.row, np.flatnonzero(rhs)]) // 2)
-        some = np.intersect1d(components(nodes[:, None]), parts.B_T.col)
-        found = solve_dense(self._compliance.A, parts, some, d, rhs, weight)
+        nodes = np.unique(np.concatenate([matrices.C.row, np.flatnonzero(rhs)]) // 2)
+        some = np.intersect1d(components(nodes[:, None]), matrices.B_T.col)
+        found = solve_dense(self._compliance.A, matrices, some, d, rhs, weight)
         if found is None:
             return None
         step, force, zeta = found

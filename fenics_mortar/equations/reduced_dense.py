@@ -17,7 +17,7 @@ from fenics_mortar.la.solver import LINEAR_TOLERANCE
 from fenics_mortar.utils.arrays import Array, Indices
 
 
-class Parts(NamedTuple):
+class ContactMatrices(NamedTuple):
     """Matrices on the contact dofs and n multipliers.
 
     Attributes:
@@ -40,13 +40,13 @@ class Parts(NamedTuple):
 
 
 def solve_dense(
-    A: Array, parts: Parts, some: Indices, d: Array, rhs: Array, weight: Array
+    A: Array, matrices: ContactMatrices, some: Indices, d: Array, rhs: Array, weight: Array
 ) -> tuple[Array, Array, Array] | None:
     """Solve the dense system for some multipliers, the others being zero (local).
 
     Args:
         A: Compliance, symmetric, (size, size) [1 / stress].
-        parts: The matrices.
+        matrices: The matrices.
         some: Numbers of the multipliers, ascending.
         d: Displacements without contact forces, (size,) [length].
         rhs: Right-hand side h, (n,).
@@ -56,7 +56,7 @@ def solve_dense(
         Displacements and contact forces, (size,) each, multipliers, (n,); ``None`` if the system is
         singular.
     """
-    K_c, B_T, C, A_z = parts
+    K_c, B_T, C, A_z = matrices
     coupled = B_T.row[np.isin(B_T.col, some)]
     t = np.unique(np.concatenate([K_c.row, K_c.col, coupled, C.col[np.isin(C.row, some)]]))
     K_t, B_t, A_t = _dense(K_c, t, t), _dense(B_T, t, some), A[t]
@@ -85,7 +85,7 @@ def solve_alone(A_z: coo_array, nodes: Indices, rhs: Array) -> Array:
     """Solve the blocks of nodes with uncoupled multipliers, (n,); zero elsewhere (local).
 
     Args:
-        A_z: See ``Parts``.
+        A_z: See ``ContactMatrices``.
         nodes: Numbers of the nodes.
         rhs: Right-hand side, (n,).
 
@@ -103,8 +103,8 @@ def _dense(matrix: coo_array, rows: Indices, columns: Indices) -> Array:
     """Dense submatrix of ascending rows and columns (local)."""
     inside = np.isin(matrix.row, rows) & np.isin(matrix.col, columns)
     i, j = (
-        np.searchsorted(some, place[inside])
-        for some, place in ((rows, matrix.row), (columns, matrix.col))
+        np.searchsorted(some, index[inside])
+        for some, index in ((rows, matrix.row), (columns, matrix.col))
     )
     shape = rows.size, columns.size
     entries = np.bincount(i * shape[1] + j, matrix.data[inside], shape[0] * shape[1])

@@ -25,7 +25,7 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.rows import Rows
-from fenics_mortar.equations.reduced_dense import Parts, solve_alone, solve_dense
+from fenics_mortar.equations.reduced_dense import ContactMatrices, solve_alone, solve_dense
 from fenics_mortar.la.compliance import Compliance
 from fenics_mortar.la.contact_dofs import ContactDofs
 from fenics_mortar.la.system import LinearSystem, components
@@ -42,7 +42,8 @@ class ReducedTangent:
         system: System of displacements and multipliers, for numbers and scales.
         dofs: The contact dofs.
         compliance: Factors of the bulk.
-        collect: Assembles ``Parts``, with scaled multipliers, from the rows of all contacts.
+        collect: Function that assembles ``ContactMatrices``, with scaled multipliers, from the rows
+            of all contacts.
     """
 
     def __init__(
@@ -51,7 +52,7 @@ class ReducedTangent:
         system: LinearSystem,
         dofs: ContactDofs,
         compliance: Compliance,
-        collect: Callable[[Sequence[Rows]], Parts],
+        collect: Callable[[Sequence[Rows]], ContactMatrices],
     ) -> None:
         self._bulk, self._system, self._dofs = bulk, system, dofs
         self._compliance, self._collect = compliance, collect
@@ -84,14 +85,14 @@ class ReducedTangent:
         return self._system.join(u, self._scaled(z))
 
     def _solve(
-        self, f: Array, h: Sequence[Array], parts: Parts, known: Array | None = None
+        self, f: Array, h: Sequence[Array], matrices: ContactMatrices, known: Array | None = None
     ) -> tuple[Array, Array, list[Array]]:
         """Displacements and contact forces of the owned dofs, multipliers of the contacts.
 
         Args:
             f: Forces, owned dofs [stress length]; those on prescribed dofs are not used.
             h: Right-hand sides of the multipliers' rows, (slave nodes, 2) each.
-            parts: Matrices, complete on rank 0.
+            matrices: Matrices, complete on rank 0.
             known: Prescribed values, zero at free dofs, owned dofs [length]; zero by default.
         """
         d = self._without_contact(f)
@@ -99,7 +100,7 @@ class ReducedTangent:
             d = d + self._dofs.gather(known)
         answer = None
         if self._bulk.comm.rank == 0:
-            answer = self._on_contact(d, h, parts)
+            answer = self._on_contact(d, h, matrices)
         answer = self._bulk.comm.bcast(answer)
         if answer is None:
             raise MortarError("the reduced linear system is singular")
@@ -109,7 +110,7 @@ class ReducedTangent:
         u = self._of_bulk(f - forces)
         if known is not None:
             u += known
-        return u, forces, [zeta.reshape(-1, 2)[place] for place in self._system.places]
+        return u, forces, [zeta.reshape(-1, 2)[z_number] for z_number in self._system.z_numbers]
 
     def _without_contact(self, f: Array) -> Array:
         """Displacements of the contact dofs under forces, (size,) [length]; complete on rank 0."""
@@ -117,22 +118,27 @@ class ReducedTangent:
             return self._dofs.gather(self._of_bulk(f))
         return self._compliance.by_forces(self._dofs.gather(f))
 
-    def _on_contact(self, d: Array, h: Sequence[Array], parts: Parts) -> tuple[Array, Array] | None:
+    def _on_contact(
+        self, d: Array, h: Sequence[Array], matrices: ContactMatrices
+    ) -> tuple[Array, Array] | None:
         """Contact forces (size,) and multipliers (n,); ``None`` if singular (local)."""
-        rhs, weight = np.zeros((parts.C.shape[0] // 2, 2)), np.zeros((parts.C.shape[0] // 2, 2))
-        for (contact, place), values in zip(self._system.numbered(), h, strict=True):
-            rhs[place], weight[place] = values, 1.0 / contact.stiffness[:, None]
+        rhs, weight = (
+            np.zeros((matrices.C.shape[0] // 2, 2)),
+            np.zeros((matrices.C.shape[0] // 2, 2)),
+        )
+        for (contact, z_number), values in zip(self._system.numbered(), h, strict=True):
+            rhs[z_number], weight[z_number] = values, 1.0 / contact.stiffness[:, None]
         rhs, weight, A = rhs.ravel(), weight.ravel(), self._compliance.A
         others = np.setdiff1d(np.arange(rhs.size // 2), self._coupled)
         try:
-            alone = solve_alone(parts.A_z, others, rhs)
-            pushed = parts.B_T @ alone
+            alone = solve_alone(matrices.A_z, others, rhs)
+            pushed = matrices.B_T @ alone
             some = components(self._coupled[:, None]).ravel()
-            found = solve_dense(A, parts, some, d - A @ pushed, rhs, weight)
+            found = solve_dense(A, matrices, some, d - A @ pushed, rhs, weight)
             if found is None:
                 return None
             u, force, z = found
-            alone = solve_alone(parts.A_z, others, rhs - parts.C @ u)
+            alone = solve_alone(matrices.A_z, others, rhs - matrices.C @ u)
         except np.linalg.LinAlgError:
             return None
         return force + pushed, z + alone

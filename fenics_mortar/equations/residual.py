@@ -18,7 +18,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.equations.measures import check_equal_on_ranks, rounding_of
+from fenics_mortar.equations.roundoff import check_equal_on_ranks, roundoff_of
 from fenics_mortar.kernels.forces import add_forces
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
@@ -99,15 +99,15 @@ class Residual:
         if self._motions.obstacles:
             largest = max(largest, self._motions.largest())
         stiffest = self._stiffest + (0.0 if inertia is None else inertia.stiffness)
-        return rounding_of(self._bulk, self._contacts, largest, stiffest)
+        return roundoff_of(self._bulk, self._contacts, largest, stiffest)
 
     def forces(self) -> tuple[Array, Array, Array]:
         """Bulk residual, contact forces and forces on obstacles at the present state.
 
         Returns:
             Bulk residual and contact forces, (owned dofs,) each [stress length], whose sum at
-            prescribed dofs is the support reaction; forces and moments on obstacles, (obstacles, 3)
-            [stress length].
+            prescribed dofs is the support reaction; forces and moments that keep obstacles in
+            place, (obstacles, 3), moments over ``ObstacleMotions.scales`` [stress length].
         """
         self._bulk.assemble_residual()
         bulk = self._bulk.r.array_r[: self._bulk.num_owned].copy()
@@ -119,14 +119,14 @@ class Residual:
         return self.contact_force("shear"), self._motions.forces("shear")
 
     @clock("assembly")
-    def contact_force(self, part: str = "z") -> Array:
-        """B^T z, (owned dofs,); with ``part="shear"`` of tangential multipliers only."""
+    def contact_force(self, multipliers: str = "z") -> Array:
+        """B^T z, (owned dofs,); with ``multipliers="shear"`` of tangential multipliers only."""
         force = np.zeros(self._bulk.num_owned)
         for contact in self._contacts:
-            if part == "z":
+            if multipliers == "z":
                 on_slave, on_master = contact.now.forces
             else:
-                on_slave, on_master = contact.operators.force(getattr(contact, part))
+                on_slave, on_master = contact.operators.force(getattr(contact, multipliers))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
         return force

@@ -25,14 +25,14 @@ from fenics_mortar.equations.line_of_sight import set_outlines
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.la.choice import Algorithm, system_of
-from fenics_mortar.la.options import Solver as SolverName
+from fenics_mortar.la.options import SolverName
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import Geometry, thickness_of
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.utils import garbage
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same_words, together
+from fenics_mortar.utils.errors import check_same_texts, together
 
 
 def check_given(
@@ -60,7 +60,7 @@ def check_given(
         options["residual"] = f"a form with the signature {signature[:8]}"
     options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
     counts = {"pairs": len(pairs), "bcs": len(given["bcs"])}
-    check_same_words(comm, "ContactProblem", {**counts, **options})
+    check_same_texts(comm, "ContactProblem", {**counts, **options})
 
 
 def equations_of(

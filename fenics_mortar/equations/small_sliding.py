@@ -26,7 +26,7 @@ from fenics_mortar.equations.reduced import ReducedEquations
 from fenics_mortar.equations.reduced_tangent import ReducedTangent
 from fenics_mortar.la.compliance import Compliance, FactoredBulk
 from fenics_mortar.la.costs import COSTS
-from fenics_mortar.la.factored import portions
+from fenics_mortar.la.factored import column_groups
 from fenics_mortar.newton.loop import Step
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
@@ -44,7 +44,7 @@ class SmallSlidingEquations(ReducedEquations):
     def __init__(self, general: ContactEquations, prefix: str) -> None:
         super().__init__(general, prefix)
         self._prefix = prefix
-        self._count = sum(place.size for place in self._system.places)
+        self._count = sum(z_number.size for z_number in self._system.z_numbers)
         self._multiplier_nodes = np.empty(0, bool)
         self._open: list[Array] = []
 
@@ -79,8 +79,8 @@ class SmallSlidingEquations(ReducedEquations):
         self._dofs.put(step, moved)
         u += moved
         self._balance(self._force)
-        for contact, place in self._system.numbered():
-            scale = zeta[place] * self._system.scale(contact)
+        for contact, z_number in self._system.numbered():
+            scale = zeta[z_number] * self._system.scale(contact)
             contact.change(z=scale[:, None] * contact.operators.n)
         return self._general.step(self._bulk.largest(u - before))
 
@@ -111,15 +111,15 @@ class SmallSlidingEquations(ReducedEquations):
             self._general.evaluate_operators()
             self._open = [contact.operators.gap for contact in self._general.contacts]
         self._gaps, self._active = np.zeros(self._count), np.zeros(self._count, bool)
-        for (contact, place), gap in zip(self._system.numbered(), self._open, strict=True):
-            self._gaps[place] = self._system.scale(contact) * gap
-            self._active[place] = contact.active
+        for (contact, z_number), gap in zip(self._system.numbered(), self._open, strict=True):
+            self._gaps[z_number] = self._system.scale(contact) * gap
+            self._active[z_number] = contact.active
 
     def _pushes(self) -> csr_array:
         """B_n of the slave nodes, (size, slave nodes), complete on rank 0."""
         normals = np.zeros((self._count, 2))
-        for contact, place in self._system.numbered():
-            normals[place] = contact.operators.n
+        for contact, z_number in self._system.numbered():
+            normals[z_number] = contact.operators.n
         columns = np.repeat(np.arange(self._count), 2)
         entries = normals.ravel(), (np.arange(columns.size), columns)
         shape = self._dofs.size, columns.size
@@ -129,14 +129,14 @@ class SmallSlidingEquations(ReducedEquations):
     def _update_responses(self, pushes: csr_array) -> None:
         """Compute the displacements due to pressures of newly active nodes."""
         new = np.flatnonzero(self._active & ~self._known)
-        for group in portions(new.size):
+        for group in column_groups(new.size):
             loads = self._compliance.loads(pushes[:, new[group]].T.tocsr())
-            answers = self._compliance.answers(loads)
-            columns = self._compliance.at_contact(answers)
+            responses = self._compliance.responses(loads)
+            columns = self._compliance.at_contact(responses)
             self._general.comm.Allreduce(MPI.IN_PLACE, columns)
             self._responses[:, new[group]] = columns
             loads.destroy()
-            answers.destroy()
+            responses.destroy()
         self._known[new] = True
 
     def _solve_pressures(self, pushes: csr_array) -> tuple[Array, Array, Array]:

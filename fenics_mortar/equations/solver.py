@@ -65,7 +65,7 @@ class Solver:
         self._equations.bulk.renew_tangent()
         self._equations.bulk.assemble_tangent()
         self._equations.system = self._create_system()
-        self.linear_bulk.forget()
+        self.linear_bulk.reset()
 
     def accept(self) -> None:
         """Accept the last evaluated state: slip and paths of nodes are counted from it."""
@@ -109,7 +109,7 @@ class Solver:
             e.springs.remove_springs()
             raise
         e.last_converged = True
-        accepted = [(contact.accepted, contact.state.committed) for contact in e.contacts]
+        accepted = [(c.accepted_partners, c.state.accepted_instant) for c in e.contacts]
         for contact in e.contacts:
             contact.accept()
         commit(e.contacts, instants)
@@ -119,8 +119,8 @@ class Solver:
             self.certificate(), drift=e.motions.slide_along_driven(), passages=passages
         )
         violations = report.certificate.violations()
-        told = [f"VIOLATED: {violation}" for violation in violations]
-        judged = told or report.certificate.remarks()
+        messages = [f"VIOLATED: {violation}" for violation in violations]
+        judged = messages or report.certificate.remarks()
         reactions = e.motions.record()
         begun = [*remarks, *filter(None, self._starts)]
         report.notes[:] = merge_repeated([*begun, *moved, *judged, *reactions, *report.notes])
@@ -128,7 +128,7 @@ class Solver:
         if violations and not accept_violations:
             e.last_converged = False
             for contact, (partners, instant) in zip(e.contacts, accepted, strict=True):
-                contact.change(accepted=partners, committed=instant)
+                contact.change(accepted_partners=partners, accepted_instant=instant)
             e.crossings.leave()
             raise _wrong_state(report, violations)
         e.crossings.accept(e.motions.places)
@@ -144,7 +144,7 @@ class Solver:
                 report = solve(reduced, e.newton)
                 reduced.finish()
                 if self._is_sound(report):
-                    report.solver = self.linear_bulk.words
+                    report.solver = self.linear_bulk.choice
                     report.notes[:0] = filter(None, remarks)
                     return report
             except NotConvergedError:
@@ -156,7 +156,7 @@ class Solver:
             ]
         report = self._solve_on_all_dofs()
         self.linear_bulk.count(report.num_iterations)
-        why = [e.system.describe_solver(), self.linear_bulk.words if reduced is None else ""]
+        why = [e.system.describe_solver(), self.linear_bulk.choice if reduced is None else ""]
         report.solver = "; ".join(filter(None, why))
         report.notes[:0] = remarks
         return report
@@ -207,7 +207,7 @@ def _wrong_state(report: NewtonReport, violations: Sequence[str]) -> NotConverge
     """Error for a state that violates its certificate, with advice."""
     report.reason = f"converged to a wrong state: {'; '.join(violations)}"
     report.converged = False
-    smaller = any("smaller steps" in words or "inverted" in words for words in violations)
+    smaller = any("smaller steps" in message or "inverted" in message for message in violations)
     advice = "follow_path reverts and cuts such a step; " * smaller
-    words = f"{report.reason}; {advice}solve(accept_violations=True) returns the state"
-    return NotConvergedError(words, report)
+    message = f"{report.reason}; {advice}solve(accept_violations=True) returns the state"
+    return NotConvergedError(message, report)

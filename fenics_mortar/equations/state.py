@@ -59,21 +59,25 @@ class State(Value):
             self,
             interfaces=tuple(
                 replace(
-                    a, partners=b.partners, accepted=b.accepted, past=b.past, committed=b.committed
+                    a,
+                    partners=b.partners,
+                    accepted_partners=b.accepted_partners,
+                    start_instant=b.start_instant,
+                    accepted_instant=b.accepted_instant,
                 )
                 for a, b in pairs
             ),
             accepted_positions=other.accepted_positions,
         )
 
-    def towards(self, other: State, part: float) -> State:
-        """Interpolate to ``other`` by the fraction ``part``, with the active sets of this state."""
+    def towards(self, other: State, fraction: float) -> State:
+        """Interpolate to ``other`` by a ``fraction`` [1], with the active sets of this state."""
         pairs = zip(self.interfaces, other.interfaces, strict=True)
         return replace(
             self,
-            u=self.u + part * (other.u - self.u),
-            interfaces=tuple(replace(a, z=a.z + part * (b.z - a.z)) for a, b in pairs),
-            places=self.places + part * (other.places - self.places),
+            u=self.u + fraction * (other.u - self.u),
+            interfaces=tuple(replace(a, z=a.z + fraction * (b.z - a.z)) for a, b in pairs),
+            places=self.places + fraction * (other.places - self.places),
         )
 
 

@@ -31,7 +31,7 @@ class Snapshot:
         self._equations, self._state, self._depth = equations, equations.state(), clock.depth
         self._operators = [contact.operators for contact in equations.contacts]
         self._springs = equations.floating.springs, equations.motions.springs
-        self._revert_adequacy = adequacy.remember() if adequacy is not None else None
+        self._revert_adequacy = adequacy.snapshot() if adequacy is not None else None
 
     def revert(self, *, renew: bool) -> None:
         """Restore the snapshot; ``renew``: create matrices and solvers again in the next solve."""
@@ -64,10 +64,10 @@ def restored_if_interrupted(equations: ContactEquations, adequacy: Any) -> Itera
 
 def raise_cause(error: BaseException) -> NoReturn:
     """Raise an error, or the interruption that caused it; see ``as_interruption``."""
-    told = as_interruption(error)
-    if told is error:
+    interruption = as_interruption(error)
+    if interruption is error:
         raise error
-    raise told from error
+    raise interruption from error
 
 
 def as_interruption(error: BaseException) -> BaseException:

@@ -76,15 +76,15 @@ def choose_facets(
     before, after = surface.chords(x, corners)
     tangents = np.stack([_unit(before), _unit(_unit(before) + _unit(after)), _unit(after)])
     normals = np.stack([tangents[..., 1], -tangents[..., 0]], axis=-1)
-    reach = EQUALLY_NEAR * np.minimum(np.hypot(*before.T), np.hypot(*after.T))
+    radius = EQUALLY_NEAR * np.minimum(np.hypot(*before.T), np.hypot(*after.T))
     towards = np.array([
-        _facing(x[j], n, reach[k], master if candidates is None else master[candidates[k]])
+        _facing(x[j], n, radius[k], master if candidates is None else master[candidates[k]])
         for k, (j, n) in enumerate(zip(corners, normals[1], strict=True))
     ])  # fmt: skip
     return np.argmax(np.einsum("ikc,kc->ik", normals, towards), axis=0) - 1
 
 
-def _facing(point: Array, n: Array, reach: float, master: Array) -> Array:
+def _facing(point: Array, n: Array, radius: float, master: Array) -> Array:
     """Reversed normal of the master's facets nearest to a corner that face ``n``, shape (2,).
 
     ``n`` if no facet does.
@@ -98,7 +98,7 @@ def _facing(point: Array, n: Array, reach: float, master: Array) -> Array:
     arm = point - master[:, 0]
     s = np.clip((arm * chord).sum(axis=1) / square, 0.0, 1.0)
     away = np.where(faces, np.hypot(*(arm - s[:, None] * chord).T), np.inf)
-    near = away <= away.min() + reach
+    near = away <= away.min() + radius
     return _unit(reversed_normals[near].sum(axis=0))
 
 

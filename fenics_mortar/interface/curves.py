@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import SurfaceError, place
+from fenics_mortar.utils.errors import SurfaceError, format_point
 from fenics_mortar.utils.rounding import ROUNDING
 
 
@@ -43,8 +43,8 @@ def number_nodes(
     shortest = int(np.argmin(lengths))
     if lengths[shortest] <= ROUNDING * lengths.max():
         raise SurfaceError(
-            f"surface '{name}': the facet at {place(X[facets[shortest, 0]])} has zero length; "
-            "merge its two nodes"
+            f"surface '{name}': the facet at {format_point(X[facets[shortest, 0]])} has zero "
+            "length; merge its two nodes"
         )
     return nodes, X, facets
 
@@ -75,11 +75,11 @@ def order_curves(facets: Indices, X: Array, name: str) -> tuple[Indices, Indices
     by_place = by_place[np.isin(by_place, facets[:, 0])]
     ends_first = np.concatenate([by_place[previous[by_place] < 0], by_place])
     order: list[int] = []
-    seen = np.zeros(count, bool)
+    visited = np.zeros(count, bool)
     for start in ends_first:
         node = int(start)
-        while node >= 0 and not seen[node]:
-            seen[node] = True
+        while node >= 0 and not visited[node]:
+            visited[node] = True
             order.append(node)
             node = int(following[node])
     permutation = np.array(order)
@@ -95,6 +95,6 @@ def order_curves(facets: Indices, X: Array, name: str) -> tuple[Indices, Indices
 
 def _branching(name: str, X: Array) -> SurfaceError:
     return SurfaceError(
-        f"surface '{name}' branches at {place(X)}: more than two of its facets, or two of opposite "
-        "direction, meet there; split it into two surfaces"
+        f"surface '{name}' branches at {format_point(X)}: more than two of its facets, or two of "
+        "opposite direction, meet there; split it into two surfaces"
     )

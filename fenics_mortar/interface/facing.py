@@ -17,7 +17,8 @@ Rule = tuple[Array, Array]
 # Gauss points on a segment, and its ends
 GAUSS: Rule = gauss_rule(4)
 ENDS: Rule = (np.array([-1.0, 1.0]), np.ones(2))
-# Number of Newton steps for the coordinate of a point on a curved facet.
+# Number of Newton steps for the coordinate of a point on a curved facet: errors are below 1e-12 on
+# quarters of circles whose middle nodes are displaced by a tenth of the half.
 NEWTON_STEPS = 4
 
 
@@ -84,13 +85,15 @@ class Facing(Points):
     on_master: Array
     start: Array
 
-    def apart(self, v: Array, w: Array) -> Array:
+    def difference(self, v: Array, w: Array) -> Array:
         """Difference of v (slave nodes, 2) and w (master nodes, 2) at the points, (n, q, 2)."""
         return self.of(v) - np.einsum("nqk,nkc->nqc", self.on_master, w[self.master])
 
     def slip(self, o: MortarOperators) -> Array:
         """Slip since the points were paired, at the state of ``o``, shape (n, q) [length]."""
-        return np.einsum("nqc,nqc->nq", self.direction(o.tau), self.apart(o.x, o.m)) - self.start
+        return (
+            np.einsum("nqc,nqc->nq", self.direction(o.tau), self.difference(o.x, o.m)) - self.start
+        )
 
 
 def points_between(facet: Indices, nodes: Indices, ends: Array, rule: Rule = GAUSS) -> Points:
@@ -121,7 +124,7 @@ def face(o: MortarOperators, segments: Segments, rule: Rule = GAUSS) -> Facing:
     here, gap = points_of(segments, rule), o.sample_gaps(o.x, segments, rule[0])
     y = here.of(o.x) + gap[..., None] * here.direction(o.n)
     master = segments.master
-    on_master, _ = lagrange(_places_on(o.m[master], y), o.master.degree)
+    on_master, _ = lagrange(_coordinates_on(o.m[master], y), o.master.degree)
     found = Facing(**vars(here), master=master, on_master=on_master, start=0.0 * gap)
     return replace(found, start=found.slip(o))
 
@@ -153,7 +156,7 @@ def nearest_facets(
     return ends[facet], fraction[np.arange(len(x)), facet]
 
 
-def _places_on(m: Array, y: Array) -> Array:
+def _coordinates_on(m: Array, y: Array) -> Array:
     """Coordinates s (n, q) of points ``y`` (n, q, 2) on facets with nodes at ``m`` (n, K, 2)."""
     degree = m.shape[1] - 1
     s = np.zeros(y.shape[:2])

@@ -197,11 +197,11 @@ def hand_over(multiplier_nodes: npt.NDArray[np.bool_]) -> Array:
     Multiplier nodes keep their own function; other functions are split equally among the nearest
     multiplier nodes of the facet.
     """
-    place = np.arange(multiplier_nodes.shape[1])
+    index = np.arange(multiplier_nodes.shape[1])
     if multiplier_nodes.all():
-        return np.tile(np.eye(place.size), (len(multiplier_nodes), 1, 1))
+        return np.tile(np.eye(index.size), (len(multiplier_nodes), 1, 1))
     distance = np.where(
-        multiplier_nodes[:, :, None], np.abs(place[:, None] - place).astype(float), np.inf
+        multiplier_nodes[:, :, None], np.abs(index[:, None] - index).astype(float), np.inf
     )
     nearest = (distance == distance.min(axis=1, keepdims=True)) & multiplier_nodes[:, :, None]
     return nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1)

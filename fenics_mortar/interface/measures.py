@@ -8,7 +8,8 @@ import numpy as np
 from fenics_mortar.kernels.shapes import lagrange
 from fenics_mortar.utils.arrays import Array
 
-# Default number of Gauss points per segment, or between two neighbouring nodes of a facet.
+# Default number of Gauss points per segment, or between two neighbouring nodes of a facet. On
+# linear facets errors of the gap are 6e-5, 7e-8, 3e-10 with 2, 3, 4 points, and rounding from 5 on.
 POINTS = 5
 
 

@@ -38,7 +38,7 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import projection
 from fenics_mortar.kernels.blocks import weigh_derivatives
 from fenics_mortar.kernels.forces import add_contact_forces
-from fenics_mortar.utils.arrays import Array, Indices, read_only
+from fenics_mortar.utils.arrays import Array, Indices, read_only_view
 
 
 class Block(NamedTuple):
@@ -163,7 +163,14 @@ class MortarOperators:
         forces = np.zeros((count + len(self.m), 2))
         on_slave, on_master = forces[:count], forces[count:]
         add_contact_forces(
-            self.D, self.M, read_only(z), self.facet_nodes, s.slave, s.master, on_slave, on_master
+            self.D,
+            self.M,
+            read_only_view(z),
+            self.facet_nodes,
+            s.slave,
+            s.master,
+            on_slave,
+            on_master,
         )
         self.slave.comm.Allreduce(MPI.IN_PLACE, forces)
         return on_slave, on_master
@@ -202,7 +209,7 @@ class MortarOperators:
         s = self.segments
         rows = self.slave.dofs[s.slave].reshape(len(s.slave), 2 * s.slave.shape[1])
         values = np.empty((*rows.shape, self.dD.shape[3]))
-        weigh_derivatives(self.dD, np.arange(len(rows)), s.slave, read_only(z), 1.0, values)
+        weigh_derivatives(self.dD, np.arange(len(rows)), s.slave, read_only_view(z), 1.0, values)
         return Block(rows, self.columns, values)
 
     def master_force_derivative(self, z: Array) -> Block:
@@ -213,7 +220,7 @@ class MortarOperators:
         i, k = np.ascontiguousarray(self.segments.pairs.T)
         rows = self.master_dofs[i]
         values = np.empty((*rows.shape, self.dM.shape[3]))
-        weigh_derivatives(self.dM, i, self.segments.slave, read_only(z), -1.0, values)
+        weigh_derivatives(self.dM, i, self.segments.slave, read_only_view(z), -1.0, values)
         return Block(rows, self.columns[k], values)
 
     def weight_derivative(self) -> list[Block]:

@@ -118,7 +118,11 @@ class ObstacleOperators(MortarOperators):
 
         Units [length] and [stress length].
         """
-        return self.x + self.phi[:, None] * self.n, -self.force(z)[0]
+        return self.nearest_points(), -self.force(z)[0]
+
+    def nearest_points(self) -> Array:
+        """Points of the obstacle nearest to the slave nodes, shape (slave nodes, 2) [length]."""
+        return self.x + self.phi[:, None] * self.n
 
     def sample_gaps(self, x: Array, s: Segments, points: Array) -> Array:
         """Signed distances at points of each facet of this share (collective).
@@ -182,7 +186,7 @@ def evaluate_obstacle(
         facets = facets[_faces(obstacle, x[slave.facets[facets]], rule[0], options)]
         nodes = slave.facets[facets]
         weights = hand_over(multiplier_nodes[nodes])
-        thickness = thickness_of(slave, x, nodes)
+        thickness = facet_thickness(slave, x, nodes)
         of_facets = integrate_facets(obstacle, arm, x[nodes], weights, rule, options, thickness)
         return normals, facets, of_facets
 
@@ -249,7 +253,7 @@ def _faces(
     return near & ((normal * towards).sum(axis=1) >= options.min_cosine * sizes)
 
 
-def thickness_of(slave: Surface, x: Array, nodes: Indices) -> tuple[Array, float] | None:
+def facet_thickness(slave: Surface, x: Array, nodes: Indices) -> tuple[Array, float] | None:
     """Thickness at the ``nodes`` (f, K) of facets, and its derivative; ``None`` without one."""
     if slave.thickness is None:
         return None

@@ -81,14 +81,14 @@ class Outline:
         begins[self.segments[:, 0]], ends[self.segments[:, 1]] = numbers, numbers
         return begins[self.segments[:, 1]], ends[self.segments[:, 0]]
 
-    def places_of(self, nodes: Indices) -> Indices:
+    def indices_of(self, nodes: Indices) -> Indices:
         """Numbers in the outlines of global ``nodes`` (k,), shape (k,)."""
         order = np.argsort(self.nodes)
         return order[np.searchsorted(self.nodes[order], nodes)]
 
     def segments_of(self, surface: Surface) -> Indices:
         """End nodes of the segments of a surface's facets, facet by facet, shape (k, 2)."""
-        at = self.places_of(surface.nodes)[surface.facets]
+        at = self.indices_of(surface.nodes)[surface.facets]
         return np.stack([at[:, :-1].ravel(), at[:, 1:].ravel()], axis=1)
 
     def are_of(self, surface: Surface) -> npt.NDArray[np.bool_]:
@@ -98,7 +98,7 @@ class Outline:
 
     def bodies_of(self, surface: Surface) -> Indices:
         """Body of each facet of a surface, shape (f,)."""
-        return self.bodies[self.places_of(surface.nodes)[surface.facets[:, 0]]]
+        return self.bodies[self.indices_of(surface.nodes)[surface.facets[:, 0]]]
 
     def without(self, surface: Surface, nodes: Indices) -> Outline:
         """The outlines without the tied facets of a surface (local).
@@ -147,11 +147,11 @@ def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) 
     X = V.tabulate_dof_coordinates()[:, :2]
     to_global = index_map.local_to_global(facets.ravel().astype(np.int32))
     mine = np.asarray(to_global, np.int64).reshape(facets.shape), X[facets], labels[facets]
-    numbers, places, of_bodies = (
-        np.concatenate(part) for part in zip(*comm.allgather(mine), strict=True)
+    numbers, positions, of_bodies = (
+        np.concatenate(column) for column in zip(*comm.allgather(mine), strict=True)
     )
     nodes, first, inverse = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
-    X = places.reshape(-1, 2)[first]
+    X = positions.reshape(-1, 2)[first]
     extent = max(float(np.ptp(X, axis=0).max(initial=0.0)) if len(X) else 0.0, TINY)
     steps = np.rint(X / (STEP_FACTOR * ROUNDING * extent))
     order = np.lexsort((steps[:, 1], steps[:, 0]))
@@ -179,9 +179,9 @@ def _along_a_curve(X: Array, segments: Indices) -> Indices:
     low = middles.min(axis=0)
     bits = np.iinfo(np.int64).bits // 2 - 1
     scale = STEP_FACTOR * (2**bits - 1) / max(float(np.ptp(middles, axis=0).max()), TINY)
-    place = np.rint((middles - low) * scale).astype(np.int64)
+    cell = np.rint((middles - low) * scale).astype(np.int64)
     key = np.zeros(len(segments), np.int64)
     for bit in range(bits):
         for d in range(2):
-            key |= ((place[:, d] >> bit) & 1) << (2 * bit + d)
+            key |= ((cell[:, d] >> bit) & 1) << (2 * bit + d)
     return np.lexsort((segments[:, 1], segments[:, 0], key))

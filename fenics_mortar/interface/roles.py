@@ -41,8 +41,8 @@ class Roles(NamedTuple):
             nodes: Numbers of the nodes, shape (k,).
         """
         masters = np.zeros((nodes.size, len(self.keys)), bool)
-        place = np.full(facets.max() + 1, -1)
-        place[nodes] = np.arange(nodes.size)
-        facet, column = np.nonzero(place[facets] >= 0)
-        np.logical_or.at(masters, place[facets[facet, column]], self.masters_of(facet))
+        index = np.full(facets.max() + 1, -1)
+        index[nodes] = np.arange(nodes.size)
+        facet, column = np.nonzero(index[facets] >= 0)
+        np.logical_or.at(masters, index[facets[facet, column]], self.masters_of(facet))
         return masters

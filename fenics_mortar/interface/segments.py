@@ -126,8 +126,8 @@ def find_segments(
     search_for, limits = (geometry, nodes, master.facets, radius), (min_cosine, ROUNDING)
     if integration == "segments":
         roles = slave.roles.of(facets) if slave.roles else None
-        seen = (view[:3], view.outline, ROUNDING)
-        offsets, masters, branches = _intersections((*search_for, *seen, limits, roles), points)
+        sight = (view[:3], view.outline, ROUNDING)
+        offsets, masters, branches = _intersections((*search_for, *sight, limits, roles), points)
     else:
         rule = facet_rule(integration, nodes.shape[1], points)
         min_points = nodes.shape[1] if integration == "elements" else 1
@@ -209,8 +209,8 @@ def _pairs(offsets: Indices, pair_counts: Indices, partial: npt.NDArray[np.bool_
     """Segments (i, k) of each pair, k running fastest within a facet."""
     counts = np.diff(offsets)
     facet = np.repeat(np.arange(counts.size), pair_counts)
-    place = np.arange(facet.size) - np.repeat(np.cumsum(pair_counts) - pair_counts, pair_counts)
+    index = np.arange(facet.size) - np.repeat(np.cumsum(pair_counts) - pair_counts, pair_counts)
     count = np.maximum(counts[facet], 1)
-    i = np.where(partial[facet], place // count, place)
-    k = np.where(partial[facet], place % count, place)
+    i = np.where(partial[facet], index // count, index)
+    k = np.where(partial[facet], index % count, index)
     return offsets[facet][:, None] + np.stack([i, k], axis=1)

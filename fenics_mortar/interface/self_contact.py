@@ -42,13 +42,13 @@ def in_contact_with_itself(surface: Surface, may_carry: Flags) -> Surface:
     mean = np.round(np.log10(mean), DIGITS)
     keys = np.empty((len(surface.facets), 2), np.int64)
     arcs, order = np.empty((len(surface.facets), 3)), np.empty(len(surface.facets), np.int64)
-    place = 0
+    first = 0
     for curve in np.argsort(mean, kind="stable"):
         facets = curves[curve]
         along = np.concatenate([[0.0], np.cumsum(surface.lengths[facets])])
         closed = surface.facets[facets[0], 0] == surface.facets[facets[-1], -1]
-        order[facets] = place + np.arange(facets.size)
-        place += facets.size
+        order[facets] = first + np.arange(facets.size)
+        first += facets.size
         keys[facets, 1] = curve
         arcs[facets] = np.stack([along[:-1], along[1:], 0.0 * along[1:]], axis=1)
         arcs[facets, 2] = along[-1] if closed else np.inf
@@ -62,11 +62,11 @@ def facets_by_curve(surface: Surface) -> list[Indices]:
     begins = np.full(surface.num_nodes, -1)
     begins[surface.facets[:, 0]] = np.arange(len(surface.facets))
     starts = np.flatnonzero(surface.previous[surface.facets[:, 0]] < 0)
-    seen, curves = np.zeros(len(surface.facets), bool), []
+    visited, curves = np.zeros(len(surface.facets), bool), []
     for start in (*starts, *range(len(surface.facets))):
         facet, facets = int(start), []
-        while facet >= 0 and not seen[facet]:
-            seen[facet] = True
+        while facet >= 0 and not visited[facet]:
+            visited[facet] = True
             facets.append(facet)
             facet = int(begins[surface.facets[facet, -1]])
         if facets:

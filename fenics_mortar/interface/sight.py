@@ -42,7 +42,7 @@ class Sight:
         bodies = [outline.bodies_of(side) for side in (slave, master)]
         self.outline = outline = outline.of_bodies(np.unique(np.concatenate(bodies)))
         self._slave_bodies, self._master_bodies = bodies
-        self._of_slave, self._of_master = map(outline.places_of, (slave.nodes, master.nodes))
+        self._of_slave, self._of_master = map(outline.indices_of, (slave.nodes, master.nodes))
         self._segment_bodies = outline.segment_bodies
         lengths = np.empty(len(slave.facets))
         tabulate_lengths(

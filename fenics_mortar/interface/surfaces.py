@@ -246,11 +246,11 @@ class Surface:
         for pair in welds:
             at = [np.flatnonzero(self.nodes == node) for node in pair]
             for before, after in ((following, previous), (previous, following)):
-                if all(place.size for place in at):
-                    gone, kept = (int(place[0]) for place in at)
-                    if stands_for[gone] == gone and before[gone] < 0 and after[kept] < 0:
-                        after[kept], before[after[gone]] = after[gone], kept
-                        stands_for[gone] = kept
+                if all(position.size for position in at):
+                    merged, kept = (int(position[0]) for position in at)
+                    if stands_for[merged] == merged and before[merged] < 0 and after[kept] < 0:
+                        after[kept], before[after[merged]] = after[merged], kept
+                        stands_for[merged] = kept
         keep = np.flatnonzero(stands_for == np.arange(self.num_nodes))
         number = np.full(self.num_nodes + 1, -1)
         number[keep] = np.arange(keep.size)

@@ -14,7 +14,7 @@ from dolfinx import mesh as dmesh
 from fenics_mortar.mesh.numbering import input_nodes
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import SurfaceError, count_places
+from fenics_mortar.utils.errors import SurfaceError, count_points
 
 
 def local_facets(
@@ -47,7 +47,7 @@ def local_facets(
     tagged = np.unique(np.concatenate(mesh.comm.allgather(tagged)))
     tagged = (tagged[(tagged >= begin) & (tagged < end)] - begin).astype(np.int32)
     inside = np.setdiff1d(tagged, dmesh.exterior_facet_indices(mesh.topology)).astype(np.int32)
-    count, where = count_places(mesh.comm, dmesh.compute_midpoints(mesh, 1, inside)[:, :2])
+    count, where = count_points(mesh.comm, dmesh.compute_midpoints(mesh, 1, inside)[:, :2])
     if count:
         raise SurfaceError(
             f"surface '{name}': {count} of its facets are not on the boundary of the mesh, "

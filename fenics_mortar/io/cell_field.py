@@ -65,8 +65,8 @@ def check_name(problem: ContactProblem, name: Any) -> None:
     Raises:
         MortarError: On all ranks.
     """
-    words = f"field {name!r} cannot be evaluated"
-    try_together(problem.comm, True, lambda: _check_name(name), words)
+    message = f"field {name!r} cannot be evaluated"
+    try_together(problem.comm, True, lambda: _check_name(name), message)
 
 
 def _check_name(name: Any) -> None:

@@ -25,18 +25,18 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.instant import instant_arrays, restore_instant
-from fenics_mortar.contact.integration import place_of
+from fenics_mortar.contact.operator_evaluation import place_of
 from fenics_mortar.contact.state import INDEPENDENT
 from fenics_mortar.io.shared import check_problem
 from fenics_mortar.mesh.numbering import mesh_by_input_node
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils.errors import MortarError, place
+from fenics_mortar.utils.errors import MortarError, format_point
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
 from fenics_mortar.utils.rounding import ROUNDING
 
 Arrays = dict[str, npt.NDArray[Any]]
 # Values of a contact in the file; the last one is that of ``place_of``.
-KEPT = (*INDEPENDENT, "reference_place")
+SAVED = (*INDEPENDENT, "reference_place")
 # Arrays that must be finite.
 FINITE = (
     "velocity", "acceleration", "average", "u", "x", "places", "z", "c_n", "offset",
@@ -86,7 +86,7 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
         raise MortarError(f"'{file}' {wrong}")
     problem.equations.bulk.set_by_input_node(data["nodes"], data["u"])
     kept: dict[str, list[Any]] = {
-        name: [data[f"{name}{i}"] for i in range(len(problem.equations.contacts))] for name in KEPT
+        name: [data[f"{name}{i}"] for i in range(len(problem.equations.contacts))] for name in SAVED
     }
     for i, contact in enumerate(problem.equations.contacts):
         if isinstance(contact, Contact):
@@ -149,10 +149,11 @@ def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
             yield f"is not a state to continue from: '{name}' is not finite"
     if not np.array_equal(data["nodes"], mine["nodes"]):
         yield f"{other}: its nodes have other numbers"
-    apart = np.abs(data["x"] - mine["x"]).max(axis=1, initial=0.0)
-    if not (apart <= ROUNDING * np.abs(mine["x"]).max(initial=0.0)).all():
-        where = mine["x"][apart.argmax()]
-        yield f"{other}: its node at {place(where)} is {apart.max():.3g} away from this position"
+    distance = np.abs(data["x"] - mine["x"]).max(axis=1, initial=0.0)
+    if not (distance <= ROUNDING * np.abs(mine["x"]).max(initial=0.0)).all():
+        where = mine["x"][distance.argmax()]
+        far = distance.max()
+        yield f"{other}: its node at {format_point(where)} is {far:.3g} away from this position"
     if not np.array_equal(data["cells"], mine["cells"]):
         yield f"{other}: its cells have other nodes"
 

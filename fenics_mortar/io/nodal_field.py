@@ -27,7 +27,7 @@ class NodalField:
     def __init__(self, problem: ContactProblem, function: fem.Function) -> None:
         V = problem.equations.bulk.V
         self._function, self._is_scalar = function, function.ufl_shape == ()
-        self._space, self._places = _space_of(function)
+        self._space, self._parent_dofs = _space_of(function)
         self._own = fem.Function(self._space)
         degree = DEGREES[V.dofmap.dof_layout.num_dofs]
         space = compat.scalar_space if self._is_scalar else compat.vector_space
@@ -41,7 +41,7 @@ class NodalField:
 
         Nodes are in the order of the dofs of the displacement (local).
         """
-        self._own.x.array[:] = self._function.x.array[self._places]
+        self._own.x.array[:] = self._function.x.array[self._parent_dofs]
         self._at_nodes.interpolate(self._own)
         values = self._at_nodes.x.array
         return values[self._dofs] if self._is_scalar else values.reshape(-1, 2)[self._dofs]
@@ -69,5 +69,5 @@ def _space_of(function: fem.Function) -> tuple[fem.FunctionSpace, slice | Indice
     space = function.function_space
     if not compat.is_sub_space(space):
         return space, slice(None)
-    collapsed, places = space.collapse()
-    return collapsed, np.asarray(places, dtype=np.int64)
+    collapsed, dofs = space.collapse()
+    return collapsed, np.asarray(dofs, dtype=np.int64)

@@ -11,7 +11,8 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Number of points per direction of the grid on which outlines of obstacles are searched.
+# Number of points per direction of the grid on which outlines of obstacles are searched: its cells
+# are narrower than the lines of a picture.
 GRID = 400
 
 

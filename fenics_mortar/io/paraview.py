@@ -20,13 +20,13 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.io.cell_field import CellField, check_name
 from fenics_mortar.io.nodal_field import NodalField, has_nodes
 from fenics_mortar.io.outlines import bounding_box, outline
-from fenics_mortar.io.series import Block, Series
+from fenics_mortar.io.series import Series, SeriesBlock
 from fenics_mortar.io.shared import check_problem, owned_cells, pad, prepare_path
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import check_same_words, together
+from fenics_mortar.utils.errors import check_same_texts, together
 
 # Name in meshio and order of the nodes in VTK (corners, edges, interior), by number of nodes.
 FACETS = {2: ("line", [0, 1]), 3: ("line3", [0, 2, 1])}
@@ -83,7 +83,7 @@ class ResultsWriter:
             if fields is not None:
                 check_kind("fields", fields, dict, "a dictionary of UFL expressions by name")
         names = {str(number): name for number, name in enumerate(fields or {})}
-        check_same_words(comm, "ResultsWriter", {"number of fields": len(names), **names})
+        check_same_texts(comm, "ResultsWriter", {"number of fields": len(names), **names})
         self._fields, self._nodal = dict[str, CellField](), dict[str, NodalField]()
         for name, field in (fields or {}).items():
             if has_nodes(problem, field):
@@ -98,9 +98,11 @@ class ResultsWriter:
         ranks = np.flatnonzero(comm.allgather(len(cells) > 0)).tolist()
         surfaces = _numbered([contact.slave.name for contact in problem.equations.contacts])
         obstacles = _numbered([obstacle.name for obstacle in problem.equations.motions.obstacles])
-        blocks = [Block("bodies", f"rank {rank}", f"bodies_p{rank}", rank) for rank in ranks]
-        blocks += [Block("surfaces", name, f"surface_{file}", 0) for name, file in surfaces]
-        blocks += [Block("obstacles", name, f"obstacle_{file}", 0) for name, file in obstacles]
+        blocks = [SeriesBlock("bodies", f"rank {rank}", f"bodies_p{rank}", rank) for rank in ranks]
+        blocks += [SeriesBlock("surfaces", name, f"surface_{file}", 0) for name, file in surfaces]
+        blocks += [
+            SeriesBlock("obstacles", name, f"obstacle_{file}", 0) for name, file in obstacles
+        ]
         self._series = Series(comm, prepare_path(comm, path, ".pvd"), blocks)
 
     def write(self, time: float) -> None:
@@ -150,7 +152,7 @@ def _surface_data(contact: Contact | Tie, u: Array) -> dict[str, Array]:
     o, friction = contact.operators, dict[str, Any]()
     if isinstance(contact, Contact):
         friction = {"slip": contact.slip, "sticking": contact.sticking.astype(np.int32)}
-        friction |= {f"memory_{name}": v for name, v in contact.committed.memory.items()}
+        friction |= {f"memory_{name}": v for name, v in contact.accepted_instant.memory.items()}
     return friction | {
         "displacement": pad(contact.slave.gather(u)),
         "contact_pressure": contact.pressure,

@@ -96,8 +96,8 @@ def plot(
         bodies = _draw_bodies(axes, nodes, polygons, None if field is None else values)
         if field is not None:
             bodies.set(**_colours(values, limits, cmap))
-            place = axes.inset_axes((1.03, 0.0, 0.025, 1.0))
-            bar = axes.figure.colorbar(bodies, cax=place, label=label)
+            inset = axes.inset_axes((1.03, 0.0, 0.025, 1.0))
+            bar = axes.figure.colorbar(bodies, cax=inset, label=label)
             bar.outline.set_visible(False)
         _draw_obstacles(axes, problem.equations.motions.obstacles, *with_margin(low, high))
         open_pairs = [c for c in problem.equations.contacts if not isinstance(c, Tie)]
@@ -168,11 +168,11 @@ def _finish_axes(axes: Any, names: tuple[str, str], units: tuple[str, str] | Non
     if entries:
         inches = axes.figure.dpi_scale_trans
         below = axes.transAxes + ScaledTranslation(0.0, -0.45, inches)  # numbers and axis label
-        place = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "bbox_transform": below}
+        location = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "bbox_transform": below}
         style = {"labelcolor": "linecolor", "frameon": False, "handletextpad": 0.0}
         width = axes.get_window_extent().width / axes.figure.dpi
         columns = 2 if 2 * 0.07 * max(map(len, entries)) < width else 1  # width of a letter [inch]
-        axes.legend(**place, **style, fontsize=9, ncols=columns)
+        axes.legend(**location, **style, fontsize=9, ncols=columns)
     axes.margins(0.03)
     axes.locator_params(nbins=6)
     axes.spines[["top", "right"]].set_visible(False)

@@ -18,7 +18,7 @@ from mpi4py import MPI
 from fenics_mortar.utils.files import make_folder, try_together, write_whole
 
 
-class Block(NamedTuple):
+class SeriesBlock(NamedTuple):
     """A block of each step: name of its group, its name, name of its files, writing rank."""
 
     group: str
@@ -41,7 +41,7 @@ class Series:
         MortarError: On all ranks, if the folder cannot be created.
     """
 
-    def __init__(self, comm: MPI.Comm, path: Path, blocks: Sequence[Block]) -> None:
+    def __init__(self, comm: MPI.Comm, path: Path, blocks: Sequence[SeriesBlock]) -> None:
         self._comm, self._path, self._blocks = comm, path, list(blocks)
         self._times: list[float] = []
         make_folder(comm, path)

@@ -71,12 +71,12 @@ def outermost(ends):
 
 
 @kernel
-def shape_coefficients(place, G, B, d):
+def shape_coefficients(bounds, G, B, d):
     """Fill ``d`` = B G and the first K columns of ``B``: Taylor coefficients at the middle of S.
 
-    ``place`` = (lower end, upper end) of S in xi.
+    ``bounds`` = (lower end, upper end) of S in xi.
     """
-    low, high = place
+    low, high = bounds
     count = d.size
     N = np.empty((3, count))
     tabulate_shapes(0.5 * (low + high), N)
@@ -170,15 +170,15 @@ def hand_over(j, weights, B, d, E, E_dG, C, C_dG, D, D_dG):
 
 
 @kernel
-def dual_multipliers(place, weights, B, d, inverse, work, C, C_dG, D, D_dG):
+def dual_multipliers(bounds, weights, B, d, inverse, work, C, C_dG, D, D_dG):
     """Fill C (K, K), D (K, K) and their derivatives with respect to G for the dual basis.
 
-    ``place`` = (lower end, upper end) of S; ``weights`` = H (K, K); ``inverse`` (K, K) that of the
+    ``bounds`` = (lower end, upper end) of S; ``weights`` = H (K, K); ``inverse`` (K, K) that of the
     mass matrix; ``work`` = (E (K,), E_dG (K, 2 K - 1)), overwritten.
     """
     E, E_dG = work
     count = d.size
-    low, high = place
+    low, high = bounds
     C[:] = 0.0
     C_dG[:] = 0.0
     for j in range(count):
@@ -211,23 +211,23 @@ def standard_multipliers(weights, G, B, C, C_dG, D, D_dG):
 
 
 @kernel
-def edge_beyond(j, count, place):
+def edge_beyond(j, count, bounds):
     """Edge of S beyond which node ``j`` of ``count`` lies: -1 lower, 1 upper, 0 none.
 
-    ``place`` = (lower end, upper end) of S in xi.
+    ``bounds`` = (lower end, upper end) of S in xi.
     """
     xi = 2.0 * j / (count - 1.0) - 1.0
-    if xi < place[0]:
+    if xi < bounds[0]:
         return -1
-    return 1 if xi > place[1] else 0
+    return 1 if xi > bounds[1] else 0
 
 
 @kernel
-def weigh_gap(kinds, place, edges, weights, B, d, inverse, C, C_dG, C_g, C_g_dG, C_g_dp):
+def weigh_gap(kinds, bounds, edges, weights, B, d, inverse, C, C_dG, C_g, C_g_dG, C_g_dp):
     """Fill ``C_g``, its derivatives ``C_g_dG``, and ``C_g_dp`` by the edge next to each node.
 
     ``kinds`` = (basis, weights of the gap); ``edges`` are the ends of S, complex in a complex step;
-    ``place`` are their real parts; ``C_g_dp`` has the shape (K, K).
+    ``bounds`` are their real parts; ``C_g_dp`` has the shape (K, K).
     """
     basis, by = kinds
     count = d.size
@@ -238,15 +238,15 @@ def weigh_gap(kinds, place, edges, weights, B, d, inverse, C, C_dG, C_g, C_g_dG,
     for j in range(count):
         C_g[j] = C[j]
         C_g_dG[j] = C_dG[j]
-        edge = edge_beyond(j, count, place)
+        edge = edge_beyond(j, count, bounds)
         if basis == STANDARD or by == BY_BASIS or (by == BY_COVER and edge == 0):
             continue
         if by == BY_COVER and count == 2 and whole:
             p = edges[0] if edge < 0 else edges[1]
-            t = (2.0 * p - place[0] - place[1]) / (place[1] - place[0])
+            t = (2.0 * p - bounds[0] - bounds[1]) / (bounds[1] - bounds[0])
             dual_function(t, d[j], B[j], inverse, C_g[j], C_g_dG[j])
             for q in range(count):
-                C_g_dp[j, q] = d[j] * inverse[1, q] * 2.0 / (place[1] - place[0])
+                C_g_dp[j, q] = d[j] * inverse[1, q] * 2.0 / (bounds[1] - bounds[0])
             continue
         C_g_dG[j] = 0.0
         for q in range(count):

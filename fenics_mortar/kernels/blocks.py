@@ -47,8 +47,9 @@ def weigh_derivatives(dX, which, nodes, z, sign, values):
 
 
 @kernel
-def linearize_law(scaled, rho, rho_gap, rho_slip, rho_n, rho_tau, n, dn, z, apart, A_z, rhs, by_gap,
-                  change):  # fmt: skip
+def linearize_law(
+    scaled, rho, rho_gap, rho_slip, rho_n, rho_tau, n, dn, z, gap_vectors, A_z, rhs, by_gap, change
+):
     """Add a linearized row of the contact law, -``scaled`` times rho, at all slave nodes.
 
     Derivatives with respect to gaps follow from ``by_gap``; ``change`` has those due to the
@@ -64,7 +65,7 @@ def linearize_law(scaled, rho, rho_gap, rho_slip, rho_n, rho_tau, n, dn, z, apar
         n: Normals, shape (n, 2).
         dn: Their derivatives, shape (n, 2, c) [1 / length].
         z: Multipliers, shape (n, 2) [stress].
-        apart: Vectors whose tangential part is the slip, shape (n, 2) [length].
+        gap_vectors: Gap vectors, whose tangential part is the slip, shape (n, 2) [length].
         A_z: Derivatives by z, shape (n, 2, 2); changed.
         rhs: Right-hand sides, shape (n, 2); changed.
         by_gap: Derivatives by the gap, with the sign of rho, shape (n, 2); changed.
@@ -74,8 +75,8 @@ def linearize_law(scaled, rho, rho_gap, rho_slip, rho_n, rho_tau, n, dn, z, apar
         x = rho_tau[j] * -n[j, 1] + rho_n[j] * n[j, 0]
         y = rho_tau[j] * n[j, 0] + rho_n[j] * n[j, 1]
         constant = rho[j] - (x * z[j, 0] + y * z[j, 1])
-        along_x = rho_tau[j] * z[j, 1] + rho_n[j] * z[j, 0] + rho_slip[j] * apart[j, 1]
-        along_y = -rho_tau[j] * z[j, 0] + rho_n[j] * z[j, 1] - rho_slip[j] * apart[j, 0]
+        along_x = rho_tau[j] * z[j, 1] + rho_n[j] * z[j, 0] + rho_slip[j] * gap_vectors[j, 1]
+        along_y = -rho_tau[j] * z[j, 0] + rho_n[j] * z[j, 1] - rho_slip[j] * gap_vectors[j, 0]
         for a in range(2):
             A_z[j, a, 0] -= scaled[j, a] * x
             A_z[j, a, 1] -= scaled[j, a] * y
@@ -87,8 +88,9 @@ def linearize_law(scaled, rho, rho_gap, rho_slip, rho_n, rho_tau, n, dn, z, apar
 
 
 @kernel
-def gather_forces(D, facets, slave_rows, M, slave, master, master_rows, Z, A_z, owned, acts, places,
-                  i, j, v):  # fmt: skip
+def gather_forces(
+    D, facets, slave_rows, M, slave, master, master_rows, Z, A_z, owned, acts, numbers, i, j, v
+):
     """Gather the entries of -B^T Z - A_z Z; return their number.
 
     Entries of B^T Z that are zero are left out.
@@ -105,7 +107,7 @@ def gather_forces(D, facets, slave_rows, M, slave, master, master_rows, Z, A_z, 
         A_z: Shape (slave nodes, 2, 2) [length].
         owned: Slave nodes owned by this rank, shape (k,).
         acts: Whether a multiplier acts, shape (slave nodes,), bool.
-        places: Numbers of the multipliers, shape (slave nodes,).
+        numbers: Numbers of the multipliers, shape (slave nodes,).
         i: Rows of the entries, shape (2 D.size + 2 M.size + 4 k,); filled.
         j: Columns of the entries, of that shape; filled.
         v: Values of the entries, of that shape; filled.
@@ -118,7 +120,7 @@ def gather_forces(D, facets, slave_rows, M, slave, master, master_rows, Z, A_z, 
                     value = D[e, p, k] * Z[facets[e, p], c]
                     if value != 0.0:
                         i[count] = slave_rows[facets[e, k], c]
-                        j[count] = 2 * places[facets[e, p]] + c
+                        j[count] = 2 * numbers[facets[e, p]] + c
                         v[count] = -value
                         count += 1
     for s in range(M.shape[0]):
@@ -128,14 +130,14 @@ def gather_forces(D, facets, slave_rows, M, slave, master, master_rows, Z, A_z, 
                     value = M[s, p, l] * Z[slave[s, p], c]
                     if value != 0.0:
                         i[count] = master_rows[master[s, l], c]
-                        j[count] = 2 * places[slave[s, p]] + c
+                        j[count] = 2 * numbers[slave[s, p]] + c
                         v[count] = value
                         count += 1
     for p in owned:
         if acts[p]:
             for a in range(2):
                 for c in range(2):
-                    i[count], j[count] = slave_rows[p, a], 2 * places[p] + c
+                    i[count], j[count] = slave_rows[p, a], 2 * numbers[p] + c
                     v[count] = -A_z[p, a, c] * Z[p, c]
                     count += 1
     return count

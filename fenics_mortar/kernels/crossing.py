@@ -63,22 +63,22 @@ def extend_trace(x, segments, links, trace, used, count, forward, i):
 
 
 @kernel
-def is_left(p, trace, count, branch, at, forward):
+def is_left(p, trace, count, edge, at, forward):
     """Whether p (2,) is on the inner side of a trace at its nearest point.
 
-    The nearest point is at the coordinate ``at``, 0 to 1, of edge ``branch`` of ``count`` edges. At
+    The nearest point is at the coordinate ``at``, 0 to 1, of edge ``edge`` of ``count`` edges. At
     a node the sum of both unit normals is used.
     """
     nx, ny, bx, by = 0.0, 0.0, 0.0, 0.0
-    first = branch - 1 if at <= 0.0 else branch
-    last = branch + 1 if at >= 1.0 else branch
+    first = edge - 1 if at <= 0.0 else edge
+    last = edge + 1 if at >= 1.0 else edge
     for j in range(max(first, 0), min(last, count - 1) + 1):
         dx, dy = trace[j + 1, 0] - trace[j, 0], trace[j + 1, 1] - trace[j, 1]
         size = np.sqrt(dx * dx + dy * dy)
         if size > 0.0:
             nx, ny = nx - dy / size, ny + dx / size
-    bx = trace[branch, 0] + at * (trace[branch + 1, 0] - trace[branch, 0])
-    by = trace[branch, 1] + at * (trace[branch + 1, 1] - trace[branch, 1])
+    bx = trace[edge, 0] + at * (trace[edge + 1, 0] - trace[edge, 0])
+    by = trace[edge, 1] + at * (trace[edge + 1, 1] - trace[edge, 1])
     left = (p[0] - bx) * nx + (p[1] - by) * ny
     return left > 0.0 if forward else left < 0.0
 
@@ -90,16 +90,16 @@ def nearest_on_trace(x, segments, links, trace, used, counts, k, forward, p, beg
     ``counts`` (2,): numbers of edges of both traces, updated. Returns (squared distance, edge,
     coordinate on the edge, 0 to 1).
     """
-    best, branch, at, j = np.inf, begin, 0.0, begin
+    best, edge, at, j = np.inf, begin, 0.0, begin
     while ahead >= 0.0 and extend_trace(x, segments, links, trace, used, counts[k], forward, j):
         counts[k] = max(counts[k], j + 1)
         a, b = trace[j], trace[j + 1]
         square, s = nearest_on_piece(p, a, b)
         if square < best:
-            best, branch, at = square, j, s
+            best, edge, at = square, j, s
         ahead -= distance_of(a, b)
         j += 1
-    return best, branch, at
+    return best, edge, at
 
 
 @kernel
@@ -148,12 +148,12 @@ def depth_along(outlines, links, allowed, traces, useds, counts, forwards, order
             break
         e, p = used[i], trace[i + 1]
         step = distance_of(trace[i], p)
-        room = 2.0 * (distance + step) + lengths[e]
+        margin = 2.0 * (distance + step) + lengths[e]
         begin, back = near, 0.0
-        while begin > 0 and back < room:
+        while begin > 0 and back < margin:
             begin -= 1
             back += distance_of(other[begin], other[begin + 1])
-        ahead = back + distance_of(other[near], other[near + 1]) + room
+        ahead = back + distance_of(other[near], other[near + 1]) + margin
         square, near, at = nearest_on_trace(
             x, segments, links, other, useds[two], counts, two, forwards[two], p, begin, ahead
         )

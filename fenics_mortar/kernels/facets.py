@@ -30,12 +30,12 @@ from fenics_mortar.kernels.moments import (
     integrate_moments,
     thickness_at,
 )
-from fenics_mortar.kernels.projection import combine, gather, segment_ends
+from fenics_mortar.kernels.projection import gather, interpolate, segment_ends
 from fenics_mortar.kernels.shapes import tabulate_shapes
 
 
 @kernel
-def thickness_of(x, nodes, thickness, theta):
+def gather_thickness(x, nodes, thickness, theta):
     """Fill ``theta`` (K,), the ``thickness`` at ``nodes`` (K,), [length]."""
     constant, by_x = thickness
     for i in range(nodes.size):
@@ -55,12 +55,12 @@ def tabulate_covers(x, facets, ends, offsets, rule, cover, thickness=None):
     for e in range(facets.shape[0]):
         gather(x, x, x, facets[e], facets[e], y)
         if thickness is not None:
-            thickness_of(x, facets[e], thickness, theta)
+            gather_thickness(x, facets[e], thickness, theta)
         for i in range(offsets[e], offsets[e + 1]):
             c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
             for p in range(spans[i, 0], spans[i, 1]):
                 tabulate_shapes(c + h * points[p], N)
-                tx, ty = combine(y, 0, N, 1)
+                tx, ty = interpolate(y, 0, N, 1)
                 J = np.sqrt(tx * tx + ty * ty)
                 if thickness is not None:
                     J = J * thickness_at(theta, N, 0)
@@ -170,25 +170,25 @@ def tabulate_facets(
                 y[i], end_is_fixed[start + i], found[start + i], shapes[0], ends[i], dends[i]
             )
         if thickness is not None:
-            thickness_of(x, nodes[e], thickness, theta)
+            gather_thickness(x, nodes[e], thickness, theta)
         first, last = outermost(ends[:number])
-        place = ends[first, 0].real, ends[last, 1].real
+        bounds = ends[first, 0].real, ends[last, 1].real
         G[:] = 0.0
         T_g[:] = 0.0
         for i in range(number):
             span = slice(spans[start + i, 0], spans[start + i, 1])
             own_rule = points[span], point_weights[span]
-            integrate_moments(y[i], ends[i], place, own_rule, shapes, G, T_M[i], T_g, theta)
-        shape_coefficients(place, G, B, d)
+            integrate_moments(y[i], ends[i], bounds, own_rule, shapes, G, T_M[i], T_g, theta)
+        shape_coefficients(bounds, G, B, d)
         if basis == DUAL:
             invert_mass(G, scratch, inverse)
             own = g_dp, g_dG
-            dual_multipliers(place, weights[e], B, d, inverse, own, C, C_dG, D[e], D_dG)
+            dual_multipliers(bounds, weights[e], B, d, inverse, own, C, C_dG, D[e], D_dG)
         else:
             standard_multipliers(weights[e], G, B, C, C_dG, D[e], D_dG)
         weigh_gap(
-            (basis, gap_weights), place, (ends[first, 0], ends[last, 1]), weights[e], B, d, inverse,
-            C, C_dG, C_g, C_g_dG, C_g_dp,
+            (basis, gap_weights), bounds, (ends[first, 0], ends[last, 1]), weights[e], B, d,
+            inverse, C, C_dG, C_g, C_g_dG, C_g_dp,
         )  # fmt: skip
         cover[e] = d
         apply_to_gap(C_g, C_g_dG, C_g_dp, T_g, g[e], g_dG, g_dp)
@@ -200,8 +200,8 @@ def tabulate_facets(
                 dends[i] = 0.0
             span = slice(spans[own, 0], spans[own, 1])
             integrate_derivatives(
-                y[i], ends[i], dends[i], place, (points[span], point_weights[span]), (C, C_g), work,
-                by_y, theta, by_x,
+                y[i], ends[i], dends[i], bounds, (points[span], point_weights[span]), (C, C_g),
+                work, by_y, theta, by_x,
             )  # fmt: skip
             for r in range(rows):
                 if r < of_M:

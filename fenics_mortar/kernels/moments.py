@@ -33,7 +33,7 @@ With the partner x^ = x + alpha n, tau = (-n_y, n_x), a = dm/deta and b = (a_y, 
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.projection import combine, slave_to_master
+from fenics_mortar.kernels.projection import interpolate, slave_to_master
 
 
 @kernel
@@ -46,10 +46,10 @@ def thickness_at(theta, N, derivative):
 
 
 @kernel
-def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g, theta=None):
+def integrate_moments(y, ends, bounds, rule, shapes, G, T_M, T_g, theta=None):
     """Fill the moments ``T_M`` of a segment; add its contribution to ``G`` and ``T_g``.
 
-    ``ends`` (2,); ``place`` = (lower end, upper end) of the covered part, without derivatives;
+    ``ends`` (2,); ``bounds`` = (lower end, upper end) of the covered part, without derivatives;
     ``rule`` = (points, weights); ``shapes`` = (N, L), overwritten; the thickness is one without
     ``theta``.
     """
@@ -57,13 +57,13 @@ def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g, theta=None):
     N, L = shapes
     count = N.shape[1]
     c, h = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
-    middle, half = 0.5 * (place[0] + place[1]), 0.5 * (place[1] - place[0])
+    middle, half = 0.5 * (bounds[0] + bounds[1]), 0.5 * (bounds[1] - bounds[0])
     T_M[:] = 0.0
     for i in range(points.size):
         xi = c + h * points[i]
         _, alpha = slave_to_master(y, xi, N, L)
-        nx, ny = combine(y, 1, N, 0)
-        tx, ty = combine(y, 0, N, 1)
+        nx, ny = interpolate(y, 1, N, 0)
+        tx, ty = interpolate(y, 0, N, 1)
         gap = alpha * np.sqrt(nx * nx + ny * ny)
         t, T = (xi - middle) / half, weights[i] * h * np.sqrt(tx * tx + ty * ty)
         if theta is not None:
@@ -89,11 +89,11 @@ def differentiate_point(y, s, w, ends, dends, shapes, rows):
     c, h = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
     xi = c + h * s
     _, alpha = slave_to_master(y, xi, N, L)
-    nx, ny = combine(y, 1, N, 0)
-    bx, by = combine(y, 1, N, 1)
-    tx, ty = combine(y, 0, N, 1)
-    kx, ky = combine(y, 0, N, 2)
-    ax, ay = combine(y, 2, L, 1)
+    nx, ny = interpolate(y, 1, N, 0)
+    bx, by = interpolate(y, 1, N, 1)
+    tx, ty = interpolate(y, 0, N, 1)
+    kx, ky = interpolate(y, 0, N, 2)
+    ax, ay = interpolate(y, 2, L, 1)
     size, J = np.sqrt(nx * nx + ny * ny), np.sqrt(tx * tx + ty * ty)
     along = nx * ay - ny * ax
     px, py = ny / along, -nx / along
@@ -154,7 +154,7 @@ def add_product(A, B, out):
 
 
 @kernel
-def integrate_derivatives(y, ends, dends, place, rule, functions, work, out, theta=None, by_x=0.0):
+def integrate_derivatives(y, ends, dends, bounds, rule, functions, work, out, theta=None, by_x=0.0):
     """Fill ``out`` with derivatives by ``y`` of G, M and g; the ``functions`` (C, C_g) are fixed.
 
     ``out`` (r, 6 K) has 2 K - 1 rows for G, K K for M and K for g. ``work`` = (shapes, rows,
@@ -165,7 +165,7 @@ def integrate_derivatives(y, ends, dends, place, rule, functions, work, out, the
     C, C_g = functions
     shapes, rows, weights = work
     L, count = shapes[1], C.shape[0]
-    middle, half = 0.5 * (place[0] + place[1]), 0.5 * (place[1] - place[0])
+    middle, half = 0.5 * (bounds[0] + bounds[1]), 0.5 * (bounds[1] - bounds[0])
     out[:] = 0.0
     weights[:] = 0.0
     for i in range(points.size):

@@ -5,7 +5,7 @@ from fenics_mortar.kernels import kernel
 
 
 @kernel
-def find_places(starts, columns, block_starts, block_columns, places):
+def find_indices(starts, columns, block_starts, block_columns, indices):
     """Find the entries of a matrix in rows among those of a matrix in blocks.
 
     Args:
@@ -13,7 +13,7 @@ def find_places(starts, columns, block_starts, block_columns, places):
         columns: Their columns in ascending order, shape (entries,).
         block_starts: Blocks of rows 2 i and 2 i + 1, shape (n + 1,).
         block_columns: Their columns over two in ascending order, shape (blocks,).
-        places: Positions among the values in blocks of two columns each, -1 for entries outside of
+        indices: Positions among the values in blocks of two columns each, -1 for entries outside of
             all blocks, shape (entries,); filled.
     """
     for i in range(starts.shape[0] - 1):
@@ -21,20 +21,20 @@ def find_places(starts, columns, block_starts, block_columns, places):
         for e in range(starts[i], starts[i + 1]):
             while block < end and block_columns[block] < columns[e] // 2:
                 block += 1
-            places[e] = -1
+            indices[e] = -1
             if block < end and block_columns[block] == columns[e] // 2:
-                places[e] = 4 * block + 2 * (columns[e] % 2) + i % 2
+                indices[e] = 4 * block + 2 * (columns[e] % 2) + i % 2
 
 
 @kernel
-def copy_to_rows(blocks, places, rows):
+def copy_to_rows(blocks, indices, rows):
     """Fill the values of the rows (entries,) from those of the blocks, with zeros outside."""
-    for e in range(places.shape[0]):
-        rows[e] = blocks[places[e]] if places[e] >= 0 else 0.0
+    for e in range(indices.shape[0]):
+        rows[e] = blocks[indices[e]] if indices[e] >= 0 else 0.0
 
 
 @kernel
-def copy_to_blocks(rows, places, blocks):
+def copy_to_blocks(rows, indices, blocks):
     """Overwrite the values of the blocks by those of the rows (entries,), all within blocks."""
-    for e in range(places.shape[0]):
-        blocks[places[e]] = rows[e]
+    for e in range(indices.shape[0]):
+        blocks[indices[e]] = rows[e]

@@ -32,8 +32,8 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel, sight
 from fenics_mortar.kernels.projection import (
-    combine,
     gather,
+    interpolate,
     master_to_slave,
     side_of_ray,
     slave_to_master,
@@ -81,8 +81,8 @@ def gap_if_facing(y, xi, shapes, min_cosine):
     """
     N, L = shapes
     _, alpha = slave_to_master(y, xi, N, L)
-    nx, ny = combine(y, 1, N, 0)
-    ax, ay = combine(y, 2, L, 1)
+    nx, ny = interpolate(y, 1, N, 0)
+    ax, ay = interpolate(y, 2, L, 1)
     size = np.sqrt(nx * nx + ny * ny)
     if not -(nx * ay - ny * ax) >= min_cosine * size * np.sqrt(ax * ax + ay * ay):
         return np.inf
@@ -143,7 +143,7 @@ def keep_nearest(found, count, tolerance):
 
 
 @kernel
-def keep_near_parts(found, count, master_facets, length):
+def keep_near_portions(found, count, master_facets, length):
     """Drop portions of the master too far behind the nearest one; return the number of rows kept.
 
     Limits: ``HALF_FACET`` times the ``length`` of the slave facet, or ``BEHIND`` if the nearest
@@ -155,14 +155,14 @@ def keep_near_parts(found, count, master_facets, length):
         if found[i, 0] < nearest:
             nearest, gap = found[i, 0], found[i, 6]
     in_contact = -HALF_FACET * length <= gap <= ALMOST_CLOSED * length
-    apart = length * (BEHIND if in_contact else HALF_FACET)
+    max_distance = length * (BEHIND if in_contact else HALF_FACET)
     kept, start = 0, 0
     while start < count:
         stop, distance = start + 1, found[start, 0]
         while stop < count and is_next(master_facets, found[stop - 1, 3], found[stop, 3]):
             distance = min(distance, found[stop, 0])
             stop += 1
-        if distance <= nearest + apart:
+        if distance <= nearest + max_distance:
             for i in range(start, stop):
                 found[kept] = found[i]
                 kept += 1
@@ -224,7 +224,7 @@ def facet_segments(
         kept = keep_masters(found, kept, roles, number)
     edge = x[slave[-1]] - x[slave[0]]
     length = np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
-    kept = keep_near_parts(found, kept, master_facets, length)
+    kept = keep_near_portions(found, kept, master_facets, length)
     if kept == 0:
         return 0
     if found[0, 1] < -1.0 + min_cover:
@@ -255,8 +255,8 @@ def ray_hits(y, N, is_start, tolerance):
     """
     at = 4 * N.shape[1]
     x, n = np.empty(2), np.empty(2)
-    x[0], x[1] = combine(y, 0, N, 0)
-    n[0], n[1] = combine(y, 1, N, 0)
+    x[0], x[1] = interpolate(y, 0, N, 0)
+    n[0], n[1] = interpolate(y, 1, N, 0)
     first, last = side_of_ray(x, n, y[at : at + 2]), side_of_ray(x, n, y[-2:])
     return last <= tolerance and first > (-tolerance if is_start else tolerance)
 

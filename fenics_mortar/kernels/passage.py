@@ -106,14 +106,14 @@ def normal_of(x, segment):
 
 
 @kernel
-def is_beside(x, segments, links, places, max_distance):
+def is_beside(x, segments, links, points, max_distance):
     """Whether the outline between two points, in either direction, is close to their chord.
 
     All nodes in between have to be within ``max_distance`` [length] of the chord: a path along the
-    chord then slides along the surface, or round a tip. ``places`` = (segment, segment, coordinate
+    chord then slides along the surface, or round a tip. ``points`` = (segment, segment, coordinate
     on the first, on the second, 0 to 1); ``links`` = (after (m,), before (m,)).
     """
-    e, f, s_e, s_f = places
+    e, f, s_e, s_f = points
     if e == f:
         return True
     chord = np.empty((2, 2))
@@ -147,6 +147,20 @@ def is_inside(x, segments, bodies, body, p):
             s = (p[1] - ay) / (by - ay)
             inside = inside != (ax + s * (bx - ax) > p[0])
     return inside
+
+
+@kernel
+def depths_inside(x, segments, bodies, body, points):
+    """Depths of ``points`` (k, 2) in ``body``, and nearest segments: rows (depth, segment), (k, 2).
+
+    Rows of points outside are (0, 0). Depths are distances from the outline.
+    """
+    rows = np.zeros((points.shape[0], 2))
+    for k in range(points.shape[0]):
+        if is_inside(x, segments, bodies, body, points[k]):
+            square, nearest = nearest_segment(x, segments, bodies, body, points[k], -1)
+            rows[k] = np.sqrt(square), float(nearest)
+    return rows
 
 
 @kernel
@@ -189,8 +203,8 @@ def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
                     opposed = nx * events[i, 4] + ny * events[i, 5] < OPPOSED
                     opposed = opposed and mx * kx + my * ky < OPPOSED
                     facet = max(lengths[entry], lengths[e])
-                    places = (entry, e, s, events[i, 6])
-                    if opposed and not is_beside(x1, segments, (after, before), places, facet):
+                    points = (entry, e, s, events[i, 6])
+                    if opposed and not is_beside(x1, segments, (after, before), points, facet):
                         a, b = x1[segments[entry, 0]], x1[segments[entry, 1]]
                         square, _ = nearest_on_piece(x1[p], a, b)
                         rows = grown(rows, count)

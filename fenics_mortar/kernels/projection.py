@@ -41,7 +41,7 @@ def gather(x, n, m, slave, master, y):
 
 
 @kernel
-def combine(y, which, N, order):
+def interpolate(y, which, N, order):
     """Interpolate in ``y`` by ``N[order]``: (x, y) of positions (0), normals (1), master (2)."""
     start = 2 * which * N.shape[1]
     vx, vy = 0.0 * y[0], 0.0 * y[0]
@@ -61,10 +61,10 @@ def side_of_ray(x, n, point):
 def side_of_normal(y, k, xi, N):
     """Return q = tau . (x_m - x) of master node ``k`` and slave point ``xi``, and dq/dxi."""
     tabulate_shapes(xi, N)
-    x, y_ = combine(y, 0, N, 0)
-    tx, ty = combine(y, 0, N, 1)
-    nx, ny = combine(y, 1, N, 0)
-    bx, by = combine(y, 1, N, 1)
+    x, y_ = interpolate(y, 0, N, 0)
+    tx, ty = interpolate(y, 0, N, 1)
+    nx, ny = interpolate(y, 1, N, 0)
+    bx, by = interpolate(y, 1, N, 1)
     at = y.size - 2 * N.shape[1] + 2 * k
     rx, ry = y[at] - x, y[at + 1] - y_
     return nx * ry - ny * rx, bx * ry - by * rx - nx * ty + ny * tx
@@ -121,8 +121,8 @@ def move_end(y, k, found, N, dxi_dy):
     _, slope = side_of_normal(y, k, xi, N)
     count = N.shape[1]
     at = 4 * count + 2 * k
-    x, y_ = combine(y, 0, N, 0)
-    nx, ny = combine(y, 1, N, 0)
+    x, y_ = interpolate(y, 0, N, 0)
+    nx, ny = interpolate(y, 1, N, 0)
     rx, ry = y[at] - x, y[at + 1] - y_
     s = -1.0 / slope
     dxi_dy[:] = 0.0
@@ -143,8 +143,8 @@ def slave_to_master(y, xi, N, L):
     """
     count = N.shape[1]
     tabulate_shapes(xi, N)
-    x, y_ = combine(y, 0, N, 0)
-    nx, ny = combine(y, 1, N, 0)
+    x, y_ = interpolate(y, 0, N, 0)
+    nx, ny = interpolate(y, 1, N, 0)
     first, last = 4 * count, 6 * count - 2
     cx, cy = 0.5 * (y[first] + y[last]), 0.5 * (y[first + 1] + y[last + 1])
     ax, ay = 0.5 * (y[last] - y[first]), 0.5 * (y[last + 1] - y[first + 1])
@@ -156,7 +156,7 @@ def slave_to_master(y, xi, N, L):
         A = nx * (cy - my) - ny * (cx - mx)
         eta = small_root(A, B, nx * (my - y_) - ny * (mx - x))
     tabulate_shapes(eta, L)
-    mx, my = combine(y, 2, L, 0)
+    mx, my = interpolate(y, 2, L, 0)
     return eta, (nx * (mx - x) + ny * (my - y_)) / (nx * nx + ny * ny)
 
 
@@ -177,13 +177,13 @@ def segment_ends(y, is_fixed, found, N, ends, dends_dy):
 
 
 @kernel
-def sample_gaps(geometry, connectivity, places, points, gaps):
+def sample_gaps(geometry, connectivity, ends, points, gaps):
     """Evaluate the gap at points of segments.
 
     Args:
         geometry: (x (k, 2), n (k, 2), m (l, 2)): slave positions and normals, master positions.
         connectivity: (slave nodes (n, K), master nodes (n, K)) of the segments.
-        places: Ends of the segments on the slave facets, shape (n, 2).
+        ends: Ends of the segments on the slave facets, shape (n, 2).
         points: Coordinates in the segments, -1 ... 1, shape (p,).
         gaps: Gaps along the unit normal, shape (n, p) [length]; filled.
     """
@@ -193,8 +193,8 @@ def sample_gaps(geometry, connectivity, places, points, gaps):
     y, N, L = np.empty(6 * count), np.empty((3, count)), np.empty((3, count))
     for i in range(slave.shape[0]):
         gather(x, n, m, slave[i], master[i], y)
-        c, h = 0.5 * (places[i, 0] + places[i, 1]), 0.5 * (places[i, 1] - places[i, 0])
+        c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
         for p in range(points.size):
             _, alpha = slave_to_master(y, c + h * points[p], N, L)
-            nx, ny = combine(y, 1, N, 0)
+            nx, ny = interpolate(y, 1, N, 0)
             gaps[i, p] = alpha * np.sqrt(nx * nx + ny * ny)

@@ -27,12 +27,12 @@ than the parts are thick.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.projection import combine
+from fenics_mortar.kernels.projection import interpolate
 from fenics_mortar.kernels.shapes import tabulate_shapes
 
 
 @kernel
-def find_crossings(origin, direction, outline, own, min_distance, found):
+def find_ray_crossings(origin, direction, outline, own, min_distance, found):
     """Fill ``found`` (2, c) with the crossings of a line and the outline of body ``own``.
 
     Row 0 contains distances above ``min_distance`` [length], row 1 the signs: 1 exit, -1 entry.
@@ -69,10 +69,10 @@ def length_inside(origin, direction, outline, own, min_distance):
     the line begins. If the line does not leave the body, the distance is inf.
     """
     found = np.empty((2, 32))
-    count = find_crossings(origin, direction, outline, own, min_distance, found)
+    count = find_ray_crossings(origin, direction, outline, own, min_distance, found)
     if count > found.shape[1]:
         found = np.empty((2, count))
-        find_crossings(origin, direction, outline, own, min_distance, found)
+        find_ray_crossings(origin, direction, outline, own, min_distance, found)
     nearest = np.inf
     for i in range(count):
         if found[1, i] < 0.0 or found[0, i] >= nearest:
@@ -94,8 +94,8 @@ def is_nearer_exit(y, N, xi, depth, outline, bodies, min_distance):
     """
     tabulate_shapes(xi, N)
     start, back, partner = np.empty(2), np.empty(2), np.empty(2)
-    start[0], start[1] = combine(y, 0, N, 0)
-    nx, ny = combine(y, 1, N, 0)
+    start[0], start[1] = interpolate(y, 0, N, 0)
+    nx, ny = interpolate(y, 1, N, 0)
     size = np.sqrt(nx * nx + ny * ny)
     back[0], back[1] = -nx / size, -ny / size
     own = length_inside(start, back, outline, bodies[0], min_distance)
@@ -124,18 +124,18 @@ def overlaps_point(y, N, xi, depth, outline, body, min_distance):
     """
     tabulate_shapes(xi, N)
     start, back = np.empty(2), np.empty(2)
-    start[0], start[1] = combine(y, 0, N, 0)
-    nx, ny = combine(y, 1, N, 0)
+    start[0], start[1] = interpolate(y, 0, N, 0)
+    nx, ny = interpolate(y, 1, N, 0)
     size = np.sqrt(nx * nx + ny * ny)
     back[0], back[1] = -nx / size, -ny / size
     third = y.size // 3
     first = max(min_distance, height(y[:third]))
     last = depth + max(min_distance, height(y[2 * third :]))
     found = np.empty((2, 32))
-    count = find_crossings(start, back, outline, body, first, found)
+    count = find_ray_crossings(start, back, outline, body, first, found)
     if count > found.shape[1]:
         found = np.empty((2, count))
-        find_crossings(start, back, outline, body, first, found)
+        find_ray_crossings(start, back, outline, body, first, found)
     covers, exits = 0.0, 0
     for i in range(count):
         covers += found[1, i]
@@ -153,7 +153,7 @@ def tabulate_lengths(x, n, facets, bodies, outline, min_fraction, lengths):
         n: Their normals, shape (n, 2).
         facets: Nodes of the facets, shape (f, K).
         bodies: Bodies of the facets, shape (f,).
-        outline: As in ``find_crossings``.
+        outline: As in ``find_ray_crossings``.
         min_fraction: Shortest length that counts, over the length of the facet [1].
         lengths: Shape (f,) [length]; filled.
     """

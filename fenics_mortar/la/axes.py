@@ -40,12 +40,12 @@ def _tangents(contacts: Sequence[Interface], x: Array) -> ComplexArray:
     turns for which they are closest to the axes of the mesh.
     """
     z, mean = x @ [1.0, 1.0j], np.full(len(x), 1e-300 + 0.0j)
-    for places, tangents in map(sliding_nodes, contacts):
+    for points, tangents in map(sliding_nodes, contacts):
         tangents = tangents * (-1.0j) ** quarter_turns(tangents)
         if np.abs(np.angle(tangents)).max(initial=0.0) < SMALL_ANGLE:
             tangents = np.ones_like(tangents)
-        for place, tangent in zip(places, tangents, strict=True):
-            away = z - place
+        for point, tangent in zip(points, tangents, strict=True):
+            away = z - point
             mean += tangent / np.maximum(away.real**2 + away.imag**2, 1e-100) ** 2
     return mean / np.abs(mean)
 

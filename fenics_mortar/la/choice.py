@@ -12,7 +12,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.la.condensed import CondensedSystem, obstacle_to_condensation
 from fenics_mortar.la.costs import COSTS
-from fenics_mortar.la.options import ITERATIVE, SMALL, Solver
+from fenics_mortar.la.options import ITERATIVE, SMALL, SolverName
 from fenics_mortar.la.saddle import SaddleSystem
 from fenics_mortar.la.system import LinearSystem
 
@@ -26,7 +26,7 @@ def system_of(
     prefix: str,
     options: dict[str, Any] | None,
     algorithm: Algorithm | None,
-    solver: Solver,
+    solver: SolverName,
     linear_bulk: bool | None,
 ) -> Callable[[], LinearSystem]:
     """A function that creates the linear system of a problem; see ``ContactProblem``.

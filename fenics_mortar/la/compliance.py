@@ -33,7 +33,7 @@ class FactoredBulk:
         free = ~bulk.prescribed[dofs.local]
         self._numbers, self._local = dofs.numbers[free], dofs.local[free]
 
-    def answers(self, loads: PETSc.Mat) -> PETSc.Mat:
+    def responses(self, loads: PETSc.Mat) -> PETSc.Mat:
         """Solve for k right-hand sides at once (collective).
 
         Args:
@@ -44,16 +44,16 @@ class FactoredBulk:
             Displacements, dense, shape (dofs, k) [length].
         """
         count = loads.getSize()[0]
-        answers = PETSc.Mat().createDense(
+        responses = PETSc.Mat().createDense(
             ((self._bulk.num_owned, None), (None, count)), comm=self._bulk.comm
         )
-        answers.setUp()
-        answers.assemble()
-        self._pc.getFactorMatrix().matSolve(PETSc.Mat().createTranspose(loads), answers)
-        return answers
+        responses.setUp()
+        responses.assemble()
+        self._pc.getFactorMatrix().matSolve(PETSc.Mat().createTranspose(loads), responses)
+        return responses
 
     def loads(self, forces: csr_array) -> PETSc.Mat:
-        """The argument of ``answers`` for forces on the contact dofs (collective).
+        """The argument of ``responses`` for forces on the contact dofs (collective).
 
         Args:
             forces: One load a row, shape (k, size) [stress length], used on rank 0 only. Forces on
@@ -69,10 +69,10 @@ class FactoredBulk:
         sizes = (size[0], None), (size[1], None)
         return PETSc.Mat().createAIJ(sizes, csr=csr, comm=self._bulk.comm)
 
-    def at_contact(self, answers: PETSc.Mat) -> Array:
-        """Owned rows of ``answers`` [length] at contact dofs, else 0, shape (size, k) (local)."""
-        values = np.zeros((self._dofs.size, answers.getSize()[1]))
-        values[self._numbers] = answers.getDenseArray()[self._local]
+    def at_contact(self, responses: PETSc.Mat) -> Array:
+        """Owned rows of ``responses`` [length] at contact dofs, else 0, shape (size, k) (local)."""
+        values = np.zeros((self._dofs.size, responses.getSize()[1]))
+        values[self._numbers] = responses.getDenseArray()[self._local]
         return values
 
     def solve(self, force: PETSc.Vec) -> PETSc.Vec:
@@ -100,7 +100,7 @@ class Compliance(FactoredBulk):
         self.A = _compliance(bulk, dofs, prefix)
         super().__init__(bulk, dofs, prefix, single=True)  # other factors are freed
         self._changes = np.empty((0, bulk.prescribed_dofs.size))
-        self._answers = np.empty((0, dofs.size))
+        self._responses_to_changes = np.empty((0, dofs.size))
 
     def by_forces(self, forces: Array) -> Array:
         """Displacements (size,) [length] due to ``forces`` (size,); 0 on ranks > 0 (local)."""
@@ -127,7 +127,7 @@ class Compliance(FactoredBulk):
         if new > rounding:
             self._learn(change / new)
             parts = np.append(parts, new)
-        return parts @ self._answers
+        return parts @ self._responses_to_changes
 
     def _learn(self, change: Array) -> None:
         """Add a unit change to the basis, with its response (collective)."""
@@ -137,7 +137,9 @@ class Compliance(FactoredBulk):
         self._bulk.K.mult(moved, force)
         answer = self._dofs.gather(self.solve(force).array_r)
         self._changes = np.vstack([self._changes, change])
-        self._answers = np.vstack([self._answers, np.where(self._dofs.free, answer, 0.0)])
+        self._responses_to_changes = np.vstack(
+            [self._responses_to_changes, np.where(self._dofs.free, answer, 0.0)]
+        )
 
 
 def _compliance(bulk: Bulk, dofs: ContactDofs, prefix: str) -> Array:

@@ -91,7 +91,7 @@ class CondensedSystem(LinearSystem):
         inverses = [self._inverse(contact) for contact in self.contacts]
         entries = self._R_entries(laws, inverses)
         if self._update_pattern():
-            self._make_room(entries)
+            self._extend_pattern(entries)
         K = self.bulk.tangent_to_change()
         add_blocks(K, self.force_derivative())
         R = self._R.assemble_entries(*entries)
@@ -111,28 +111,28 @@ class CondensedSystem(LinearSystem):
             A_z[local] = law.A_z.diagonal(axis1=1, axis2=2)[owned]
         self._Z, self._A_z, self._law_rhs = Z.ravel(), A_z.ravel(), rhs.ravel()
 
-    def _make_room(self, R_entries: Entries) -> None:
+    def _extend_pattern(self, R_entries: Entries) -> None:
         """Extend the pattern of K by zeros within the reach of contact (collective)."""
         different = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
         rows, size = self._rows, self.bulk.num_owned
         of_slave = rows.number(self._slave_rows.indices).astype(PETSc.IntType)
         small = BlockMatrix(self.comm, rows.local.size, size).assemble(
-            rows.renumbered(reach.derivative_pattern() for reach in self._reaches)
+            rows.renumbered(coupling.derivative_pattern() for coupling in self._couplings)
         )
         slave_K = self.bulk.K.createSubMatrix(self._slave_rows)
         of_small = small.createSubMatrix(PETSc.IS().createGeneral(of_slave, self.comm))
         slave_K.axpy(1.0, of_small, different)
-        room_of_R = flatten(rows.renumbered(self._R_room()))
-        R = self._R.assemble_entries(*map(np.append, R_entries, room_of_R))
+        zeros_of_R = flatten(rows.renumbered(self._R_zeros()))
+        R = self._R.assemble_entries(*map(np.append, R_entries, zeros_of_R))
         product = R.matMult(slave_K)
         small.axpy(1.0, product, different)
-        room = rows.room(small, size)
-        self.bulk.grow_tangent(room)
-        for matrix in (small, slave_K, of_small, product, room, self._slave_K):
+        zeros = rows.zeros(small, size)
+        self.bulk.extend_tangent(zeros)
+        for matrix in (small, slave_K, of_small, product, zeros, self._slave_K):
             if matrix is not None:
                 matrix.destroy()
         self._slave_K = None
-        self.solver.forget_pattern()
+        self.solver.reset_pattern()
 
     def _C_blocks(self, laws: Sequence[Rows]) -> list[Block]:
         """C in the rows of the slave's displacement."""
@@ -148,30 +148,30 @@ class CondensedSystem(LinearSystem):
         size = 4 * self.num_multipliers + sum(2 * (o.D.size + o.M.size) for o in operators)
         i, j = np.empty((2, size), PETSc.IntType)
         v, end = np.empty(size), 0
-        for (contact, place, owned, _), (on_slave, on_master), o, law, Z in zip(
+        for (contact, z_number, owned, _), (on_slave, on_master), o, law, Z in zip(
             self._numbered, self._rows_of_sides, operators, laws, inverses, strict=True
         ):
             s = o.segments
             end += gather_forces(
                 o.D, o.facet_nodes, on_slave, o.M, s.slave, s.master, on_master, Z, law.A_z, owned,
-                contact.acts, place, i[end:], j[end:], v[end:],
+                contact.acts, z_number, i[end:], j[end:], v[end:],
             )  # fmt: skip
         return i[:end], j[:end], v[:end]
 
-    def _weighted_forces(self, contact: Interface, place: Indices, weight: Array) -> list[Block]:
-        """B^T with columns scaled by ``weight`` (slave nodes, 2) and numbered by ``place``."""
+    def _weighted_forces(self, contact: Interface, z_number: Indices, weight: Array) -> list[Block]:
+        """B^T with columns scaled by ``weight`` (slave nodes, 2) and numbered by ``z_number``."""
         blocks = []
         for rows, columns, values in contact.force_blocks():
             j, component = columns // 2, columns % 2
             weighted = values * weight[j, component][:, None, :]
-            blocks.append(Block(rows, 2 * place[j] + component, weighted))
+            blocks.append(Block(rows, 2 * z_number[j] + component, weighted))
         return blocks
 
-    def _R_room(self) -> Iterable[Block]:
+    def _R_zeros(self) -> Iterable[Block]:
         """Zeros for the reach of R."""
-        for place, reach in zip(self.places, self._reaches, strict=True):
-            rows, multipliers = reach.force_pattern()
-            columns = components(place[multipliers, None])
+        for z_number, coupling in zip(self.z_numbers, self._couplings, strict=True):
+            rows, multipliers = coupling.force_pattern()
+            columns = components(z_number[multipliers, None])
             yield Block(rows, columns, np.zeros((len(rows), 2, 2)))
 
     def _inverse(self, contact: Interface) -> Array:
@@ -245,8 +245,8 @@ class CondensedSystem(LinearSystem):
     def _prescribed_columns(self) -> PETSc.Mat:
         """B^T for prescribed components of acting multipliers, in rows of contact nodes."""
         blocks = chain.from_iterable(
-            self._weighted_forces(contact, place, 1.0 - contact.free)
-            for contact, place in self.numbered()
+            self._weighted_forces(contact, z_number, 1.0 - contact.free)
+            for contact, z_number in self.numbered()
         )
         sizes = self._rows.local.size, 2 * self.num_multipliers
         return BlockMatrix(self.comm, *sizes).assemble(self._rows.renumbered(blocks))
@@ -272,7 +272,7 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
         if basis not in ("dual", "vertices"):
             return f"{names} has basis '{basis}', so D is not diagonal"
         if contact.oblique.any():
-            where = errors.place(contact.slave.X[contact.oblique][0])
+            where = errors.format_point(contact.slave.X[contact.oblique][0])
             return (
                 f"a slave node of {names} at {where} is prescribed in one component "
                 "oblique to its normal"

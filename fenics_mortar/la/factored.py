@@ -35,7 +35,7 @@ def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC
     Raises:
         MortarError: On all ranks, if MUMPS fails.
     """
-    for kind, room in FACTORS:
+    for kind, workspace in FACTORS:
         pc = PETSc.PC().create(K.comm)
         pc.setOptionsPrefix(prefix)
         pc.setFromOptions()
@@ -44,7 +44,7 @@ def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC
         )  # independent of the options of the whole system: many right-hand sides need factors
         pc.setFactorSolverType(DIRECT["pc_factor_mat_solver_type"])
         pc.setOperators(K)
-        with options_added(prefix, {**ORDERING, "mat_mumps_icntl_14": room}):
+        with options_added(prefix, {**ORDERING, "mat_mumps_icntl_14": workspace}):
             if rest is not None:
                 pc.setFactorSetUpSolverType()
                 leave(pc.getFactorMatrix(), rest)
@@ -100,6 +100,6 @@ def factored_bulk(
     return pc or factored(K, prefix, rest)
 
 
-def portions(count: int) -> list[Indices]:
+def column_groups(count: int) -> list[Indices]:
     """The numbers below ``count`` in groups of shape (n,), n up to ``COLUMNS`` (local)."""
     return [np.arange(i, min(i + COLUMNS, count)) for i in range(0, count, COLUMNS)]

@@ -59,7 +59,7 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.axes import quarter_turns, sliding_nodes, turned_axes
 from fenics_mortar.la.sparse import BlockMatrix, is_symmetric
-from fenics_mortar.la.strip import Strip, near
+from fenics_mortar.la.strip import Strip, dofs_near
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import TINY
 
@@ -140,7 +140,7 @@ class ContactPreconditioner:
         B = self._touching_tangent(A)
         idle = self._idle.assemble(self._idle_blocks(nodes))
         B.axpy(1.0, idle, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        self._part_sliding_bodies(B)
+        self._separate_sliding_bodies(B)
         prescribed = (self._prescribed + first).astype(PETSc.IntType)
         B.zeroRowsColumns(prescribed, diag=1.0)
         if self._cycle is not None:
@@ -168,7 +168,7 @@ class ContactPreconditioner:
         B.setBlockSize(self._bulk.space.block_size)  # large products on several ranks lose it
         return B
 
-    def _part_sliding_bodies(self, B: PETSc.Mat) -> None:
+    def _separate_sliding_bodies(self, B: PETSc.Mat) -> None:
         """Drop the coupling of tangential motions of the bodies of a contact, see above."""
         for contact, slave in zip(self._contacts, self._slaves, strict=True):
             _, tangents = sliding_nodes(contact)
@@ -178,9 +178,9 @@ class ContactPreconditioner:
                 _leave_out(B, master, slave[:, axis])
                 _leave_out(B, slave[:, axis], master)
 
-    def _turned(self, part: PETSc.Mat) -> PETSc.Mat:
-        """(1 + part) R."""
-        whole = part.matMult(self._R.mat)
+    def _turned(self, transform: PETSc.Mat) -> PETSc.Mat:
+        """(1 + transform) R."""
+        whole = transform.matMult(self._R.mat)
         whole.axpy(1.0, self._R.mat, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         return whole
 
@@ -247,9 +247,9 @@ class ContactPreconditioner:
         own = [Block(dofs + first, dofs + first, -F @ F) for dofs, F, _ in nodes]
         gathered = np.eye(2) if self._condensed else np.zeros((2, 2))
         motion, equations = own.copy(), own.copy()
-        for slave, other, part, followed in self._partners():
-            motion.append(Block(slave, other, part * followed))
-            equations.append(Block(slave, other, part * (followed - gathered)))
+        for slave, other, share, followed in self._partners():
+            motion.append(Block(slave, other, share * followed))
+            equations.append(Block(slave, other, share * (followed - gathered)))
         self._motion.assemble(motion)
         self._equations.assemble(equations)
 
@@ -275,8 +275,8 @@ class ContactPreconditioner:
             np.add.at(weight, j[own], values[own])
             slave.comm.Allreduce(MPI.IN_PLACE, weight)
             weight[weight < MIN_WEIGHT * contact.slave.nodal_areas] = np.inf
-            dofs, j, part = dofs[~own], j[~own], -values[~own] / weight[j[~own]]
-            yield slave.dofs[j], dofs, part[:, None, None], followed[j]
+            dofs, j, share = dofs[~own], j[~own], -values[~own] / weight[j[~own]]
+            yield slave.dofs[j], dofs, share[:, None, None], followed[j]
 
 
 def _entries(block: Block) -> tuple[Indices, Indices, Array]:
@@ -287,18 +287,18 @@ def _entries(block: Block) -> tuple[Indices, Indices, Array]:
 def _nodes_near(bulk: Bulk, surface: Surface) -> Indices:
     """Global dofs (n, 2) of the owned nodes of a surface and of the cells on it."""
     dofs = bulk.space.owned_dofs
-    return dofs[np.isin(dofs[:, 0], near(bulk, [surface], 1))] + bulk.first
+    return dofs[np.isin(dofs[:, 0], dofs_near(bulk, [surface], 1))] + bulk.first
 
 
 def _leave_out(B: PETSc.Mat, rows: Indices, columns: Indices) -> None:
     """Set entries in these rows and columns to zero: global numbers of those this rank owns."""
     owned = [part.astype(PETSc.IntType) for part in (rows, columns)]
-    part = B.createSubMatrix(*(PETSc.IS().createGeneral(places, B.comm) for places in owned))
-    starts, numbers, values = part.getValuesCSR()
+    block = B.createSubMatrix(*(PETSc.IS().createGeneral(numbers, B.comm) for numbers in owned))
+    starts, numbers, values = block.getValuesCSR()
     everywhere = np.concatenate(B.comm.tompi4py().allgather(owned[1]))
     B.setValuesIJV(starts, everywhere[numbers], np.zeros_like(values), rowmap=owned[0])
     B.assemble()
-    part.destroy()
+    block.destroy()
 
 
 def _slide(contact: Interface) -> npt.NDArray[np.bool_]:

@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from fenics_mortar.utils import compat
 
-Solver = Literal["auto", "direct", "iterative"]
+SolverName = Literal["auto", "direct", "iterative"]
 # The elimination order is reused while values change; MUMPS then needs up to 50 % more memory than
 # estimated by its analysis.
 DIRECT = {

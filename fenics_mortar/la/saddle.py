@@ -19,7 +19,7 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.la.reach import zeros
+from fenics_mortar.la.coupling import zero_block
 from fenics_mortar.la.sparse import BlockMatrix, add_blocks
 from fenics_mortar.la.system import LinearSystem, components
 from fenics_mortar.utils.arrays import Array, Indices
@@ -75,17 +75,17 @@ class SaddleSystem(LinearSystem):
         yield MULTIPLIER, DOF, self.law_blocks(laws)
         yield MULTIPLIER, MULTIPLIER, self.multiplier_blocks(laws)
 
-    def _room(self) -> Iterator[Part]:
+    def _zero_blocks(self) -> Iterator[Part]:
         """Zeros for the reach of K_c, B^T and C; A_z has a fixed pattern."""
-        for (contact, place), reach in zip(self.numbered(), self._reaches, strict=True):
+        for (contact, z_number), coupling in zip(self.numbered(), self._couplings, strict=True):
             own = contact.slave.owned
-            dofs, multipliers = reach.force_pattern()
+            dofs, multipliers = coupling.force_pattern()
             dofs = np.concatenate([dofs, contact.slave.dofs[own]]).reshape(-1, 1)
-            numbers = components(place[np.append(multipliers, own), None]).reshape(-1, 1)
-            nodes, coupled = reach.law_pattern()
-            yield DOF, DOF, [reach.derivative_pattern()]
-            yield DOF, MULTIPLIER, [zeros(dofs, numbers)]
-            yield MULTIPLIER, DOF, [zeros(components(place[nodes, None]), coupled)]
+            numbers = components(z_number[np.append(multipliers, own), None]).reshape(-1, 1)
+            nodes, coupled = coupling.law_pattern()
+            yield DOF, DOF, [coupling.derivative_pattern()]
+            yield DOF, MULTIPLIER, [zero_block(dofs, numbers)]
+            yield MULTIPLIER, DOF, [zero_block(components(z_number[nodes, None]), coupled)]
 
     def blocks(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:
         """K + K_c, B^T, C and A_z, the last three for scaled multipliers zeta (collective)."""
@@ -105,7 +105,7 @@ class SaddleSystem(LinearSystem):
         nest.convert("aij", out=K)
         nest.destroy()
         if self._update_pattern():
-            self._make_room(K)
+            self._extend_pattern(K)
         self.matrix.zeroEntries()
         K.copy(self.matrix, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         K.destroy()
@@ -113,16 +113,16 @@ class SaddleSystem(LinearSystem):
         self._scales = np.repeat(self.collect(self.scale(c)[:, None] for c in self.contacts), 2)
         self._prescribe_rows(self.matrix, self.matrix.getOwnershipRange()[0])
 
-    def _make_room(self, K: PETSc.Mat) -> None:
+    def _extend_pattern(self, K: PETSc.Mat) -> None:
         """Create the matrix with the pattern of K and of the reach of contact (collective)."""
         if self._assembled is not None:
             self._assembled.destroy()
-        parts = chain(self._parts(), self._room())
-        room = BlockMatrix(self.comm, *[sum(self._sizes)] * 2)
-        room.assemble(self._numbered_blocks(parts))
-        self.matrix = self._assembled = room.mat
+        parts = chain(self._parts(), self._zero_blocks())
+        zero_blocks = BlockMatrix(self.comm, *[sum(self._sizes)] * 2)
+        zero_blocks.assemble(self._numbered_blocks(parts))
+        self.matrix = self._assembled = zero_blocks.mat
         self.matrix.axpy(1.0, K, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        self.solver.forget_pattern()
+        self.solver.reset_pattern()
 
     def step(self, distance: Array) -> Array:
         """See ``LinearSystem``; solves for the increment of zeta, which vanishes at convergence.

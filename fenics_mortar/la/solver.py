@@ -135,7 +135,7 @@ class LinearSolver:
         factors = "factors by " + str(pc.getFactorSolverType()) if kind == "preonly" else ""
         return factors or f"{kind} with {pc.getType()}"
 
-    def forget_pattern(self) -> None:
+    def reset_pattern(self) -> None:
         """Drop the factors after a change of the sparsity pattern; multigrid detects it."""
         if self.multigrid is None:
             self._reset()

@@ -129,7 +129,7 @@ class SomeRows:
         """Blocks of the large matrix with the row numbers of the small one."""
         return [Block(self.number(rows), columns, values) for rows, columns, values in blocks]
 
-    def room(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:
+    def zeros(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:
         """Large matrix of ``num_owned`` rows with zeros at the entries of the small one."""
         starts, columns, values = small.getValuesCSR()
         sizes = np.zeros(num_owned + 1, PETSc.IntType)
@@ -199,8 +199,8 @@ def leave(factor: PETSc.Mat, rows: Indices) -> None:
     The ``rows``, shape (n,), are replicated; PETSc returns their Schur complement on rank 0 only.
     """
     mine = rows if factor.comm.rank == 0 else rows[:0]
-    places = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), factor.comm)
-    _check(_set_schur_rows(factor.handle, places.handle))
+    numbers = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), factor.comm)
+    _check(_set_schur_rows(factor.handle, numbers.handle))
 
 
 def schur_complement(factor: PETSc.Mat, num_left: int) -> npt.NDArray[np.float64]:
@@ -230,8 +230,8 @@ def is_symmetric(K: PETSc.Mat) -> bool:
     x, y = K.createVecs()
     Kx, Ky = x.duplicate(), x.duplicate()
     start = K.getOwnershipRange()[0]
-    places = np.arange(start, start + x.getLocalSize(), dtype=float)
-    x.array[:], y.array[:] = np.sin(places**2), np.cos(1.0 + places**2)
+    numbers = np.arange(start, start + x.getLocalSize(), dtype=float)
+    x.array[:], y.array[:] = np.sin(numbers**2), np.cos(1.0 + numbers**2)
     K.mult(x, Kx)
     K.mult(y, Ky)
     return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SUM_ROUNDING * x.norm() * Ky.norm())

@@ -38,7 +38,7 @@ class Strip:
         self._prefix, self._prescribed, self._comm = prefix, bulk.prescribed_dofs, bulk.comm
         rows = np.arange(bulk.num_owned, bulk.num_owned + multipliers)
         surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
-        self._rows = np.append(near(bulk, surfaces, LAYERS), rows)
+        self._rows = np.append(dofs_near(bulk, surfaces, LAYERS), rows)
         self.num_rows = bulk.comm.allreduce(self._rows.size)
         self._matrix: Any = None
         self._factors: Any = None
@@ -75,7 +75,7 @@ class Strip:
         x.array[self._rows] = self._x.array_r
 
 
-def near(bulk: Bulk, surfaces: Sequence[Surface], layers: int) -> Indices:
+def dofs_near(bulk: Bulk, surfaces: Sequence[Surface], layers: int) -> Indices:
     """Owned dofs, shape (n,), within ``layers`` of cells of the surfaces (collective)."""
     dofs = [np.empty(0, np.int64), *(s.local_dofs.ravel() + bulk.first for s in surfaces)]
     found = PETSc.IS().createGeneral(

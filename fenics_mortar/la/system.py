@@ -17,7 +17,7 @@ the iterates. Rows of prescribed dofs are scaled by the largest k_j. Both scales
 ``solve`` takes and returns unscaled vectors.
 
 Vectors are local arrays: values of the owned dofs, then both components of each multiplier owned by
-this rank, in the order of ``places``.
+this rank, in the order of ``z_numbers``.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.interface.mortar import Block
+from fenics_mortar.la.coupling import Coupling
 from fenics_mortar.la.multigrid import ContactPreconditioner
-from fenics_mortar.la.reach import Reach
 from fenics_mortar.la.solver import LinearSolver
 from fenics_mortar.utils.arrays import Array, Indices
 
@@ -45,7 +45,7 @@ class LinearSystem(ABC):
     """Base class of both forms: numbering and scaling of multipliers, blocks, solver.
 
     Attributes:
-        places: Global number of the multiplier of each slave node, (slave nodes,) per contact,
+        z_numbers: Global number of the multiplier of each slave node, (slave nodes,) per contact,
             ordered by owner, so that a rank owns a contiguous range.
         num_multipliers: Number of multipliers owned by this rank.
         solver: Solver for ``matrix``.
@@ -67,21 +67,21 @@ class LinearSystem(ABC):
         """
         self.bulk, self.contacts, self.comm = bulk, contacts, bulk.comm
         owners = np.concatenate([np.empty(0, np.int64), *(c.slave.owners for c in contacts)])
-        place = np.empty(owners.size, np.int64)
-        place[np.argsort(owners, kind="stable")] = np.arange(owners.size)
+        z_number = np.empty(owners.size, np.int64)
+        z_number[np.argsort(owners, kind="stable")] = np.arange(owners.size)
         ends = np.cumsum([contact.slave.num_nodes for contact in contacts])
-        self.places: list[Indices] = np.split(place, ends)[:-1]
+        self.z_numbers: list[Indices] = np.split(z_number, ends)[:-1]
         self.num_multipliers = int((owners == self.comm.rank).sum())
         self._first_multiplier = int((owners < self.comm.rank).sum())
         self._numbered = [
-            (contact, place, contact.slave.owned, self.local(contact, place))
-            for contact, place in zip(contacts, self.places, strict=True)
+            (contact, z_number, contact.slave.owned, self.local(contact, z_number))
+            for contact, z_number in zip(contacts, self.z_numbers, strict=True)
         ]
         rows = 2 * self.num_multipliers if self.has_multipliers else None
         self.solver = LinearSolver(
             self.comm, prefix, options, lambda: ContactPreconditioner(bulk, contacts, prefix, rows)
         )
-        self._reaches: list[Reach] = []
+        self._couplings: list[Coupling] = []
         self._pattern = 0
         self.matrix: PETSc.Mat
         self._prescribed_scale = 1.0
@@ -127,13 +127,13 @@ class LinearSystem(ABC):
 
     # Vectors
 
-    def local(self, contact: Interface, place: Indices) -> Indices:
-        """Local numbers of a contact's owned multipliers, shape (n,) as ``place`` (local)."""
-        return place[contact.slave.owned] - self._first_multiplier
+    def local(self, contact: Interface, z_number: Indices) -> Indices:
+        """Local numbers of a contact's owned multipliers, shape (n,) as ``z_number`` (local)."""
+        return z_number[contact.slave.owned] - self._first_multiplier
 
     def numbered(self) -> Iterator[tuple[Interface, Indices]]:
         """Each contact with the numbers of its multipliers, (slave nodes,)."""
-        return zip(self.contacts, self.places, strict=True)
+        return zip(self.contacts, self.z_numbers, strict=True)
 
     def collect(self, nodal: Iterable[Array]) -> Array:
         """Values [any unit] of the owned multipliers, shape (num_multipliers, ...) (local).
@@ -182,24 +182,24 @@ class LinearSystem(ABC):
 
     def force_blocks(self) -> Iterable[Block]:
         """Blocks of B^T for zeta; columns are numbers of multipliers."""
-        for contact, place in self.numbered():
+        for contact, z_number in self.numbered():
             scale = self.scale(contact)
             for rows, columns, values in contact.force_blocks():
                 j = columns // 2
-                yield Block(rows, 2 * place[j] + columns % 2, values * scale[j][:, None, :])
+                yield Block(rows, 2 * z_number[j] + columns % 2, values * scale[j][:, None, :])
 
     def law_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
         """Blocks of C, by the rows of each contact; rows are numbers of multipliers."""
-        for place, law in zip(self.places, laws, strict=True):
+        for z_number, law in zip(self.z_numbers, laws, strict=True):
             for block in law.blocks:
-                rows = 2 * place[block.rows // 2] + block.rows % 2
+                rows = 2 * z_number[block.rows // 2] + block.rows % 2
                 yield Block(rows, block.columns, block.values)
 
     def multiplier_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
         """Blocks of A_z for zeta, of the multipliers owned here."""
-        for (contact, place), law in zip(self.numbered(), laws, strict=True):
+        for (contact, z_number), law in zip(self.numbered(), laws, strict=True):
             mine = contact.slave.owned
-            dofs = components(place[mine, None])
+            dofs = components(z_number[mine, None])
             yield Block(dofs, dofs, law.A_z[mine] * self.scale(contact)[mine, None, None])
 
     # Assembly
@@ -209,12 +209,12 @@ class LinearSystem(ABC):
         now = [(c.operators, c.coupled_by_slip()) for c in self.contacts]
         fits = self._pattern == self.bulk.num_patterns
         if fits:
-            for contact, reach, state in zip(self.contacts, self._reaches, now, strict=True):
+            for contact, coupling, state in zip(self.contacts, self._couplings, now, strict=True):
                 acting = contact.acts | contact.z.any(axis=1)
-                fits = fits and reach.contains(*state, acting)
+                fits = fits and coupling.contains(*state, acting)
         if self.comm.allreduce(fits, MPI.LAND):
             return False
-        self._reaches = [Reach(*state) for state in now]
+        self._couplings = [Coupling(*state) for state in now]
         self._pattern = self.bulk.num_patterns
         return True
 

@@ -16,7 +16,7 @@ from dolfinx import fem
 from fenics_mortar.mesh.data import MeshData, Names
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
-from fenics_mortar.utils.errors import MeshError, check_same_words, together
+from fenics_mortar.utils.errors import MeshError, check_same_texts, together
 
 
 def dirichlet(
@@ -57,7 +57,7 @@ def dirichlet(
             raise MeshError("the space belongs to another mesh than the boundaries")
         tags = data.boundary_tags(boundary)
         value = value if in_sub_space else _boundary_value(V, value, component)
-    check_same_words(data.mesh.comm, "dirichlet", {"boundary": tags, "component": component})
+    check_same_texts(data.mesh.comm, "dirichlet", {"boundary": tags, "component": component})
     facets = data.boundary_facets(boundary)
     data.mesh.topology.create_connectivity(1, 2)
     if in_sub_space:

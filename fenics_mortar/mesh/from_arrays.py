@@ -22,7 +22,7 @@ from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import MeshError, check_same_words, place, together
+from fenics_mortar.utils.errors import MeshError, check_same_texts, format_point, together
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Cell, degree, number of corners, and the nodes in the order of basix, by number of nodes.
@@ -89,7 +89,7 @@ def mesh_from_arrays(
         if not 0 <= rank < comm.size:
             ranks = f"the ranks 0 to {comm.size - 1}"
             raise MeshError(f"rank {rank} should give the mesh, but there are {ranks}")
-    check_same_words(comm, "mesh_from_arrays", {"rank": rank})
+    check_same_texts(comm, "mesh_from_arrays", {"rank": rank})
     mine = None
     with together(comm, "mesh_from_arrays"):
         if comm.rank == rank:
@@ -97,7 +97,7 @@ def mesh_from_arrays(
     return distributed(comm, rank, mine)
 
 
-def distributed(comm: MPI.Comm, rank: int, mine: Given | None) -> MeshData:
+def distributed(comm: MPI.Comm, rank: int, mine: CheckedArrays | None) -> MeshData:
     """Create the distributed mesh from the arrays of rank ``rank`` (collective)."""
     tagged = comm.bcast(mine and mine.tagged, root=rank)
     name, degree, _, order = KINDS[tagged.num_nodes]
@@ -131,7 +131,7 @@ class Tagged:
 
 
 @dataclass(frozen=True)
-class Given:
+class CheckedArrays:
     """Checked arrays: positions (n, 2) [length], cells (m, k) as given, and the rest."""
 
     points: Array
@@ -139,7 +139,7 @@ class Given:
     tagged: Tagged
 
 
-def _checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> Given:
+def _checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> CheckedArrays:
     """Check the arrays (local).
 
     Raises:
@@ -157,7 +157,7 @@ def _checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> Given:
     )
     num_nodes = nodes.shape[1]
     tagged = Tagged(num_nodes, tag_of_body, tag_of_boundary, body_of_cell, facets, tags)
-    return Given(x, nodes, tagged)
+    return CheckedArrays(x, nodes, tagged)
 
 
 def _points(points: Any) -> Array:
@@ -198,7 +198,7 @@ def _check_cells(x: Array, cells: Indices) -> None:
         raise MeshError(f"cell {repeated[0]} has a node twice: {cells[repeated[0]].tolist()}")
     _, first, count = np.unique(rows, axis=0, return_index=True, return_counts=True)
     if (count > 1).any():
-        where = place(x[cells[first[count.argmax()]]].mean(axis=0))
+        where = format_point(x[cells[first[count.argmax()]]].mean(axis=0))
         raise MeshError(f"{(count - 1).sum()} cells are duplicates, one at {where}")
 
 
@@ -232,7 +232,7 @@ def _body_of_cell(bodies: Any, x: Array, cells: Indices) -> npt.NDArray[np.int32
             raise MeshError(f"cell {taken.flat[0]} is in the bodies {other!r} and {name!r}")
         tags[numbers] = tag
     if not tags.all():
-        where = place(x[cells[tags.argmin()]].mean(axis=0))
+        where = format_point(x[cells[tags.argmin()]].mean(axis=0))
         raise MeshError(f"{(tags == 0).sum()} cells are in no body, one at {where}")
     return tags
 

@@ -21,7 +21,13 @@ from fenics_mortar.mesh.from_arrays import distributed
 from fenics_mortar.mesh.msh_file import MshFile, read_msh
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind, check_number
-from fenics_mortar.utils.errors import MeshError, check_same_words, place, raise_together, together
+from fenics_mortar.utils.errors import (
+    MeshError,
+    check_same_texts,
+    format_point,
+    raise_together,
+    together,
+)
 from fenics_mortar.utils.rounding import ROUNDING
 
 
@@ -67,7 +73,7 @@ def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> Mes
         if not 0 <= rank < comm.size:
             ranks = f"the ranks 0 to {comm.size - 1}"
             raise MeshError(f"rank {rank} should read the mesh, but there are {ranks}")
-    check_same_words(comm, "read_gmsh", {"rank": rank})
+    check_same_texts(comm, "read_gmsh", {"rank": rank})
     with ExitStack() as stack:
         model, names, error = None, None, None
         if comm.rank == rank:
@@ -202,7 +208,8 @@ def _check_elements(model: Any) -> None:
         twice = first[np.argmax(count > 1)]
         x = np.mean([model.mesh.getNode(node)[0] for node in nodes[twice]], axis=0)
         raise MeshError(
-            f"{(count - 1).sum()} elements are duplicates, one at {place(x)}: remove the copies"
+            f"{(count - 1).sum()} elements are duplicates, one at {format_point(x)}: remove the "
+            "copies"
         )
 
 

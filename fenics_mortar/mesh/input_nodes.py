@@ -15,12 +15,12 @@ from fenics_mortar.utils.arrays import Array, Indices
 def node_dofs(V: Any, nodes: npt.ArrayLike) -> Indices:
     """Local dofs of nodes of the mesh input, shape (k,); see ``MeshData.node_dofs`` (local)."""
     dofs, numbers = _numbered_dofs(V)
-    wanted = np.asarray(nodes, np.int64)
+    requested = np.asarray(nodes, np.int64)
     order = np.argsort(numbers, kind="stable")
     if not order.size:
-        return np.full(wanted.shape, -1, np.int64)
-    at = order[np.minimum(np.searchsorted(numbers[order], wanted), order.size - 1)]
-    return np.where(numbers[at] == wanted, dofs[at], -1)
+        return np.full(requested.shape, -1, np.int64)
+    at = order[np.minimum(np.searchsorted(numbers[order], requested), order.size - 1)]
+    return np.where(numbers[at] == requested, dofs[at], -1)
 
 
 def nodal_values(u: Any, nodes: npt.ArrayLike) -> Array:
@@ -31,8 +31,8 @@ def nodal_values(u: Any, nodes: npt.ArrayLike) -> Array:
     mine = np.flatnonzero((dofs >= 0) & (dofs < owned))
     values = u.x.array.reshape(-1, size)[dofs[mine]]
     found = np.full((dofs.size, size), np.nan)
-    for places, there in V.mesh.comm.allgather((mine, values)):
-        found[places] = there
+    for indices, there in V.mesh.comm.allgather((mine, values)):
+        found[indices] = there
     return found
 
 
@@ -41,9 +41,9 @@ def _numbered_dofs(V: Any) -> tuple[Indices, Indices]:
     layout = V.dofmap.dof_layout
     if len(layout.entity_dofs(0, 0)) != 1:
         raise ValueError("expected a Lagrange space that is not mixed: one node at each vertex")
-    dofs, places = compat.dofmap(V), compat.geometry_dofmap(V.mesh)
+    dofs, geometry = compat.dofmap(V), compat.geometry_dofmap(V.mesh)
     corners = compat.num_corners(V.mesh)
-    common = places.shape[1] if places.shape == dofs.shape else corners
+    common = geometry.shape[1] if geometry.shape == dofs.shape else corners
     numbers = np.asarray(V.mesh.geometry.input_global_indices, np.int64)
     own, first = np.unique(dofs[:, :common], return_index=True)
-    return own.astype(np.int64), numbers[places[:, :common].ravel()[first]]
+    return own.astype(np.int64), numbers[geometry[:, :common].ravel()[first]]

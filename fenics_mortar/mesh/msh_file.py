@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.mesh.from_arrays import Given, Tagged
+from fenics_mortar.mesh.from_arrays import CheckedArrays, Tagged
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError
 
@@ -109,13 +109,13 @@ class MshFile:
             return np.empty((0, 2), np.int64), np.empty(0, np.int32)
         return np.concatenate(nodes), np.concatenate(tags)
 
-    def given(self, bodies: dict[str, int], boundaries: dict[str, int]) -> Given:
+    def given(self, bodies: dict[str, int], boundaries: dict[str, int]) -> CheckedArrays:
         """The mesh as arrays with names of its groups; needs nodes numbered from 1 without gaps."""
         cells, body_of_cell = self.tagged_elements(2)
         facets, tags = self.tagged_elements(1)
         ends = np.sort(facets[:, :2], axis=1)
         tagged = Tagged(cells.shape[1], bodies, boundaries, body_of_cell, ends, tags)
-        return Given(self.x[np.argsort(self.tags), :2], cells, tagged)
+        return CheckedArrays(self.x[np.argsort(self.tags), :2], cells, tagged)
 
     def getNodes(self) -> tuple[Indices, Array, None]:
         """Numbers (n,) and positions (3 n,) [length] of all nodes, as gmsh returns them."""

@@ -103,10 +103,10 @@ class DisplacementSpace:
         index_map, mesh = self.V.dofmap.index_map, self.V.mesh
         count = index_map.size_local + index_map.num_ghosts
         here = index_map.local_to_global(np.arange(count, dtype=np.int32))
-        own, places = compat.dofmap(self.V), compat.geometry_dofmap(mesh)
-        place = np.full(count, -1)
-        place[own[:, : places.shape[1]]] = places
+        own, geometry = compat.dofmap(self.V), compat.geometry_dofmap(mesh)
+        index = np.full(count, -1)
+        index[own[:, : geometry.shape[1]]] = geometry
         order = np.argsort(nodes)
         at = np.minimum(np.searchsorted(nodes[order], here), nodes.size - 1)
-        found = (nodes[order][at] == here) & (place >= 0)
-        mesh.geometry.x[place[found], :2] = X[order[at[found]]]
+        found = (nodes[order][at] == here) & (index >= 0)
+        mesh.geometry.x[index[found], :2] = X[order[at[found]]]

@@ -51,7 +51,7 @@ from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_choice, check_flag, check_kind, check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same_words
+from fenics_mortar.utils.errors import check_same_texts
 
 
 class AdequacyCheck:
@@ -128,7 +128,7 @@ class AdequacyCheck:
             "elastic_obstacles": len(self._elastic),
             "finite_strain": self._finite_strain is not None,
         }  # fmt: skip
-        check_same_words(problem.comm, "AdequacyCheck", given)
+        check_same_texts(problem.comm, "AdequacyCheck", given)
         if self._has_hierarchy:
             self._hierarchy = ModelHierarchy(
                 problem, self._tolerance, self._quantity, self._discretisation
@@ -142,7 +142,7 @@ class AdequacyCheck:
         """
         return self._hierarchy.solve() if self._hierarchy else None
 
-    def remember(self) -> Callable[[], None]:
+    def snapshot(self) -> Callable[[], None]:
         """Return a function that restores the present data of the check (local)."""
         slips = self._slips.copy()
         models = vars(self._hierarchy).copy() if self._hierarchy else {}

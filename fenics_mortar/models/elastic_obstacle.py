@@ -41,7 +41,7 @@ from fenics_mortar.models.options import MODELS
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MeshError, call_together, check_same_words, together
+from fenics_mortar.utils.errors import MeshError, call_together, check_same_texts, together
 
 PREFIX = "fenics_mortar_elastic_obstacle_"
 
@@ -89,7 +89,7 @@ class ElasticObstacle:
             data.boundary_tags(surface)
             if data.mesh is not u.function_space.mesh:
                 raise MeshError("data belongs to another mesh than u")
-        check_same_words(data.mesh.comm, "ElasticObstacle", {"surface": surface, "bcs": len(bcs)})
+        check_same_texts(data.mesh.comm, "ElasticObstacle", {"surface": surface, "bcs": len(bcs)})
         check_space(u.function_space, ())
         self.obstacle = obstacle
         space = DisplacementSpace(u.function_space)
@@ -154,8 +154,8 @@ class _Touching:
             self._measure = self._measure * self._points.of(contact.slave.thickness.at(o.x))
         own = obstacle.to_own_frame(self._points.of(o.x).reshape(-1, 2))
         batches = np.array_split(own, len(own) // MODELS.batch + 1)
-        places = [nearest_facets(batch, surface.X, surface) for batch in batches]
-        self._ends, parts = (np.concatenate(found) for found in zip(*places, strict=True))
+        nearest = [nearest_facets(batch, surface.X, surface) for batch in batches]
+        self._ends, parts = (np.concatenate(found) for found in zip(*nearest, strict=True))
         on_facet = np.clip(parts, 0.0, 1.0)
         self._shares = np.stack([1.0 - on_facet, on_facet], axis=1)
 

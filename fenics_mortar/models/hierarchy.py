@@ -23,7 +23,7 @@ import ufl
 from dolfinx import fem
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.integration import place_of
+from fenics_mortar.contact.operator_evaluation import place_of
 from fenics_mortar.equations.state import State
 from fenics_mortar.models.model_error import (
     ENERGY,
@@ -241,7 +241,8 @@ def cheaper_models(problem: ContactProblem) -> Iterator[Model]:
     """Cheaper variants of a problem, the cheapest first (collective)."""
     linear: dict[str, Any] = {}
     if not problem.equations.bulk.is_linear:
-        linear["residual"] = linearized(problem.equations.bulk.residual, problem.equations.bulk.u)
+        bulk = problem.equations.bulk
+        linear["residual"] = linearized_residual(bulk.residual, bulk.u)
     contacts = [contact for contact in problem.equations.contacts if isinstance(contact, Contact)]
     if len(sliding_little(problem)) < len(contacts):
         yield Model(problem.variant(**linear, sliding="small"), bool(linear), True)
@@ -249,7 +250,7 @@ def cheaper_models(problem: ContactProblem) -> Iterator[Model]:
         yield Model(problem.variant(**linear), True, False)
 
 
-def linearized(residual: Any, u: Any) -> Any:
+def linearized_residual(residual: Any, u: Any) -> Any:
     """Linearize a residual's form about u = 0 (local)."""
     zero = fem.Function(u.function_space)
     at_rest = ufl.replace(residual, {u: zero})

@@ -106,11 +106,11 @@ def take_steps(problem: ContactProblem, cheap: SolutionQuantities, model: Contac
     """
     start = model.equations.evaluate(start=True).residual or np.inf
     for _ in range(MODELS.max_corrections):
-        part = model.equations.advance().fraction
+        fraction = model.equations.advance().fraction
         left = model.equations.evaluate(start=False).residual / start
         errors = differences(problem, cheap, SolutionQuantities.of(model))
         settled = left * errors[ENERGY] <= max(MODELS.settled, 0.5 * min(errors.values()))
-        if part == 1.0 and left <= MODELS.linear and settled:
+        if fraction == 1.0 and left <= MODELS.linear and settled:
             break
     return errors
 
@@ -127,10 +127,10 @@ def estimate_wider(
     """
     kept = [contact.offset for contact in contacts]
     for contact, length in zip(contacts, lengths, strict=True):
-        contact.offset = contact.offset - length
+        contact.change(offset=contact.offset - length)
     errors = estimate(problem, problem)
     for contact, offset in zip(contacts, kept, strict=True):
-        contact.offset = offset
+        contact.change(offset=offset)
     problem.restore(problem.state())
     return errors
 

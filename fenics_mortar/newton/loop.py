@@ -174,9 +174,14 @@ def _stagnates(residuals: Sequence[float]) -> bool:
     return len(residuals) > 2 and residuals[-1] > 0.5 * residuals[-3]
 
 
+def decreased(residual: float, before: float) -> bool:
+    """Whether a residual decreased tenfold: sets then settle except for nodes at roundoff."""
+    return residual < 0.1 * before
+
+
 def _is_stuck(sets: list[bytes], residuals: list[float]) -> bool:
-    """Whether the sets changed in many iterations and the residual did not fall tenfold."""
-    return len(sets) > UNSETTLED and residuals[-1] > 0.1 * residuals[-1 - UNSETTLED]
+    """Whether the sets changed in many iterations and the residual did not decrease."""
+    return len(sets) > UNSETTLED and not decreased(residuals[-1], residuals[-1 - UNSETTLED])
 
 
 def period_of(sets: list[bytes]) -> int:

@@ -21,7 +21,7 @@ from fenics_mortar.obstacles.points import check_finite, check_vector
 from fenics_mortar.obstacles.shape_change import differentiate_shape
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import NotFiniteError, place
+from fenics_mortar.utils.errors import NotFiniteError, format_point
 
 Fields = tuple[Array, Array, Array]
 # Names of the motions in the interface.
@@ -135,7 +135,7 @@ class Obstacle(ABC):
     def _where(self, x: Array, marked: npt.NDArray[np.bool_]) -> str:
         """Position in space of the first marked point, as text for messages."""
         first = int(np.argmax(marked))
-        return place(np.real(self.to_space(x[first : first + 1])[0]))
+        return format_point(np.real(self.to_space(x[first : first + 1])[0]))
 
     @property
     def turn(self) -> Array:
@@ -157,6 +157,13 @@ class Obstacle(ABC):
         one, zero = np.ones_like(r[:, 0]), np.zeros_like(r[:, 0])
         rows = ((one, zero), (zero, one), (-r[:, 1], r[:, 0]))
         return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
+
+    def salient_points(self) -> Array:
+        """Points of the surface that may be the deepest in a body, own frame, (k, 2) [length].
+
+        Such as tips; none by default. The points nearest to the nodes of a body are known anyway.
+        """
+        return np.empty((0, 2))
 
     # Shape, for sensitivities; see ``shape_change``
 

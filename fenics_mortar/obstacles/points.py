@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import place
-from fenics_mortar.utils.lines import cross, near_pairs
+from fenics_mortar.utils.errors import format_point
+from fenics_mortar.utils.lines import lines_cross, near_pairs
 
 
 def edges_of(corners: Array) -> Array:
@@ -43,12 +43,13 @@ def check_simple(what: str, chain: Array, *, closed: bool) -> None:
     pairs = near_pairs(start, end)
     after = (pairs[:, 1] - pairs[:, 0]) % (len(start) if closed else len(start) + 1)
     pairs = pairs[(after > 1) & (after < len(start) - 1 if closed else after > 1)]
-    meets = cross(start, end, pairs, touching=True)
+    meets = lines_cross(start, end, pairs, touching=True)
     if meets.any():
         i, j = pairs[np.argmax(meets)]
         raise ValueError(
-            f"the {what} intersects itself: edges from {place(start[i])} to {place(end[i])} and "
-            f"from {place(start[j])} to {place(end[j])}; list the points in order along the curve"
+            f"the {what} intersects itself: edges from {format_point(start[i])} to "
+            f"{format_point(end[i])} and from {format_point(start[j])} to {format_point(end[j])}; "
+            "list the points in order along the curve"
         )
 
 

@@ -11,11 +11,13 @@ from fenics_mortar.obstacles.points import check_chain, check_simple, check_vect
 from fenics_mortar.obstacles.spline_shape import SplineShape, distance_changes
 from fenics_mortar.utils.arguments import check_flag, check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import EPSILON, MAX_STEPS, ROUNDING
 
 # Samples of a spline per interval; Newton's method starts from the nearest one.
 SAMPLES = 16
+# Directions from the centre of a circle to its salient points.
+AROUND = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
 
 
 class Plane(Obstacle):
@@ -100,6 +102,10 @@ class Circle(Obstacle):
         sign = self._sign
         return sign * (r - self._radius), sign * e, sign * across / r[:, None, None]
 
+    def salient_points(self) -> Array:
+        """Eight points of the circle; see ``Obstacle.salient_points``."""
+        return self.pivot + self._radius * AROUND / np.linalg.norm(AROUND, axis=1)[:, None]
+
 
 class Spline(Obstacle):
     """Cubic spline through a chain of points, with the solid on its left.
@@ -168,6 +174,10 @@ class Spline(Obstacle):
         bend = curvature / (1.0 + curvature * phi)
         tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
         return phi, normal, bend[:, None, None] * np.einsum("ia,ib->iab", tangent, tangent)
+
+    def salient_points(self) -> Array:
+        """The samples; see ``Obstacle.salient_points``."""
+        return self._points + self.pivot
 
     def local_by_shapes(self, x: Array, name: str, directions: Array) -> tuple[Array, Array]:
         """By differentiating the spline; see ``Obstacle.local_by_shapes``."""
@@ -264,7 +274,7 @@ class Polygon(Obstacle):
         half = 1.0 + (normals * before).sum(axis=1)
         back = int(np.argmin(half))
         if half[back] <= EPSILON:
-            raise ValueError(f"two edges of the polygon overlap at {place(corners[back])}")
+            raise ValueError(f"two edges of the polygon overlap at {format_point(corners[back])}")
         inner = corners - rounding * (normals + before) / half[:, None]
         if not ((edges_of(inner) * edges).sum(axis=1) > 0.0).all():
             raise ValueError(f"rounding={rounding}: too large for the edges of the polygon")
@@ -288,6 +298,12 @@ class Polygon(Obstacle):
         phi = np.where(round_, size[:, 0], (rest * n).sum(axis=1)) - self._radius
         across = np.eye(2) - np.einsum("ia,ib->iab", gradient, gradient)
         return phi, gradient, np.where(round_[:, None, None], across / size[:, :, None], 0.0)
+
+    def salient_points(self) -> Array:
+        """The tips of the rounded corners; see ``Obstacle.salient_points``."""
+        towards = self._normals + np.roll(self._normals, 1, axis=0)
+        size = np.linalg.norm(towards, axis=1)[:, None]
+        return self._corners + self._radius * towards / size
 
     def _is_inside(self, x: Array) -> npt.NDArray[np.bool_]:
         """Whether a ray from each point intersects the inner polygon an odd number of times."""

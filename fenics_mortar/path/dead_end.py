@@ -25,7 +25,7 @@ from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError, place
+from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError, format_point
 from fenics_mortar.utils.rounding import HALF_FACET
 
 # Largest number n of sliding nodes for which all 2^n combinations of stick and slip are tried.
@@ -46,7 +46,7 @@ def reason_for_end(problem: ContactProblem) -> str:
     )
 
 
-def describe_path_turn(problem: ContactProblem) -> str:
+def describe_turning_point(problem: ContactProblem) -> str:
     """Describe the turn of the path in a failed step; "" if it does not turn (collective).
 
     The equations are linearized at the last equilibrium. The result is "" if bodies float, since
@@ -57,7 +57,7 @@ def describe_path_turn(problem: ContactProblem) -> str:
     """
     if problem.equations.floating.bodies:
         return ""
-    return _reason(problem, lambda _: _turn(problem))
+    return _reason(problem, lambda _: _turning_point(problem))
 
 
 def _reason(problem: ContactProblem, find: Callable[[State], str]) -> str:
@@ -73,7 +73,7 @@ def _reason(problem: ContactProblem, find: Callable[[State], str]) -> str:
         problem.restore(start)
 
 
-def _turn(problem: ContactProblem) -> str:
+def _turning_point(problem: ContactProblem) -> str:
     """Turn of the equations linearized at the start of the step, as text (collective)."""
     equations = problem.equations
     for contact in equations.contacts:
@@ -85,7 +85,7 @@ def _turn(problem: ContactProblem) -> str:
     if not linearized.applies:
         return ""
     equations.bulk.assemble_tangent()
-    return linearized.describe_turn()
+    return linearized.describe_turning_point()
 
 
 def _slipping_off(problem: ContactProblem) -> Iterator[str]:
@@ -101,8 +101,8 @@ def _slipping_off(problem: ContactProblem) -> Iterator[str]:
             force = float(np.hypot(*contact.total_force))
             yield (
                 f"'{contact.slave.name}' and '{contact.master.name}' slip off each other at "
-                f"{place(o.x[j])}: their common length has decreased to {overlap:.1e} and still "
-                f"transfers a force of {force:.3g}; there is no equilibrium beyond"
+                f"{format_point(o.x[j])}: their common length has decreased to {overlap:.1e} and "
+                f"still transfers a force of {force:.3g}; there is no equilibrium beyond"
             )
 
 
@@ -127,12 +127,15 @@ def _past_each_other(problem: ContactProblem, before: State) -> str:
         if not (isinstance(contact, Contact) and active.any()) or contact.active.any():
             continue
         o = contact.operators
-        behind = np.einsum("ja,ja->j", o.n, contact.partners.apart(o)) / contact.slave.nodal_lengths
+        behind = (
+            np.einsum("ja,ja->j", o.n, contact.partners.gap_vectors(o))
+            / contact.slave.nodal_lengths
+        )
         j = int(np.argmax(np.where(active, behind, -np.inf)))
         if behind[j] > HALF_FACET:
             return (
                 f"'{contact.slave.name}' and '{contact.master.name}' jumped past each other at "
-                f"{place(o.x[j])}, by {behind[j]:.1f} facets in one step"
+                f"{format_point(o.x[j])}, by {behind[j]:.1f} facets in one step"
             )
     return ""
 
@@ -189,7 +192,7 @@ def _deadlock(problem: ContactProblem, start: State) -> str:
         if not violated or not set(violated) <= set(sliding):
             return ""
         fewest = min(fewest, violated, key=len)
-    where = ", ".join(f"{place(contact.operators.x[j])}" for contact, j in fewest)
+    where = ", ".join(f"{format_point(contact.operators.x[j])}" for contact, j in fewest)
     return (
         f"{len(sliding)} nodes slide, and each of the {2 ** len(sliding)} combinations of stick "
         f"and slip violates the law of friction, at best only at {where}: no nearby state is in "

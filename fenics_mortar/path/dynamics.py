@@ -33,7 +33,7 @@ from fenics_mortar.path.dynamics_input import (
     SCHEMES,
     DensityValues,
     check_dynamics,
-    check_equal_on_ranks,
+    check_dynamics_on_ranks,
     check_rates,
     check_step,
     rates_of,
@@ -51,7 +51,7 @@ from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import (
     MortarError,
-    check_same_words,
+    check_same_texts,
     together,
 )
 from fenics_mortar.utils.rounding import TINY
@@ -111,7 +111,7 @@ class Dynamics:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
         with together(problem.comm, "Dynamics"):
             check_dynamics(problem, density, scheme, rho_inf, velocity, energy)
-        check_equal_on_ranks(problem, density, scheme, rho_inf, velocity, energy)
+        check_dynamics_on_ranks(problem, density, scheme, rho_inf, velocity, energy)
         self.problem, equations = problem, problem.equations
         self._scheme = GeneralizedAlpha(SCHEMES[scheme] if rho_inf is None else float(rho_inf))
         slaves = [c.slave.nodes for c in equations.contacts if not isinstance(c, Tie)]
@@ -281,7 +281,7 @@ class Dynamics:
         with together(self.problem.comm, "run"):
             check_run(stop, options, set_loads, tolerance, on_step, self.time)
         given = {"stop": stop, "options": options, "tolerance": tolerance}
-        check_same_words(self.problem.comm, "run", given)
+        check_same_texts(self.problem.comm, "run", given)
         self._begin()
         return Motion(self, self._advance, options, tolerance).run(stop, set_loads, on_step)
 

@@ -17,7 +17,7 @@ from fenics_mortar.equations.state import State
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MortarError, check_same, check_same_words
+from fenics_mortar.utils.errors import MortarError, check_same, check_same_texts
 
 # Default spectral radius at infinite frequency by scheme [1]: no dissipation, or dissipation of the
 # frequencies excited by impacts and not resolved by the time step.
@@ -45,7 +45,7 @@ def check_dynamics(
         raise ValueError("problem has inertia already, from another Dynamics: set up a new problem")
 
 
-def check_equal_on_ranks(
+def check_dynamics_on_ranks(
     problem: ContactProblem, density: Any, scheme: str, rho_inf: Any, velocity: Any, energy: Any
 ) -> None:
     """Reject arguments of ``Dynamics`` that differ between ranks (collective).
@@ -58,7 +58,7 @@ def check_equal_on_ranks(
         "scheme": scheme, "rho_inf": rho_inf, "velocity": velocity is not None,
         "energy": energy is not None, "density": density if is_number else "a UFL expression",
     }  # fmt: skip
-    check_same_words(problem.comm, "Dynamics", given)
+    check_same_texts(problem.comm, "Dynamics", given)
     constants = [] if is_number else extract_constants(density)
     check_same(problem.comm, [("a constant of density", c.value) for c in constants])
 

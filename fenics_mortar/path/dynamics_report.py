@@ -96,16 +96,16 @@ class DynamicsReport(Markdown):
         if self.friction_work > 0.0:
             del added["friction"]
         shares = {name: energy / kinetic if kinetic else 0.0 for name, energy in added.items()}
-        told = [
+        messages = [
             f"{name} {'added' if share > 0 else 'took'} {abs(share):.2g}"
             for name, share in shares.items()
             if abs(share) > ADDED
         ]
-        if not told:
+        if not messages:
             return ""
         return (
-            f"{' and '.join(told)} of the largest kinetic energy, an error of the time steps: take "
-            "scheme='conserving', smaller steps, or a smaller rho_inf"
+            f"{' and '.join(messages)} of the largest kinetic energy, an error of the time steps: "
+            "take scheme='conserving', smaller steps, or a smaller rho_inf"
         )
 
     @property

@@ -6,11 +6,11 @@ By the trapezoidal rule the work of the pressures is
     (f_n + f_(n+1)) . (u_(n+1) - u_n) / 2 = (z_n g_(n+1) - z_(n+1) g_n) / 2
 
 in a step in which a node closes or opens. It should vanish; it is of second order, with the same
-sign for most nodes of an impact. The sum over all steps is stored as ``owed``. After each step with
-contact it is returned as far as possible: a fraction t of the impulse of the pressures is added to
-the momentum of the bodies, which changes the energy by t v . J + t^2 J . M^-1 J / 2, and leaves the
-sum of momenta unchanged; rigid rotations are left out, see ``spin_return``. (Laursen & Love 2002
-correct velocities in a similar way for each node.)
+sign for most nodes of an impact. The sum over all steps is stored as ``energy_deficit``.
+After each step with contact it is returned as far as possible: a fraction t of the impulse of the
+pressures is added to the momentum of the bodies. This changes the energy by
+t v . J + t^2 J . M^-1 J / 2 and leaves the sum of momenta unchanged. Rigid rotations are left out,
+see ``spin_return``. (Laursen & Love 2002 correct velocities in a similar way for each node.)
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ def return_energy(
         forces: Forces at its start and its end; see ``forces_of``.
         without_spin: Subtracts rigid rotations from a change of velocity.
     """
-    owed = inertia.rates.owed + work.pressure
-    inertia.rates = replace(inertia.rates, owed=owed)
-    if abs(owed) <= ROUNDING * work.largest:
+    energy_deficit = inertia.rates.energy_deficit + work.pressure
+    inertia.rates = replace(inertia.rates, energy_deficit=energy_deficit)
+    if abs(energy_deficit) <= ROUNDING * work.largest:
         return
     before, after = forces
     pressures = after[1] - after[3]
@@ -61,11 +61,11 @@ def return_energy(
         change = without_spin(change)
     velocity = inertia.rates.velocity
     power, square = inertia.product(velocity, change), inertia.product(change, change)
-    t = fraction_of_impulse(owed, power, square)
+    t = fraction_of_impulse(energy_deficit, power, square)
     inertia.rates = replace(
         inertia.rates,
         velocity=velocity + t * change,
-        owed=owed - (t * power + 0.5 * t**2 * square),
+        energy_deficit=energy_deficit - (t * power + 0.5 * t**2 * square),
     )
 
 

@@ -84,8 +84,8 @@ class Motion:
                 report.failures.append(failure.report)
                 shown.cut(start + dt, str(failure), failure.report)
                 if dt <= options.smallest:
-                    words = f"the motion ends at time {start:.6g}: a step of {dt:.1e} fails"
-                    raise NotConvergedError(f"{words}; {failure}", report) from failure
+                    message = f"the motion ends at time {start:.6g}: a step of {dt:.1e} fails"
+                    raise NotConvergedError(f"{message}; {failure}", report) from failure
                 size = max(options.cut * dt, options.smallest)
                 continue
             except BaseException as interruption:
@@ -117,10 +117,10 @@ class Motion:
 
         Nine tenths of the size at which the error would be the tolerance, or less.
         """
-        options, wanted = self._options, self._options.growth
+        options, growth = self._options, self._options.growth
         if self._tolerance is not None:
-            wanted = min(wanted, 0.9 * float(np.sqrt(self._tolerance / max(error, TINY))))
-        return min(max(wanted * size, options.smallest), self._largest)
+            growth = min(growth, 0.9 * float(np.sqrt(self._tolerance / max(error, TINY))))
+        return min(max(growth * size, options.smallest), self._largest)
 
 
 def check_run(

@@ -81,14 +81,14 @@ class Progress:
             self._bar.close()
 
 
-def check_bar(wanted: Any) -> None:
+def check_bar(requested: Any) -> None:
     """Reject a bar that cannot be drawn (local).
 
     Raises:
-        ValueError: If ``wanted`` is not a flag, or the package tqdm is missing.
+        ValueError: If ``requested`` is not a flag, or the package tqdm is missing.
     """
-    check_flag("progress", wanted)
-    if wanted:
+    check_flag("progress", requested)
+    if requested:
         _tqdm()
 
 
@@ -97,5 +97,5 @@ def _tqdm() -> Any:
     try:
         return importlib.import_module("tqdm").tqdm
     except ImportError as error:
-        words = "progress=True needs the package tqdm: Debian's python3-tqdm, or pip install tqdm"
-        raise ValueError(words) from error
+        message = "progress=True needs the package tqdm: Debian's python3-tqdm, or pip install tqdm"
+        raise ValueError(message) from error

@@ -82,7 +82,7 @@ class SpinReturn:
         inertia, owned = self._inertia, self._space.owned_dofs
         rates, x = inertia.rates, self._positions()[: len(owned)]
         rows = [
-            _turn(x, inertia.times_mass(values)[owned])
+            _moment(x, inertia.times_mass(values)[owned])
             for values in (rates.velocity, rates.acceleration)
         ]
         contacts = self._equations.contacts
@@ -92,7 +92,7 @@ class SpinReturn:
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
             f = force[owned]
-            rows += [_turn(x, f), np.abs(f).sum(axis=1)]
+            rows += [_moment(x, f), np.abs(f).sum(axis=1)]
         sums = self._sum(*rows).reshape(-1, self._count)
         meshed = np.array([contact.obstacle is None for contact in contacts], bool)
         moments, sizes = sums[2::2], sums[3::2] > 0.0
@@ -117,7 +117,9 @@ class SpinReturn:
         change = self._rotate(rotations, missing, rotations.free)
         rates = inertia.rates
         added = inertia.product(change, rates.velocity + 0.5 * change)
-        inertia.rates = replace(rates, velocity=rates.velocity + change, owed=rates.owed - added)
+        inertia.rates = replace(
+            rates, velocity=rates.velocity + change, energy_deficit=rates.energy_deficit - added
+        )
         return rotations
 
     def without_spin(self, rotations: Rotations, change: Array) -> Array:
@@ -131,7 +133,7 @@ class SpinReturn:
             The change without angular momentum, likewise.
         """
         x, owned = self._positions(), self._space.owned_dofs
-        momentum = self._sum(_turn(x[: len(owned)], self._inertia.times_mass(change)[owned]))
+        momentum = self._sum(_moment(x[: len(owned)], self._inertia.times_mass(change)[owned]))
         return change - self._rotate(rotations, momentum, rotations.between_bodies)
 
     def _rotations(self, before: Balance, after: Balance) -> Rotations:
@@ -148,7 +150,7 @@ class SpinReturn:
         velocity = np.zeros_like(one)
         velocity[space.dofs] = np.stack([-r[:, 1], r[:, 0]], axis=1)
         of_mass = self._inertia.times_mass(velocity)[space.owned_dofs]
-        second = self._sum(_turn(r[: len(mass)], of_mass))
+        second = self._sum(_moment(r[: len(mass)], of_mass))
         free, obstacles = (
             np.bincount(group, marks, count) == 0.0
             for marks in (self._supported, before.on_obstacle | after.on_obstacle)
@@ -174,6 +176,6 @@ class SpinReturn:
         return self._space.V.mesh.comm.allreduce(mine)
 
 
-def _turn(x: Array, p: Array) -> Array:
+def _moment(x: Array, p: Array) -> Array:
     """Moments about the origin of vectors ``p`` (n, 2) at ``x`` (n, 2), shape (n,)."""
     return x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]

@@ -17,7 +17,7 @@ from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.equations.undo import Snapshot, as_interruption
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.alternate_damping import AlternateDamping
-from fenics_mortar.path.dead_end import describe_jump, describe_path_turn, reason_for_end
+from fenics_mortar.path.dead_end import describe_jump, describe_turning_point, reason_for_end
 from fenics_mortar.path.options import SteppingOptions
 from fenics_mortar.path.progress import Progress, check_bar
 from fenics_mortar.path.report import PathReport, PathStep
@@ -29,7 +29,7 @@ from fenics_mortar.utils.errors import (
     NotConvergedError,
     RaisedElsewhereError,
     call_together,
-    check_same_words,
+    check_same_texts,
     together,
 )
 from fenics_mortar.utils.rounding import ROUNDING
@@ -91,7 +91,7 @@ def follow_path(
         _check_path(set_loads, options, start, stop, on_step)
         check_bar(progress)
     given = {"options": options, "start": start, "stop": stop, "on_step": on_step is not None}
-    check_same_words(problem.comm, "follow_path", given)
+    check_same_texts(problem.comm, "follow_path", given)
     path, time, step = PathReport(), start, options.step
     start_clock(problem.equations.contacts, start)
     largest = options.largest or options.step
@@ -124,12 +124,12 @@ def follow_path(
                 problem.restore(accepted)
                 shown.cut(time + step, str(failure), failure.report)
                 if step <= options.smallest:
-                    turns = describe_path_turn(problem)
+                    turning_point = describe_turning_point(problem)
                     load(min(time + MIN_FRACTION * options.step, stop))
-                    path.dead_end = reason_for_end(problem) or turns
+                    path.dead_end = reason_for_end(problem) or turning_point
                     load(time)
-                    words = _last_words(time, step, path.dead_end, failure)
-                    raise NotConvergedError(words, path) from failure
+                    message = _end_of_path(time, step, path.dead_end, failure)
+                    raise NotConvergedError(message, path) from failure
                 step = max(options.cut * step, options.smallest)
                 continue
             before_forces, forces = forces, forces_of(problem)
@@ -187,14 +187,16 @@ def _kept(last: _LastStep) -> Iterator[None]:
         ours = isinstance(error, MortarError) and not isinstance(error, RaisedElsewhereError)
         time, before = last.reached
         before.revert(renew=not ours)
-        told = as_interruption(error)
-        told.add_note(f"the problem is at time {time:.6g} of the path, its last accepted step")
-        if told is error:
+        interruption = as_interruption(error)
+        interruption.add_note(
+            f"the problem is at time {time:.6g} of the path, its last accepted step"
+        )
+        if interruption is error:
             raise
-        raise told from error
+        raise interruption from error
 
 
-def _last_words(time: float, step: float, why: str, failure: NotConvergedError) -> str:
+def _end_of_path(time: float, step: float, why: str, failure: NotConvergedError) -> str:
     """Message at the end of a path: time, step and reason."""
     if why:
         return f"the path ends at {time:.6g}: {why}. A step of {step:.1e} fails; {failure}"

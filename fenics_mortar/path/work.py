@@ -58,10 +58,12 @@ def forces_of(problem: ContactProblem) -> Forces:
     """Forces of bulk and contact, on obstacles, and tangential parts of the last two (collective).
 
     Returns:
-        Owned dofs of the bulk residual, of contact forces, forces on obstacles, tangential contact
-        forces and tangential forces on obstacles [stress length].
+        Owned dofs of the bulk residual, of contact forces, forces and moments on obstacles,
+        tangential contact forces and tangential forces and moments on obstacles [stress length,
+        moments stress length^2].
     """
-    return *problem.forces(), *problem.equations.residual.shear_forces()
+    shear, on_obstacles = problem.equations.residual.shear_forces()
+    return *problem.forces(), shear, on_obstacles * problem.equations.motions.scales
 
 
 def work_of(
@@ -81,7 +83,7 @@ def work_of(
     du, prescribed = (end.u - start.u)[: r.size], problem.equations.bulk.prescribed_dofs
     supports = (r + contact)[prescribed] @ du[prescribed]
     work = problem.comm.allreduce(np.array([r @ du, supports, contact @ du, shear @ du]))
-    moved = problem.equations.motions.motions_of(end.places - start.places)
+    moved = end.places - start.places
     work[1:3] += (on_obstacles * moved).sum()
     work[3] += (shear_on_obstacles * moved).sum()
     dofs = problem.equations.bulk.space.owned_dofs

@@ -24,7 +24,7 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
@@ -187,7 +187,7 @@ class BodyMotions:
                     return f"body '{name}'"
         X = bulk.V.tabulate_dof_coordinates()[: bulk.space.num_nodes, :2]
         mine = labels[: len(X)] == label
-        return f"the body around {place(centre_and_size(X[mine], bulk.comm)[0])}"
+        return f"the body around {format_point(centre_and_size(X[mine], bulk.comm)[0])}"
 
     def names(self, bodies: Sequence[FloatingBody]) -> str:
         """Names of bodies as text."""

@@ -90,11 +90,11 @@ class BodySettling:
             ):
                 break
         body, move = moves[0]
-        words = (
+        message = (
             f"{bodies.name_of(body.label)} can {body.describe(move, directed=True)} freely: it is "
             f"driven by loads, and neither Dirichlet conditions nor contact stop it"
         )
-        raise NotConvergedError(words, NewtonReport(reason=words))
+        raise NotConvergedError(message, NewtonReport(reason=message))
 
     def check(self) -> list[str]:
         """Check bodies without contact force before and after the solve.
@@ -127,11 +127,11 @@ class BodySettling:
         if not driven:
             return []
         bodies = self._bodies
-        wanted = np.concatenate([RIGID.largest_move * body.size * drive for body, drive in driven])
+        desired = np.concatenate([RIGID.largest_move * body.size * drive for body, drive in driven])
         rates = [
             np.vstack([closing(bodies, c, body) for body, _ in driven]).T for c in bodies.contacts
         ]
-        move = closest_move(wanted, rates, bodies.contacts)
+        move = closest_move(desired, rates, bodies.contacts)
         moves = np.split(move, np.cumsum([len(body.motions) for body, _ in driven])[:-1])
         shortest = RIGID.overlap**2 * bodies.shortest_facet()
         return [
@@ -163,8 +163,8 @@ class BodySettling:
         else:
             judged = set() if begun else labels
         if driven and judged:
-            gone = self._unsupported(bulk) | {body.label for body in bodies.bodies} - judged
-            driven = [(body, drive) for body, drive in driven if body.label in gone]
+            unsupported = self._unsupported(bulk) | {body.label for body in bodies.bodies} - judged
+            driven = [(body, drive) for body, drive in driven if body.label in unsupported]
         return driven
 
     def _drive(self, body: FloatingBody, total: Array, sizes: Array, min_drive: float) -> Array:

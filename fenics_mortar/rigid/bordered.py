@@ -47,7 +47,7 @@ class Border:
         each = units[:, None]
         return type(self)(each * self.columns, each * self.rows, each * self.corner * units)
 
-    def part(self, some: npt.NDArray[np.bool_]) -> Self:
+    def restricted_to(self, some: npt.NDArray[np.bool_]) -> Self:
         """The border of a subset of the unknowns and their equations; ``some``: (m,), bool."""
         return type(self)(self.columns[some], self.rows[some], self.corner[np.ix_(some, some)])
 

@@ -66,7 +66,7 @@ class DrivenObstacles(ObstacleMotions):
         if driven.any():
             balance = linearize_balance(self, system)
             corner = balance.corner + self._stiffness_of_springs(stiffness, force)
-            border = Border(balance.columns, balance.rows, corner).part(driven.ravel())
+            border = Border(balance.columns, balance.rows, corner).restricted_to(driven.ravel())
             push = (self.push() - self._spring_forces())[driven]
             x, motion[driven] = solve_bordered(system.solve, border, x, push, system.comm)
         return x, motion

@@ -38,19 +38,19 @@ from fenics_mortar.utils.rounding import MAX_STEPS, SOLVED, SUM_ROUNDING
 Flags = npt.NDArray[np.bool_]
 
 
-class Turn(NamedTuple):
+class TurningPoint(NamedTuple):
     """Turn of a path.
 
     Attributes:
-        part: Load parameter s at the turn [1].
+        fraction: Load parameter s at the turn [1].
         node: Number of the node whose gap or slip would have to change its branch; -1 if unknown.
     """
 
-    part: float
+    fraction: float
     node: int
 
 
-def follow_loads(problem: FrictionProblem, start: Sets, gap: Array) -> Sets | Turn:
+def follow_loads(problem: FrictionProblem, start: Sets, gap: Array) -> Sets | TurningPoint:
     """Solve the linearized problem along the path from the accepted state (local).
 
     Values at the start up to ``SOLVED`` times the largest change are considered zero and replaced
@@ -78,20 +78,20 @@ def follow_loads(problem: FrictionProblem, start: Sets, gap: Array) -> Sets | Tu
     z, w = np.where(z > z_zero, z, 0.0), np.where(w > w_zero, w, 0.0)
     basic = _basic_of_rates(M, q - (w - M @ z), z, w)
     if basic is None:
-        return Turn(0.0, -1)
+        return TurningPoint(0.0, -1)
     random = np.random.default_rng(0).uniform(1.0, 2.0, q.size)
     shift = np.where(basic, 0.0, random * w_zero) - M @ np.where(basic, random * z_zero, 0.0)
     end = _follow(M, w - M @ z + shift, q + shift, basic)
-    if isinstance(end, Turn):
+    if isinstance(end, TurningPoint):
         nodes = np.append(np.arange(n), np.tile(np.flatnonzero(problem.slope > 0.0), 3))
         return end._replace(node=int(nodes[end.node]) if end.node >= 0 else -1)
-    return sets_of(problem, M, q, end) or Turn(1.0, -1)
+    return sets_of(problem, M, q, end) or TurningPoint(1.0, -1)
 
 
 def _unknowns(problem: FrictionProblem, start: Sets, gap: Array) -> tuple[Array, Array]:
     """Z and w at the accepted state, (unknowns,) each."""
     rough = np.flatnonzero(problem.slope > 0.0)
-    active, branch, z_n, z_tau = (part[rough] for part in start)
+    active, branch, z_n, z_tau = (values[rough] for values in start)
     sticks, none = active & (branch == 0), np.zeros(rough.size)
     below_limit = np.where(sticks, problem.slope[rough] * z_n - np.abs(z_tau), 0.0)
     z = np.concatenate([start.z_n, z_tau, -z_tau, none])
@@ -116,7 +116,7 @@ def _basic_of_rates(M: Array, rate: Array, z: Array, w: Array) -> Flags | None:
     return basic
 
 
-def _follow(M: Array, q_0: Array, q: Array, basic: Flags) -> Flags | Turn:
+def _follow(M: Array, q_0: Array, q: Array, basic: Flags) -> Flags | TurningPoint:
     """Basic z at s = 1, from those at s = 0, or the turn where s would have to decrease (local).
 
     The ``node`` of the turn is the number of an unknown in z.
@@ -129,13 +129,13 @@ def _follow(M: Array, q_0: Array, q: Array, basic: Flags) -> Flags | Turn:
     try:
         table = np.asfortranarray(np.linalg.solve(np.where(basic, -M, np.eye(n)), given))
     except np.linalg.LinAlgError:
-        return Turn(0.0, -1)
+        return TurningPoint(0.0, -1)
     at, column = -1, n
     for _ in range(MAX_STEPS * n):
         falls = table[:, column]
         now, grows = (table[at, -1], falls[at]) if at >= 0 else (0.0, 1.0)
         if not grows > 0.0:
-            return Turn(float(now), int(columns[column]) % n)
+            return TurningPoint(float(now), int(columns[column]) % n)
         falling = np.flatnonzero(falls < -SUM_ROUNDING * np.abs(falls).max())
         ways = np.maximum(table[falling, -1], 0.0) / -falls[falling]
         if now + grows * ways.min(initial=np.inf) >= 1.0:
@@ -147,4 +147,4 @@ def _follow(M: Array, q_0: Array, q: Array, basic: Flags) -> Flags | Turn:
         left, rows[row], columns[column] = rows[row], columns[column], rows[row]
         at = int(np.flatnonzero(rows == s)[0])
         column = int(np.flatnonzero(columns == (left + n) % s)[0])
-    return Turn(float(now), -1)
+    return TurningPoint(float(now), -1)

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.bulk.bodies import MINOR
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 
 
 class ObstacleMotions:
@@ -83,15 +84,15 @@ class ObstacleMotions:
         """Loads along driven motions, 0 for prescribed ones, (obstacles, 3) [stress length]."""
         return np.nan_to_num(self._of_all("load")) / self.scales
 
-    def forces(self, part: str = "z") -> Array:
+    def forces(self, multipliers: str = "z") -> Array:
         """f_q of the last evaluated state, shape (obstacles, 3) [stress length] (collective).
 
         Args:
-            part: Multipliers included: all ("z") or their tangential part ("shear").
+            multipliers: Multipliers included: all ("z") or their tangential part ("shear").
         """
         total = np.zeros(self.scales.shape)
         for number, contact in self.pairs:
-            total[number] += contact.on_obstacle.motion_force(getattr(contact, part))
+            total[number] += contact.on_obstacle.motion_force(getattr(contact, multipliers))
         return total
 
     def contact_forces(self) -> Array:
@@ -106,7 +107,7 @@ class ObstacleMotions:
         lines, is_axial = [], self._is_axisymmetric()
         for obstacle, force in zip(self.obstacles, -self.forces() * self.scales, strict=True):
             obstacle.reaction = force * [0.0, 1.0, 0.0] if is_axial else force
-            load = f"contact force {place(force)}, moment {force[2]:.4g}"
+            load = f"contact force {format_point(force)}, moment {force[2]:.4g}"
             load = f"axial contact force {force[1]:.4g}" if is_axial else load
             lines.append(f"obstacle '{obstacle.name}'{_moved(obstacle.place)}: {load}")
         return lines
@@ -138,14 +139,14 @@ def slip_by_motions(contact: Contact, nodes: npt.NDArray[np.bool_]) -> Array:
 
 def _moved(where: Array) -> str:
     """Description of an obstacle's position, shape (3,); "" at the initial position."""
-    words = [f"moved by {place(where)}"] if where[:2].any() else []
-    words += [f"turned by {where[2]:.4g}"] if where[2] else []
-    return ", " + " and ".join(words) if words else ""
+    phrases = [f"moved by {format_point(where)}"] if where[:2].any() else []
+    phrases += [f"turned by {where[2]:.4g}"] if where[2] else []
+    return ", " + " and ".join(phrases) if phrases else ""
 
 
 def describe_motion(motion: Array) -> str:
     """Description of a ``motion`` x, y, turn, shape (3,) [length] (local)."""
     x, y, turn = motion / np.abs(motion).max()
-    if abs(turn) < 0.1:
-        return f"move along {place((x + 0.0, y + 0.0))}"
-    return "turn" if max(abs(x), abs(y)) < 0.1 else f"move along {place((x, y))} and turn"
+    if abs(turn) < MINOR:
+        return f"move along {format_point((x + 0.0, y + 0.0))}"
+    return "turn" if max(abs(x), abs(y)) < MINOR else f"move along {format_point((x, y))} and turn"

@@ -13,12 +13,12 @@ from fenics_mortar.utils.arrays import Array
 
 
 def closest_move(
-    wanted: Array, closing: Sequence[Array], contacts: Sequence[Contact], back: Array | None = None
+    desired: Array, closing: Sequence[Array], contacts: Sequence[Contact], back: Array | None = None
 ) -> Array:
-    """The move closest to ``wanted`` without overlaps above ``RIGID.overlap`` (local).
+    """The move closest to ``desired`` without overlaps above ``RIGID.overlap`` (local).
 
     Args:
-        wanted: Coefficients of the motions, shape (n,) [length].
+        desired: Coefficients of the motions, shape (n,) [length].
         closing: Closing rates of the gaps of each contact, shape (slave nodes, n) each [1].
         contacts: The contacts, evaluated.
         back: Direction in which the move may have no component, shape (n,); none by default.
@@ -26,37 +26,37 @@ def closest_move(
     Returns:
         Coefficients of the move, shape (n,) [length].
     """
-    room = [
+    slack = [
         np.nan_to_num(c.now.closing_gap) + RIGID.overlap * c.slave.nodal_lengths for c in contacts
     ]
-    rows = [np.empty((0, wanted.size)), *closing]
+    rows = [np.empty((0, desired.size)), *closing]
     if back is not None:
-        room, rows = [*room, np.zeros(1)], [*rows, back[None]]
-    every = np.concatenate([np.empty(0), *room])
-    return closest_below(wanted, np.concatenate(rows), np.maximum(every, 0.0))
+        slack, rows = [*slack, np.zeros(1)], [*rows, back[None]]
+    every = np.concatenate([np.empty(0), *slack])
+    return closest_below(desired, np.concatenate(rows), np.maximum(every, 0.0))
 
 
-def closest_below(wanted: Array, rows: Array, room: Array) -> Array:
-    """The vector closest to ``wanted`` with ``rows @ vector <= room``, where ``room >= 0``.
+def closest_below(desired: Array, rows: Array, slack: Array) -> Array:
+    """The vector closest to ``desired`` with ``rows @ vector <= slack``, where ``slack >= 0``.
 
     A least-distance problem, solved by nonnegative least squares (Lawson & Hanson 1974, ch. 23).
 
     Args:
-        wanted: Shape (n,) [length].
+        desired: Shape (n,) [length].
         rows: Shape (m, n) [1].
-        room: Shape (m,) [length].
+        slack: Shape (m,) [length].
 
     Returns:
         The vector, shape (n,) [length].
     """
-    excess = rows @ wanted - room
+    excess = rows @ desired - slack
     if not (excess > 0.0).any():
-        return wanted
+        return desired
     from scipy.optimize import nnls  # imported on first use: a tenth of the package's import time
 
     system = np.vstack([-rows.T, excess])
-    target = np.zeros(wanted.size + 1)
+    target = np.zeros(desired.size + 1)
     target[-1] = 1.0
     multipliers, _ = nnls(system, target)
     *change, last = system @ multipliers - target
-    return wanted - np.array(change) / last
+    return desired - np.array(change) / last

@@ -33,12 +33,12 @@ class Remaining(NamedTuple):
     Attributes:
         fraction: Largest force of springs over the contact force on a body or obstacle [1].
         sliding: Largest such force on bodies whose nodes with friction all slide [1].
-        words: A sentence with the names of all these bodies and obstacles.
+        message: A sentence with the names of all these bodies and obstacles.
     """
 
     fraction: float
     sliding: float
-    words: str
+    message: str
 
 
 class AnchoredSprings(Protocol):
@@ -132,11 +132,11 @@ def solve_with_weak_springs(
         report = then_solve(report, partial(solve, equations, options))
     carried = equations.springs.remaining()
     if carried.fraction > max_fraction:
-        raise NotConvergedError(f"{failed}; {carried.words}", report) from failed
+        raise NotConvergedError(f"{failed}; {carried.message}", report) from failed
     if carried.sliding > RIGID.slight:
-        words = f"{carried.words}; all of its nodes slide at their friction limit"
-        raise NotConvergedError(f"{failed}; {words}", report) from failed
-    report.notes.append(carried.words)
+        message = f"{carried.message}; all of its nodes slide at their friction limit"
+        raise NotConvergedError(f"{failed}; {message}", report) from failed
+    report.notes.append(carried.message)
     return report
 
 

@@ -39,9 +39,9 @@ def follow(motions: ObstacleMotions) -> Array:
         rows = np.concatenate([along, across])[:, driven]
         sizes = np.linalg.norm(rows, axis=0)  # units of turn and translation differ
         sizes[sizes == 0.0] = 1.0
-        wanted = np.concatenate([-slip, np.zeros(slip.size)])
+        desired = np.concatenate([-slip, np.zeros(slip.size)])
         moves[number, driven] = (
-            np.linalg.lstsq(rows / sizes, wanted, rcond=RIGID.followed)[0] / sizes
+            np.linalg.lstsq(rows / sizes, desired, rcond=RIGID.followed)[0] / sizes
         )
     return moves
 
@@ -90,8 +90,8 @@ def _next_move(motions: ObstacleMotions, number: int) -> Array:
     basis = np.eye(3)[driven]
     along = (basis @ push) / np.linalg.norm(push)
     closing = [-gap_by_motions(contact.now) @ basis.T for contact in contacts]
-    wanted = RIGID.largest_move * contacts[0].arm * along
-    move = closest_move(wanted, closing, contacts, back=-along)
+    desired = RIGID.largest_move * contacts[0].arm * along
+    move = closest_move(desired, closing, contacts, back=-along)
     if move @ along > RIGID.sliver * motions.shortest_facet():
         return move @ basis
     return np.zeros(3)

@@ -12,7 +12,7 @@ import numpy as np
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.controls import Before
-from fenics_mortar.sensitivity.pair_vectors import zeros
+from fenics_mortar.sensitivity.pair_vectors import zero_vector
 from fenics_mortar.utils.arrays import Array
 
 
@@ -20,7 +20,7 @@ class ContactQuantity(ABC):
     """Base class of the quantities of contact; all methods are collective.
 
     Arguments of the methods are a ``problem`` at the end of a step, evaluated with ``EXACT``, and
-    the state ``before``, at the start of the step: a ``State``, or its ``History``.
+    the state ``before``, at the start of the step: a ``State``, or its ``StepHistory``.
     """
 
     def check(self) -> None:  # noqa: B027
@@ -127,13 +127,13 @@ class Combined(ContactQuantity):
 
     def depends_on(self, control: Any) -> bool:
         """Whether a control occurs in one of the quantities (local)."""
-        asked = (getattr(part, "depends_on", lambda _: False) for part in self.parts)
-        return any(depends_on(control) for depends_on in asked)
+        depends = (getattr(part, "depends_on", lambda _: False) for part in self.parts)
+        return any(depends_on(control) for depends_on in depends)
 
 
 def _sum(problem: ContactProblem, terms: Sequence[tuple[float, LinearVector]]) -> LinearVector:
     """Sum of factor times vector, with zeros in place of ``None`` (local)."""
-    total = zeros(problem.equations)
+    total = zero_vector(problem.equations)
     assert total.u is not None and total.z is not None and total.q is not None
     for factor, vector in terms:
         if vector.u is not None:

@@ -18,24 +18,24 @@ from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.state import State
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.history import History, has_history
+from fenics_mortar.sensitivity.history import StepHistory, has_history
 from fenics_mortar.sensitivity.pair_vectors import (
+    OfPair,
     check_exact,
-    check_pair,
     contact_of,
     from_rows,
     rows_at,
-    zeros,
+    zero_vector,
 )
 from fenics_mortar.sensitivity.partials.gap import offset_by_rows, rows_by_offset
 from fenics_mortar.sensitivity.partials.law import parameter, parameter_by_rows, rows_by_parameter
 from fenics_mortar.sensitivity.partials.shape import rows_by_shape, shape_by_rows
-from fenics_mortar.utils.arguments import check_choice, check_kind
+from fenics_mortar.utils.arguments import check_choice, check_kind, check_lengths
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
-# The state at the start of the step, or its ``History``, to avoid a second evaluation.
-Before = State | History | None
+# The state at the start of the step, or its ``StepHistory``, to avoid a second evaluation.
+Before = State | StepHistory | None
 
 
 class Control(Protocol):
@@ -43,8 +43,8 @@ class Control(Protocol):
 
     Methods take a ``problem`` at the end of a step, evaluated with ``EXACT``, and the state
     ``before``, at the start of the step, which is needed if slip depends on the control through
-    this state: a ``State``, or its ``History``. Values are replicated arrays of any shape, or those
-    of the owned dofs of a function if an attribute ``is_distributed`` is true.
+    this state: a ``State``, or its ``StepHistory``. Values are replicated arrays of any shape, or
+    those of the owned dofs of a function if an attribute ``is_distributed`` is true.
 
     Attributes:
         name: Name for messages.
@@ -69,22 +69,7 @@ class Control(Protocol):
         """
 
 
-class _OfPair(Control):
-    """Values of a pair.
-
-    Args:
-        pair: Number of the pair.
-    """
-
-    def __init__(self, pair: int) -> None:
-        self.pair = pair
-
-    def check(self) -> None:
-        """Reject a value that is not the number of a pair, see ``check_pair`` (local)."""
-        check_pair(self.pair)
-
-
-class LawParameter(_OfPair):
+class LawParameter(OfPair, Control):
     """A parameter of the law of a pair, see ``Law.parameters``.
 
     The values of a parameter that varies in space, see ``Law.fields``, are those at the slave nodes
@@ -124,7 +109,7 @@ class LawParameter(_OfPair):
         return parameter_by_rows(contact, self.parameter, rows_at(y, self.pair, contact))
 
 
-class Offset(_OfPair):
+class Offset(OfPair, Control):
     """The nodal offsets of a pair, see ``PairView.offset``.
 
     Args:
@@ -141,7 +126,8 @@ class Offset(_OfPair):
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """See ``Control``."""
-        contact_of(problem.equations, self.pair).offset = values
+        contact = contact_of(problem.equations, self.pair)
+        contact.change(offset=check_lengths("offset", values, contact.slave.num_nodes))
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""
@@ -156,7 +142,7 @@ class Offset(_OfPair):
         return offset_by_rows(contact, rows_at(y, self.pair, contact))
 
 
-class Interference(_OfPair):
+class Interference(OfPair, Control):
     """Mean offset of a pair; a change shifts the offsets of all nodes equally.
 
     Args:
@@ -215,7 +201,7 @@ class _OfObstacle(Control):
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""
-        change = zeros(problem.equations)
+        change = zero_vector(problem.equations)
         assert change.q is not None
         change.q[self._number(problem)] = np.where(self._mine(problem), -np.asarray(dm), 0.0)
         return change
@@ -319,14 +305,14 @@ class ObstacleShape(Control):
         return gradient
 
 
-def history_of(problem: ContactProblem, before: Before) -> History | None:
-    """The ``History`` of a state before (collective).
+def history_of(problem: ContactProblem, before: Before) -> StepHistory | None:
+    """The ``StepHistory`` of a state before (collective).
 
     Raises:
         MortarError: If there is friction and no state is given.
     """
     if isinstance(before, State):
-        return History(problem, before)
+        return StepHistory(problem, before)
     if before is None:
         for contact in problem.equations.contacts:
             if has_history(contact):

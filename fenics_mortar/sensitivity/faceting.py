@@ -27,8 +27,8 @@ def offset_by_faceting(contact: Contact) -> Array:
     offset, master = mean_bulges(contact.slave), contact.master
     if master.num_nodes:
         o = contact.operators
-        apart = np.linalg.norm(o.x[:, None] - o.m[None], axis=2)
-        offset = offset + mean_bulges(master)[apart.argmin(axis=1)]
+        distance = np.linalg.norm(o.x[:, None] - o.m[None], axis=2)
+        offset = offset + mean_bulges(master)[distance.argmin(axis=1)]
     return offset
 
 

@@ -68,9 +68,9 @@ class FormControl:
             compat.set_prescribed(values, self._bcs)
             found.append(values[: self._is_prescribed.size])
         self._numbers[:] = before
-        places = np.rint(found[0] - found[1]).astype(np.int64)
-        dofs = np.flatnonzero(places)
-        return dofs, places[dofs] - 1
+        copies = np.rint(found[0] - found[1]).astype(np.int64)
+        dofs = np.flatnonzero(copies)
+        return dofs, copies[dofs] - 1
 
     @property
     def _num_ghosts(self) -> int:
@@ -100,8 +100,8 @@ class FormControl:
         rows = np.zeros(self._is_prescribed.size)
         if self.is_in_residual:
             rows = np.where(self._is_prescribed, 0.0, self._derivative.along(direction))
-        dofs, places = self._copied
-        rows[dofs] = -self._with_ghosts(direction)[places]
+        dofs, copies = self._copied
+        rows[dofs] = -self._with_ghosts(direction)[copies]
         return LinearVector(u=rows)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
@@ -110,9 +110,9 @@ class FormControl:
         result = np.zeros_like(self.get(problem))
         if self.is_in_residual:
             result = self._derivative.transposed(np.where(self._is_prescribed, 0.0, u))
-        dofs, places = self._copied
+        dofs, copies = self._copied
         copied = np.zeros(self._numbers.size)
-        np.add.at(copied, places, u[dofs])
+        np.add.at(copied, copies, u[dofs])
         return result - self._sum_ghosts(copied).reshape(result.shape)
 
     def _with_ghosts(self, values: Array) -> Array:

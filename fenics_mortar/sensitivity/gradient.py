@@ -27,7 +27,7 @@ from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.controls import Before
 from fenics_mortar.sensitivity.forms import put_owned
-from fenics_mortar.sensitivity.history import History
+from fenics_mortar.sensitivity.history import StepHistory
 from fenics_mortar.sensitivity.kinks import Kink, find_kinks, nearest
 from fenics_mortar.sensitivity.linear_vectors import Term, combine
 from fenics_mortar.sensitivity.linearization import linearize
@@ -217,4 +217,4 @@ def _carried(
         by_before = quantity.by_before(problem, before)
         if by_before is not None:
             terms.append((weight, by_before))
-    return [*terms, (-1.0, before.vjp(y))] if isinstance(before, History) else terms
+    return [*terms, (-1.0, before.vjp(y))] if isinstance(before, StepHistory) else terms

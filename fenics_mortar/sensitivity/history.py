@@ -19,15 +19,14 @@ from fenics_mortar.sensitivity.pair_vectors import (
     check_exact,
     from_rows,
     rows_at,
-    zeros,
+    zero_vector,
 )
-from fenics_mortar.sensitivity.partials.history import Earlier
-from fenics_mortar.sensitivity.partials.history import History as PairHistory
+from fenics_mortar.sensitivity.partials.history import Earlier, PairHistory
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.rounding import ROUNDING
 
 
-class History:
+class StepHistory:
     """Derivative of the present residuals with respect to the state before; collective methods.
 
     Rows and units are those of ``equations.linearized``. Only rows of multipliers of pairs with
@@ -56,7 +55,7 @@ class History:
             if not isinstance(contact, Contact) or not has_history(contact):
                 continue
             check_exact(contact)
-            self.earlier[i] = earlier_of(e, i, contact, before)
+            self.earlier[i] = earlier_state_of(e, i, contact, before)
             self.pairs[i] = PairHistory(contact, self.earlier[i])
         self.any = bool(self.pairs)
 
@@ -67,7 +66,7 @@ class History:
 
     def vjp(self, y: LinearVector) -> LinearVector:
         """Gradient of the scalar product of the residuals and ``y`` by the state before."""
-        gradient = zeros(self._equations)
+        gradient = zero_vector(self._equations)
         for i, pair in self.pairs.items():
             rows = rows_at(y, i, self._equations.contacts[i])
             add_pair(self._equations, i, gradient, pair.back(rows))
@@ -82,7 +81,7 @@ def has_history(contact: Any) -> bool:
     return bool(law.has_friction or law.memory or law.needs_nodal_state)
 
 
-def earlier_of(e: ContactEquations, i: int, contact: Contact, before: State) -> Earlier:
+def earlier_state_of(e: ContactEquations, i: int, contact: Contact, before: State) -> Earlier:
     """State before of pair ``i``; its partners have to be those of the step (collective).
 
     Raises:
@@ -99,12 +98,12 @@ def earlier_of(e: ContactEquations, i: int, contact: Contact, before: State) -> 
             master_planes=contact.master_planes,
         )  # fmt: skip
     o, given = contact.operators, contact.partners
-    apart = np.abs(found.apart(o) - given.apart(o)).max()
-    apart = max(apart, np.abs(found.start - given.start).max())
-    if not apart <= ROUNDING * contact.slave.extent:
+    difference = np.abs(found.gap_vectors(o) - given.gap_vectors(o)).max()
+    difference = max(difference, np.abs(found.start - given.start).max())
+    if not difference <= ROUNDING * contact.slave.extent:
         raise MortarError(
             f"the slip of {contact.pair!r} is not counted from the state before, but from one "
-            f"that differs by {apart:.3g}: bodies or obstacles were moved before the solve, or an "
-            "obstacle has another shape since; accept() at the start counts slip from there"
+            f"that differs by {difference:.3g}: bodies or obstacles were moved before the solve, "
+            "or an obstacle has another shape since; accept() at the start counts slip from there"
         )
     return earlier

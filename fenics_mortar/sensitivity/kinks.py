@@ -43,7 +43,7 @@ class Kink:
         step: Number of the step.
         pair: Number of the pair.
         node: Number of the slave node along the surface.
-        place: Reference position of the node, shape (2,) [length].
+        X: Reference position of the node, shape (2,) [length].
         change: The change.
     """
 
@@ -51,7 +51,7 @@ class Kink:
     step: int
     pair: int
     node: int
-    place: tuple[float, float]
+    X: tuple[float, float]
     change: Change
 
     @property
@@ -61,7 +61,7 @@ class Kink:
 
     def __str__(self) -> str:
         """Node, change and distance as text."""
-        x, y = self.place
+        x, y = self.X
         return (
             f"step {self.step}, pair {self.pair}: node {self.node} at ({x:.4g}, {y:.4g}) "
             f"{self.change} at a distance of {self.distance:.1e}"

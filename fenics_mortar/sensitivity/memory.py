@@ -26,8 +26,14 @@ from fenics_mortar.sensitivity.controls import (
     Offset,
 )
 from fenics_mortar.sensitivity.form_controls import FormControl
-from fenics_mortar.sensitivity.history import History
-from fenics_mortar.sensitivity.pair_vectors import add_pair, at_pair, from_rows, rows_at, zeros
+from fenics_mortar.sensitivity.history import StepHistory
+from fenics_mortar.sensitivity.pair_vectors import (
+    add_pair,
+    at_pair,
+    from_rows,
+    rows_at,
+    zero_vector,
+)
 from fenics_mortar.sensitivity.partials.gap import gap_along, gap_back
 from fenics_mortar.sensitivity.partials.memory import PairMemory
 from fenics_mortar.sensitivity.partials.shape import FieldChange, change_by_shape, units_of
@@ -44,13 +50,13 @@ class StepMemory:
 
     Args:
         problem: The problem, at the end of a step, evaluated with ``EXACT``.
-        before: ``History`` of the step; any other value if the state before is fixed.
+        before: ``StepHistory`` of the step; any other value if the state before is fixed.
     """
 
     def __init__(self, problem: ContactProblem, before: Before) -> None:
         self._problem, self._equations = problem, problem.equations
-        history = before.pairs if isinstance(before, History) else {}
-        self._earlier = before.earlier if isinstance(before, History) else {}
+        history = before.pairs if isinstance(before, StepHistory) else {}
+        self._earlier = before.earlier if isinstance(before, StepHistory) else {}
         self._pairs = {
             i: PairMemory(contact, history.get(i))
             for i, contact in enumerate(self._equations.contacts)
@@ -95,7 +101,7 @@ class StepMemory:
     def _vector(self, pairs: dict) -> LinearVector:
         if not pairs:
             return LinearVector()
-        total = zeros(self._equations)
+        total = zero_vector(self._equations)
         for i, pair in pairs.items():
             add_pair(self._equations, i, total, pair)
         return total

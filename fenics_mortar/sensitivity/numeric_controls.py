@@ -39,7 +39,7 @@ class NumericWeight(Control):
         """Multiply the present weight."""
         contact, factor = contact_of(problem.equations, self.pair), float(values)
         if self.weight == "c_n":
-            contact.c_n = contact.c_n * factor
+            contact.change(c_n=contact.c_n * factor)
         else:
             contact.set_stiffness(contact.stiffness * factor)
 

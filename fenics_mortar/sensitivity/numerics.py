@@ -27,7 +27,7 @@ from fenics_mortar.sensitivity.numeric_controls import NumericWeight, RemainingR
 from fenics_mortar.sensitivity.over_steps import OverSteps, last
 from fenics_mortar.sensitivity.path_record import RecordedPath
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.markdown import Markdown
 
 
@@ -60,7 +60,7 @@ class PairNumerics:
     def rows(self) -> list[tuple[str, str, str]]:
         """Rows of the table: choice, derivative, effect."""
         j = int(np.abs(self.by_offset).argmax())
-        at, height = place(self.X[j]), np.abs(self.faceting).max()
+        at, height = format_point(self.X[j]), np.abs(self.faceting).max()
         return [
             (f"pair {self.pair}: offset of all nodes", f"{self.by_offset.sum():.3g}", ""),
             (f"pair {self.pair}: offset of node {j} at {at}", f"{self.by_offset[j]:.3g}", ""),

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.sensitivity.controls import Before
-from fenics_mortar.sensitivity.history import History
+from fenics_mortar.sensitivity.history import StepHistory
 from fenics_mortar.sensitivity.path_record import RecordedPath
 from fenics_mortar.sensitivity.protocols import Quantity
 from fenics_mortar.utils.arrays import Array
@@ -117,11 +117,11 @@ def state_before(path: RecordedPath, number: int) -> Before:
         number: Number of the step.
 
     Returns:
-        The ``History`` of the state, if residuals depend on it and it is a step of the path;
+        The ``StepHistory`` of the state, if residuals depend on it and it is a step of the path;
         otherwise the state.
     """
     state = path.before(number)
     if number == 0 or state is None:
         return state
-    history = History(path.problem, state)
+    history = StepHistory(path.problem, state)
     return history if history.any else state

@@ -21,12 +21,12 @@ from fenics_mortar.sensitivity.controls import (
     history_of,
 )
 from fenics_mortar.sensitivity.pair_vectors import (
+    OfPair,
     add_pair,
     check_exact,
-    check_pair,
     contact_of,
     interface_of,
-    zeros,
+    zero_vector,
 )
 from fenics_mortar.sensitivity.partials.fields import ByFields
 from fenics_mortar.sensitivity.partials.gap import gap_back
@@ -35,19 +35,12 @@ from fenics_mortar.sensitivity.partials.shape import change_by_shape, units_of
 from fenics_mortar.utils.arrays import Array
 
 
-class PairQuantity(ContactQuantity):
+class PairQuantity(OfPair, ContactQuantity):
     """Base class of the quantities of one pair, functions of its nodal fields.
 
     Args:
         pair: Number of the pair.
     """
-
-    def __init__(self, pair: int) -> None:
-        self.pair = pair
-
-    def check(self) -> None:
-        """See ``ContactQuantity``."""
-        check_pair(self.pair)
 
     @abstractmethod
     def _of(self, contact: Any) -> float:
@@ -73,7 +66,7 @@ class PairQuantity(ContactQuantity):
         return self._by_fields(contact).gradient(contact)
 
     def _vector(self, problem: ContactProblem, values: PairVector) -> LinearVector:
-        total = zeros(problem.equations)
+        total = zero_vector(problem.equations)
         add_pair(problem.equations, self.pair, total, values)
         return total
 

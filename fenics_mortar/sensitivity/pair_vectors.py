@@ -19,7 +19,7 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
 
-def zeros(equations: ContactEquations) -> LinearVector:
+def zero_vector(equations: ContactEquations) -> LinearVector:
     """The zero vector (local)."""
     z = [np.zeros_like(contact.z) for contact in equations.contacts]
     q = np.zeros(equations.motions.scales.shape)
@@ -60,7 +60,7 @@ def add_pair(equations: ContactEquations, i: int, x: LinearVector, pair: PairVec
 
 def from_rows(equations: ContactEquations, rows: dict[int, Array]) -> LinearVector:
     """Residuals with given rows of multipliers, (slave nodes, 2) by number of the pair (local)."""
-    none = zeros(equations)
+    none = zero_vector(equations)
     z = [rows.get(i, np.zeros_like(contact.z)) for i, contact in enumerate(equations.contacts)]
     return LinearVector(none.u, z, none.q)
 
@@ -71,14 +71,24 @@ def rows_at(x: LinearVector, i: int, contact: Any) -> Array:
     return np.zeros_like(contact.z) if z is None else z[i]
 
 
-def check_pair(pair: Any) -> int:
-    """Check the number of a pair and return it (local).
+class OfPair:
+    """Part of controls and quantities of one pair.
 
-    Raises:
-        ValueError: If it is not a number of a pair.
+    Args:
+        pair: Number of the pair.
     """
-    check_number("pair", pair, "the number of a pair, from 0 on", lambda i: i >= 0, whole=True)
-    return int(pair)
+
+    def __init__(self, pair: int) -> None:
+        self.pair = pair
+
+    def check(self) -> None:
+        """Check the number of the pair, in a call made on all ranks (local).
+
+        Raises:
+            ValueError: If it is not a number of a pair.
+        """
+        expected = "the number of a pair, from 0 on"
+        check_number("pair", self.pair, expected, lambda i: i >= 0, whole=True)
 
 
 def interface_of(equations: ContactEquations, i: int) -> Interface:

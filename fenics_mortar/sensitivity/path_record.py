@@ -32,7 +32,7 @@ SAME_SOLUTION = 1e-5
 
 
 @dataclass(frozen=True)
-class Step:
+class RecordedStep:
     """An accepted state with its data.
 
     Attributes:
@@ -142,7 +142,7 @@ class RecordedPath:
             raise MortarError("dynamics have no derivatives: expected a static problem")
         self.problem, self._data = problem, Data(problem, also)
         self.start: State | None = problem.state()
-        self.steps: list[Step] = []
+        self.steps: list[RecordedStep] = []
         self._checkpoints = Checkpoints(problem.comm, every, folder)
         self._linearization = problem.equations.linearization
 
@@ -163,12 +163,12 @@ class RecordedPath:
             step = replace(step, state=replace(step.state, u=np.empty(0)))
         self.steps.append(step)
 
-    def present(self) -> Step:
+    def present(self) -> RecordedStep:
         """Record of the present state."""
         laws = tuple(_copies(vars(contact.pair.law)) for contact in _with_law(self.problem))
         shapes = tuple(obstacle.shape() for obstacle in self.problem.obstacles)
         loads = tuple(obstacle.load.copy() for obstacle in self.problem.obstacles)
-        return Step(self.problem.state(), self._data.values(), laws, shapes, loads)
+        return RecordedStep(self.problem.state(), self._data.values(), laws, shapes, loads)
 
     def state_of(self, number: int) -> State:
         """State of the step ``number``; changes the state of the problem if it must be recomputed.
@@ -220,7 +220,7 @@ class RecordedPath:
             )
         return found.u
 
-    def _put_values(self, step: Step) -> None:
+    def _put_values(self, step: RecordedStep) -> None:
         self._data.put(step.data)
         for contact, law in zip(_with_law(self.problem), step.laws, strict=True):
             vars(contact.pair.law).update(law)

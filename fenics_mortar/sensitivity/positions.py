@@ -9,7 +9,7 @@ from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.controls import Before, history_of
-from fenics_mortar.sensitivity.pair_vectors import add_pair, at_pair, check_exact, zeros
+from fenics_mortar.sensitivity.pair_vectors import add_pair, at_pair, check_exact, zero_vector
 from fenics_mortar.sensitivity.partials.positions import Positions, check_positions
 from fenics_mortar.utils.arrays import Array
 
@@ -40,7 +40,7 @@ class ContactPositions:
     def jvp(self, dx: Array) -> LinearVector:
         """Change of the residuals with the positions, (owned dofs,) [length] (collective)."""
         e, positions = self._equations, LinearVector(u=dx)
-        change = zeros(e)
+        change = zero_vector(e)
         for i, pair in enumerate(self._pairs):
             at = at_pair(e, i, positions)
             add_pair(e, i, change, pair.along(at.on_slave, at.on_master))
@@ -54,7 +54,7 @@ class ContactPositions:
 
     def vjp(self, y: LinearVector) -> Array:
         """Gradient, by the positions, of the residuals times ``y``, (owned dofs,) (collective)."""
-        e, gradient = self._equations, zeros(self._equations)
+        e, gradient = self._equations, zero_vector(self._equations)
         given = LinearVector(
             None if y.u is None else y.u.copy(), y.z, None if y.q is None else y.q.copy()
         )

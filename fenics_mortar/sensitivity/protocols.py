@@ -25,7 +25,7 @@ from fenics_mortar.sensitivity.form_controls import FormControl
 from fenics_mortar.sensitivity.form_quantity import FormQuantity
 from fenics_mortar.sensitivity.nodal_positions import NodalPositions
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same_words
+from fenics_mortar.utils.errors import check_same_texts
 
 
 class Quantity(Protocol):
@@ -94,7 +94,7 @@ def check_dependence(
         "quantities": [_described(quantity) for quantity in quantities],
         "controls": [f"{type(control).__name__} {control.name}" for control in controls],
     }
-    check_same_words(problem.comm, "gradient", given)
+    check_same_texts(problem.comm, "gradient", given)
     for control in controls:
         occurs = getattr(control, "occurs", True)
         asked = (getattr(quantity, "depends_on", lambda _: False) for quantity in quantities)

@@ -20,7 +20,7 @@ from dolfinx import fem
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.gradient import recorded
-from fenics_mortar.sensitivity.history import History
+from fenics_mortar.sensitivity.history import StepHistory
 from fenics_mortar.sensitivity.kinks import Kink, find_kinks
 from fenics_mortar.sensitivity.linear_vectors import Term, combine
 from fenics_mortar.sensitivity.linearization import linearize
@@ -163,7 +163,7 @@ def _forwards(
         kinks += find_kinks(problem, number)
         pairs = list(zip(controls, directions, strict=True))
         terms: list[Term] = [(-1.0, c.jvp(problem, dm, before)) for c, dm in pairs]
-        if states and isinstance(before, History):
+        if states and isinstance(before, StepHistory):
             terms.append((-1.0, before.jvp(earlier)))
         memory = StepMemory(problem, before)
         terms.append((-1.0, memory.rows_along(dh)))

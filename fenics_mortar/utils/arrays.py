@@ -39,7 +39,7 @@ class Value:
         return new
 
 
-def read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def read_only_view(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """A read-only view of an array (local)."""
     view = array.view()
     view.flags.writeable = False

@@ -159,7 +159,7 @@ def check_same(comm: MPI.Comm, values: Iterable[tuple[str, npt.ArrayLike]]) -> N
     raise_together(comm, error)
 
 
-def check_same_words(comm: MPI.Comm, what: str, values: Mapping[str, Any]) -> None:
+def check_same_texts(comm: MPI.Comm, what: str, values: Mapping[str, Any]) -> None:
     """Reject options of any type that are not equal on all ranks (collective).
 
     Args:
@@ -200,13 +200,13 @@ def as_text(value: Any) -> str:
     return f"{type(value).__name__}({numbers})"
 
 
-def place(x: npt.NDArray[np.float64] | tuple[float, ...]) -> str:
+def format_point(x: npt.NDArray[np.float64] | tuple[float, ...]) -> str:
     """Format a position (2,) [length] for messages (local)."""
     return f"({x[0]:.4g}, {x[1]:.4g})"
 
 
-def count_places(comm: MPI.Comm, places: npt.NDArray[np.float64]) -> tuple[int, str]:
+def count_points(comm: MPI.Comm, points: npt.NDArray[np.float64]) -> tuple[int, str]:
     """Count the positions (n, 2) of all ranks, and format the smallest one (collective)."""
-    mine = [tuple(map(float, x)) for x in places]
+    mine = [tuple(map(float, x)) for x in points]
     everything = [x for lowest in comm.allgather(sorted(mine)[:1]) for x in lowest]
-    return comm.allreduce(len(mine)), place(min(everything)) if everything else "nowhere"
+    return comm.allreduce(len(mine)), format_point(min(everything)) if everything else "nowhere"

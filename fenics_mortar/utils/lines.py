@@ -26,7 +26,7 @@ def near_pairs(start: Array, end: Array) -> Pairs:
     return pairs[np.lexsort(pairs.T[::-1])].astype(np.int64)
 
 
-def cross(
+def lines_cross(
     start: Array, end: Array, pairs: Pairs, tolerance: float = 0.0, *, touching: bool = False
 ) -> npt.NDArray[np.bool_]:
     """Whether the lines of each pair cross, shape (k,) (local).
@@ -47,9 +47,9 @@ def cross(
         return ((sides.min(axis=0) < -scale) & (sides.max(axis=0) > scale)) & (
             (others.min(axis=0) < -scale) & (others.max(axis=0) > scale)
         )
-    apart = (np.sign(sides).prod(axis=0) > 0.0) | (np.sign(others).prod(axis=0) > 0.0)
+    separate = (np.sign(sides).prod(axis=0) > 0.0) | (np.sign(others).prod(axis=0) > 0.0)
     boxes = (np.maximum(a, b) >= np.minimum(c, d)) & (np.minimum(a, b) <= np.maximum(c, d))
-    return ~apart & boxes.all(axis=1)
+    return ~separate & boxes.all(axis=1)
 
 
 def _turn(a: Array, b: Array) -> Array:

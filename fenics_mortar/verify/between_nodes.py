@@ -13,7 +13,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Indices
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.limits import LIMITS
 
@@ -27,7 +27,7 @@ def between_nodes(contact: Contact) -> dict[str, Any]:
     smallest, where = np.inf, ""
     if gaps.size:
         deepest = gaps.min(axis=1).argmin()
-        smallest, where = float(gaps[deepest].min()), place(ends[deepest].mean(axis=0))
+        smallest, where = float(gaps[deepest].min()), format_point(ends[deepest].mean(axis=0))
     smallest, where = min(contact.slave.comm.allgather((smallest, where)))
     return {
         "penetration": max(-smallest, 0.0),

@@ -18,10 +18,10 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_stored
-from fenics_mortar.contact.messages import describe_reach
+from fenics_mortar.contact.messages import describe_search_radius
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.markdown import Markdown
 from fenics_mortar.verify.balance import action_and_reaction, balance_of_bodies
 from fenics_mortar.verify.between_nodes import between_nodes, count_unpaired, paired_nodes
@@ -97,7 +97,10 @@ class Certificate(Markdown):
         crossings = [c for c in self.crossings if c.facets > LIMITS.coarse_penetration]
         return [
             *(remark for pair in self.pairs for remark in pair.remarks()),
-            *(f"{crossing}: finer facets, or a pair of these surfaces" for crossing in crossings),
+            *(
+                f"{crossing}: smaller steps, finer facets, or a pair of these surfaces"
+                for crossing in crossings
+            ),
         ]
 
     def __str__(self) -> str:
@@ -157,9 +160,9 @@ def _certify_pair(
         tension=max(float(tension.max()), 0.0) / largest,
         shear=max(float(excess.max()), 0.0) / max(largest, float(limit.max())),
         overlap=max(-float(gap.min()), 0.0),
-        overlap_at=f"at {place(contact.operators.x[gap.argmin()])}, in facets; partners are "
-        f"searched {describe_reach(contact)}",
-        reach=describe_reach(contact),
+        overlap_at=f"at {format_point(contact.operators.x[gap.argmin()])}, in facets; partners are "
+        f"searched {describe_search_radius(contact)}",
+        search_radius=describe_search_radius(contact),
         complementarity=float(np.abs(tension * gap).max()) / largest,
         **between_nodes(contact),
         **oblique_forces(contact, pressure),
@@ -167,8 +170,8 @@ def _certify_pair(
         **end_pressure(contact, pressure),
         **beyond_cover(contact, runs_of(contact)),
         redundant=int(contact.redundant.sum()),
-        redundant_at=place(contact.operators.x[contact.redundant.argmax()]),
-        undecided_at=" and ".join(map(place, contact.operators.x[contact.undecided])),
+        redundant_at=format_point(contact.operators.x[contact.redundant.argmax()]),
+        undecided_at=" and ".join(map(format_point, contact.operators.x[contact.undecided])),
         gradient=gradient,
         gradient_at=gradient_at,
         unpaired=count_unpaired(bulk, contact, labels, paired),

@@ -24,7 +24,7 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import STICK
 from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.balance import positive_or_one
 from fenics_mortar.verify.limits import LIMITS
 
@@ -50,7 +50,7 @@ def oblique_forces(contact: Contact, pressure: Array) -> dict[str, Any]:
     total = positive_or_one(float(nodal[0].sum()))
     return {
         "oblique": float(nodal[1].sum()) / total,
-        "oblique_at": place(o.x[nodal[1].argmax()]),
+        "oblique_at": format_point(o.x[nodal[1].argmax()]),
         **_at_corners(contact, nodal[0], total),
     }
 
@@ -105,7 +105,7 @@ def _at_corners(contact: Contact, forces: Array, total: float) -> dict[str, Any]
         if (contact.branch[corners[mine]] == STICK).any():
             excess = _excess_shear(contact, runs == kept[k], across)
             if excess > largest:
-                largest, where = excess, place(o.x[corners[first]])
+                largest, where = excess, format_point(o.x[corners[first]])
     return {
         "misdirected": float(error) / total, "excess_shear": largest, "excess_shear_at": where,
     }  # fmt: skip
@@ -187,12 +187,12 @@ def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
         contact: The pair.
         pressure: Normal multipliers, shape (slave nodes,) [stress].
     """
-    slave, reach = contact.slave, contact.slave.degree
+    slave, degree = contact.slave, contact.slave.degree
     prescribed = (contact.free == 0.0).any(axis=1) & ~contact.may_carry
-    around = slave.along(np.flatnonzero(prescribed), range(-3 * reach, 3 * reach + 1))
+    around = slave.along(np.flatnonzero(prescribed), range(-3 * degree, 3 * degree + 1))
     there = np.where(around >= 0, pressure[around], 0.0)
-    beside = there[:, 2 * reach : 4 * reach + 1].max(axis=1, initial=0.0)
-    there[:, 2 * reach : 4 * reach + 1] = 0.0
+    beside = there[:, 2 * degree : 4 * degree + 1].max(axis=1, initial=0.0)
+    there[:, 2 * degree : 4 * degree + 1] = 0.0
     counts = beside > LIMITS.at_corners * pressure.max(initial=0.0)
     beside = np.where(counts, beside, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -200,4 +200,4 @@ def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
     if not ratio.any():
         return {}
     where = contact.operators.x[np.flatnonzero(prescribed)[ratio.argmax()]]
-    return {"end_pressure": float(ratio.max()), "end_pressure_at": place(where)}
+    return {"end_pressure": float(ratio.max()), "end_pressure_at": format_point(where)}

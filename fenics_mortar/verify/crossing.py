@@ -40,9 +40,10 @@ from fenics_mortar.kernels.crossing import find_crossings
 from fenics_mortar.kernels.passage import ALL, OTHERS, OWN, find_events, find_passages
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import call_together, place
+from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.node_paths import Motions, own_frame, passed_through
+from fenics_mortar.verify.obstacle_points import deepest_point
 from fenics_mortar.verify.outline_names import OutlineNames
 
 
@@ -111,7 +112,7 @@ class Crossings:
         self._links = self.outline.neighbours()
         self._segment_bodies = self.outline.segment_bodies
         self._bound = int(self._segment_bodies.max(initial=0)) + 1
-        self._slaves = [self.outline.places_of(contact.slave.nodes) for contact in contacts]
+        self._slaves = [self.outline.indices_of(contact.slave.nodes) for contact in contacts]
         self._free: Array = 1.0 - self.outline.gather(bulk.prescribed.astype(float))
         name_of_body = partial(floating.name_of, labels=self._labels)
         self._names = OutlineNames(self.outline, contacts, name_of_body)
@@ -124,14 +125,20 @@ class Crossings:
     # A state
 
     def find(self) -> list[Crossing]:
-        """Deepest crossing of each pair of outlines at the present displacement."""
+        """Deepest crossing of each pair of outlines, or outline and obstacle, at present."""
         x, found = self._positions(), []
         rows = self._crossings(x, self._allowed(x))
         for pair, row in self._deepest(rows).items():
             facets = float(row[2]) - self._excused.get(pair, 0.0)
             if facets > 0.0:
                 sides = self._names.segment(int(row[0])), self._names.segment(int(row[1]))
-                found.append(Crossing(sides, place(row[4:]), float(row[3]), facets))
+                found.append(Crossing(sides, format_point(row[4:]), float(row[3]), facets))
+        for contact, slave in zip(self._contacts, self._slaves, strict=True):
+            if isinstance(contact, Contact) and contact.obstacle is not None:
+                depth, facets, point = deepest_point(contact, self.outline, slave, x)
+                if facets > 0.0:
+                    sides = f"'{contact.slave.name}'", f"obstacle '{contact.obstacle.name}'"
+                    found.append(Crossing(sides, format_point(point), depth, facets))
         return sorted(found, key=lambda crossing: -crossing.facets)
 
     def _crossings(self, x: Array, allowed: Array) -> Array:
@@ -285,12 +292,13 @@ class Crossings:
         what = f"nodes of {self._names.node(node)} went"
         body = self._names.body(int(self._segment_bodies[entry]))
         if ends_inside:
-            way = f"into {body}, and one at {place(x1[node])} ended {row[3]:.3g} below its surface"
+            where = format_point(x1[node])
+            way = f"into {body}, and one at {where} ended {row[3]:.3g} below its surface"
         else:
             enters, exits = self._names.segment(entry), self._names.segment(leaves)
             way = (
                 f"through {body}, in by {enters} and out by {exits}, and "
-                f"one at {place(x1[node])} ended {row[3]:.3g} beyond where it went in"
+                f"one at {format_point(x1[node])} ended {row[3]:.3g} beyond where it went in"
             )
         return f"{count} {what} {way}, straight from the last accepted state: take smaller steps"
 
@@ -317,7 +325,7 @@ class Crossings:
                 first = through[np.argmax(depth[through])]
                 messages.append(
                     f"{through.size} nodes of '{contact.slave.name}' went through obstacle "
-                    f"'{obstacle.name}', and one at {place(x1[there[first]])} ended "
+                    f"'{obstacle.name}', and one at {format_point(x1[there[first]])} ended "
                     f"{depth[first]:.3g} beyond its surface, straight from the last accepted "
                     "state: take smaller steps"
                 )

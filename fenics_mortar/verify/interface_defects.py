@@ -35,7 +35,7 @@ def interface_defects(pair: Interface) -> dict[str, Defects]:
     if isinstance(pair, Contact):
         return {"gap": gap_defects(pair), "slip": slip_defects(pair)}
     o, facing = pair.operators, face(pair.partner_operators, pair.intersections())
-    jump = facing.apart(o.x - pair.slave.X, o.m - pair.master.X)
+    jump = facing.difference(o.x - pair.slave.X, o.m - pair.master.X)
     return {"gap": _on_facets(pair, facing, jump, 0.0 * facing.s)}
 
 
@@ -74,7 +74,7 @@ def _gaps(contact: Contact, segments: Segments) -> Array:
     if isinstance(first, ObstacleOperators) and isinstance(o, ObstacleOperators):
         return gap + points_of(segments).of(o.phi - first.phi)
     here = face(first, segments)
-    moved = here.apart(o.x - first.x, o.m - first.m)
+    moved = here.difference(o.x - first.x, o.m - first.m)
     return gap - np.einsum("nqc,nqc->nq", here.direction(o.n), moved)
 
 

@@ -44,7 +44,7 @@ class Limits:
         section_turn: Largest rotation of a body in one straight section of its path [radian], which
             shrinks it by 8 %. A path did not pass through an obstacle if the normals at its ends
             differ by less.
-        max_points: Largest number of points on a path.
+        max_points: Largest number of points on a path, which limits the time of the check.
         bare: Covered length of a facet, of length 2 in the reference element, below which it is
             uncovered [1].
         samples: Number of points on a segment at which gaps are evaluated.

@@ -102,9 +102,9 @@ def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Arr
     (start, start_slope), (end, end_slope) = (
         _distance(obstacle, knots[k], offset) for k in (0, -1)
     )
-    reaches = np.maximum(start, 0.0) + np.maximum(end, 0.0) <= far[-1]
+    is_hit = np.maximum(start, 0.0) + np.maximum(end, 0.0) <= far[-1]
     turned = (start_slope * end_slope).sum(axis=1) < np.cos(LIMITS.section_turn)
-    which = np.flatnonzero(reaches & turned & (far[-1] > 0.0))
+    which = np.flatnonzero(is_hit & turned & (far[-1] > 0.0))
     through = np.zeros(len(offset))
     if which.size:
         passed = _trace(obstacle, knots[:, which], far[:, which], offset[which], lengths[which])

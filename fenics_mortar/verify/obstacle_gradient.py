@@ -15,7 +15,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.obstacles.obstacle import Obstacle, SignedDistance
 from fenics_mortar.obstacles.shape_change import DIFFERENCE
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import call_together, place
+from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.utils.rounding import TINY
 
 
@@ -36,7 +36,7 @@ def gradient_error(contact: Contact) -> tuple[float, str]:
         return 0.0, ""
     call = partial(_errors, obstacle, contact)
     errors = call_together(comm, f"the distance of '{obstacle.name}'", call)
-    where = place(contact.operators.x[contact.active][int(errors.argmax())])
+    where = format_point(contact.operators.x[contact.active][int(errors.argmax())])
     return max(comm.allgather((float(np.median(errors)), where)))
 
 

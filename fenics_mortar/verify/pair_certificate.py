@@ -29,7 +29,7 @@ class PairCertificate:
         overlap: Largest negative mean gap of a slave node over its length; for a tied pair the
             largest distance of the sides.
         overlap_at: Position of the largest overlap.
-        reach: Distance within which partners are searched, as text.
+        search_radius: Distance within which partners are searched, as text.
         complementarity: Largest |(z_n + a) g| with the adhesion a, over largest pressure times
             length.
         penetration: Largest penetration of a segment over the length of its facet: admitted by the
@@ -71,7 +71,7 @@ class PairCertificate:
     shear: float = 0.0
     overlap: float = 0.0
     overlap_at: str = ""
-    reach: str = ""
+    search_radius: str = ""
     complementarity: float = 0.0
     penetration: float = 0.0
     distance: float = 0.0
@@ -125,8 +125,8 @@ class PairCertificate:
         if self.unpaired:
             yield (
                 f"{self.pair}: {self.unpaired} nodes are inside another body and have no partner: "
-                f"contact was missed, since partners are searched {self.reach}; take smaller "
-                "steps or a larger search_radius"
+                f"contact was missed, since partners are searched {self.search_radius}; take "
+                "smaller steps or a larger search_radius"
             )
 
     def remarks(self) -> Iterator[str]:

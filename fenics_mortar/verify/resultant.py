@@ -18,7 +18,7 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.errors import format_point
 
 
 def beyond_cover(contact: Contact, runs: Indices) -> dict[str, Any]:
@@ -64,4 +64,4 @@ def _beyond(contact: Contact, nodes: Indices, forces: Array) -> tuple[float, str
     contact.slave.comm.Allreduce(MPI.IN_PLACE, bounds, MPI.MAX)
     centre = forces[nodes] @ o.x[nodes] / forces[nodes].sum()
     at = float(centre @ along)
-    return max(at - bounds[0], -at - bounds[1], 0.0) / float(bounds[2]), place(centre)
+    return max(at - bounds[0], -at - bounds[1], 0.0) / float(bounds[2]), format_point(centre)

@@ -228,18 +228,18 @@ class _Probe:
         system = SaddleSystem(self.bulk, self.contacts, "fenics_mortar_check_tangent_", {})
         K, B_T, C, A_z = system.blocks()
         zeta = A_z.createVecRight()
-        for contact, dz, place in zip(self.contacts, self.dz, system.places, strict=True):
+        for contact, dz, z_number in zip(self.contacts, self.dz, system.z_numbers, strict=True):
             scaled = dz / system.scale(contact)[:, None]
-            zeta.array.reshape(-1, 2)[system.local(contact, place)] = scaled[contact.slave.owned]
+            zeta.array.reshape(-1, 2)[system.local(contact, z_number)] = scaled[contact.slave.owned]
         force, law = self._apply(K), self._apply(C)
         force = self.bulk.to_force * (force + (B_T * zeta).array)
         law = law + (A_z * zeta).array
         parts = [
             (
-                law.reshape(-1, 2)[system.local(contact, place)]
+                law.reshape(-1, 2)[system.local(contact, z_number)]
                 + self._by_motions(contact)[2][contact.slave.owned]
             ).ravel()
-            for contact, place in zip(self.contacts, system.places, strict=True)
+            for contact, z_number in zip(self.contacts, system.z_numbers, strict=True)
         ]
         balance = linearize_balance(self.motions, system)
         pushed = self.comm.allreduce(balance.rows @ system.join(self.du, self.dz))

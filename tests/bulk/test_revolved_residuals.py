@@ -58,11 +58,11 @@ def test_a_traction_without_the_radius_is_told():
             revolved(u) - weight * ufl.inner(traction, ufl.TestFunction(u.function_space)) * ufl.ds
         )
 
-    def told(residual_of):
+    def is_reported(residual_of):
         return any("boundary integrals without the radius" in n for n in solved(residual_of).notes)
 
-    assert told(loaded)
-    assert not told(lambda u: loaded(u, ufl.SpatialCoordinate(u.function_space.mesh)[0]))
+    assert is_reported(loaded)
+    assert not is_reported(lambda u: loaded(u, ufl.SpatialCoordinate(u.function_space.mesh)[0]))
 
 
 def test_the_axis_may_not_be_moved():

@@ -13,7 +13,7 @@ import fenics_mortar as fm
 DX = ufl.dx(metadata={"quadrature_degree": 2})
 
 
-def told(report, word):
+def messages_with(report, word):
     return [violation for violation in report.certificate.violations() if word in violation]
 
 

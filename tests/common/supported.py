@@ -319,9 +319,3 @@ def pressed(
         ),
         **options,
     )
-
-
-if __name__ == "__main__":
-    from supported_table import main
-
-    main()

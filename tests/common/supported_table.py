@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""All scenes of ``supported.py`` solved by the present code, and compared with limit analysis."""
+"""All scenes of ``supported.py`` solved by the present code, and compared with limit analysis.
+
+``/usr/bin/python3 tests/program.py supported_table [begin of names]``.
+"""
 
 from __future__ import annotations
 
@@ -161,3 +164,7 @@ def main() -> None:
         for number, step in enumerate(row["steps"], start=1):
             print(f"| {row['scene']} | {number} | {step} |", flush=True)
     print(f"\n{right} of {count} scenes right, {time.perf_counter() - begin:.0f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -73,6 +73,18 @@ class Path:
         return path
 
 
+def timed(scene: Path) -> Path:
+    """The path with steps of length 0.5, for laws of time."""
+    move, problem = scene.move, scene.problem
+
+    def later(place):
+        problem.time = problem.time + 0.5
+        move(place)
+
+    scene.move = later
+    return scene
+
+
 def blocks(
     law=None,
     material=neo_hookean,

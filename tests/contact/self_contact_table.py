@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Table of bodies that touch themselves or each other, with friction; half a minute, in serial.
 
-From the folders of ``tests``: ``python3 -c "import self_contact_table as t; t.main()"``.
+``/usr/bin/python3 tests/program.py self_contact_table``.
 """
 
 from collections.abc import Callable

@@ -123,9 +123,9 @@ def test_shear_outside_the_cone_is_told():
     drive(scene, (0.0, -0.1), (0.1, -0.1))
     assert scene.problem.certificate().pairs[0].shear < 1e-10
     scene.contact.pair.law = fm.Coulomb(0.2)
-    told = scene.problem.certificate()
-    assert told.pairs[0].shear == pytest.approx(0.1, rel=1e-6)
-    assert any("shear" in violation for violation in told.violations())
+    certificate = scene.problem.certificate()
+    assert certificate.pairs[0].shear == pytest.approx(0.1, rel=1e-6)
+    assert any("shear" in violation for violation in certificate.violations())
 
 
 def test_wedge_takes_the_closed_form():

@@ -39,7 +39,7 @@ def drive(scene, steps):
 
 
 def memory(scene):
-    return scene.contact.state.committed.memory
+    return scene.contact.state.accepted_instant.memory
 
 
 @pytest.mark.once
@@ -87,12 +87,12 @@ def test_failed_step_leaves_time_and_memory():
     one, other = (blocks(rate_and_state()) for _ in range(2))
     for scene in (one, other):
         drive(scene, [1])
-    before, state = one.contact.state.committed, one.problem.state()
+    before, state = one.contact.state.accepted_instant, one.problem.state()
     one.problem.newton = replace(one.problem.newton, max_iterations=1)
     one.problem.time, one.loads["push"].value[0] = 0.7, 0.08
     with pytest.raises(fm.NotConvergedError):
         one.problem.solve(predict=False)
-    assert one.contact.state.committed is before
+    assert one.contact.state.accepted_instant is before
     one.problem.restore(state)
     assert one.problem.time == 0.5
     one.problem.newton = other.problem.newton

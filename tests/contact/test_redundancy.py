@@ -48,8 +48,8 @@ def test_walls_take_few_iterations_and_tell_of_shears_that_are_not_unique(mu, ce
     assert max(report.num_iterations for report in reports) <= 10
     assert all(report.certificate.violations() == [] for report in reports)
     redundant = sum(int(contact.redundant.sum()) for contact in scene.problem.equations.contacts)
-    told = [note for note in reports[-1].notes if "not unique" in note]
-    assert bool(redundant) == bool(told)
+    notes = [note for note in reports[-1].notes if "not unique" in note]
+    assert bool(redundant) == bool(notes)
     if cells == (4,):
         assert redundant > 0
 

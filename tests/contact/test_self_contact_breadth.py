@@ -85,7 +85,7 @@ def test_found_sides_are_as_chosen_ones(name):
 def test_a_surface_in_contact_with_itself_wears():
     """Sticking nodes are at a kink of |slip|, so that the tangent has the slope of one side."""
     found = compare(law=laws.Worn(0.3, 1e-2), slope=1.0)
-    assert found.contact.state.committed.memory["depth"].max() > 0.0
+    assert found.contact.state.accepted_instant.memory["depth"].max() > 0.0
 
 
 @pytest.mark.serial

@@ -25,7 +25,7 @@ def assembled(problem):
     problem.equations.bulk.assemble_tangent()
     system = SaddleSystem(problem.equations.bulk, contacts, "reference_", {})
     K, B_T, C, A_z = (dense(block) for block in system.blocks())
-    order = [(2 * place[:, None] + np.arange(2)).ravel() for place in system.places]
+    order = [(2 * z_number[:, None] + np.arange(2)).ravel() for z_number in system.z_numbers]
     order = np.concatenate([np.empty(0, np.int64), *order])
     scale = np.concatenate([np.empty(0), *(np.repeat(system.scale(c), 2) for c in contacts)])
     B_T, A_z = B_T[:, order] / scale, A_z[np.ix_(order, order)] / scale
@@ -180,8 +180,8 @@ def test_linear_bulk_with_a_symmetry_plane_and_adhesion():
     """Prescribed components of multipliers, and multipliers of open nodes."""
     law = test_adhesion.Sticky(0.3)
     problem, lift = test_adhesion.columns(law, material=linear_elastic, linear_bulk=True)
-    for place in (-0.02, 0.12):
-        lift.value = place
+    for z_number in (-0.02, 0.12):
+        lift.value = z_number
         problem.solve()
         (contact,) = problem.equations.contacts
         assert problem.equations.reduced_tangent() is not None

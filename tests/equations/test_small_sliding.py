@@ -10,7 +10,7 @@ from scenes import internal, linear_elastic, neo_hookean, nodal, pressed_blocks
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact import integration
+from fenics_mortar.contact import operator_evaluation
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
@@ -50,8 +50,10 @@ def test_one_factorization_and_the_general_paths_agree():
 @pytest.mark.parametrize("material", [linear_elastic, neo_hookean])
 def test_operators_are_evaluated_once(material, monkeypatch):
     calls = []
-    evaluate = integration.evaluate_mortar
-    monkeypatch.setattr(integration, "evaluate_mortar", lambda *a: calls.append(1) or evaluate(*a))
+    evaluate = operator_evaluation.evaluate_mortar
+    monkeypatch.setattr(
+        operator_evaluation, "evaluate_mortar", lambda *a: calls.append(1) or evaluate(*a)
+    )
     scene = small_blocks(material=material)
     for step in PATH:
         scene.loads["push"].value[:] = step

@@ -19,7 +19,7 @@ def test_operators_are_those_of_a_new_search_to_the_bit(drop, searches, monkeypa
     scene.loads["push"].value[:] = 0.01, -0.05
     scene.problem.solve()
     contact, u = scene.contact, scene.problem.equations.bulk.u.x.array
-    integration, state = contact.integration, contact.state
+    evaluation, state = contact.evaluation, contact.state
     nodes = state.multiplier_nodes.copy()
     nodes[drop] = False
     count, search = [0], integrals.find_segments
@@ -30,10 +30,10 @@ def test_operators_are_those_of_a_new_search_to_the_bit(drop, searches, monkeypa
 
     monkeypatch.setattr(integrals, "find_segments", counted)
     contact.change(multiplier_nodes=nodes)
-    found, _ = integration.evaluate(u, contact.state, SEARCHED)
+    found, _ = evaluation.evaluate(u, contact.state, SEARCHED)
     assert count[0] == searches
-    integration._recent.clear()
-    new, _ = integration.evaluate(u, contact.state, SEARCHED)
+    evaluation._recent.clear()
+    new, _ = evaluation.evaluate(u, contact.state, SEARCHED)
     assert count[0] == searches + 1
     for field in fields(new):
         one, other = getattr(found, field.name), getattr(new, field.name)

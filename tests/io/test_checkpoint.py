@@ -8,7 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from scenes import TIGHT, internal, neo_hookean, nodal, pressed_blocks
-from test_climbing import climbing
+from test_model_hierarchy import hierarchy_path
 
 from dolfinx import fem
 
@@ -190,12 +190,12 @@ def test_weight_of_gaps_and_offsets_are_kept(shared_path):
 def test_restart_of_a_climb_is_the_uninterrupted_run(shared_path, law, check):
     """Equal models are tried, and slip is counted from the partners in the sufficient ones."""
     path = [(0.0, -0.02), (0.05, -0.03), (0.1, -0.05), (0.15, -0.05)]
-    whole, push, steps = climbing(law, **check)
+    whole, push, steps = hierarchy_path(law, **check)
     for load in path[:2]:
         push[:] = load
         whole.solve()
     fm.save_state(whole, shared_path / "state")
-    again, same_push, same_steps = climbing(law, **check)
+    again, same_push, same_steps = hierarchy_path(law, **check)
     fm.load_state(again, shared_path / "state")
     del steps[:], same_steps[:]
     for load in path[2:]:

@@ -64,8 +64,8 @@ def by_sums(pair):
                 projection.gather(pair.x, n, pair.m, s.slave[i], s.master[i], y)
                 eta, alpha = projection.slave_to_master(y, c + h * s.points[p], N, N_m)
                 assert abs(eta) < 1 + 1e-12
-                J = np.hypot(*projection.combine(y, 0, N, 1))
-                gap = alpha * np.hypot(*projection.combine(y, 1, N, 0))
+                J = np.hypot(*projection.interpolate(y, 0, N, 1))
+                gap = alpha * np.hypot(*projection.interpolate(y, 1, N, 0))
                 points.append((i, s.weights[p] * h * J, N[0].copy(), N_m[0].copy(), gap))
         if not points:
             continue

@@ -91,7 +91,7 @@ def test_rows_in_pairs_are_factored_in_blocks(transpose):
         assert np.allclose((A.T if transpose else A) @ x, b, rtol=1e-13)
         factors = few.ksp.getPC().getFactorMatrix()
         assert factors.getBlockSize() == 2 and "baij" in factors.getType()
-    few.forget_pattern()
+    few.reset_pattern()
     more = matrix_in_pairs(A + np.rot90(np.eye(40)))
     assert np.allclose((A + np.rot90(np.eye(40))) @ few.solve(more, b), b, rtol=1e-13)
 

@@ -76,7 +76,7 @@ def test_room_is_zero_where_the_small_matrix_is_not():
     large = tridiagonal()
     last = large.getSize()[0] - 1
     some, small = with_rows(large, [0], [everywhere(0, last, 4.0)])
-    room = some.room(small, OWNED)
+    room = some.zeros(small, OWNED)
     assert np.abs(dense(room)).max() == 0.0 and room.getSize() == large.getSize()
     before, entries = dense(large), large.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
     large.axpy(1.0, room, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)

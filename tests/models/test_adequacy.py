@@ -25,11 +25,11 @@ from fenics_mortar.models.model_error import (
 from meshes import mapped_grids, two_blocks
 from meshes.mapped_grids import Grid, block, sector
 
-RUNGS = [("linear", "finite"), ("finite", "small"), ("linear", "small")]
+MODELS = [("linear", "finite"), ("finite", "small"), ("linear", "small")]
 
 
 @pytest.mark.once
-@pytest.mark.parametrize("strain, sliding", RUNGS)
+@pytest.mark.parametrize("strain, sliding", MODELS)
 @pytest.mark.parametrize("push", [(0.0, -0.02), (0.0, -0.15), (0.1, -0.1)])
 def test_estimates_are_within_a_factor_of_the_true_error(push, strain, sliding):
     """One Newton step is correct to first order; at strains of 15 % the rest is below a half."""

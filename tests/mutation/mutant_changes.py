@@ -56,8 +56,10 @@ class Changes(ast.NodeVisitor):
         return first, last
 
     def source(self, node: ast.AST) -> str:
+        """Text of a node; parentheses do not belong to it, and an assignment needs them."""
         first, last = self.span(node)
-        return self.text[first:last]
+        text = self.text[first:last]
+        return f"({text})" if isinstance(node, ast.NamedExpr) else text
 
     def add(self, node: ast.AST, kind: str, new: str) -> None:
         new = new if kind == "statement" else f"({new})"
@@ -150,10 +152,14 @@ def is_text(node: ast.AST) -> bool:
     return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
-def draw(folder: Path, count: int, seed: int, only: str) -> list[Mutant]:
-    """``count`` different mutants of the package in ``folder``; the same for the same seed."""
-    texts = {path: path.read_text() for path in sorted((folder / PACKAGE).rglob("*.py"))}
-    texts = {path: text for path, text in texts.items() if only in str(path.relative_to(folder))}
+def draw(folder: Path, count: int, seed: int, only: list[str]) -> list[Mutant]:
+    """``count`` different mutants of the package in ``folder``; the same for the same seed.
+
+    ``only``: words, one of which the path of a file must hold; none for all files.
+    """
+    names = {path: str(path.relative_to(folder)) for path in (folder / PACKAGE).rglob("*.py")}
+    chosen = [path for path in names if any(word in names[path] for word in only or [""])]
+    texts = {path: path.read_text() for path in sorted(chosen)}
     changes = {path: Changes(text).found for path, text in texts.items()}
     texts = {path: text for path, text in texts.items() if changes[path]}
     count = min(count, sum(len(changes[path]) for path in texts))

@@ -59,12 +59,17 @@ class Run:
         return ("killed" if failed else "ends"), (failed or [""])[0][:300]
 
     def is_compiled(self, mutant: Mutant) -> bool:
-        return [mutant.path, mutant.function] in self.seen["compiled"]
+        """Whether a compiled function changes, or a constant of a module that has some."""
+        compiled = [first for path, first in self.seen["compiled"] if path == mutant.path]
+        return mutant.function in compiled or (not mutant.function and bool(compiled))
 
     def tests_of(self, mutant: Mutant) -> list[tuple[str, float]]:
-        """Tests and their CPU time [s]: those that run the lines changed, or else the file."""
+        """Tests and their CPU time [s]: those that run the lines changed, or else the file.
+
+        Those that import the module if it is compiled, or has no lines but those of its import.
+        """
         tests, lines = self.seen["tests"], self.seen["lines"].get(mutant.path, {})
-        if self.is_compiled(mutant):
+        if self.is_compiled(mutant) or not lines:
             near = near_tests(self.folder, mutant.path)
             found = [test for test in tests if file_of(test["name"]) in near]
         else:

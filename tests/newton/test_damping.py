@@ -17,8 +17,8 @@ from fenics_mortar.newton.options import NewtonOptions
 class Place:
     x: float
 
-    def towards(self, other, part):
-        return Place(self.x + part * (other.x - self.x))
+    def towards(self, other, fraction):
+        return Place(self.x + fraction * (other.x - self.x))
 
 
 class Arctan:

@@ -87,19 +87,19 @@ def test_distance_that_is_not_finite_on_one_rank_is_refused_by_all():
 
 
 @pytest.mark.each
-@pytest.mark.parametrize("angle, told", [(0.05, "2.9 degrees"), (0.3, "17.2"), (0.01, None)])
-def test_gradient_of_another_distance_is_a_violation_or_a_remark(angle, told):
+@pytest.mark.parametrize("angle, message", [(0.05, "2.9 degrees"), (0.3, "17.2"), (0.01, None)])
+def test_gradient_of_another_distance_is_a_violation_or_a_remark(angle, message):
     def turned(x, phi, g, H):
         return phi, np.tile((np.sin(angle), np.cos(angle)), (len(x), 1)), H
 
     problem = on_obstacle(Floor(turned).obstacle)
     report = problem.solve(accept_violations=True)
     violations = [words for words in report.certificate.violations() if "gradient" in words]
-    assert bool(violations) == (told is not None)
-    if told is None:
+    assert bool(violations) == (message is not None)
+    if message is None:
         assert any("turned by 0.6 degrees" in note for note in report.notes)
     else:
-        assert told in violations[0]
+        assert message in violations[0]
 
 
 def test_gradient_of_a_scaled_distance_is_none():

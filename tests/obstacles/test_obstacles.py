@@ -41,10 +41,10 @@ KINDS = {
 }
 
 
-def block_under(obstacle, *, degree=1, pair=None, material=neo_hookean, **options):
+def block_under(obstacle, *, degree=1, pair=None, material=neo_hookean, width=1.0, **options):
     """The lower block, fixed at its bottom, with its top against ``obstacle``."""
     size = {"n_lower": 8, "layers_lower": 6} if degree == 1 else {"n_lower": 4, "layers_lower": 3}
-    data = read(two_blocks.build, width_lower=1.0, gap=3.0, **size)
+    data = read(two_blocks.build, width_lower=width, gap=3.0, **size)
     V = fm.vector_space(data.mesh, degree)
     u = fem.Function(V)
     bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("lower/bottom", "upper/top")]
@@ -171,6 +171,20 @@ def test_balance_and_algorithms(kind):
         found.append((problem.equations.contacts[0].z, report.num_iterations))
     assert np.allclose(found[0][0], found[1][0], atol=1e-9 * np.abs(found[0][0]).max())
     assert found[0][1] == found[1][1]
+
+
+def test_forces_on_an_obstacle_are_those_of_its_reaction():
+    """The moment is about the pivot, in units of force times length for a block of any width."""
+    obstacle = KINDS["plane"]()
+    problem = block_under(obstacle, width=2.2)
+    obstacle.move(y=-0.05)
+    problem.solve()
+    force, moment = obstacle.reaction[:2], obstacle.reaction[2]
+    assert np.linalg.norm(force) > 0.1 and abs(moment) > 0.01
+    assert problem.forces()[2][0] == pytest.approx(-obstacle.reaction, rel=1e-12)
+    x, f = problem.contacts[0].positions, problem.contacts[0].forces
+    arms = x - (obstacle.pivot + obstacle.place[:2])
+    assert moment == pytest.approx(-(arms[:, 0] * f[:, 1] - arms[:, 1] * f[:, 0]).sum(), rel=0.02)
 
 
 @pytest.mark.each

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Table of motions whose solution or invariants are known; half a minute, in serial.
 
-From the folders of ``tests``: ``python3 -c "import dynamics_table as t; t.main()"``. Impacts by
-scheme: ``demos.studies.dynamics.impacts``.
+``/usr/bin/python3 tests/program.py dynamics_table``. Impacts by scheme:
+``demos.studies.dynamics.impacts``.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.studies.dynamics.scenes import RHO, free_block, oscillator, rings
+from demos.studies.dynamics.scenes import RHO, changes_in_free_flight, free_block, oscillator, rings
 
 
 def row(what: str, found: str) -> None:
@@ -82,17 +82,9 @@ def stick_slip() -> None:
 
 
 def rates() -> None:
-    """A neo-Hookean block that turns and vibrates in free flight: rates between equal steps."""
+    """Rates of a block in free flight, from steps of three lengths."""
     for scheme, rho in (("conserving", 1.0), ("massless", 1.0), ("generalized_alpha", 0.5)):
-        found = []
-        for number in (40, 80, 160):
-            made = free_block(cells=2)
-            motion = made.dynamics(scheme, rho)
-            made.set_velocity(motion, {"block": (0.5, 0.2, 3.0)})
-            for _ in range(number):
-                motion.step(0.2 / number)
-            found.append(made.u.x.array.copy())
-        coarse, fine = (np.abs(found[i] - found[i + 1]).max() for i in (0, 1))
+        coarse, fine = changes_in_free_flight(scheme, rho, 0.2, (40, 80, 160))
         row(f"rate in time, {scheme}", f"{np.log2(coarse / fine):.2f}")
 
 
@@ -101,3 +93,7 @@ def main() -> None:
     print("| motion | found |\n|---|---|")
     for part in (colliding_rings, bounces, stick_slip, rates):
         part()
+
+
+if __name__ == "__main__":
+    main()

@@ -110,8 +110,8 @@ def test_cantilevers_have_an_equilibrium_beyond_their_dead_end():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("stopped_by", "told"), [("wall", False), ("friction", True), ("", True)])
-def test_a_body_that_slid_to_a_wall_is_at_rest_and_one_that_only_stopped_is_not(stopped_by, told):
+@pytest.mark.parametrize(("stopped_by", "slid"), [("wall", False), ("friction", True), ("", True)])
+def test_only_a_body_stopped_by_a_wall_is_at_rest(stopped_by, slid):
     """Its friction carried force before the step; the wall did not."""
 
     def pair(name, slip, force):
@@ -132,4 +132,4 @@ def test_a_body_that_slid_to_a_wall_is_at_rest_and_one_that_only_stopped_is_not(
     )
     equations = SimpleNamespace(contacts=contacts, floating=floating)
     reason = _slid_away(SimpleNamespace(equations=equations), SimpleNamespace(interfaces=states))
-    assert ("slid by 4.00 facets" in reason) == told
+    assert ("slid by 4.00 facets" in reason) == slid

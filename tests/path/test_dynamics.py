@@ -12,6 +12,7 @@ from demos.studies.dynamics.scenes import (
     RHO,
     E,
     bar,
+    changes_in_free_flight,
     free_block,
     oscillator,
     rings,
@@ -262,16 +263,7 @@ def test_drag_slows_a_body_exponentially():
     [pytest.param("massless", 1.0, marks=pytest.mark.long), ("generalized_alpha", 0.5)],
 )
 def test_the_rate_in_time_is_two(scheme, rho_inf):
-    """A neo-Hookean block that rotates and vibrates in free flight, compared with finer steps."""
-    found = []
-    for number in (20, 40, 80):
-        made = free_block(cells=2)
-        motion = made.dynamics(scheme, rho_inf)
-        made.set_velocity(motion, {"block": (0.5, 0.2, 3.0)})
-        for _ in range(number):
-            motion.step(0.1 / number)
-        found.append(made.u.x.array.copy())
-    coarse, fine = (np.abs(found[i] - found[i + 1]).max() for i in (0, 1))
+    coarse, fine = changes_in_free_flight(scheme, rho_inf, 0.1, (20, 40, 80))
     assert 3.2 < coarse / fine < 5.0
 
 

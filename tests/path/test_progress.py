@@ -40,19 +40,19 @@ def test_path_is_silent_by_default(capfd):
 def test_rank_0_logs_each_step_and_each_cut(caplog):
     caplog.set_level(logging.DEBUG, "fenics_mortar")
     path = follow(fails_at=-0.02)
-    told = [record.getMessage() for record in caplog.records if record.name == "fenics_mortar"]
+    messages = [record.getMessage() for record in caplog.records if record.name == "fenics_mortar"]
     levels = [record.levelname for record in caplog.records if record.name == "fenics_mortar"]
     if COMM.rank:
-        assert told == []
+        assert messages == []
         return
-    assert path.num_cuts > 0 and told[0] == "time 0.5: cut, as told"
-    accepted = [line for line in told if line.startswith("step ")]
+    assert path.num_cuts > 0 and messages[0] == "time 0.5: cut, as told"
+    accepted = [line for line in messages if line.startswith("step ")]
     reports = [
         f"step {i}, time {s.time:.6g}: {s.report.reason}" for i, s in enumerate(path.steps, 1)
     ]
     assert accepted == reports
     assert levels == ["INFO", "DEBUG"] * (len(path.steps) + path.num_cuts)
-    assert told[-1] == str(path.steps[-1].report)
+    assert messages[-1] == str(path.steps[-1].report)
 
 
 BARS = []

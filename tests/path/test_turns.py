@@ -8,7 +8,7 @@ from scenes import internal, neo_hookean, read
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.path.dead_end import describe_path_turn
+from fenics_mortar.path.dead_end import describe_turning_point
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, mapped
 
@@ -60,5 +60,5 @@ def test_end_of_a_path_that_turns_is_named():
     assert words in error.value.report.dead_end
     before = problem.state()
     set_push(error.value.report.steps[-1].time - 1e-2)
-    assert describe_path_turn(problem) == ""
+    assert describe_turning_point(problem) == ""
     assert np.array_equal(problem.state().u, before.u)

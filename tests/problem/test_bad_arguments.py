@@ -60,8 +60,8 @@ def test_conditions_that_contradict_each_other_are_told_once(value, component):
     bcs = [*bcs_of(data, V), fm.dirichlet(V, data, "base", value, component)]
     problem = problem_on(data, u=u, bcs=bcs)
     words = "conditions 0 and 2 prescribe different values of the same component at 5 nodes"
-    (told,) = (note for note in problem.solve().notes if words in note)
-    assert "the later one, is used" in told
+    (note,) = (note for note in problem.solve().notes if words in note)
+    assert "the later one, is used" in note
     assert not any(words in note for note in problem.solve().notes)
 
 

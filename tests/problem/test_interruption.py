@@ -12,9 +12,9 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 from scenes import linear_elastic, neo_hookean, nodal, pressed_blocks
-from test_climbing import climbing
 from test_driven import block_under
 from test_floating import falling_disk
+from test_model_hierarchy import hierarchy_path
 
 import fenics_mortar as fm
 from fenics_mortar.equations.undo import as_interruption
@@ -189,11 +189,11 @@ def test_a_path_may_be_interrupted_anywhere():
 @pytest.mark.serial
 @pytest.mark.parametrize("check", [{"tolerance": 0.05}, {"tolerance": 0.02, "friction": 0.3}])
 def test_a_climb_may_be_interrupted_anywhere(check):
-    problem, push, _ = climbing(**check)
+    problem, push, _ = hierarchy_path(**check)
     push[1] = -0.02
     problem.solve()
     push[:] = (0.02, -0.03)
-    start = problem.adequacy.remember()
+    start = problem.adequacy.snapshot()
     interrupt_at_random(problem, lambda: (start(), problem.solve()), seed=1, times=6)
 
 

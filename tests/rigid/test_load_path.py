@@ -6,7 +6,7 @@ import pytest
 from test_complementarity import problem, violation
 
 from fenics_mortar.rigid.complementarity import FrictionProblem, Sets, solve_friction
-from fenics_mortar.rigid.load_path import Turn, follow_loads
+from fenics_mortar.rigid.load_path import TurningPoint, follow_loads
 
 # One node whose normal and tangential compliance are coupled. At mu = 2 > 1 / |coupling| it may
 # have no equilibrium next to a state in which it slides (Klarbring 1990).
@@ -60,7 +60,7 @@ def test_no_solution_beyond_a_jump(pulled):
     """Under tension the node can neither stick nor slide; it opens by a jump."""
     p = FrictionProblem(COUPLED, np.array([1.0 + pulled, 3.0]), np.array([2.0]))
     assert not solve_friction(p).active.any()
-    assert follow_loads(p, SLIDES, np.zeros(1)).part == 0.0
+    assert follow_loads(p, SLIDES, np.zeros(1)).fraction == 0.0
 
 
 def test_a_path_that_turns_later_is_left():
@@ -71,4 +71,6 @@ def test_a_path_that_turns_later_is_left():
     assert follow_loads(near, sticks, np.zeros(1)).z_tau[0] == pytest.approx(1.5)
     far = near._replace(q=np.array([1.1, 2.1]))
     assert not solve_friction(far).active.any()
-    assert follow_loads(far, sticks, np.zeros(1)) == Turn(pytest.approx(5 / 17, abs=1e-3), 0)
+    assert follow_loads(far, sticks, np.zeros(1)) == TurningPoint(
+        pytest.approx(5 / 17, abs=1e-3), 0
+    )

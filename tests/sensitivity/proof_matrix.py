@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """All objectives by all controls, for each law, element and kind of path: a table.
 
-    mpirun.openmpi -n 2 /usr/bin/python3 tests/sensitivity/proof_matrix.py [words of scenes]
+    mpirun.openmpi -n 2 /usr/bin/python3 tests/program.py proof_matrix [words of scenes]
 
 Each row is a scene: the number of pairs of an objective and a control, the largest difference of
 adjoint and tangent-linear derivatives over the sum of the terms, and the smallest slope of the
@@ -9,17 +9,11 @@ Taylor remainders; pairs whose remainders are rounding have none.
 """
 
 import sys
-from pathlib import Path as Folder
-
-if __name__ == "__main__":
-    sys.path[:0] = [str(Folder(__file__).resolve().parents[2])]
-    sys.path[:0] = map(str, Folder(__file__).resolve().parents[1].glob("*/"))
-
 from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
-from taylor_scenes import blocks, directions_of, obstacle_on_block, tied_blocks, value_of
+from taylor_scenes import blocks, directions_of, obstacle_on_block, tied_blocks, timed, value_of
 
 import ufl
 
@@ -181,18 +175,6 @@ def slopes_of(scene, name, direction, several, start, tangent, rounding):
         if (best >= 1.9).all():
             break
     return best
-
-
-def timed(scene):
-    """Steps of length 0.5, for laws of time."""
-    move, problem = scene.move, scene.problem
-
-    def later(place):
-        problem.time = problem.time + 0.5
-        move(place)
-
-    scene.move = later
-    return scene
 
 
 def between_blocks(law, element, path):

@@ -78,7 +78,7 @@ def count_slip_from(problem, state, present):
     e.evaluate_operators()
     for contact in e.contacts:
         contact.accept()
-    accepted = [contact.accepted for contact in e.contacts]
+    accepted = [contact.accepted_partners for contact in e.contacts]
     e.put(present)
     e.evaluate_operators()
     for contact, partners in zip(e.contacts, accepted, strict=True):

@@ -2,7 +2,7 @@
 """Derivatives through the memory of laws: wear, rates and states, over several steps."""
 
 import pytest
-from taylor_scenes import SLIDE, blocks, check
+from taylor_scenes import SLIDE, blocks, check, timed
 
 from demos.laws import NormalCompliance, RateAndState, Stribeck, Worn
 from fenics_mortar import sensitivity
@@ -26,18 +26,6 @@ class Falling(Stribeck):
 
 
 OBJECTIVE = TotalForce(0, (1.0, 0.3)) + 0.1 * PressureIntegral(0, 2) + FrictionWork(0)
-
-
-def timed(scene):
-    """Steps of length 0.5."""
-    move, problem = scene.move, scene.problem
-
-    def later(place):
-        problem.time = problem.time + 0.5
-        move(place)
-
-    scene.move = later
-    return scene
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from self_scenes import c_ring
 import fenics_mortar as fm
 from fenics_mortar.contact.nodal import magnitude, row_of
 from fenics_mortar.interface.mortar import LINEARIZATIONS
-from fenics_mortar.sensitivity.history import History
+from fenics_mortar.sensitivity.history import StepHistory
 from fenics_mortar.sensitivity.pair_vectors import at_pair
 
 comm = MPI.COMM_WORLD
@@ -22,7 +22,7 @@ DOT = 1e-12
 
 def check(problem, before, sizes=(0.005, 1.0, 0.005), *, sticks=True):
     """Taylor test of slip and rows, and dot product with the transpose; returns the history."""
-    history = History(problem, before)
+    history = StepHistory(problem, before)
     contact = problem.equations.contacts[0]
     present = problem.state()
     frames = [c.rows.frame() for c in problem.equations.contacts]
@@ -124,8 +124,8 @@ def test_obstacle_that_moves_and_turns(law, degree):
 def test_another_state_before_is_refused():
     scene, before, now = scenes.two_steps(fm.Coulomb(0.3))
     with pytest.raises(fm.MortarError, match="is not counted from the state before"):
-        History(scene.problem, now)
-    assert History(scene.problem, before).any
+        StepHistory(scene.problem, now)
+    assert StepHistory(scene.problem, before).any
 
 
 def test_terms_that_are_left_out_are_refused():
@@ -133,12 +133,12 @@ def test_terms_that_are_left_out_are_refused():
     scene.problem.equations.linearization = LINEARIZATIONS["no_normals"]
     scene.problem.equations.evaluate_operators()
     with pytest.raises(fm.MortarError, match="derivatives of a solution need"):
-        History(scene.problem, before)
+        StepHistory(scene.problem, before)
 
 
 def test_without_friction_there_is_no_history():
     scene, before, _ = scenes.two_steps(fm.Frictionless())
-    history = History(scene.problem, before)
+    history = StepHistory(scene.problem, before)
     d = scenes.random_vector(scene.problem, 1)
     assert not history.any and not any(z.any() for z in history.jvp(d).z)
 

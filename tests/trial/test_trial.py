@@ -17,11 +17,11 @@ from demos.studies.stability.random_cases import objections, random_case
 from demos.studies.stability.random_physics import DRAWS, run_physics
 from demos.studies.stability.random_shapes import FAMILIES, shape_case
 from demos.studies.stability.random_supported import hanging_case, supported_case
-from demos.studies.stability.shape_judge import OF_LAW, own_overlap, shape_wrongs, shears, windings
+from demos.studies.stability.shape_judge import OF_LAW, own_overlap, shape_errors, shears, windings
 from demos.studies.stability.supported_limits import earliest_end_of_mesh, end_of_mesh, rigid
 from demos.studies.stability.touching import touching_nodes
 from demos.studies.stability.trial import Worker, case_of, summary
-from demos.studies.stability.trial_judge import check_again, confirm, measure, run, wrongs
+from demos.studies.stability.trial_judge import check_again, confirm, errors, measure, run
 from demos.studies.stability.trial_scene import build
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.mesh.numbering import input_nodes
@@ -180,23 +180,23 @@ def test_judge_sees_arms_of_one_body_that_cross():
 def test_judge_sees_forces_off_the_law_wrong_pressures_and_strained_bodies():
     case = case_of(5_000_002)
     _, scene = run(case)
-    forces, x, rule = scene.bulk_forces(), scene.places(), case.rules[0]
+    forces, x, rule = scene.bulk_forces(), scene.positions(), case.rules[0]
     normal = case.planes[case.pairs[0][1]][1]
     nodes = case.nodes_of(case.pairs[0][0])
     along = np.array([normal[1], -normal[0]])
     shear = forces[nodes] @ along
     slipped = x + 1e3 * rule.length * np.sign(shear.sum()) * along
-    assert next(shape_wrongs(scene, forces, slipped, x)).startswith("shears are off the law")
+    assert next(shape_errors(scene, forces, slipped, x)).startswith("shears are off the law")
     forces[nodes] *= -1.0
-    assert any("nodes pull" in wrong for wrong in shape_wrongs(scene, forces, x, x))
+    assert any("nodes pull" in wrong for wrong in shape_errors(scene, forces, x, x))
     tubes = case_of(4_000_003)
     _, scene = run(tubes)
-    state = scene.bulk_forces(), scene.places(), scene.places()
-    assert list(shape_wrongs(scene, *state)) == []
-    assert "off Lame's" in next(shape_wrongs(scene, 1.1 * state[0], *state[1:]))
+    state = scene.bulk_forces(), scene.positions(), scene.positions()
+    assert list(shape_errors(scene, *state)) == []
+    assert "off Lame's" in next(shape_errors(scene, 1.1 * state[0], *state[1:]))
     moved = replace(tubes, pressure=None, ends_free=True)
     scene.case = moved
-    assert any("is strained at the end" in wrong for wrong in shape_wrongs(scene, *state))
+    assert any("is strained at the end" in wrong for wrong in shape_errors(scene, *state))
 
 
 @pytest.mark.serial
@@ -284,7 +284,7 @@ def test_judge_sees_what_is_wrong():
     case = random_case(2)
     _, scene = run(case)
     contact, u = scene.problem.equations.contacts[0], scene.problem.equations.bulk.u.x.array
-    assert list(wrongs(scene, measure(scene))) == []
+    assert list(errors(scene, measure(scene))) == []
     good, z = u.copy(), contact.z.copy()
     contact.change(z=1.01 * z)
     assert any("contact force and stresses differ" in wrong for wrong in judged(scene))
@@ -305,7 +305,7 @@ def test_judge_sees_what_is_wrong():
 def judged(scene):
     """Messages on errors, with the residual of the present state."""
     scene.problem.equations.bulk.assemble_residual()
-    return list(wrongs(scene, measure(scene)))
+    return list(errors(scene, measure(scene)))
 
 
 @pytest.mark.once

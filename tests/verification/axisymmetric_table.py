@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Table of the errors that ``test_axisymmetric`` bounds; about ten seconds, in serial.
 
-From the folders of ``tests``: ``python3 -c "import axisymmetric_table as t; t.main()"``.
+``/usr/bin/python3 tests/program.py axisymmetric_table``.
 """
 
 import numpy as np
@@ -102,3 +102,7 @@ def main() -> None:
     print("| proof | errors | rates |\n|---|---|---|")
     for part in (patches, tubes, spaces, slopes):
         part()
+
+
+if __name__ == "__main__":
+    main()

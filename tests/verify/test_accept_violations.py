@@ -16,17 +16,17 @@ def test_solve_to_a_wrong_state_raises_unless_told_not_to():
     law._on = False
     scene = rubbing_blocks(law)
     scene.problem.solve()
-    start, accepted = scene.problem.state(), scene.contact.accepted
+    start, accepted = scene.problem.state(), scene.contact.accepted_partners
     law._on = True
     scene.loads["push"].value[0] = 0.01
     parts = "wrong state: .*shear .*allowed", r"solve\(accept_violations=True\) returns the state"
     with refused(fm.NotConvergedError, *parts):
         scene.problem.solve()
-    assert scene.contact.accepted is accepted
+    assert scene.contact.accepted_partners is accepted
     scene.problem.restore(start)
     report = scene.problem.solve(accept_violations=True)
     assert report.converged and report.certificate.violations()
-    assert scene.contact.accepted is not accepted
+    assert scene.contact.accepted_partners is not accepted
     law._on = False
     scene.problem.restore(start)
     assert scene.problem.solve().certificate.violations() == []

@@ -59,11 +59,11 @@ def test_what_the_mesh_leaves_between_the_nodes_is_told():
     contact, u = scene.contact, scene.u
     start, up = u.x.array.copy(), contact.slave.local_dofs[:, 1]
     assert scene.problem.certificate().remarks() == []
-    for facets, told, wrong in (
+    for facets, right, wrong in (
         (-0.3, r"penetration of 0.[23]\d .* at \(.*reduce it", "penetration of 0.[789]"),
         (0.3, "0.[23]. facets apart; finer", "0.[789]. facets apart"),
     ):
-        for part, expected in ((1.0, told), (3.0, wrong)):
+        for part, expected in ((1.0, right), (3.0, wrong)):
             u.x.array[:] = start
             u.x.array[up] += part * facets * contact.slave.lengths.max()
             u.x.scatter_forward()
@@ -174,12 +174,12 @@ def test_corner_that_presses_is_told(slave):
     )
     report = problem.solve()
     (certificate,) = report.certificate.pairs
-    told = [note for note in report.notes if "a corner presses" in note]
+    remarks = [note for note in report.notes if "a corner presses" in note]
     assert certificate.oblique == pytest.approx(
         np.sin(np.radians(20)), rel=0.15
     )  # it rotates slightly
-    assert len(told) == 1 and certificate.oblique_at in told[0]
-    assert told[0] in str(report.certificate)
+    assert len(remarks) == 1 and certificate.oblique_at in remarks[0]
+    assert remarks[0] in str(report.certificate)
 
 
 def dragged_wedge(slave, half, tilt, mu):
@@ -227,15 +227,15 @@ def test_corner_that_is_dragged_is_told_where_its_force_is_wrong(half, tilt, mu)
         contact, report = dragged_wedge(slave, half, tilt, mu)
         (certificate,) = report.certificate.pairs
         error = abs(abs(contact.total_force[0] / contact.total_force[1]) - mu)
-        told = [note for note in report.notes if "corner" in note]
+        remarks = [note for note in report.notes if "corner" in note]
         assert certificate.friction == pytest.approx(mu)
         if other:
             assert error > 0.06 * mu
             estimate = certificate.misdirected * (1.0 + mu**2)
             assert 0.75 < estimate / error < 1.35
-            assert len(told) == 1 and f"take '{other}' as slave" in told[0]
+            assert len(remarks) == 1 and f"take '{other}' as slave" in remarks[0]
         else:
-            assert error < 0.03 * mu and not told and certificate.oblique > 0.1
+            assert error < 0.03 * mu and not remarks and certificate.oblique > 0.1
 
 
 @pytest.mark.parametrize(("shift", "presses"), [((0.0, 0.08), True), ((0.0, 0.0), False)])
@@ -267,8 +267,8 @@ def test_edges_of_a_punch_are_no_corners():
 
 
 @pytest.mark.each
-@pytest.mark.parametrize("part, told", [(0.2, False), (0.04, False), (0.0495, True)])
-def test_two_solutions_by_the_end_of_the_master_are_told_of(part, told):
+@pytest.mark.parametrize("part, num_remarks", [(0.2, False), (0.04, False), (0.0495, True)])
+def test_two_solutions_by_the_end_of_the_master_are_told_of(part, num_remarks):
     """The master ends where s^2 / 2 of a node's length is covered, s of its facet."""
     lower = {"slave": "lower", "n_lower": 8, "width_lower": 2.0}
     width = 2.0 * (0.5 + 0.25 * np.sqrt(2.0 * part))
@@ -276,7 +276,7 @@ def test_two_solutions_by_the_end_of_the_master_are_told_of(part, told):
     scene.problem.equations.evaluate(start=True)
     assert np.allclose(scene.contact.operators.cover[[1, 7]], 0.25 * part, rtol=1e-9)
     said = [remark for remark in scene.problem.certificate().remarks() if "two solutions" in remark]
-    assert len(said) == told
+    assert len(said) == num_remarks
     assert all(where in remark for remark in said for where in ("(0.25, 1)", "(1.75, 1)"))
 
 
@@ -295,5 +295,7 @@ def test_resultant_beyond_the_end_of_the_master_is_told(even, basis):
     centre = (force @ x) / force.sum()
     assert certificate.outside == pytest.approx(max(0.4 - centre, 0.0) / 0.25, abs=1e-9)
     assert certificate.outside == pytest.approx(0.0 if even else 0.6, abs=1e-9)
-    told = [words for words in certificate.remarks() if "0.60 facets outside of the part" in words]
-    assert len(told) == (not even)
+    remarks = [
+        words for words in certificate.remarks() if "0.60 facets outside of the part" in words
+    ]
+    assert len(remarks) == (not even)

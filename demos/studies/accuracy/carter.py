@@ -106,8 +106,8 @@ class Rolled:
     def creepage(self) -> float:
         """Creepage over that of the theory."""
         start = np.searchsorted(self.ways, self.ways[-1] - 1 - 1e-9)
-        gone, turned = (np.ptp(values[start:]) for values in (self.places, self.ways))
-        return (1 - gone / turned) / creepage(self.half_widths[0], self.pulls[-1])
+        travelled, turned = (np.ptp(values[start:]) for values in (self.places, self.ways))
+        return (1 - travelled / turned) / creepage(self.half_widths[0], self.pulls[-1])
 
 
 def creepage(a: float, part: float) -> float:

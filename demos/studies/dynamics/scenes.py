@@ -136,6 +136,25 @@ def free_block(gap: float = 50.0, cells: int = 4, **options: Any) -> Scene:
     return scene([grid], [("block/bottom", fm.Plane((0.0, -0.5 - gap), (0.0, 1.0)))], **options)
 
 
+def changes_in_free_flight(
+    scheme: str, rho_inf: float, duration: float, numbers: tuple[int, int, int]
+) -> tuple[float, float]:
+    """Changes of the displacement with the number of steps, for three numbers [length].
+
+    A neo-Hookean block rotates and vibrates in free flight.
+    """
+    found = []
+    for number in numbers:
+        made = free_block(cells=2)
+        motion = made.dynamics(scheme, rho_inf)
+        made.set_velocity(motion, {"block": (0.5, 0.2, 3.0)})
+        for _ in range(number):
+            motion.step(duration / number)
+        found.append(made.u.x.array.copy())
+    first, second, third = found
+    return float(np.abs(first - second).max()), float(np.abs(second - third).max())
+
+
 def oscillator(
     law: Any,
     *,

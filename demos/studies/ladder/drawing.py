@@ -7,16 +7,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from demos.studies.ladder.row import Row
-from demos.studies.ladder.scenes import FULL, RUNGS, SCENES, TOLERANCE
-from demos.studies.ladder.tables import climbs, percent
+from demos.studies.ladder.scenes import FULL, MODELS, SCENES, TOLERANCE
+from demos.studies.ladder.tables import hierarchy_pairs, percent
 from fenics_mortar.models.model_error import ENERGY, FORCE
 
 COLOURS = (
     "#c8102e", "#1f5fa8", "#2a8a3e", "#b07a00", "#7b3fa0", "#00857d", "#d0569a", "#5a5a5a",
 )  # fmt: skip
 SCENE_COLOURS = dict(zip((s.name for s in SCENES), COLOURS, strict=True))
-MARKERS = dict(zip((r.name for r in RUNGS), "Ds^vo*PX"))
-TITLES = {"climb": "hierarchy=True"}
+MARKERS = dict(zip((r.name for r in MODELS), "Ds^vo*PX"))
+TITLES = {"hierarchy": "hierarchy=True"}
 
 
 def draw(rows: list[Row]) -> Figure:
@@ -26,7 +26,7 @@ def draw(rows: list[Row]) -> Figure:
     left, right = top.subplots(1, 2)
     draw_estimates(left, rows)
     draw_costs(right, rows)
-    draw_climbs(bottom.subplots(), list(climbs(rows)))
+    draw_hierarchy(bottom.subplots(), list(hierarchy_pairs(rows)))
     return figure
 
 
@@ -36,7 +36,7 @@ def draw_estimates(axes, rows: list[Row]) -> None:
     axes.fill_between(ends, ends / 3, ends * 3, color="#e8e8e8", lw=0)
     axes.loglog(ends, ends, color="#888888", lw=0.8)
     for row in rows:
-        style = {"color": SCENE_COLOURS[row.scene], "marker": MARKERS[row.rung], "ls": ""}
+        style = {"color": SCENE_COLOURS[row.scene], "marker": MARKERS[row.model], "ls": ""}
         for name, fill in ((ENERGY, "full"), (FORCE, "none")):
             if row.factor(name) < np.inf:
                 axes.plot(row.true[name], row.estimate[name], fillstyle=fill, ms=5, **style)
@@ -46,7 +46,7 @@ def draw_estimates(axes, rows: list[Row]) -> None:
     axes.set_title("filled: energy norm, open: total force; grey: a factor of 3", fontsize=10)
     scenes = axes.legend(frameon=False, fontsize=8)
     axes.add_artist(scenes)
-    models = {row.rung: None for row in rows if row.factor(ENERGY) < np.inf}
+    models = {row.model: None for row in rows if row.factor(ENERGY) < np.inf}
     for model in models:
         axes.plot([], [], marker=MARKERS[model], color="#666666", ls="", ms=5)
     labels = [TITLES.get(model, model) for model in models]
@@ -55,12 +55,16 @@ def draw_estimates(axes, rows: list[Row]) -> None:
 
 def draw_costs(axes, rows: list[Row]) -> None:
     """Cost of each simpler model, full markers where its true error is within the tolerance."""
-    names = [rung.name for rung in RUNGS if not (rung.leaves_out or rung.climbs or rung == FULL)]
+    names = [
+        model.name
+        for model in MODELS
+        if not (model.leaves_out or model.uses_hierarchy or model == FULL)
+    ]
     offsets = dict(zip(SCENE_COLOURS, np.linspace(-0.27, 0.27, len(SCENE_COLOURS))))
     for row in rows:
-        if not row.reason and row.rung in names:
-            place = names.index(row.rung) + offsets[row.scene]
-            style = {"color": SCENE_COLOURS[row.scene], "marker": MARKERS[row.rung], "ls": ""}
+        if not row.reason and row.model in names:
+            place = names.index(row.model) + offsets[row.scene]
+            style = {"color": SCENE_COLOURS[row.scene], "marker": MARKERS[row.model], "ls": ""}
             fill = "full" if row.true[ENERGY] <= TOLERANCE else "none"
             axes.semilogx(row.seconds / row.against, place, fillstyle=fill, ms=7, **style)
     axes.axvline(1.0, color="#888888", lw=0.8, ls="--")
@@ -71,7 +75,7 @@ def draw_costs(axes, rows: list[Row]) -> None:
     axes.set_title(f"filled: true error below {100 * TOLERANCE:g} %", fontsize=10)
 
 
-def draw_climbs(axes, pairs: list[tuple[Row, Row]]) -> None:
+def draw_hierarchy(axes, pairs: list[tuple[Row, Row]]) -> None:
     """Seconds of automatic choices over those of the full model, with the model they ended on."""
     for place, (row, full) in enumerate(pairs):
         part = (row.setup + row.seconds) / (full.setup + row.against)

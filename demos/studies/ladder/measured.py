@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 import fenics_mortar as fm
 from demos.studies.ladder.posing import Posed, elastic_tool, pose, read
 from demos.studies.ladder.row import NOTHING, Errors, Row
-from demos.studies.ladder.scenes import FULL, RUNGS, Rung, Scene
+from demos.studies.ladder.scenes import FULL, MODELS, Model, Scene
 from fenics_mortar.models.indicators import contacts_of
 from fenics_mortar.models.model_error import (
     ENERGY,
@@ -29,7 +29,7 @@ Solved = tuple[Posed, Row]
 # Number of alternate runs of an automatic choice and the full model, and times whose median is
 # used.
 REPEATS, TIMES = 3, ("setup", "seconds")
-CLIMB = RUNGS[-1].name
+HIERARCHY = MODELS[-1].name
 # Names of the models in reports, and in this chart.
 ENDED = {
     "linear strain and small sliding": "linear bulk, small sliding",
@@ -58,7 +58,7 @@ def follow(scene: Scene, posed: Posed, row: Row) -> bool:
     row.seconds = time.process_time() - start
     if report.adequacy is not None:
         found = report.adequacy.assumptions
-        if row.rung == CLIMB:
+        if row.model == HIERARCHY:
             row.ended = ENDED[found[-1].name] if found else FULL.name
         row.estimate = found[-1].errors if found else dict.fromkeys(QUANTITIES, 0.0)
     return True
@@ -98,13 +98,13 @@ def mesh_errors(scene: Scene, load: float, full: Posed) -> Errors:
     return {ENERGY: coarse, FORCE: float(force), PEAK: float(peak)}
 
 
-def estimated_errors(scene: Scene, load: float, rung: Rung, posed: Posed) -> Errors:
+def estimated_errors(scene: Scene, load: float, model: Model, posed: Posed) -> Errors:
     """Errors estimated by ``AdequacyCheck`` for all assumptions; nan for bodies in motion."""
     if posed.dynamics is not None:
         return NOTHING
-    if rung.rigid:
+    if model.rigid:
         return by_meshed_tool(scene, load, posed)
-    finite = posed.finite if rung.strain == "linear" else None
+    finite = posed.finite if model.strain == "linear" else None
     assumptions = fm.AdequacyCheck(finite_strain=finite).assess(posed.problem).assumptions
     return assumptions[-1].errors if assumptions else dict.fromkeys(QUANTITIES, 0.0)
 
@@ -118,18 +118,18 @@ def by_meshed_tool(scene: Scene, load: float, posed: Posed) -> Errors:
     return estimate_wider(posed.problem, touching, [a + b for a, b in parts])
 
 
-def solved(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0) -> Solved:
+def solved(scene: Scene, load: float, model: Model, data: Any, friction: float = 0.0) -> Solved:
     """A scene solved with a model, and its row, without errors."""
-    posed, setup = clocked(pose, scene, load, rung, data, friction)
-    row = Row(scene.name, load, rung.name, posed.problem.equations.bulk.r.getSize(), setup)
+    posed, setup = clocked(pose, scene, load, model, data, friction)
+    row = Row(scene.name, load, model.name, posed.problem.equations.bulk.r.getSize(), setup)
     follow(scene, posed, row)
     return posed, row
 
 
-def race(scene: Scene, load: float, rung: Rung, data: Any, row: Row) -> None:
+def race(scene: Scene, load: float, model: Model, data: Any, row: Row) -> None:
     """Measure a model and the full model alternately: medians of a few runs each."""
     mine, theirs = zip(
-        *[[solved(scene, load, r, data)[1] for r in (rung, FULL)] for _ in range(REPEATS)]
+        *[[solved(scene, load, r, data)[1] for r in (model, FULL)] for _ in range(REPEATS)]
     )
     row.setup, row.seconds = (float(np.median([getattr(r, n) for r in mine])) for n in TIMES)
     row.against = float(np.median([r.seconds for r in theirs]))
@@ -142,18 +142,18 @@ def measure(scene: Scene, load: float) -> Iterator[Row]:
     meshes = {rigid: read(scene, load, bodies) for rigid, bodies in names.items()}
     full = solved(scene, load, FULL, meshes[False])
     mesh = mesh_errors(scene, load, full[0])
-    for rung in (FULL, *(rung for rung in scene.rungs() if rung != FULL)):
-        posed, row = full if rung == FULL else solved(scene, load, rung, meshes[rung.rigid])
+    for model in (FULL, *(model for model in scene.models() if model != FULL)):
+        posed, row = full if model == FULL else solved(scene, load, model, meshes[model.rigid])
         reference, straight = full
-        if rung.leaves_out:
-            reference, straight = solved(scene, load, FULL, meshes[False], rung.leaves_out)
+        if model.leaves_out:
+            reference, straight = solved(scene, load, FULL, meshes[False], model.leaves_out)
         row.mesh, row.against, row.reason = mesh, straight.seconds, row.reason or straight.reason
-        if rung.climbs:
-            race(scene, load, rung, meshes[False], row)
+        if model.uses_hierarchy:
+            race(scene, load, model, meshes[False], row)
         if not row.reason:
             row.true = true_errors(posed, reference)
-            if not (rung.climbs or rung.leaves_out):
-                row.estimate, row.check = clocked(estimated_errors, scene, load, rung, posed)
+            if not (model.uses_hierarchy or model.leaves_out):
+                row.estimate, row.check = clocked(estimated_errors, scene, load, model, posed)
         yield row
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Problems of the ladder: a scene at a load by a rung, statically or in time steps."""
+"""Problems of the ladder: a scene at a load by a model, statically or in time steps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from demos.studies.common import lame, linear_elastic, neo_hookean, read_mesh
-from demos.studies.ladder.scenes import TOLERANCE, Rung, Scene
+from demos.studies.ladder.scenes import TOLERANCE, Model, Scene
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid
 
@@ -89,30 +89,32 @@ def fix(V: Any, data: Any, places: Iterable[tuple[str, int | None]]) -> list[Any
     ]
 
 
-def pose(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0) -> Posed:
-    """Set up a scene by a rung."""
+def pose(scene: Scene, load: float, model: Model, data: Any, friction: float = 0.0) -> Posed:
+    """Set up a scene by a model."""
     V = fm.vector_space(data.mesh, 1)
     u, grip = fem.Function(V), fem.Function(V)
     radius, centre = scene.circle(load)
     circle = fm.Circle(centre, radius)
-    bcs = fix(V, data, scene.fixed + (() if rung.rigid else scene.symmetry))
-    if scene.grip and not rung.rigid:
+    bcs = fix(V, data, scene.fixed + (() if model.rigid else scene.symmetry))
+    if scene.grip and not model.rigid:
         bcs.append(fm.dirichlet(V, data, scene.grip, grip))
-    master = None if scene.pressure else circle if rung.rigid else "tool/bottom"
+    master = None if scene.pressure else circle if model.rigid else "tool/bottom"
     law = fm.Coulomb(friction) if friction else scene.law(load) if scene.law else None
     check = None
-    if rung.climbs or rung.leaves_out:
-        friction_left_out = rung.leaves_out or None
-        check = fm.AdequacyCheck(TOLERANCE, hierarchy=rung.climbs, friction=friction_left_out)
+    if model.uses_hierarchy or model.leaves_out:
+        friction_left_out = model.leaves_out or None
+        check = fm.AdequacyCheck(
+            TOLERANCE, hierarchy=model.uses_hierarchy, friction=friction_left_out
+        )
     push = fem.Constant(data.mesh, 0.0)
     loads = pressed(u, data, push) if scene.pressure else 0
     problem = fm.ContactProblem(
-        internal_forces(scene, u, data, rung.strain) + loads,
+        internal_forces(scene, u, data, model.strain) + loads,
         u,
-        [fm.ContactPair(data, scene.slave, master, law=law, sliding=rung.sliding)],
+        [fm.ContactPair(data, scene.slave, master, law=law, sliding=model.sliding)],
         bcs=bcs,
         petsc_options_prefix="ladder_",
-        linearization=rung.linearization,
+        linearization=model.linearization,
         newton=fm.NewtonOptions(max_iterations=100),
         adequacy=check,
         geometry=scene.geometry,

@@ -21,7 +21,7 @@ class Row:
     """One model at one load of a scene.
 
     Attributes:
-        scene, load, rung: Names of scene and model, and the load.
+        scene, load, model: Names of scene and model, and the load.
         dofs: Unknowns of the bodies.
         setup, seconds, check: CPU seconds of set-up, solution and error estimate; for automatic
             choices and possible friction the check in each step is part of the solution.
@@ -36,7 +36,7 @@ class Row:
 
     scene: str
     load: float
-    rung: str
+    model: str
     dofs: int
     setup: float = np.nan
     seconds: float = np.nan
@@ -73,4 +73,4 @@ class Row:
     @property
     def name(self) -> str:
         """The model, and for an automatic choice the model it ended on."""
-        return f"{self.rung}, ended on {self.ended}" if self.ended else self.rung
+        return f"{self.model}, ended on {self.ended}" if self.ended else self.model

@@ -12,7 +12,7 @@ displacement.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from meshes.mapped_grids import Grid, mapped, sector
 
 
 @dataclass(frozen=True)
-class Rung:
+class Model:
     """A model.
 
     Attributes:
@@ -33,7 +33,7 @@ class Rung:
         strain: "linear" or "finite".
         sliding: "small" or "finite".
         linearization: Linearization of Newton's method.
-        climbs: Whether solves begin with cheaper models.
+        uses_hierarchy: Whether solves begin with cheaper models.
         leaves_out: Coefficient of friction of the full model for comparison.
     """
 
@@ -42,22 +42,22 @@ class Rung:
     strain: str = "finite"
     sliding: str = "finite"
     linearization: str = "full"
-    climbs: bool = False
+    uses_hierarchy: bool = False
     leaves_out: float = 0.0
 
 
-FULL = Rung("full")
+FULL = Model("full")
 # Tolerance of the automatic choice and the verdicts, in the energy norm [1].
 TOLERANCE = 0.02
-RUNGS = (
-    Rung("rigid obstacle", rigid=True),
-    Rung("linear bulk, small sliding", strain="linear", sliding="small"),
-    Rung("linear bulk", strain="linear"),
-    Rung("small sliding", sliding="small"),
-    Rung("frozen tangent", linearization="frozen"),
+MODELS = (
+    Model("rigid obstacle", rigid=True),
+    Model("linear bulk, small sliding", strain="linear", sliding="small"),
+    Model("linear bulk", strain="linear"),
+    Model("small sliding", sliding="small"),
+    Model("frozen tangent", linearization="frozen"),
     FULL,
-    Rung("frictionless", leaves_out=0.3),
-    Rung("climb", climbs=True),
+    Model("frictionless", leaves_out=0.3),
+    Model("hierarchy", uses_hierarchy=True),
 )
 
 
@@ -107,15 +107,15 @@ class Scene:
     duration: float = 0.0
     pressure: Callable[[float], float] | None = None
 
-    def rungs(self) -> list[Rung]:
+    def models(self) -> list[Model]:
         """The models that make sense: cheaper models have no inertia, see ``AdequacyCheck``."""
         moves, alone = self.duration > 0.0, self.pressure is not None
         return [
-            rung
-            for rung in RUNGS
-            if not ((rung.climbs or rung.leaves_out) and moves)
-            and not (rung.leaves_out and self.law is not None)
-            and not (rung.rigid and alone)
+            model
+            for model in MODELS
+            if not ((model.uses_hierarchy or model.leaves_out) and moves)
+            and not (model.leaves_out and self.law is not None)
+            and not (model.rigid and alone)
         ]
 
 
@@ -182,6 +182,18 @@ def rolled(load: float, t: float) -> tuple[float, float, float]:
 
 TO_THE_RIGHT = (-0.5 * np.pi, -0.2 * np.pi)
 BOTTOM = (("soft/bottom", None),)
+IRONING = Scene(
+    "ironing",
+    "slide / R",
+    lambda load, k: graded_block(100 * k, 16 * k, 6.0, 2.0),
+    lambda load, k: tool_segment(1.0, 60 * k, 5 * k),
+    lambda load: (1.0, (0.0, 1.0)),
+    BOTTOM,
+    (0.01, 0.1, 1.0),
+    motion=ironed,
+    steps=16,
+)
+
 SCENES = (
     Scene(
         "Hertz",
@@ -207,17 +219,7 @@ SCENES = (
         symmetry=(("tool/left", 1), ("tool/right", 0)),
         interference=True,
     ),
-    Scene(
-        "ironing",
-        "slide / R",
-        lambda load, k: graded_block(100 * k, 16 * k, 6.0, 2.0),
-        lambda load, k: tool_segment(1.0, 60 * k, 5 * k),
-        lambda load: (1.0, (0.0, 1.0)),
-        BOTTOM,
-        (0.01, 0.1, 1.0),
-        motion=ironed,
-        steps=16,
-    ),
+    IRONING,
     Scene(
         "rolling",
         "angle [degree]",
@@ -255,18 +257,7 @@ SCENES = (
         steps=24,
         duration=1.5,
     ),
-    Scene(
-        "wear",
-        "slide / R",
-        lambda load, k: graded_block(100 * k, 16 * k, 6.0, 2.0),
-        lambda load, k: tool_segment(1.0, 60 * k, 5 * k),
-        lambda load: (1.0, (0.0, 1.0)),
-        BOTTOM,
-        (0.01, 0.1, 1.0),
-        motion=ironed,
-        steps=16,
-        law=lambda load: laws.Worn(0.2, 0.1),
-    ),
+    replace(IRONING, name="wear", law=lambda load: laws.Worn(0.2, 0.1)),
     Scene(
         "hairpin",
         "gap / length",

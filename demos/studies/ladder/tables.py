@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from demos.studies.ladder.row import SEEN, Row
-from demos.studies.ladder.scenes import FULL, RUNGS, SCENES, TOLERANCE
+from demos.studies.ladder.scenes import FULL, MODELS, SCENES, TOLERANCE
 from fenics_mortar.models.model_error import ENERGY, FORCE, PEAK, QUANTITIES
 
 
@@ -21,7 +21,7 @@ def percent(value: float) -> str:
 def table(rows: list[Row]) -> str:
     """Markdown: errors and estimates in percent, verdict, cost."""
     lines = [
-        "| scene | load | rung | energy norm: true | estimate | force: true | estimate | "
+        "| scene | load | model | energy norm: true | estimate | force: true | estimate | "
         "peak: true | estimate | verdict | right | dofs | set-up s | s | check s | iterations |",
         "|---|---:|---|" + "---:|" * 6 + "---|---|" + "---:|" * 5,
     ]
@@ -38,7 +38,7 @@ def table(rows: list[Row]) -> str:
         check = "" if np.isnan(row.check) else f"{row.check:.2f}"
         cells += [str(row.dofs), *seconds, check, str(row.iterations)]
         lines.append(f"{start} {row.name} | {' | '.join(cells)} |")
-        if row.rung == FULL.name:
+        if row.model == FULL.name:
             left = " | ".join(f"{percent(row.mesh[name])} |" for name in QUANTITIES)
             lines.append(f"{start} error of the mesh | {left} |" + " |" * 7)
     return "\n".join(lines) + "\n"
@@ -47,22 +47,22 @@ def table(rows: list[Row]) -> str:
 def summary(rows: list[Row]) -> str:
     """Number of estimates within a factor of three, by model."""
     lines = [
-        "| rung | cases | energy norm and force within a factor 3 | largest factor | "
+        "| model | cases | energy norm and force within a factor 3 | largest factor | "
         "peak pressure within a factor 3 | largest factor | "
         "others that are off by less than the error of the mesh | verdicts right |",
         "|---|" + "---:|" * 7,
     ]
     ratio = dict.fromkeys(QUANTITIES, 1.0 / SCENES[0].ratio)
-    rigid = [r for r in rows if r.rung == RUNGS[0].name]
+    rigid = [r for r in rows if r.model == MODELS[0].name]
     by_rule = [
-        replace(r, rung="rigid obstacle, by the ratio of moduli", estimate=ratio) for r in rigid
+        replace(r, model="rigid obstacle, by the ratio of moduli", estimate=ratio) for r in rigid
     ]
     everything = [*rows, *by_rule]
-    for rung in dict.fromkeys(r.rung for r in everything):
-        mine = [r for r in everything if r.rung == rung and r.has_estimate and not r.reason]
+    for model in dict.fromkeys(r.model for r in everything):
+        mine = [r for r in everything if r.model == model and r.has_estimate and not r.reason]
         mine = [r for r in mine if r.true[ENERGY] > SEEN]
         if mine:
-            cells = [rung, str(len(mine))]
+            cells = [model, str(len(mine))]
             for names in ((ENERGY, FORCE), (PEAK,)):
                 factors = [f for r in mine for n in names if np.isfinite(f := r.factor(n))]
                 cells += [f"{sum(f <= 3 for f in factors)} of {len(factors)}"]
@@ -74,22 +74,22 @@ def summary(rows: list[Row]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def climbs(rows: list[Row]) -> Iterator[tuple[Row, Row]]:
+def hierarchy_pairs(rows: list[Row]) -> Iterator[tuple[Row, Row]]:
     """The automatic choices, each with the full model."""
-    full = {(r.scene, r.load): r for r in rows if r.rung == FULL.name}
+    full = {(r.scene, r.load): r for r in rows if r.model == FULL.name}
     for row in rows:
         if row.ended:
             yield row, full[row.scene, row.load]
 
 
-def climb_table(rows: list[Row]) -> str:
+def hierarchy_table(rows: list[Row]) -> str:
     """Final models of automatic choices, and their cost relative to the full model, with set-up."""
     lines = [
-        "| scene | load | the climb ended on | error, energy norm | s | straight to the full model "
-        "| part |",
+        "| scene | load | the hierarchy ended on | error, energy norm | s | straight to the full "
+        "model | part |",
         "|---|---:|---|" + "---:|" * 4,
     ]
-    for row, full in climbs(rows):
+    for row, full in hierarchy_pairs(rows):
         mine, theirs = row.setup + row.seconds, full.setup + row.against
         cells = [row.scene, f"{row.load:g}", row.ended, f"{percent(row.true[ENERGY])} %"]
         cells += [f"{mine:.2f}", f"{theirs:.2f}", f"{mine / theirs:.2f}"]
@@ -103,9 +103,9 @@ def report(rows: list[Row]) -> str:
         [
             "Errors and estimates in percent; seconds of the processor.\n",
             summary(rows),
-            f"The climb allows {100 * TOLERANCE:g} % in the norm of energy, or the error of the "
-            "mesh; seconds with set-up, medians of runs in turns.\n",
-            climb_table(rows),
+            f"The hierarchy allows {100 * TOLERANCE:g} % in the norm of energy, or the error of "
+            "the mesh; seconds with set-up, medians of runs in turns.\n",
+            hierarchy_table(rows),
             table(rows),
         ]
     )

@@ -31,15 +31,15 @@ def measure(refinements):
     stiff = (1.0, RATIO) if RATIO >= 1.0 else (1.0 / RATIO, 1.0)
     options = {"solver": "iterative", "algorithm": ALGORITHM}
     problem, push = half_cylinder(0.16, refinements, stiff=stiff, **options)
-    seen = []  # iteration and residual: 0, 1, 2, ... in each linear solve
+    residuals = []  # iteration and residual: 0, 1, 2, ... in each linear solve
     problem.equations.system.ksp.setMonitor(
-        lambda ksp, iteration, residual: seen.append((iteration, residual))
+        lambda ksp, iteration, residual: residuals.append((iteration, residual))
     )
     newton = 0
     for depth in DEPTHS:
         push.value[1] = -depth
         newton += problem.solve().num_iterations
-    number, residual = np.array(seen).T
+    number, residual = np.array(residuals).T
     (first,) = np.nonzero(number == 0)
     last = np.append(first[1:], number.size) - 1
     linear, digits = number[last].sum(), np.log10(residual[first] / residual[last]).sum()

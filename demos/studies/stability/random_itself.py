@@ -75,14 +75,14 @@ def _ring(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], Any]]:
             reports += follow(problem, load, 5)
             problems.append(problem)
             places.append(problem.equations.bulk.u.x.array.copy())
-        wrongs, remarks = certified(problems)
+        errors, remarks = certified(problems)
         chosen = min(places[:2], key=lambda place: np.abs(place - places[2]).max())
-        wrongs += differs("the displacement", places[2], chosen, SAME)
-        wrongs += [w for problem in problems for w in differs(
+        errors += differs("the displacement", places[2], chosen, SAME)
+        errors += [w for problem in problems for w in differs(
             "1 + resultant", 1.0 + _resultant(problem), 1.0, BALANCE
         )]  # fmt: skip
-        wrongs += [] if _sizes(problems[2]) > 0.0 else ["the ends do not touch"]
-        return reports, wrongs, remarks
+        errors += [] if _sizes(problems[2]) > 0.0 else ["the ends do not touch"]
+        return reports, errors, remarks
 
     return about, solve
 
@@ -104,11 +104,11 @@ def _comb(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], Any]]:
             reports += follow(problem, load, steps)
             problems.append(problem)
             forces.append(_sizes(problem))
-        wrongs, remarks = certified(problems)
-        wrongs += differs("the force with half the steps", *forces[::-1], OF_STEPS)
-        wrongs += differs("1 + resultant", 1.0 + _resultant(problems[0]), 1.0, BALANCE)
-        wrongs += [] if forces[0] > 0.0 else ["no walls touch"]
-        return reports, wrongs, remarks
+        errors, remarks = certified(problems)
+        errors += differs("the force with half the steps", *forces[::-1], OF_STEPS)
+        errors += differs("1 + resultant", 1.0 + _resultant(problems[0]), 1.0, BALANCE)
+        errors += [] if forces[0] > 0.0 else ["no walls touch"]
+        return reports, errors, remarks
 
     return about, solve
 

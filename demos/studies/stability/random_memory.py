@@ -71,9 +71,9 @@ def draw_memory(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], 
     def run() -> Any:
         column = _column(law, about["facets"], about["degree"], unit, E, angle)
         reports: list[Any] = []
-        wrongs = list(solve(column, reports))
+        errors = list(solve(column, reports))
         violations, remarks = certified([column.problem])
-        return reports, wrongs + violations, remarks
+        return reports, errors + violations, remarks
 
     return about | {"law": repr(law)}, run
 

@@ -61,14 +61,14 @@ def _blocks(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], Any]
             touched = touched or bool(contact.active.any())
         change = motion.momentum(dt) - start
         mass = RHO * (widths * heights).sum()
-        wrongs = [] if touched else ["the blocks did not meet"]
-        wrongs += differs("momentum over m v", 1.0 + change[:2] / (mass * speed), 1.0, 1e-9)
-        wrongs += differs("moment over m v l", 1.0 + change[2] / (mass * speed), 1.0, OF_MOMENT)
+        errors = [] if touched else ["the blocks did not meet"]
+        errors += differs("momentum over m v", 1.0 + change[:2] / (mass * speed), 1.0, 1e-9)
+        errors += differs("moment over m v l", 1.0 + change[2] / (mass * speed), 1.0, OF_MOMENT)
         total = motion.energies().total / energy
         if not (total < 1.0 + OF_ENERGY and (mu or total > 1.0 - OF_ENERGY)):
-            wrongs.append(f"the energy ends at {total:.4f} of that at the start")
-        wrongs += made.problem.certificate().violations()
-        return reports, wrongs, []
+            errors.append(f"the energy ends at {total:.4f} of that at the start")
+        errors += made.problem.certificate().violations()
+        return reports, errors, []
 
     return about, solve
 
@@ -91,11 +91,11 @@ def _bar(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], Any]]:
             reports.append(motion.step(dt))
             if made.problem.contacts[0].pressure.max() > 0.0:
                 touches.append(motion.time)
-        wrongs = list(differs("energy", motion.energies().total, start, 1e-8))
+        errors = list(differs("energy", motion.energies().total, start, 1e-8))
         duration = 2.0 * length / SPEED_OF_SOUND
-        wrongs += differs("time of contact", np.ptp(touches), duration, 2.5 / cells + dt / duration)
+        errors += differs("time of contact", np.ptp(touches), duration, 2.5 / cells + dt / duration)
         rebound = motion.momentum()[1] / (RHO * length)
-        wrongs += differs("rebound", rebound, speed, 4.0 / cells)
-        return reports, wrongs, []
+        errors += differs("rebound", rebound, speed, 4.0 / cells)
+        return reports, errors, []
 
     return about, solve

@@ -45,9 +45,9 @@ def run_physics(family: str, number: int) -> dict[str, Any]:
     record: dict[str, Any] = {"seed": number, "outcome": "crash", "reason": "", **about}
     begin = time.perf_counter()
     try:
-        reports, wrongs, remarks = solve()
+        reports, errors, remarks = solve()
         per_step = [report.num_iterations for report in reports]
-        record |= {"outcome": "wrong" if wrongs else "converged", "reason": "; ".join(wrongs)}
+        record |= {"outcome": "wrong" if errors else "converged", "reason": "; ".join(errors)}
         record |= {"steps": len(per_step), "cuts": 0, "per_step": per_step, "remarks": remarks}
     except fm.MortarError as error:
         record |= {"outcome": "failed", "reason": str(error)}

@@ -60,9 +60,9 @@ def _cylinders(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], A
         reports = follow(problem, load, 2)
         stress = push / unit / (heights / E).sum()
         expected = stress / (1.0 + nus[0] * stress / E[0]) ** 2
-        wrongs, remarks = certified([problem])
-        wrongs += differs("the pressure", problem.contacts[0].pressure, expected, SOLVED)
-        return reports, wrongs, remarks
+        errors, remarks = certified([problem])
+        errors += differs("the pressure", problem.contacts[0].pressure, expected, SOLVED)
+        return reports, errors, remarks
 
     return about, solve
 
@@ -93,11 +93,11 @@ def _tubes(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], Any]]
         ring = E / (1.0 - nus**2), nus / (1.0 - nus)
         outer = ((c**2 + b**2) / (c**2 - b**2) + ring[1][1]) / ring[0][1]
         inner = ((b**2 + a**2) / (b**2 - a**2) - ring[1][0]) / ring[0][0]
-        wrongs, remarks = certified([problem])
-        wrongs += differs(
+        errors, remarks = certified([problem])
+        errors += differs(
             "the pressure", problem.contacts[0].pressure, fit / (b * (outer + inner)), OF_MESH
         )
-        return reports, wrongs, remarks
+        return reports, errors, remarks
 
     return about, solve
 

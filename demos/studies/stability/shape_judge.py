@@ -56,7 +56,7 @@ def windings(points: Array, outline: Array) -> Array:
     return np.rint(angle.sum(axis=1) / (2.0 * np.pi)).astype(int)
 
 
-def shape_wrongs(scene: Any, forces: Array, x: Array, before: Array) -> Iterator[str]:
+def shape_errors(scene: Any, forces: Array, x: Array, before: Array) -> Iterator[str]:
     """Messages on errors of the final state of a shape's path.
 
     Args:

@@ -48,7 +48,7 @@ from demos.studies.stability.random_cases import random_case
 from demos.studies.stability.random_physics import DRAWS, run_physics
 from demos.studies.stability.random_shapes import shape_case
 from demos.studies.stability.random_supported import hanging_case, supported_case
-from demos.studies.stability.trial_judge import Record, check_again, measure, run, wrongs
+from demos.studies.stability.trial_judge import Record, check_again, errors, measure, run
 from demos.studies.stability.trial_scene import build
 
 # Seeds of the families: the first from zero on, the next ones from one million on, and so on.
@@ -196,8 +196,10 @@ def summary(records: list[Record]) -> str:
                 if of
                 else []
             )
-        told = [record["seed"] for record in good if record.get("remarks")]
-        lines.append(f"The certificate tells of a coarse mesh in the cases {told or 'none'}.")
+        with_remarks = [record["seed"] for record in good if record.get("remarks")]
+        lines.append(
+            f"The certificate tells of a coarse mesh in the cases {with_remarks or 'none'}."
+        )
     bad = [record for record in records if record["outcome"] not in ("converged", "dead end")]
     if bad:
         lines += ["", "| seed | outcome | scene | reason |", "|---:|---|---|---|"]
@@ -256,7 +258,7 @@ def show(seed: int, folder: Path) -> None:
     measured = measure(scene)
     for name, value in measured.items():
         print(f"{name}: {value}")
-    print("wrong:", list(wrongs(scene, measured)) or "nothing")
+    print("wrong:", list(errors(scene, measured)) or "nothing")
     print(problem.certificate())
     fm.plot(problem, folder / f"case_{seed}", title=f"case {seed}")
     print(f"picture: {folder / f'case_{seed}.png'}")

@@ -18,7 +18,7 @@ import fenics_mortar as fm
 from demos.studies.stability.case import Case
 from demos.studies.stability.random_bodies import corner_areas, depths, distances, lengths
 from demos.studies.stability.shape_case import ShapeCase
-from demos.studies.stability.shape_judge import own_overlap, shape_wrongs
+from demos.studies.stability.shape_judge import own_overlap, shape_errors
 from demos.studies.stability.supported_case import SupportedCase
 from demos.studies.stability.supported_limits import earliest_end_of_mesh, end_of_mesh
 from demos.studies.stability.trial_scene import Scene, build
@@ -69,19 +69,19 @@ def run(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Record, Scene | Non
     try:
         scene = build(case, comm)
         options = fm.SteppingOptions(step=case.step, smallest=case.smallest)
-        ways = [scene.places()]
+        paths = [scene.positions()]
         path = fm.follow_path(
             scene.problem,
             scene.set_loads,
             options,
             stop=case.stop,
-            on_step=lambda *_: ways.append(scene.places()),
+            on_step=lambda *_: paths.append(scene.positions()),
         )
         certificate = path.steps[-1].report.certificate
         measured = measure(scene) | {"springs": certificate.springs if certificate else 0.0}
-        violations = list(wrongs(scene, measured))
+        violations = list(errors(scene, measured))
         if isinstance(case, ShapeCase):
-            violations += shape_wrongs(scene, scene.bulk_forces(), ways[-1], ways[-2])
+            violations += shape_errors(scene, scene.bulk_forces(), paths[-1], paths[-2])
         record |= {"outcome": "wrong" if violations else "converged"}
         record |= {"reason": "; ".join(violations), **counts(path), **measured}
     except fm.NotConvergedError as error:
@@ -167,15 +167,15 @@ def response(scene: Scene, x: np.ndarray) -> np.ndarray:
     return np.array([contact.total_force for contact in scene.problem.equations.contacts])
 
 
-def wrongs(scene: Scene, measured: Record) -> Iterator[str]:
+def errors(scene: Scene, measured: Record) -> Iterator[str]:
     """Messages on errors of a solved state (collective)."""
     yield from scene.problem.certificate().violations()
     if not measured["min_J"] > 0.0:
         yield f"a cell is inverted: J = {measured['min_J']:.2g}"
-    told = bool(measured["remarks"])
-    if not (measured["overlap"] < PENETRATION or told):
+    has_remark = bool(measured["remarks"])
+    if not (measured["overlap"] < PENETRATION or has_remark):
         yield f"bodies overlap by {measured['overlap']:.2g} of the longest facet"
-    if not (measured["separation"] < SEPARATION or told):
+    if not (measured["separation"] < SEPARATION or has_remark):
         yield f"a force acts over a distance of {measured['separation']:.2g} of the longest facet"
     if not measured["unbalance"] < BALANCE + measured.get("springs", 0.0):  # these are reported
         yield f"contact force and stresses differ by {measured['unbalance']:.1e}"
@@ -300,10 +300,10 @@ def _same(case: Case) -> float:
 
 def check_supported_again(case: SupportedCase, record: Record) -> None:
     """Check that half the step size, and exchanged roles, lead to a sound state, too."""
-    ways = {"half the steps": replace(case, step=case.step / 2)}
+    paths = {"half the steps": replace(case, step=case.step / 2)}
     if case.can_be_swapped:
-        ways["exchanged roles"] = case.swapped()
-    for name, other in ways.items():
+        paths["exchanged roles"] = case.swapped()
+    for name, other in paths.items():
         again, _ = run(other)
         record[name] = again["outcome"]
         if again["outcome"] in ("wrong", "crash"):

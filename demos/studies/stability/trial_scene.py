@@ -49,7 +49,7 @@ class Scene:
         if self.forces is not None:
             self.forces.set(time)
 
-    def places(self) -> Array:
+    def positions(self) -> Array:
         """Present positions of all nodes in the order of the input, on all ranks (collective)."""
         return self.case.x + self.problem.equations.bulk.by_input_node()[1]
 

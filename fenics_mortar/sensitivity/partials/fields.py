@@ -96,7 +96,7 @@ def slip_derivative(contact: Interface, dofs: Dofs) -> NodalDerivative:
     """Derivative of the step's slip, zero on symmetry planes; collective at first access."""
     assert isinstance(contact, Contact)
     o, partners = contact.operators, contact.partners
-    turned = o.tangential_derivative(partners.apart(o))
+    turned = o.tangential_derivative(partners.gap_vectors(o))
     blocks = [rows_at_nodes(o.slave, o.normal_columns(), turned), *partners.derivative(o)]
     by_motion = None
     if isinstance(o, ObstacleOperators):
@@ -159,7 +159,7 @@ def moment_gradient(contact: Interface, about: Array) -> PairVector:
         return total
     dofs = Dofs((contact.slave, contact.master))
     block = o.slave_force_derivative(z)
-    rows = Block(dofs.places(block.rows), block.columns, block.values)
+    rows = Block(dofs.indices(block.rows), block.columns, block.values)
     weights = dofs.flat(-turned, np.zeros((contact.master.num_nodes, 2)))
     on_slave, on_master = dofs.split(dofs.back([rows], weights))
     return total.plus(zero_of(contact)._replace(on_slave=on_slave, on_master=on_master))

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -58,12 +59,9 @@ class Earlier:
         self, contact: Contact, u: Array, state: InterfaceState, place: Array | None = None
     ) -> None:
         self.contact, self.place = contact, place
-        view, obstacle = contact.integration.view, contact.obstacle
-        with self.at_earlier_position():
-            try:
-                operators, _ = contact.integration.evaluate(u, state, EXACT)
-            finally:
-                contact.integration.view = view
+        obstacle = contact.obstacle
+        with self.at_earlier_position():  # a copy: the contact keeps its present view
+            operators, _ = copy(contact.evaluation).evaluate(u, state, EXACT)
             if state.offset.any():
                 operators = minus_offset(operators, state.offset)
             self.fields: ContactFields = type(contact.now)(contact, state, operators)
@@ -114,7 +112,7 @@ def _gradient(o: ObstacleOperators) -> Array:
     return -o.n if o.linearization.frozen else o.obstacle.evaluate(o.x)[1]
 
 
-class History:
+class PairHistory:
     """Derivative of the rows of a contact with respect to an earlier state; collective methods.
 
     Args:
@@ -209,14 +207,14 @@ class _Terms:
         o = self.o
         self.per_weight = np.where(self.faces, 1.0 / np.where(self.faces, o.weight, 1.0), 0.0)
         counts = (partners.present == 0.0)[:, None]  # nodes with a distance at the earlier state
-        self.apart = np.where(counts, partners.D @ o.x - partners.M @ o.m, 0.0)
+        self.gap_vectors = np.where(counts, partners.D @ o.x - partners.M @ o.m, 0.0)
         touches = earlier.touches[:, None]
-        self.turned = np.where(touches, self.apart, 0.0)
+        self.turned = np.where(touches, self.gap_vectors, 0.0)
         n, dn = evaluate_normals(o.master, o.m, "opposite")
         planes = np.isfinite(earlier.contact.master_planes)
         self.n = np.where(planes, earlier.contact.master_planes, n)
         self.dn = np.where(planes[:, :, None], 0.0, dn)
-        self.t, y, meets = mean_tangents(o.n, -(partners.M @ self.n), self.apart)
+        self.t, y, meets = mean_tangents(o.n, -(partners.M @ self.n), self.gap_vectors)
         self.t = np.where(counts, np.where(touches, o.tau, self.t), 0.0)
         self.y = np.where(touches, 0.0, y)
         self.y_master = np.where(touches | ~meets[:, None], 0.0, y)
@@ -307,13 +305,13 @@ class _Terms:
             yield Block(j[:, None], surface.dofs_of(nodes[:, None]), (scale * change)[:, None])
 
 
-def mean_tangents(n: Array, opposite: Array, apart: Array) -> tuple[Array, Array, Flags]:
+def mean_tangents(n: Array, opposite: Array, gap_vectors: Array) -> tuple[Array, Array, Flags]:
     """Mean tangents of both sides, and their derivative with respect to the normals (local).
 
     Args:
         n: Normals of the slave nodes, shape (slave nodes, 2).
         opposite: Reversed normals of the master opposite, shape (slave nodes, 2).
-        apart: Distance vectors b, shape (slave nodes, 2) [length].
+        gap_vectors: Distance vectors b, shape (slave nodes, 2) [length].
 
     Returns:
         Tangents t (slave nodes, 2), y with dt . b = y . d(n + opposite), and marks of the nodes
@@ -323,6 +321,6 @@ def mean_tangents(n: Array, opposite: Array, apart: Array) -> tuple[Array, Array
     v = np.where(meets[:, None], n + opposite, n)
     size = np.linalg.norm(v, axis=1)[:, None]
     v = v / size
-    turned = np.stack([apart[:, 1], -apart[:, 0]], axis=1)
+    turned = np.stack([gap_vectors[:, 1], -gap_vectors[:, 0]], axis=1)
     y = (turned - np.einsum("jc,jc->j", v, turned)[:, None] * v) / size
     return np.stack([-v[:, 1], v[:, 0]], axis=1), y, meets

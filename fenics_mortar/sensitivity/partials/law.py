@@ -108,11 +108,11 @@ def _rows_of(
 ) -> Array:
     """Change of the rows with ``residuals`` of a changed value (collective)."""
     law, f = contact.pair.law, contact.now
-    words = f"the derivative of {law!r} by '{name}'"
+    what = f"the derivative of {law!r} by '{name}'"
     stress, gap = np.abs(f.state.z).max(initial=0.0), np.abs(f.mean_gap).max(initial=0.0)
     changes = call_together(
         contact.slave.comm,
-        words,
+        what,
         lambda: differentiate(
             f"{law!r}: the complex step by '{name}'", value, direction, residuals,
             (stress, stress, gap),
@@ -200,7 +200,7 @@ def _residuals(
 
 
 def differentiate(
-    words: str,
+    what: str,
     value: Array,
     direction: Array,
     function: Callable[[Any], Array],
@@ -211,7 +211,7 @@ def differentiate(
     ``terms``: size of the terms whose sums are the rows of the result, for their rounding, (rows,).
 
     Raises:
-        ValueError: If they contradict each other; ``words`` describes the derivative.
+        ValueError: If they contradict each other; ``what`` describes the derivative.
     """
     start = np.real(function(value))
     if not direction.any():
@@ -232,7 +232,7 @@ def differentiate(
             break
     if contradicts.any():
         raise ValueError(
-            f"{words} contradicts difference quotients; expected the law to be analytic in the "
+            f"{what} contradicts difference quotients; expected the law to be analytic in the "
             "parameter, without abs, real parts or conversions to float"
         )
     return derivative

@@ -63,7 +63,7 @@ class Dofs:
         """Number of dofs of both surfaces."""
         return self.order.size
 
-    def places(self, dofs: Indices) -> Indices:
+    def indices(self, dofs: Indices) -> Indices:
         """Numbers of global ``dofs`` of the surfaces, any shape; ``size`` for -1 (local)."""
         at = np.searchsorted(self.sorted_dofs, np.maximum(dofs, self.sorted_dofs[0]))
         return np.where(dofs >= 0, self.order[at], self.size)
@@ -90,7 +90,7 @@ class Dofs:
         """
         product = np.zeros(count)
         for block in blocks:
-            part = np.einsum("brc,bc->br", block.values, values[self.places(block.columns)])
+            part = np.einsum("brc,bc->br", block.values, values[self.indices(block.columns)])
             np.add.at(product, block.rows, part)
         self.sides[0].comm.Allreduce(MPI.IN_PLACE, product)
         return product
@@ -105,7 +105,7 @@ class Dofs:
         product = np.zeros(self.size + 1)
         for block in blocks:
             part = np.einsum("brc,br->bc", block.values, values[block.rows])
-            np.add.at(product, self.places(block.columns), part)
+            np.add.at(product, self.indices(block.columns), part)
         self.sides[0].comm.Allreduce(MPI.IN_PLACE, product)
         product[-1] = 0.0
         return product

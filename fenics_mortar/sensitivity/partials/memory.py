@@ -20,7 +20,7 @@ from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.law import Law
 from fenics_mortar.contact.law_fields import LawFields
 from fenics_mortar.sensitivity.partials.fields import DERIVATIVES, ByFields
-from fenics_mortar.sensitivity.partials.history import History
+from fenics_mortar.sensitivity.partials.history import PairHistory
 from fenics_mortar.sensitivity.partials.law import (
     NUMBERS,
     differentiate,
@@ -45,9 +45,9 @@ class PairMemory:
             before is fixed.
     """
 
-    def __init__(self, contact: Contact, history: History | None) -> None:
+    def __init__(self, contact: Contact, history: PairHistory | None) -> None:
         self._contact, self._history = contact, history
-        self._words = f"the derivative of {contact.pair.law!r} by the state"
+        self._what = f"the derivative of {contact.pair.law!r} by the state"
         f, names = contact.now, contact.pair.law.memory
         given = _given(f)
         self._by = {name: self._differentiate(name, getattr(given, name)) for name in ARGUMENTS}
@@ -64,7 +64,7 @@ class PairMemory:
                 lambda changed: _remembered(law, f, contact.parameters, {name: changed}),
             )  # fmt: skip
 
-        return np.asarray(call_together(contact.slave.comm, self._words, found))
+        return np.asarray(call_together(contact.slave.comm, self._what, found))
 
     def _by_own(self, name: str) -> Array:
         """Derivative of the memory with respect to that before, (names, slave nodes)."""
@@ -80,7 +80,7 @@ class PairMemory:
                 ),
             )  # fmt: skip
 
-        return np.asarray(call_together(contact.slave.comm, self._words, found))
+        return np.asarray(call_together(contact.slave.comm, self._what, found))
 
     def along_state(self, direction: PairVector) -> Array:
         """Change with the state at the end of the step, (names, slave nodes)."""
@@ -149,11 +149,11 @@ class PairMemory:
                 return _remembered(law, f, {**contact.parameters, name: changed}, {})
             return _remembered(with_parameter(law, name, changed), f, contact.parameters, {})
 
-        words = f"{law!r}: the complex step of remember by '{name}'"
+        what = f"{law!r}: the complex step of remember by '{name}'"
         value = parameter(contact, name)
         return np.asarray(
             call_together(
-                contact.slave.comm, self._words, lambda: differentiate(words, value, direction, at)
+                contact.slave.comm, self._what, lambda: differentiate(what, value, direction, at)
             )
         )
 

@@ -39,7 +39,7 @@ class Positions:
         self._contact, o = contact, contact.operators
         dofs = self._dofs = Dofs((contact.slave, contact.master))
         self._forces: Sequence[Block] = [
-            Block(dofs.places(block.rows), block.columns, block.values)
+            Block(dofs.indices(block.rows), block.columns, block.values)
             for block in o.force_derivative(contact.z)
         ]
         self._rows = contact.rows.linearized().blocks

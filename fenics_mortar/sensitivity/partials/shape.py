@@ -18,7 +18,7 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.integrals import hand_over
 from fenics_mortar.interface.obstacle_facets import gap_weights
-from fenics_mortar.interface.on_obstacle import ObstacleOperators, thickness_of
+from fenics_mortar.interface.on_obstacle import ObstacleOperators, facet_thickness
 from fenics_mortar.sensitivity.partials.gap import weights_of_gaps
 from fenics_mortar.sensitivity.partials.history import Earlier
 from fenics_mortar.utils.arrays import Array
@@ -67,17 +67,17 @@ def change_by_shape(
     if contact.pair.sliding == "small":
         raise MortarError("shapes of obstacles cannot be controls with sliding='small'")
     f, o = contact.now, contact.now.on_obstacle
-    words = f"the derivative of '{o.obstacle.name}' by '{name}'"
+    what = f"the derivative of '{o.obstacle.name}' by '{name}'"
     gap, dn = call_together(
         o.slave.comm,
-        words,
+        what,
         lambda: (_gap(contact, name, directions), _normals(contact, o, name, directions)),
     )
     o.slave.comm.Allreduce(MPI.IN_PLACE, gap)
     dtau = np.stack([-dn[..., 1], dn[..., 0]], axis=-1)
     slip = np.zeros_like(gap)
     if contact.pair.law.has_friction or contact.pair.law.needs_nodal_state:
-        slip = np.einsum("mjc,jc->mj", dtau, contact.partners.apart(o))
+        slip = np.einsum("mjc,jc->mj", dtau, contact.partners.gap_vectors(o))
         if earlier is not None:
             slip += _slip_of_earlier(contact, earlier, name, directions)
         slip = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, slip)
@@ -122,7 +122,11 @@ def _gap(contact: Contact, name: str, directions: Array) -> Array:
     nodes = o.facet_nodes
     weights = hand_over(contact.multiplier_nodes[nodes])
     at, of_gap = gap_weights(
-        o.x[nodes], weights, (s.points, s.weights), contact.options, thickness_of(slave, o.x, nodes)
+        o.x[nodes],
+        weights,
+        (s.points, s.weights),
+        contact.options,
+        facet_thickness(slave, o.x, nodes),
     )
     gap = np.zeros((len(directions), slave.num_nodes))
     if len(nodes):

@@ -15,7 +15,7 @@ STRICT = {"tolerance": 1e-6, "discretisation": 1e-6}
 PATH = [(0.0, -0.02), (0.05, -0.1), (0.1, -0.1)]
 
 
-def climbing(law=None, **check):
+def hierarchy_path(law=None, **check):
     """Blocks with the full model or with the hierarchy, and the number of factorizations of K."""
     scene = pressed_blocks(**MESH)
     u = fem.Function(scene.u.function_space)
@@ -33,7 +33,7 @@ def climbing(law=None, **check):
 @pytest.mark.parametrize("law", [None, fm.Coulomb(0.2)])
 def test_climb_reaches_the_full_model_where_it_is_needed(law):
     """Slip is counted from the accepted states, independent of the models tried in between."""
-    (full, push, _), (problem, same_push, _) = climbing(law), climbing(law, **STRICT)
+    (full, push, _), (problem, same_push, _) = hierarchy_path(law), hierarchy_path(law, **STRICT)
     for step in PATH:
         push[:] = same_push[:] = step
         full.solve()
@@ -51,7 +51,10 @@ def test_climb_stays_where_it_is_enough():
 
     No step for the second load, which is only a tenth above the checked one.
     """
-    (full, push, steps), (problem, same_push, few) = climbing(), climbing(tolerance=0.05)
+    (full, push, steps), (problem, same_push, few) = (
+        hierarchy_path(),
+        hierarchy_path(tolerance=0.05),
+    )
     for depth in (0.005, 0.0055, 0.02):
         push[1] = same_push[1] = -depth
         full.solve()
@@ -67,8 +70,8 @@ def test_climb_stays_where_it_is_enough():
 
 def test_climb_ends_on_a_rung_between():
     """Slip of a facet with hardly any strain: linear bulk with finite sliding."""
-    problem, push, steps = climbing(tolerance=0.02)
-    full, same_push, _ = climbing()
+    problem, push, steps = hierarchy_path(tolerance=0.02)
+    full, same_push, _ = hierarchy_path()
     push[:] = same_push[:] = (0.3, -0.003)
     names = [a.name for a in problem.solve().adequacy.assumptions]
     assert names == ["linear strain"]
@@ -84,7 +87,7 @@ def test_climb_ends_on_a_rung_between():
 def test_climb_stops_at_the_error_of_the_mesh():
     """The error of the mesh is known or estimated, and stated in the table."""
     for known in ({}, {"discretisation": 0.5}):
-        problem, push, _ = climbing(tolerance=1e-4, **known)
+        problem, push, _ = hierarchy_path(tolerance=1e-4, **known)
         push[1] = -0.02
         adequacy = problem.solve().adequacy
         (assumption,) = adequacy.assumptions
@@ -95,8 +98,8 @@ def test_climb_stops_at_the_error_of_the_mesh():
 @pytest.mark.once
 def test_the_error_of_the_mesh_is_not_that_of_the_model():
     """Slip of facets with small sliding causes residuals that are not errors of the mesh."""
-    problem, push, _ = climbing(tolerance=1e-4)
-    (full, same_push, _) = climbing()
+    problem, push, _ = hierarchy_path(tolerance=1e-4)
+    (full, same_push, _) = hierarchy_path()
     push[:] = same_push[:] = (0.4, -0.03)
     adequacy = problem.solve().adequacy
     full.solve()
@@ -108,15 +111,15 @@ def test_the_error_of_the_mesh_is_not_that_of_the_model():
 @pytest.mark.once
 def test_climb_goes_on_where_a_rung_fails(monkeypatch):
     """A cheap model without solution has no effect."""
-    (full, push, _), (problem, same_push, _) = climbing(), climbing(tolerance=0.5)
+    (full, push, _), (problem, same_push, _) = hierarchy_path(), hierarchy_path(tolerance=0.5)
     hierarchy = problem._adequacy._hierarchy
     models = [hierarchy._model, *hierarchy._models]
     hierarchy._models = iter(models[1:])
     assert len(models) == 2
     for model in models:
 
-        def fail(rung=model.problem):
-            rung.equations.bulk.u.x.array[:] = 0.01
+        def fail(model_problem=model.problem):
+            model_problem.equations.bulk.u.x.array[:] = 0.01
             raise fm.MortarError("no")
 
         monkeypatch.setattr(model.problem, "solve", fail)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Couplings of slave facets and master nodes within a sparsity pattern; see ``la.reach``."""
+"""Couplings of slave facets and master nodes within a sparsity pattern; see ``la.coupling``."""
 
 import numpy as np
 

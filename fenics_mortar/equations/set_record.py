@@ -12,13 +12,14 @@ from fenics_mortar.contact.discretization import Discretization
 from fenics_mortar.contact.laws import STICK, Branches
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.options import EQUATIONS
+from fenics_mortar.newton.loop import decreased
 from fenics_mortar.utils.arrays import Flags
 
 # Active set and branches of each pair in one iteration.
 SetsOfPairs = list[tuple[Flags, Branches]]
 
 
-class SetHistory:
+class SetRecord:
     """Sets of all pairs and residuals since a solve began (local).
 
     Args:
@@ -55,14 +56,11 @@ class SetHistory:
 
     @property
     def is_unsettled(self) -> bool:
-        """Whether sets change although the residual does not decrease tenfold.
-
-        If the residual decreases tenfold, the sets have settled except for nodes at roundoff.
-        """
+        """Whether sets change although the residual does not decrease, see ``decreased``."""
         residuals = self.residuals
         if not self._changed or len(residuals) < 2 or self._calls == EQUATIONS.max_calls:
             return False
-        return not residuals[-1] < 0.1 * residuals[-2]
+        return not decreased(residuals[-1], residuals[-2])
 
     def count_call(self) -> None:
         """Count a linearized contact problem."""

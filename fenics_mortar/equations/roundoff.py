@@ -12,7 +12,7 @@ from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.rounding import EPSILON, SOLVED
 
 
-def rounding_of(
+def roundoff_of(
     bulk: Bulk, contacts: Sequence[Interface], displacement: float, stiffness: float
 ) -> float:
     """Attainable accuracy of the residual, limited by roundoff [stress length] (collective).

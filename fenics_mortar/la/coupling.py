@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from fenics_mortar.interface.mortar import Block, MortarOperators
-from fenics_mortar.kernels.reach import are_known
+from fenics_mortar.kernels.coupling import are_known
 from fenics_mortar.utils.arrays import Flags, Indices
 
 # Number of master facets in the pattern on either side of the partners of a slave facet, and of
@@ -24,7 +24,7 @@ from fenics_mortar.utils.arrays import Flags, Indices
 MARGIN = 4
 
 
-class Reach:
+class Coupling:
     """Master nodes that the slave facets of this rank may couple to; all methods are local.
 
     Args:
@@ -65,7 +65,7 @@ class Reach:
     def derivative_pattern(self) -> Block:
         """Zeros at all possible derivatives of contact forces and gaps, in displacement dofs."""
         _, rows, columns = self._coupled()
-        return zeros(rows, columns)
+        return zero_block(rows, columns)
 
     def law_pattern(self) -> tuple[Indices, Indices]:
         """Slave nodes (p,), and dofs (p, 2) of nodes that may occur in their law's rows."""
@@ -76,12 +76,12 @@ class Reach:
         """Pairs of nodes coupled by a facet: slave node (-1 for a master node) and dofs of both."""
         degree = self._slave.degree
         near = self._slave.along(self._own, range(-degree, 2 * degree + 1))
-        place, which = np.nonzero(near >= 0)
-        facet = np.concatenate([self._own[place], self._facet])
+        index, which = np.nonzero(near >= 0)
+        facet = np.concatenate([self._own[index], self._facet])
         dofs = np.concatenate(
-            [self._slave.dofs[near[place, which]], self._master.dofs[self._partner]]
+            [self._slave.dofs[near[index, which]], self._master.dofs[self._partner]]
         )
-        slave = np.concatenate([near[place, which], np.full(self._facet.size, -1)])
+        slave = np.concatenate([near[index, which], np.full(self._facet.size, -1)])
         order = np.argsort(facet, kind="stable")
         i, k = (order[places] for places in _pairs_within(facet[order]))
         return slave[i], dofs[i], dofs[k]
@@ -123,9 +123,9 @@ def _with_next_facets(
     degree = o.slave.degree
     near = o.slave.along(slave, range(-margin * degree, margin * degree + 1, degree))
     ends = o.slave.along(near.ravel(), range(degree, degree + 1)).reshape(near.shape)
-    place, which = np.nonzero((near >= 0) & (ends >= 0) & ~np.isin(near, slave))
-    next_ = near[place, which]
-    return np.concatenate([slave, next_]), np.concatenate([master, master[place]])
+    index, which = np.nonzero((near >= 0) & (ends >= 0) & ~np.isin(near, slave))
+    next_ = near[index, which]
+    return np.concatenate([slave, next_]), np.concatenate([master, master[index]])
 
 
 def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
@@ -148,6 +148,6 @@ def _pairs_within(group: Indices) -> tuple[Indices, Indices]:
     return i, start[group_of][i] + running
 
 
-def zeros(rows: Indices, columns: Indices) -> Block:
+def zero_block(rows: Indices, columns: Indices) -> Block:
     """Zeros in ``rows`` (p, k) and ``columns`` (p, l)."""
     return Block(rows, columns, np.zeros((*rows.shape, columns.shape[1])))

@@ -41,7 +41,7 @@ def place_of(reference: Reference | None) -> Array:
     return NO_PLACE if reference is None else reference.place
 
 
-class Integration:
+class OperatorEvaluation:
     """Evaluation of the operators of one contact; does not change the state.
 
     Args:
@@ -115,16 +115,16 @@ class Integration:
         """As ``_integrate``, or a recent result for the same arguments (collective)."""
         if self.obstacle is not None:
             return self._integrate(x, m, multiplier_nodes, linearization, view)
-        places = (np.concatenate([x, m]) if view is None else view.outline[0]).tobytes()
+        points = (np.concatenate([x, m]) if view is None else view.outline[0]).tobytes()
         nodes, searched = multiplier_nodes.tobytes(), None
         for at, of_nodes, terms, operators in self._recent:
-            same = at == places and terms == linearization
+            same = at == points and terms == linearization
             if same and of_nodes == nodes:
                 self.view = view
                 return operators
             searched = operators if same else searched
         operators = self._integrate(x, m, multiplier_nodes, linearization, view, searched)
-        self._recent.appendleft((places, nodes, linearization, operators))
+        self._recent.appendleft((points, nodes, linearization, operators))
         return operators
 
     def evaluate_reference(self, multiplier_nodes: Flags) -> Reference:

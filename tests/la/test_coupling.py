@@ -12,7 +12,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.bulk.residual import MAX_GROWTHS
-from fenics_mortar.la.reach import MARGIN, _faced
+from fenics_mortar.la.coupling import MARGIN, _faced
 from meshes import half_cylinder_on_block
 
 comm = MPI.COMM_WORLD
@@ -97,9 +97,11 @@ def pressed_cylinder(degree, algorithm):
 def test_pattern_is_made_once_while_contact_grows(degree, algorithm, monkeypatch):
     """The open part of the arc rotates: it faces other facets, up to the block's ends."""
     problem, push = pressed_cylinder(degree, algorithm)
-    made, make_room = [], type(problem.equations.system)._make_room
+    made, extend_pattern = [], type(problem.equations.system)._extend_pattern
     monkeypatch.setattr(
-        type(problem.equations.system), "_make_room", lambda *args: made.append(make_room(*args))
+        type(problem.equations.system),
+        "_extend_pattern",
+        lambda *args: made.append(extend_pattern(*args)),
     )
     num_active = []
     for depth in (0.1, 0.4, 0.9):

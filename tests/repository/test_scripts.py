@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: MIT
+"""Paths of scripts: shared helpers only; and a script beside the clone without its environment."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+# Helpers: of demos, of tests, and the settings of Sphinx, which nothing else imports.
+HELPERS = {"demos/this_clone.py", "tests/conftest.py", "demos/guide/site/conf.py"}
+SCRIPT = "import fenics_mortar as fm; print('found', fm.__version__, fm.read_gmsh.__module__)"
+
+
+def test_only_helpers_change_the_path():
+    found = {
+        str(file.relative_to(ROOT))
+        for folder in ("fenics_mortar", "meshes", "demos", "tests")
+        for file in (ROOT / folder).rglob("*.py")
+        if re.search(r"^\s*sys\.path(\.| *\[.*\] *=| *=| *\+=)", file.read_text(), re.M)
+    }
+    assert found == HELPERS
+
+
+@pytest.fixture
+def beside(tmp_path):
+    """A script beside a clone that has the name of the package."""
+    clone = tmp_path / "fenics_mortar"
+    clone.mkdir()
+    for name in ("__init__.py", "fenics_mortar"):
+        (clone / name).symlink_to(ROOT / name)
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    return script
+
+
+def run(script, path):
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    return subprocess.run(
+        [sys.executable, script], cwd=script.parent, env=environment | path, capture_output=True,
+        text=True, timeout=120,
+    )  # fmt: skip
+
+
+@pytest.mark.serial
+def test_script_beside_the_clone_without_environment_says_what_to_do(beside):
+    ended = run(beside, {})
+    assert ended.returncode == 1
+    assert "ImportError" in ended.stderr and "is the folder of the clone" in ended.stderr
+    assert ".ci/env.sh" in ended.stderr
+
+
+@pytest.mark.serial
+@pytest.mark.once
+def test_script_beside_the_clone_with_environment_runs(beside):
+    ended = run(beside, {"PYTHONPATH": str(beside.parent / "fenics_mortar")})
+    assert ended.returncode == 0, ended.stderr
+    assert "fenics_mortar.mesh.gmsh_reader" in ended.stdout

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: MIT
+"""Small obstacles inside a body, between its nodes."""
+
+import numpy as np
+import pytest
+from test_obstacles import block_under
+
+import fenics_mortar as fm
+from fenics_mortar.verify.obstacle_points import deepest_point
+
+FACET = 0.125
+
+
+def needle(x, y):
+    """Corners of a thin solid with its tip at (x, y), below a body of the needle."""
+    return [(x, y), (x + 0.01, y + 0.3), (x, y + 0.31), (x - 0.01, y + 0.3)]
+
+
+def dot(x, y):
+    """Signed distance of a disk with its lowest point at (x, y)."""
+
+    def distance(points):
+        d = points - [x, y + 0.04]
+        r = np.linalg.norm(d, axis=1)
+        e = d / r[:, None]
+        across = np.eye(2) - np.einsum("ia,ib->iab", e, e)
+        return r - 0.04, e, across / r[:, None, None]
+
+    return distance
+
+
+SMALL = {
+    "dust": lambda x: fm.Circle((x, 1.02), 0.01),
+    "wire": lambda x: fm.Circle((x, 1.09), 0.08),
+    "needle": lambda x: fm.Polygon(needle(x, 1.01), 1e-3),
+    "pin": lambda x: fm.Spline([(x - 0.02, 1.4), (x, 1.01), (x + 0.02, 1.4)]),
+    "function": lambda x: fm.SignedDistance(dot(x, 1.01)),
+}
+
+
+@pytest.mark.parametrize("x", [0.56, 0.535])
+@pytest.mark.parametrize("kind", SMALL)
+def test_small_obstacle_inside_a_body_is_a_crossing(kind, x):
+    """A step moves it by a facet or more into the block, between two nodes of the surface."""
+    for depth in (0.15, 0.35):
+        obstacle = SMALL[kind](x)
+        problem = block_under(obstacle)
+        obstacle.move(y=-0.01 - depth)
+        with pytest.raises(fm.NotConvergedError, match="cross at"):
+            problem.solve()
+
+
+@pytest.mark.parametrize("gap", [None, 0.0, 0.2])
+def test_obstacle_that_bears_a_body_does_not_cross_it(gap):
+    """An initial gap counts as a gap where the surfaces touch: it admits an overlap."""
+    for obstacle in (fm.Circle((0.5, 1.5), 0.5), fm.Plane((0.5, 1.0), (0.0, -1.0))):
+        if gap and isinstance(obstacle, fm.Circle):
+            continue  # only the nodes beside its lowest point touch
+        problem = block_under(obstacle, pair={"initial_gap": gap})
+        obstacle.move(y=-0.05 - (gap or 0.0))
+        crossings = problem.solve().certificate.crossings
+        assert not crossings or crossings[0].facets < 0.1
+        assert problem.contacts[0].total_force[1] < -1.0
+
+
+def test_points_that_a_function_without_distance_misses_are_left_out():
+    """A function of half the distance: x + phi n of the upper nodes lies inside the block."""
+
+    def half_distance(x):
+        size = len(x)
+        return 0.5 * (x[:, 1] - 0.8), np.tile([0.0, 0.5], (size, 1)), np.zeros((size, 2, 2))
+
+    obstacle = fm.SignedDistance(half_distance)
+    obstacle.move(y=-1.0)
+    problem = block_under(obstacle)
+    problem.solve(accept_violations=True)
+    crossings = problem.equations.crossings
+    x = crossings.outline.positions(problem.equations.bulk.u.x.array)
+    contact = problem.equations.contacts[0]
+    points = contact.now.on_obstacle.nearest_points()
+    assert ((points[:, 1] > 0.0) & (points[:, 1] < 1.0)).all()
+    slave = crossings.outline.indices_of(contact.slave.nodes)
+    assert deepest_point(contact, crossings.outline, slave, x)[1] == 0.0
