@@ -61,6 +61,7 @@ class Residual:
     ) -> None:
         self._bulk, self._contacts = bulk, contacts
         self._floating, self._motions, self._stiffest = floating, motions, stiffest
+        self.begin()
 
     def begin(self) -> None:
         """Read the prescribed values, which are constant in a solve."""
