@@ -300,6 +300,7 @@ class ContactEquations:
         with together(self.comm, "restore"):
             check_state(state, self.bulk.values.shape, [c.z.shape for c in self.contacts])
         self.put(state)
+        self.residual.begin()
         self.evaluate_operators()
 
     def put(self, state: State) -> None:
