@@ -219,7 +219,8 @@ class Bulk:
         u, smallest = self.values, MIN_FRACTION * fraction
         start, before = u.copy(), self.positions()
         u[: self.num_owned] += step
-        self.u.x.scatter_forward()
+        if self.comm.size > 1:
+            self.u.x.scatter_forward()
         increment = u - start
         if fraction < 1.0:
             u[:] = start + fraction * increment
@@ -254,7 +255,7 @@ class Bulk:
             values: Values of the unknowns, owned ones first, shape (num_owned,) or longer.
         """
         mine = float((np.abs(values[: self.num_owned]) / self.units).max(initial=0.0))
-        return float(self.comm.allreduce(mine, MPI.MAX))
+        return mine if self.comm.size == 1 else float(self.comm.allreduce(mine, MPI.MAX))
 
     def by_input_node(self) -> tuple[Indices, Array]:
         """Identifiers (n, k) and values (n, 2) of all nodes, see ``numbering`` (collective)."""

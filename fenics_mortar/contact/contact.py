@@ -33,7 +33,6 @@ from fenics_mortar.contact.directions import change_along
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.instant import first_instant
 from fenics_mortar.contact.interface import NO_PAIRS, NO_WELDS, Interface, read_only, settable
-from fenics_mortar.contact.interface_fields import split_multipliers
 from fenics_mortar.contact.law_calls import LawCalls, raise_stored
 from fenics_mortar.contact.law_fields import LawFields
 from fenics_mortar.contact.laws import Frictionless, Nodal
@@ -210,8 +209,7 @@ class Contact(Interface):
         """
         old, o, adhesion, force_decided = self.z, self.operators, self.now.adhesion[0], None
         z = old + fraction * (z - old) if fraction < 1.0 else z
-        z_n, _ = split_multipliers(o.n, z)
-        pulls = self.active & (z_n + adhesion < 0.0)
+        pulls = self.active & (np.einsum("ja,ja->j", o.n, z) + adhesion < 0.0)
         if pulls.any():
             sides = self.slave.gather(step), self.master.gather(step)
             change = fraction * change_along(self.now, o.weight_derivative(), *sides)

@@ -158,20 +158,20 @@ class ContactFields(InterfaceFields):
 
         Redundant nodes stick elastically, z_tau = z_tau,old + (k / l) u; see ``redundancy``.
         """
-        state, node = self.state, self.nodal
-        follows_law = self.sides.follows_law & ~self.attracted
-        if self.sides.pair.law.bridges_gap:
+        state, node, law = self.state, self.nodal, self.sides.pair.law
+        row = Frictionless().tangential(node, state.branch)
+        if type(law) is not Frictionless:
             follows_law = self.sides.follows_law
-        law, x = self.sides.pair.law, self.operators.x
-        row = self.sides.law_calls.tangential(law, node, state.branch, follows_law, x)
-        if type(law) is not Frictionless and not follows_law.all():
-            without = Frictionless().tangential(node, state.branch)
-            row = Row(*(np.where(follows_law, a, b) for a, b in zip(row, without, strict=True)))
-        none = np.zeros_like(node.slip)
-        row = Row(*[part + none for part in row])
+            if not law.bridges_gap:
+                follows_law = follows_law & ~self.attracted
+            x = self.operators.x
+            given = self.sides.law_calls.tangential(law, node, state.branch, follows_law, x)
+            row = Row(*(np.where(follows_law, a, b) for a, b in zip(given, row, strict=True)))
+        zero = np.zeros(len(state.z))
+        row = Row(*[part + zero for part in row])
         if not state.redundant.any():
             return row
-        k, zero = node.stiffness, np.zeros_like(node.slip)
+        k = node.stiffness
         shear = (node.z_tau - state.partners.shear) / ELASTIC
         elastic = Row(shear - k * self.slip, zero, -k, zero, zero + 1.0 / ELASTIC)
         return Row(*(np.where(state.redundant, a, b) for a, b in zip(elastic, row, strict=True)))

@@ -19,7 +19,7 @@ from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import complementarity
-from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 class _Field:
@@ -72,13 +72,6 @@ class Parts(NamedTuple):
 
     z_n: Array
     z_tau: Array
-
-
-def split_multipliers(n: Array, z: Array) -> Parts:
-    """Normal and tangential part of ``z`` (n, 2) [stress] with normals ``n`` (n, 2) (local)."""
-    parts = Parts(*np.empty((2, len(z))))
-    complementarity.split_multipliers(n, read_only_view(z), *parts)
-    return parts
 
 
 class InterfaceFields:
@@ -150,7 +143,9 @@ class InterfaceFields:
     @field("z")
     def parts(self) -> Parts:
         """Normal and tangential part of the multipliers."""
-        return split_multipliers(self.operators.n, self.state.z)
+        parts = Parts(*np.empty((2, len(self.state.z))))
+        complementarity.split_multipliers(self.operators.n, self.state.z, *parts)
+        return parts
 
     @field("z")
     def forces(self) -> tuple[Array, Array]:
