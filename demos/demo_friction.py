@@ -61,8 +61,8 @@ bcs += [fm.dirichlet(V, data, "cylinder/top", push)]
 contact = fm.ContactPair(data, "cylinder/arc", "block/top", law=fm.Coulomb(friction))
 problem = fm.ContactProblem(residual, u, [contact], bcs=bcs, petsc_options_prefix="friction_")
 
-for place in [*((0.0, -0.004 * k) for k in range(1, 11)), (0.002, -0.04), (0.004, -0.04)]:
-    push.value[:] = place
+for displacement in [*((0.0, -0.004 * k) for k in range(1, 11)), (0.002, -0.04), (0.004, -0.04)]:
+    push.value[:] = displacement
     report = problem.solve()
 # -
 

@@ -1,16 +1,16 @@
-# # Interference of a press fit for a wanted pressure
+# # Interference of a press fit for a given pressure
 #
-# This demo computes the interference at each node of a press fit that gives a wanted pressure.
+# This demo computes the interference at each node of a press fit that gives a prescribed pressure.
 #
 # ## Problem
 # A hub of steel, outer radius c = 20 mm and 40 mm long, sits on a solid shaft of radius b = 10 mm.
 # With a uniform interference the pressure is largest at the ends of the hub, where fits wear by
-# fretting. Wanted is p0 = 100 MPa in the middle, falling to p0 / 5 at the ends,
+# fretting. The target is p0 = 100 MPa in the middle, falling to p0 / 5 at the ends,
 #
 # p = p0 (1 - 0.8 (2 z / 40 mm)^4).
 #
 # The unknown is the interference D(z) at each node of the hub. It minimizes the mean square of the
-# difference from that pressure. In a long hub Lame's formula relates both at each place,
+# difference from that pressure. In a long hub Lame's formula relates both at each point,
 #
 # D = p b / E ((c^2 + b^2) / (c^2 - b^2) + 1).
 #
@@ -68,9 +68,9 @@ problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, **options)
 # +
 contact, offset = problem.contacts[0], fm.sensitivity.Offset(0)
 z, pressures = contact.positions[:, 1], []
-wanted = p0 * (1 - 0.8 * (2 * z / length) ** 4)
+target = p0 * (1 - 0.8 * (2 * z / length) ** 4)
 objective = fm.sensitivity.PressureFunctional(
-    0, lambda p: ((p - wanted) / p0) ** 2, lambda p: 2 * (p - wanted) / p0**2
+    0, lambda p: ((p - target) / p0) ** 2, lambda p: 2 * (p - target) / p0**2
 )
 
 
@@ -88,19 +88,19 @@ result = minimize(misfit, np.ones(z.size), jac=True, method="L-BFGS-B", options=
 # ## Comparison
 
 # +
-found, error = 1e3 * lame * p0 * result.x, np.abs(pressures[-1] / wanted - 1).max()
-middle = np.abs(found / (1e3 * lame * wanted) - 1)[np.abs(z) < length / 8].max()
+found, error = 1e3 * lame * p0 * result.x, np.abs(pressures[-1] / target - 1).max()
+middle = np.abs(found / (1e3 * lame * target) - 1)[np.abs(z) < length / 8].max()
 if problem.comm.rank == 0:
     print(f"{len(pressures)} solves: largest relative error of the pressure {error:.1e}")
     print(f"in the middle {found[z.size // 2]:.2f} um, by Lame {1e3 * lame * p0:.2f} um")
     Path("results").mkdir(exist_ok=True)
     left, right = (figure := Figure((9, 3.4), layout="constrained")).subplots(1, 2)
     left.set(xlabel="z [mm]", ylabel="contact pressure [MPa]", ylim=(0, 250))
-    left.plot(z, pressures[0], "C7.-", z, wanted, "k", z, pressures[-1], "C3o", ms=4)
-    left.legend(["interference of Lame", "wanted", f"after {len(pressures)} solves"], frameon=False)
+    left.plot(z, pressures[0], "C7.-", z, target, "k", z, pressures[-1], "C3o", ms=4)
+    left.legend(["interference of Lame", "target", f"after {len(pressures)} solves"], frameon=False)
     right.set(xlabel="z [mm]", ylabel="interference on the radius [$\\mu$m]", ylim=(0, 14))
     uniform = np.full(z.size, 1e3 * lame * p0)
-    right.plot(z, uniform, "C7", z, 1e3 * lame * wanted, "k--", z, found, "C3o-", ms=4)
+    right.plot(z, uniform, "C7", z, 1e3 * lame * target, "k--", z, found, "C3o-", ms=4)
     right.legend(["of Lame for $p_0$", "of Lame for the local pressure", "found"], frameon=False)
     figure.savefig("results/interference.png", dpi=150)
 # -

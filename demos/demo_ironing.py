@@ -84,15 +84,15 @@ way, H, V, iterations = np.abs(rows).T
 # widely; the change with meshes and steps of this computation is much smaller.
 
 # +
-places = (1.0, 1.0, 6.0, 6.0)
+positions = (1.0, 1.0, 6.0, 6.0)
 bands = (267.9, 332.0), (55.0, 71.0), (337.4, 421.0), (102.1, 188.8)
-found = [np.interp(place, way, force) for place, force in zip(places, (V, H, V, H))]
+found = [np.interp(x, way, force) for x, force in zip(positions, (V, H, V, H))]
 if comm.rank == 0:
     print(f"V, H: {np.round(found, 1)} N/mm; iterations a step: {np.median(iterations):g}")
     np.savetxt(f"results/ironing_{n:03.0f}.txt", np.abs(rows))
     axes = Figure((7, 3.5), layout="tight").add_subplot(xlabel="way [mm]")
     axes.set(ylabel="force [N/mm]", title="Shallow ironing: vertical (V) and horizontal (H) force")
-    axes.vlines(places, *np.transpose(bands), color="lightgray", lw=8, label="published")
+    axes.vlines(positions, *np.transpose(bands), color="lightgray", lw=8, label="published")
     for file, line in zip(sorted(Path("results").glob("ironing_*.txt")), ("--", "-", ":")):
         x, *forces = np.loadtxt(file, usecols=(0, 2, 1)).T
         for force, y, color in zip("VH", forces, ("#1f5fa8", "#c8102e")):

@@ -15,7 +15,7 @@
 # roller, z ~ ln 1 / (1 - s^2), which is steeper.
 #
 # The unknowns are the heights of the points of a spline. L-BFGS-B of scipy minimizes the mean
-# square of (p - p_wanted) / p0, starting from the circle whose Hertzian half-width is a.
+# square of (p - p_target) / p0, starting from the circle whose Hertzian half-width is a.
 #
 # ## Implementation
 

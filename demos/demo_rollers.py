@@ -32,12 +32,12 @@ length, span, radius = 10.0, 7.0, 1.0  # of half the beam, of half the supports
 # +
 corners = [(0.0, 0.0), (length, 1.0)]
 domain = mesh.create_rectangle(comm, corners, (60, 6), mesh.CellType.quadrilateral)
-places = {
+boundaries = {
     1: lambda x: np.isclose(x[0], 0.0),
     2: lambda x: np.isclose(x[1], 0.0),
     3: lambda x: np.isclose(x[1], 1.0),
 }
-found = {tag: mesh.locate_entities_boundary(domain, 1, at) for tag, at in places.items()}
+found = {tag: mesh.locate_entities_boundary(domain, 1, at) for tag, at in boundaries.items()}
 facets = np.concatenate(list(found.values()))
 tags = np.repeat(list(found), [len(f) for f in found.values()]).astype(np.int32)
 order = np.argsort(facets)

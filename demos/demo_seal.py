@@ -60,8 +60,8 @@ residual += wet * J * ufl.inner(ufl.dot(inverse, N), v) * ufl.ds(degree=20)
 # outline is the end of a facet.
 
 # +
-places = {"lid": ((0, 1), (0, -1)), "floor": ((0, -1), (0, 1)), "wall": ((1, 0), (-1, 0))}
-walls = [fm.Plane(*place, name=name) for name, place in places.items()]
+planes = {"lid": ((0, 1), (0, -1)), "floor": ((0, -1), (0, 1)), "wall": ((1, 0), (-1, 0))}
+walls = [fm.Plane(*plane, name=name) for name, plane in planes.items()]
 pairs = [fm.ContactPair(data, "cord/outline", wall, law=fm.Coulomb(0.1)) for wall in walls]
 problem = fm.ContactProblem(residual, w, pairs, petsc_options_prefix="seal_")
 lid, floor, _ = problem.contacts

@@ -1,6 +1,6 @@
 # # A bolt in a nut: the first thread carries most
 #
-# This demo shows a pair of surfaces that touch in many places. With linear bulk and small sliding
+# This demo shows a pair of surfaces in contact at many points. With linear bulk and small sliding
 # all loads share one factorization.
 #
 # ## Problem

@@ -70,8 +70,8 @@ problem = fm.ContactProblem(residual, u, [pair], **options)
 # -
 
 # ## Wear
-# After each 100 turns the worn depth is taken from the surface. With many more turns at a time the
-# pressure would oscillate between places that are worn too much and too little.
+# After each 100 turns the worn depth is removed from the surface. With many more turns per step the
+# pressure would oscillate between points that are worn too much and too little.
 
 # +
 contact, pressures, torques = problem.contacts[0], [], []

@@ -17,7 +17,9 @@ from fenics_mortar.contact.discretization import Discretization
 from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
+from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.equations.state import State
 from fenics_mortar.io.checkpoint import load_state, save_state
 from fenics_mortar.io.paraview import ResultsWriter
 from fenics_mortar.io.picture import plot
@@ -75,6 +77,7 @@ __all__ = [
     "NotConvergedError",
     "Obstacle",
     "PairCertificate",
+    "PairView",
     "PathReport",
     "Plane",
     "Polygon",
@@ -82,6 +85,7 @@ __all__ = [
     "ResultsWriter",
     "SignedDistance",
     "Spline",
+    "State",
     "SteppingOptions",
     "SurfaceError",
     "TangentCheck",

@@ -250,9 +250,9 @@ class ContactProblem:
 
         Returns:
             Bulk residual and contact forces at the dofs of this rank, each of shape (owned dofs,)
-            [stress length]; their sum at prescribed dofs is the support reaction. Third, the force
-            (x, y) and the moment about the pivot that keep each obstacle in place, shape
-            (obstacles, 3) [stress length, stress length, stress length^2], equal on all ranks.
+            [stress length]; their sum at prescribed dofs is the support reaction. Third, force and
+            moment about the pivot that keep each obstacle in place, shape (obstacles, 3) [stress
+            length, moments stress length^2], equal on all ranks.
         """
         return self._present.forces()
 
@@ -288,11 +288,8 @@ class ContactProblem:
         return self._adequacy
 
     def certificate(self) -> Certificate:
-        """Measure balance, signs, penetration and crossings of the present state (collective).
-
-        Balance is that with the present loads.
-        """
-        self.equations.residual.forces()
+        """Measure balance with the present loads, signs, penetration and crossings (collective)."""
+        self._present.forces()
         return self._solver.certificate()
 
     def estimate(self) -> ErrorEstimate:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the mesh scripts share: names, chains of lines, structured patches, writing a file."""
+"""Functions of all mesh scripts: names, chains of lines, structured patches, writing a file."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def turn(x: Sequence[Sequence[float]], angle: float) -> np.ndarray:
 
 
 def write(build: Callable[[], Any], default: str) -> None:
-    """Build a mesh as the script's defaults say; write it to the file given as first argument."""
+    """Build a mesh by the script's defaults; write it to the file given as first argument."""
     gmsh.initialize()
     build()
     gmsh.write(sys.argv[1] if len(sys.argv) > 1 else default)

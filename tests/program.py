@@ -4,7 +4,7 @@
     /usr/bin/python3 tests/program.py axisymmetric_table      errors that the tests bound
     /usr/bin/python3 tests/program.py dynamics_table          motions with known solutions
     /usr/bin/python3 tests/program.py self_contact_table      bodies that touch themselves
-    /usr/bin/python3 tests/program.py supported_table [name]  scenes held by friction or adhesion
+    /usr/bin/python3 tests/program.py supported_table [name]  supported by friction or adhesion
     mpirun.openmpi -n 2 /usr/bin/python3 tests/program.py proof_matrix [words]  derivatives
 
 Each prints a table.

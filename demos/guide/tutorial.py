@@ -7,7 +7,7 @@
 # 2. give them finite strain and follow a load path in adaptive steps,
 # 3. add friction,
 # 4. find out whether the model was rich enough and the mesh fine enough,
-# 5. write a contact law of your own, verify its derivatives, and use the mortar matrices.
+# 5. write a contact law, verify its derivatives, and use the mortar matrices.
 #
 # Lengths are in mm and stresses in MPa, hence forces in N per mm of thickness. Any other consistent
 # set of units gives the same iterations.
@@ -204,10 +204,9 @@ path = fm.follow_path(
 )
 # -
 
-# `follow_path` chooses the steps: a step with few iterations is followed by a longer one, a step
-# that fails is undone exactly, cut and tried again. `on_step` is called after each accepted step;
-# the place to record results, or to write files with a `fm.ResultsWriter`, whose output opens in
-# ParaView.
+# `follow_path` chooses the steps: a step with few iterations is followed by a longer one; a failed
+# step is reverted exactly and cut. `on_step` is called after each accepted step: record results
+# there, or write files for ParaView with a `fm.ResultsWriter`.
 
 if comm.rank == 0:
     for step in path.steps:
@@ -393,7 +392,7 @@ for refinement in (1, 2, 4):
 #
 # A new contact law, its derivatives verified, and the matrices to work with.
 #
-# ## A law of your own
+# ## A user-defined law
 #
 # A law states one equation per active slave node, `rho(g, slip, z_n, z_tau) = 0`, with its
 # derivatives. The multiplier is minus the traction on the slave: `z_n` is the pressure, and
@@ -446,7 +445,7 @@ if comm.rank == 0:
 # ```
 #
 # `fm.laws.row_of(function, node)` returns such a `Row` from the equation alone. Memory, wear, rates
-# and parameters that vary in space: [contact laws of your own](laws.md).
+# and parameters that vary in space: [user-defined contact laws](laws.md).
 #
 # ## Are the derivatives right?
 #

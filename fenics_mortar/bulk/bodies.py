@@ -152,9 +152,9 @@ def resistance(responses: Array, comm: MPI.Comm) -> tuple[Array, Array]:
         comm: Communicator of the forces.
 
     Returns:
-        Norms of the forces due to m orthonormal combinations of the motions, in descending order,
-        and these combinations, shape (m, m). Unlike eigenvalues of the Gram matrix, the norms are
-        accurate to rounding.
+        Norms of the forces due to m orthonormal combinations of the motions [stress length], in
+        descending order, and these combinations, shape (m, m) [1]. Unlike eigenvalues of the
+        Gram matrix, the norms are accurate to rounding.
     """
     count = len(responses)
     triangle = np.linalg.qr(np.vstack([responses.T, np.zeros((count, count))]), mode="r")

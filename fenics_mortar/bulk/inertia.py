@@ -20,6 +20,7 @@ import ufl
 from dolfinx import fem
 
 from fenics_mortar.bulk.massless import redistributed
+from fenics_mortar.bulk.velocity import Velocity
 from fenics_mortar.mesh.numbering import by_input_node, set_by_input_node
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
@@ -30,13 +31,14 @@ from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING, TINY
 
 @dataclass(frozen=True, eq=False)
 class Rates(Value):
-    """Velocity and accelerations of a state, a value; arrays of all local dofs.
+    """Velocity and accelerations of a state, a value (local).
 
     Attributes:
-        velocity: Velocity [length / time].
-        acceleration: Acceleration that balances all forces [length / time^2].
-        average: Auxiliary acceleration of the scheme, an average over a step [length / time^2].
-        time: Time.
+        velocity: Velocity, shape (local dofs,) [length / time].
+        acceleration: Acceleration that balances all forces, shape (local dofs,) [length / time^2].
+        average: Auxiliary acceleration of the scheme, an average over a step, shape (local dofs,)
+            [length / time^2].
+        time: Time [time].
         begun: Whether the accelerations are known.
         energy_deficit: Energy extracted by contact pressures through errors of the time steps and
             not returned yet [stress length^2].
@@ -63,7 +65,8 @@ class Inertia:
         velocity: Velocity, a function of the whole space; may be set.
         factor: c [1 / time^2].
         origin: o, array of all local dofs [length].
-        moving: Whether a time step is being solved; otherwise c and o are not those of a step.
+        moving: Whether a time step is being solved; otherwise c and o follow from the rates.
+        rate: Velocity in the forms of the bodies, or ``None``.
 
     Raises:
         MortarError: On all ranks, if a mass is not positive, or the body is too thin.
@@ -83,6 +86,7 @@ class Inertia:
         self._solver: PETSc.KSP | None = None
         self.velocity = fem.Function(space.whole, name="velocity")
         self.factor, self.moving = 0.0, False
+        self.rate: Velocity | None = None
         zero = np.zeros_like(self.velocity.x.array)
         self.origin: Array = zero
         self._rates = Rates(zero, zero, zero)
@@ -117,9 +121,14 @@ class Inertia:
         self.velocity.x.array[:] = rates.velocity
 
     def set_rates(self, rates: Rates, u: Array) -> None:
-        """Set the rates, and c and o: w at ``u`` (local dofs,) is their acceleration (local)."""
+        """Set the rates, and c and o: w at ``u`` (local dofs,) is their acceleration (local).
+
+        The velocity in forms is that of the rates at ``u``.
+        """
         self.rates = rates
         self.factor, self.origin = 1.0, u - rates.acceleration
+        if self.rate is not None:
+            self.rate.set(1.0, u - rates.velocity)
 
     # Checkpoints
 
@@ -180,13 +189,13 @@ class Inertia:
     # Products
 
     def times_mass(self, values: Array) -> Array:
-        """M times an array of all local dofs, shape (owned dofs,)."""
+        """M times an array of all local dofs, (owned dofs,) [mass times its unit]."""
         self._input.array[:] = values[: self._space.num_owned]
         self.M.mult(self._input, self._output)
         return self._output.array_r.copy()
 
     def product(self, a: Array, b: Array) -> float:
-        """A . M b of two arrays of shape (local dofs,) (collective)."""
+        """A . M b of two arrays of shape (local dofs,) [mass times both units] (collective)."""
         mine = float(a[: self._space.num_owned] @ self.times_mass(b))
         return self._space.V.mesh.comm.allreduce(mine)
 
@@ -199,8 +208,8 @@ class Inertia:
         """
         dofs = self._space.owned_dofs
         p, x = self.times_mass(velocity)[dofs], x[dofs]
-        turn = float((x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]).sum())
-        return self._space.V.mesh.comm.allreduce(np.array([*p.sum(axis=0), turn]))
+        angular = float((x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]).sum())
+        return self._space.V.mesh.comm.allreduce(np.array([*p.sum(axis=0), angular]))
 
     def acceleration_of(self, force: Array, prescribed: Flags) -> Array:
         """Acceleration due to forces on the bodies, zero at prescribed dofs.
@@ -216,15 +225,15 @@ class Inertia:
         """
         if self._solver is None:
             self._solver = self._create_solver(prescribed)
-        right, answer = self._input, self._output
+        right, solution = self._input, self._output
         right.array[:] = force
         if self._P is not None:
-            self._P.multTranspose(right, answer)
-            answer.copy(right)
+            self._P.multTranspose(right, solution)
+            solution.copy(right)
         right.array[self._fixed(prescribed)] = 0.0
-        self._solver.solve(right, answer)
+        self._solver.solve(right, solution)
         result = fem.Function(self._space.whole)
-        result.x.array[: self._space.num_owned] = answer.array_r
+        result.x.array[: self._space.num_owned] = solution.array_r
         result.x.scatter_forward()
         return result.x.array.copy()
 

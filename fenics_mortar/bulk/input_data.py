@@ -75,7 +75,10 @@ class InputData:
         check_same(self._comm, same)
 
     def loads(self) -> list[Array]:
-        """Copies of prescribed values, constants and functions but u, in a fixed order (local)."""
+        """Copies of prescribed values, constants and functions but u, in a fixed order (local).
+
+        Each of its own shape and unit [any].
+        """
         values = np.zeros_like(self._u.x.array)
         found = []
         for bc in self._bcs:

@@ -98,7 +98,7 @@ def _moments(M: PETSc.Mat, one: Array, other: Array, comm: MPI.Comm) -> Array:
 
 
 def times(M: PETSc.Mat, values: Array) -> Array:
-    """M times ``values`` (owned dofs,), of the same shape (collective)."""
+    """M times ``values`` (owned dofs,), of the same shape [mass times their unit] (collective)."""
     x, y = M.createVecs()
     x.array[:] = values
     M.mult(x, y)

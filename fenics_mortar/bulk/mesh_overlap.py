@@ -145,8 +145,8 @@ def _folded(mesh: Any, sides: _Sides) -> Array:
     number = index_map.local_to_global(once)
     everywhere = mesh.comm.allgather((number, sums[once]))
     numbers, signs = (np.concatenate(arrays) for arrays in zip(*everywhere, strict=True))
-    known, place_of = np.unique(numbers, return_inverse=True)
-    total, times = np.bincount(place_of.ravel(), signs), np.bincount(place_of.ravel())
+    known, inverse = np.unique(numbers, return_inverse=True)
+    total, times = np.bincount(inverse.ravel(), signs), np.bincount(inverse.ravel())
     bad = known[(np.abs(total) > 1.0) & (times > 1)]
     begin, end = index_map.local_range
     mine = once[np.isin(number, bad) & (number >= begin) & (number < end)]
@@ -186,8 +186,8 @@ def _check_outline(outline: _Outline, contacts: Sequence[Interface]) -> None:
     crosses = lines_cross(start, end, pairs, SAME_PLACE)
     after = _following(outline)
     i, j = pairs.T
-    apart = (after[i] != j) & (after[j] != i) & ~crosses
-    touches = np.flatnonzero(apart)[lines_cross(start, end, pairs[apart], touching=True)]
+    separate = (after[i] != j) & (after[j] != i) & ~crosses
+    touches = np.flatnonzero(separate)[lines_cross(start, end, pairs[separate], touching=True)]
     crosses[touches] = _cross_at_nodes(outline, after, pairs[touches])
     if crosses.any():
         where = middles[pairs[np.argmax(crosses), 0]]

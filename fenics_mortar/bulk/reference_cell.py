@@ -57,8 +57,8 @@ class ReferenceCell:
 def nodal_gradients(V: Any) -> Array:
     """Return the gradients of the Lagrange functions of a cell of ``V`` at its own nodes.
 
-    Shape (nodes, functions, 2), in the reference cell (local). All values are integers for degree 1
-    and 2.
+    Shape (nodes, functions, 2), in the reference cell [1] (local). All values are integers for
+    degree 1 and 2.
     """
     cell = getattr(basix.CellType, compat.cell_name(V.mesh))
     degree = DEGREES[V.dofmap.dof_layout.num_dofs]

@@ -114,7 +114,8 @@ class Bulk:
     def tangent_data(self) -> list[Array]:
         """Copies of all values on which the tangent depends, except ``u`` (local).
 
-        Each has the shape of the constant, or (local dofs,) of the function; last, the inertia's.
+        Each has the shape of the constant, or (local dofs,) of the function [any unit]; last, the
+        inertia's.
         """
         return [
             np.array(data.value if hasattr(data, "value") else data.x.array)
@@ -168,7 +169,7 @@ class Bulk:
         self._K_includes_mass = False
 
     def inertia_forces(self) -> Array:
-        """Inertia forces at the present displacement; shape (num_owned,), in statics (0,)."""
+        """Inertia forces at the present displacement, (owned dofs,), in statics (0,) [force]."""
         return np.empty(0) if self.inertia is None else self.inertia.forces(self.u.x.array)
 
     def free_garbage(self) -> None:

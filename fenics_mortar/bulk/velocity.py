@@ -15,7 +15,7 @@ class Origin(fem.Function):
 
 
 class Velocity:
-    """Velocity at the end of a time step, linear in the displacement u there.
+    """Velocity at the end of a time step, linear in the displacement u there; methods are local.
 
     Its ``expression`` may be used in a residual like u, for instance Rayleigh's damping
     ``alpha * rho * inner(v, w) * dx + beta * inner(stress(v), grad(w)) * dx``. Its derivative is
@@ -28,7 +28,7 @@ class Velocity:
         expression: factor (u - origin), a UFL expression [length / time].
         u: The displacement, or the mixed function.
         factor: Constant of dolfinx [1 / time].
-        origin: Function of the space of ``u`` [length].
+        origin: Function of the space of ``u``, its values have the shape (local dofs,) [length].
     """
 
     def __init__(self, u: Any) -> None:
@@ -38,6 +38,6 @@ class Velocity:
         self.expression = self.factor * (u - self.origin)
 
     def set(self, factor: float, origin: Array) -> None:
-        """Set factor [1 / time] and origin, shape (local dofs,) (local)."""
+        """Set ``factor`` [1 / time] and ``origin``, shape (local dofs,) [length] (local)."""
         self.factor.value = factor
         self.origin.x.array[:] = origin

@@ -162,7 +162,7 @@ class Contact(Interface):
         """Evaluate the operators of the undeformed mesh of an earlier state (collective).
 
         Args:
-            place: ``evaluation.place_of`` the state's reference, shape (3,); nan without
+            place: ``place_of`` the state's reference, shape (3,); nan without
                 reference.
             multiplier_nodes: Multiplier nodes of that state, shape (slave nodes,), bool.
         """

@@ -78,7 +78,7 @@ class ContactFields(InterfaceFields):
     def adhesion(self) -> tuple[Array, Array]:
         """Adhesion a at the mean gaps of covered nodes, and a'; zero elsewhere, (slave nodes,).
 
-        Continued linearly to negative gaps.
+        Continued linearly to negative gaps [stress, stress / length].
         """
         law, on, none = self.sides.pair.law, self.covered, np.zeros(len(self.state.z))
         if type(law) in BUILT_IN or not law.has_adhesion:

@@ -59,21 +59,21 @@ def first_instant(law: Law, slave: Surface, time: float) -> Instant:
     return Instant.of(time, 1.0, memory)
 
 
-def check_memory(law: Law, what: str, answer: Any, count: int) -> dict[str, Array]:
-    """Memory returned by a law, in the order of its names (local).
+def check_memory(law: Law, what: str, result: Any, count: int) -> dict[str, Array]:
+    """Memory returned by a law, in the order of its names, (slave nodes,) each [its units] (local).
 
     Raises:
         ValueError: If names, shapes or values are not allowed.
     """
-    if not isinstance(answer, Mapping) or set(answer) != set(law.memory):
+    if not isinstance(result, Mapping) or set(result) != set(law.memory):
         raise ValueError(
-            f"{law!r}: {what} returned {answer!r}; expected arrays named {', '.join(law.memory)}"
+            f"{law!r}: {what} returned {result!r}; expected arrays named {', '.join(law.memory)}"
         )
-    return {name: check_numbers(law, f"{what}: {name}", answer[name], count) for name in law.memory}
+    return {name: check_numbers(law, f"{what}: {name}", result[name], count) for name in law.memory}
 
 
 def check_numbers(law: Law, what: str, values: Any, count: int) -> Array:
-    """Check for finite real numbers, one per slave node; return them, shape (slave nodes,)."""
+    """Check for finite real numbers, one per slave node; return them, (slave nodes,) [any unit]."""
     array = np.asarray(values)
     if array.shape != (count,) or array.dtype.kind not in "iufb":
         raise ValueError(
@@ -88,7 +88,7 @@ def check_numbers(law: Law, what: str, values: Any, count: int) -> Array:
 def instant_arrays(contact: Any) -> tuple[list[str], Array, Array]:
     """Names of the memory, time and step (2,), and memory (names, slave nodes), for files (local).
 
-    Names and memory of a tie are empty.
+    Units are those of the law [time, its units]. Names and memory of a tie are empty.
     """
     instant, count = contact.state.accepted_instant or Instant(), contact.slave.num_nodes
     values = np.array(list(instant.memory.values()), float).reshape(-1, count)

@@ -191,7 +191,7 @@ class InterfaceFields:
         """Set values at inner nodes of facets to the mean of the end nodes.
 
         Only if multipliers are at vertices only. Nodes without weight get the values of their
-        substitutes. ``values`` (slave nodes,) are changed in place and returned.
+        substitutes. ``values`` (slave nodes,) [any unit] are changed in place and returned.
         """
         alone, others = self.sides.substitutes
         if alone.size:

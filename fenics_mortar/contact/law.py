@@ -139,6 +139,9 @@ class Law(ABC):
 
         Returns:
             Friction limits, shape (n,) [stress]; inf where there is none.
+
+        Raises:
+            NotImplementedError: If the limit depends on more than the pressure.
         """
         raise NotImplementedError(f"{self!r} has no friction_limit of the pressure alone")
 
@@ -203,7 +206,7 @@ class Law(ABC):
 
         Args:
             name: Its name.
-            values: Finite numbers, shape (slave nodes,).
+            values: Finite numbers, shape (slave nodes,) [unit of the parameter].
 
         Raises:
             ValueError: If a value is not allowed.

@@ -45,8 +45,8 @@ class LawCalls:
             return law.branch(node, before)
 
         def call() -> Branches:
-            answer = law.branch(_protected(node), read_only_view(before))
-            (branch,) = self._numbers(law, "branch", (answer,), before.size)
+            result = law.branch(_protected(node), read_only_view(before))
+            (branch,) = self._numbers(law, "branch", (result,), before.size)
             self._check_finite(law, "branch", (branch,), _all_finite(node), x)
             whole = np.rint(np.nan_to_num(branch))
             if (whole != np.nan_to_num(branch)).any():
@@ -108,8 +108,8 @@ class LawCalls:
         """See ``Law.remember``."""
 
         def call() -> Mapping[str, Array]:
-            answer = law.remember(_protected(node), read_only_view(branch))
-            return check_memory(law, "remember", answer, branch.size)
+            result = law.remember(_protected(node), read_only_view(branch))
+            return check_memory(law, "remember", result, branch.size)
 
         return self._storing_errors(call, node.memory)
 
@@ -146,13 +146,13 @@ class LawCalls:
             return law.adhesion(gap)
 
         def call() -> tuple[Array, Array]:
-            answer = law.adhesion(read_only_view(gap))
-            if not isinstance(answer, tuple) or len(answer) != 2:
+            result = law.adhesion(read_only_view(gap))
+            if not isinstance(result, tuple) or len(result) != 2:
                 raise ValueError(
-                    f"{law!r}: adhesion returned {answer!r}; expected two arrays, the adhesion and "
+                    f"{law!r}: adhesion returned {result!r}; expected two arrays, the adhesion and "
                     "its derivative"
                 )
-            pull, by_gap = self._numbers(law, "adhesion", answer, gap.size)
+            pull, by_gap = self._numbers(law, "adhesion", result, gap.size)
             self._check_finite(law, "adhesion", (pull, by_gap), np.isfinite(gap), x)
             if (pull < 0.0).any():
                 j = int(np.argmin(pull))
@@ -180,9 +180,9 @@ class LawCalls:
             self.error = self.error or error
             return instead
 
-    def _numbers(self, law: Law, what: str, answers: Iterable[Any], count: int) -> list[Array]:
+    def _numbers(self, law: Law, what: str, results: Iterable[Any], count: int) -> list[Array]:
         """Results as arrays of shape (count,); scalars are broadcast."""
-        arrays = [np.asarray(answer) for answer in answers]
+        arrays = [np.asarray(result) for result in results]
         for array in arrays:
             if array.dtype.kind not in "iufb" or array.shape not in ((), (count,)):
                 raise ValueError(
@@ -192,10 +192,10 @@ class LawCalls:
         return [np.array(np.broadcast_to(array, count), float) for array in arrays]
 
     def _check_finite(
-        self, law: Law, what: str, answers: Iterable[Array], checked: Marks, x: Array
+        self, law: Law, what: str, results: Iterable[Array], checked: Marks, x: Array
     ) -> None:
         """Raise if a result is not finite at ``checked`` nodes, those with finite arguments."""
-        bad = checked & ~np.all([np.isfinite(answer) for answer in answers], axis=0)
+        bad = checked & ~np.all([np.isfinite(result) for result in results], axis=0)
         if bad.any():
             raise NotFiniteError(
                 f"{law!r}: {what} returned numbers that are not finite at {bad.sum()} nodes of "

@@ -47,7 +47,7 @@ UNDECIDED = 0.1
 
 
 def normals_on_planes(normals: Array, free: Array) -> Array:
-    """Normals of nodes on symmetry planes, nan elsewhere, shape (nodes, 2).
+    """Normals of nodes on symmetry planes, nan elsewhere, shape (nodes, 2) [1].
 
     Args:
         normals: Normals of the undeformed surface, shape (nodes, 2).

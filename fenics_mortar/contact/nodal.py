@@ -16,7 +16,7 @@ Branches = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Nodal:
-    """State of the slave nodes; every array of shape (slave nodes,) unless another one is given.
+    """State of the slave nodes; each array has the shape (slave nodes,) unless stated (local).
 
     Attributes:
         gap: Mean gap g, zero where there is no partner [length]. In ``Law.closing_gap`` this is the
@@ -26,10 +26,12 @@ class Nodal:
         stiffness: Stiffness k_j / l_j of the bulk [stress / length].
         c_n: Weight of the gap in the active-set test, c k_j / l_j [stress / length].
         X, x: Positions in the undeformed mesh and at present, shape (slave nodes, 2) [length].
-        time: Time at the end of the step.
+        time: Time at the end of the step [time].
         step: Length of the step [time].
-        memory: Numbers stored by the law at the start of the step, by the names in ``Law.memory``.
-        fields: Values of the law's parameters that vary in space, by the names in ``Law.fields``.
+        memory: Numbers stored by the law at the start of the step, by the names in ``Law.memory``
+            [units of the law].
+        fields: Values of the law's parameters that vary in space, by the names in ``Law.fields``
+            [units of the law].
     """
 
     gap: Array
@@ -47,9 +49,14 @@ class Nodal:
 
 
 class Row(NamedTuple):
-    """Value of a law and its derivatives, each of shape (slave nodes,) or a scalar.
+    """Value of a law and its derivatives, each of shape (slave nodes,) or a scalar (local).
 
-    A residual rho [stress], a gap [length] or an adhesion [stress].
+    Attributes:
+        residual: Residual rho [stress], gap [length] or adhesion [stress].
+        by_gap: Its derivative with respect to the gap [unit / length].
+        by_slip: Its derivative with respect to the slip [unit / length].
+        by_z_n: Its derivative with respect to the pressure [unit / stress].
+        by_z_tau: Its derivative with respect to the shear [unit / stress].
     """
 
     residual: Any
@@ -66,7 +73,7 @@ COMPLEX_STEP = 1e-200
 
 
 def row_of(function: Callable[[Nodal], Any], node: Nodal) -> Row:
-    """Row of a function, with derivatives by complex step, exact to rounding.
+    """Row of a function, with derivatives by complex step, exact to rounding (local).
 
     The function has to be analytic at the nodes: numpy's arithmetic, ``exp``, ``tanh``, ``where``
     and so on. Use ``magnitude`` for the absolute value, ``np.where`` for maxima.
@@ -84,7 +91,7 @@ def row_of(function: Callable[[Nodal], Any], node: Nodal) -> Row:
 
 
 def magnitude(values: Any) -> Any:
-    """Absolute value, analytic in complex arguments; the derivative at zero is +1."""
+    """Absolute value of ``values``, analytic in complex arguments; slope +1 at zero (local)."""
     return np.where(np.real(values) < 0.0, -values, values)
 
 

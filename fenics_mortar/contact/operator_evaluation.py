@@ -37,7 +37,7 @@ class Reference(NamedTuple):
 
 
 def place_of(reference: Reference | None) -> Array:
-    """Position of the obstacle in frozen operators, shape (3,); nan if there are none."""
+    """Position of the obstacle in frozen operators, (3,) [length, radian]; nan without them."""
     return NO_PLACE if reference is None else reference.place
 
 
@@ -97,7 +97,7 @@ class OperatorEvaluation:
         Returns:
             The operators, and those of the undeformed mesh if sliding is small.
         """
-        view, x, m = self._look(u)
+        view, x, m = self._positions_at(u)
         if not self.small:
             return self._at(x, m, state.multiplier_nodes, linearization, view), None
         kept = state.reference
@@ -133,7 +133,7 @@ class OperatorEvaluation:
         Args:
             multiplier_nodes: Whether a slave node carries a multiplier, (slave nodes,), bool.
         """
-        view, X, X_master = self._look(None)
+        view, X, X_master = self._positions_at(None)
         operators = self._integrate(X, X_master, multiplier_nodes, LINEARIZATIONS["frozen"], view)
         place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
         return Reference(operators.freeze(), multiplier_nodes, place)
@@ -168,7 +168,7 @@ class OperatorEvaluation:
             radius=self.options.radius, min_cosine=self.options.min_cosine, view=self.view,
         )  # fmt: skip
 
-    def _look(self, u: Array | None) -> tuple[View | None, Array, Array]:
+    def _positions_at(self, u: Array | None) -> tuple[View | None, Array, Array]:
         """View and positions of slave and master at ``u``, or undeformed (collective)."""
         sides = self.slave, self.master
         if self.sight is not None:

@@ -30,7 +30,7 @@ class Parameters:
         self._space, self._slave = space, slave
 
     def sample(self, law: Law) -> dict[str, Array]:
-        """Values at the slave nodes by name, shape (slave nodes,) each (collective).
+        """Values at the slave nodes by name, shape (slave nodes,) each [its unit] (collective).
 
         Raises:
             Exception: Any error of a user's function, on all ranks.

@@ -79,7 +79,7 @@ class InterfaceRows(ABC):
 
     @abstractmethod
     def weighted(self, frame: Frame) -> Array:
-        """Nonlinear rows weighted by ``frame``, zero at a solution, shape (slave nodes, 2)."""
+        """Rows weighted by ``frame``, zero at a solution, (slave nodes, 2) [stress length]."""
 
 
 class ContactRows(InterfaceRows):
@@ -148,7 +148,7 @@ class ContactRows(InterfaceRows):
         return rows
 
     def by_motions(self) -> Array:
-        """Derivative of the rows with respect to obstacle motions, (slave nodes, 2, 3)."""
+        """Derivative of the rows with respect to obstacle motions, (slave nodes, 2, 3) [stress]."""
         f: ContactFields = self._interface.now
         o, z = f.on_obstacle, f.state.z
         normal, _, *laws = self.frame()
@@ -168,7 +168,7 @@ class ContactRows(InterfaceRows):
 
 
 def gap_by_motions(f: ContactFields) -> Array:
-    """d(mean gaps)/d(obstacle motions), (slave nodes, 3); zero at uncovered nodes."""
+    """d(mean gaps)/d(obstacle motions), (slave nodes, 3) [1]; zero at uncovered nodes."""
     o, on = f.on_obstacle, f.covered[:, None]
     return np.where(on, o.dgap_dq / np.where(on, o.weight[:, None], 1.0), 0.0)
 

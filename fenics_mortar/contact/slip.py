@@ -122,7 +122,7 @@ class Partners:
             yield from o.vector_derivative(-self.present[:, None] * o.tau)
 
     def derivative_by_motions(self, o: ObstacleOperators) -> Array:
-        """Derivative of the slip with respect to obstacle motions, shape (slave nodes, 3)."""
+        """Derivative of the slip with respect to obstacle motions, shape (slave nodes, 3) [1]."""
         turned = np.stack([-o.dn_dq[:, 1], o.dn_dq[:, 0]], axis=1)
         V = o.obstacle.motions(o.obstacle.to_space(self.feet), o.arm)
         return np.einsum("jam,ja->jm", turned, self.gap_vectors(o)) - np.einsum(

@@ -35,12 +35,13 @@ class InterfaceState(Value):
             after a cycle of the active set.
         offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length].
         reference: Operators of the undeformed mesh, with small sliding.
-        load_time: Time of the present loads, at the end of the step.
+        load_time: Time of the present loads, at the end of the step [time].
         start_instant: ``Instant`` at the start of the step; the law reads its memory; ``None`` for
             a tie.
         accepted_instant: ``Instant`` of the last accepted state, used in the next step.
-        force_decided: Nodes with tensile multiplier and compressive force, and the forces of all
-            nodes, for the next active set; see ``Contact.move``.
+        force_decided: Nodes with tensile multiplier and compressive force, shape (slave nodes,),
+            bool, and the forces of all nodes, shape (slave nodes, 2) [stress length], for the next
+            active set; see ``Contact.move``.
     """
 
     z: Array

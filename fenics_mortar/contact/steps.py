@@ -50,14 +50,14 @@ def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[Instant |
     """
     found = [_instant_of(c) if isinstance(c, Contact) else None for c in contacts]
     raise_stored(comm, contacts)
-    remembered = [
+    memories = [
         (f"{name} of {contact.pair.law!r}", values)
         for contact, instant in zip(contacts, found, strict=True)
         if instant is not None
         for name, values in instant.memory.items()
     ]
-    if remembered:
-        check_same(comm, remembered)
+    if memories:
+        check_same(comm, memories)
     return found
 
 

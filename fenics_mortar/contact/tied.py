@@ -159,8 +159,8 @@ class Tie(Interface):
     @property
     def nodes(self) -> Indices:
         """Global numbers of the tied nodes of both sides, shape (k,)."""
-        met = np.unique(self.M.indices)
-        return np.concatenate([self.slave.nodes[self.now.has_partner], self.master.nodes[met]])
+        masters = np.unique(self.M.indices)
+        return np.concatenate([self.slave.nodes[self.now.has_partner], self.master.nodes[masters]])
 
     def welds(self) -> Indices:
         """Coinciding ends of slave and master: global nodes, shape (k, 2)."""

@@ -47,7 +47,7 @@ class TiedFields(InterfaceFields):
 
     @property
     def gap(self) -> Array:
-        """Mean relative displacement of the sides, nan without multiplier, (slave nodes,)."""
+        """Mean relative displacement, (slave nodes,), nan without multiplier [length]."""
         on = self.state.active
         weight = np.where(on, self.operators.weight, 1.0)
         return np.where(on, np.linalg.norm(self.jump, axis=1) / weight, np.nan)

@@ -82,7 +82,7 @@ class ContactEquations:
         motions: The obstacles of the contacts.
         floating: Bodies that Dirichlet conditions leave free to move rigidly.
         residual: Residual of the last evaluated state, and its forces.
-        remedies: Remedies if active sets or bodies do not settle in Newton's method.
+        remedies: Remedies if active sets cycle or bodies do not come to rest.
         springs: Anchored springs on bodies and obstacles if Newton's method fails.
         crossings: Detection of crossed surfaces.
         interrupted: Whether matrices may be incomplete after an interruption.
@@ -308,8 +308,12 @@ class ContactEquations:
         self.bulk.values[:] = state.u
         self.motions.places = state.places
         self.crossings.restore(state.accepted_positions, state.u)
-        if self.bulk.inertia is not None and state.rates is not None:
-            self.bulk.inertia.rates = state.rates
+        inertia = self.bulk.inertia
+        if inertia is not None and state.rates is not None:
+            if inertia.moving:
+                inertia.rates = state.rates
+            else:
+                inertia.set_rates(state.rates, state.u)
         for contact, interface in zip(self.contacts, state.interfaces, strict=True):
             contact.put(interface)
         self.last_converged = state.converged

@@ -102,7 +102,10 @@ class Tangent(Protocol):
         """Linearize at the last evaluated state."""
 
     def solve(self, b: Array, *, transpose: bool = False) -> Array:
-        """Solve A x = b, or A^T x = b; shapes are (owned dofs + 2 owned multipliers,)."""
+        """Solve A x = b, or A^T x = b; shapes are (owned dofs + 2 owned multipliers,).
+
+        See ``LinearSystem.solve`` for the units.
+        """
 
 
 class LinearizedEquations:

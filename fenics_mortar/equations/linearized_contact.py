@@ -8,10 +8,11 @@ module solves the linearized problem together with its inequalities, reduced to 
 the compliance of all bodies, see ``rigid.complementarity``. The next Newton step uses the active
 set and branches of this solution. With friction the solution may not be unique. If no body floats,
 it is the one at the end of the load path from the accepted state, see ``rigid.load_path``. If nodes
-only open and close, a solution beyond a turn of this path may be used, at the end of a snap.
+only open and close, a solution beyond a turning point of this path may be used, at the end of a
+snap-through.
 
 The compliance needs one linear solve for each multiplier component of all nodes that may touch. It
-is therefore computed only if the active set does not settle.
+is therefore computed only if the active set does not converge.
 """
 
 from __future__ import annotations
@@ -87,7 +88,7 @@ class LinearizedContact:
             mark: Function that marks redundant sticks of the present sets, see ``redundancy``. The
                 problem is solved again with elastic stick at these nodes until no further stick is
                 redundant.
-            snap: Whether a solution beyond a turn of the load path may be used.
+            snap: Whether a solution beyond a turning point of the load path may be used.
 
         Returns:
             Whether there is a solution, equal on all ranks.
@@ -100,7 +101,7 @@ class LinearizedContact:
             found = comm.bcast(self._solve(elastic, nodes, snap) if comm.rank == 0 else None)
             if found is None:
                 return False
-            self._take(nodes, found)
+            self._adopt(nodes, found)
             mark()
         return True
 
@@ -117,7 +118,7 @@ class LinearizedContact:
         return solve_friction(problem) if snap else None
 
     def describe_turning_point(self) -> str:
-        """Describe the turn of the path from the accepted state; "" if there is none."""
+        """Describe the turning point of the path from the accepted state; "" if none."""
         problem, nodes = self._problem()
         problem, comm = self._with_elastic_sticks(problem, nodes), self._bulk.comm
         start = self._accepted(problem.slope, nodes)
@@ -150,7 +151,7 @@ class LinearizedContact:
         branch = np.where(slides, np.sign(z_tau), 0.0).astype(np.int64)
         return Sets(z_n > 0.0, branch, z_n, z_tau), gap
 
-    def _take(self, nodes: Sequence[Indices], found: Sets) -> None:
+    def _adopt(self, nodes: Sequence[Indices], found: Sets) -> None:
         """Adopt sets and multipliers of ``nodes``; all other nodes are open."""
         ends = np.cumsum([j.size for j in nodes])[:-1]
         for contact, j, *sets in zip(

@@ -64,7 +64,7 @@ class MovingFrame:
         self._meshes: dict[int, Any] = {}
 
     def contact_centres(self) -> Array:
-        """Positions of contacts on undeformed bodies, nan if open, (sides, 2) (collective)."""
+        """Undeformed positions of contacts, (sides, 2), nan if open [length] (collective)."""
         found = []
         for side in self._sides:
             contact = self._problem.contacts[side.contact]

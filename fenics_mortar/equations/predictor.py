@@ -76,7 +76,7 @@ class Predictor:
 
     @property
     def time(self) -> float:
-        """Time of the last accepted state."""
+        """Time of the last accepted state [time]."""
         return self._here.time
 
     @property
@@ -127,12 +127,12 @@ class Predictor:
         if not guesses:
             return None
         best, kind = here, None
-        residual, presses = self._look()
+        residual, presses = self._residual_and_contacts()
         for its_kind, guess in guesses:
             places = np.where(problem.motions.driven, guess.places, here.places)
             guess = replace(guess, places=places).with_settings_of(here)
             problem.put(guess)
-            guessed, still_presses = self._look()
+            guessed, still_presses = self._residual_and_contacts()
             if guessed < residual and not (presses & ~still_presses).any():
                 residual, best, kind = guessed, guess, its_kind
         go = problem.put if best is guess else problem.restore  # its operators are evaluated
@@ -151,7 +151,7 @@ class Predictor:
             guesses += [(self._moving, guess)] if guess is not None else []
         return guesses
 
-    def _look(self) -> tuple[float, npt.NDArray[np.bool_]]:
+    def _residual_and_contacts(self) -> tuple[float, npt.NDArray[np.bool_]]:
         """Residual of the present state, inf for inverted cells; marks of pairs under pressure."""
         problem = self._problem
         for contact in problem.contacts:

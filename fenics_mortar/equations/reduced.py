@@ -189,13 +189,13 @@ class ReducedEquations:
         rhs, weight = np.zeros((count, 2)), np.ones((count, 1))
         for (contact, z_number), law in zip(self._system.numbered(), laws, strict=True):
             rhs[z_number], weight[z_number, 0] = law.rhs, 1.0 / contact.stiffness
-        answer = None
+        solution = None
         if self._comm.rank == 0:
-            answer = self._solve_dense(d, matrices, rhs.ravel(), np.repeat(weight, 2))
-        answer = self._comm.bcast(answer)
-        if answer is None:
+            solution = self._solve_dense(d, matrices, rhs.ravel(), np.repeat(weight, 2))
+        solution = self._comm.bcast(solution)
+        if solution is None:
             raise MortarError("the reduced linear system is singular")
-        step, zeta, force = answer
+        step, zeta, force = solution
         return step, zeta.reshape(-1, 2), force
 
     def _solve_dense(

@@ -98,13 +98,13 @@ class ReducedTangent:
         d = self._without_contact(f)
         if known is not None:
             d = d + self._dofs.gather(known)
-        answer = None
+        solution = None
         if self._bulk.comm.rank == 0:
-            answer = self._on_contact(d, h, matrices)
-        answer = self._bulk.comm.bcast(answer)
-        if answer is None:
+            solution = self._on_contact(d, h, matrices)
+        solution = self._bulk.comm.bcast(solution)
+        if solution is None:
             raise MortarError("the reduced linear system is singular")
-        force, zeta = answer
+        force, zeta = solution
         forces = np.zeros_like(f)
         self._dofs.put(force, forces)
         u = self._of_bulk(f - forces)

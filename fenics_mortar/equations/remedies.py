@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Remedies of Newton's method if active sets do not settle or bodies do not come to rest."""
+"""Remedies of Newton's method if active sets do not converge or bodies do not come to rest."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ class Remedies:
         residual: Residual of the last evaluated state.
         set_record: Sets and residuals of the solve.
         adopt_linearized_sets: Function that adopts the sets of the linearized contact problem, also
-            beyond a turn of the load path if its argument is true; returns whether they were found.
+            beyond a turning point of the load path if its argument is true; returns whether they
+            were found.
     """
 
     def __init__(
@@ -34,7 +35,7 @@ class Remedies:
         self._adopt_linearized_sets = adopt_linearized_sets
 
     def replace_unsettled_sets(self) -> None:
-        """Adopt the sets of the linearized problem if those of floating bodies do not settle."""
+        """Adopt the sets of the linearized problem if those of floating bodies cycle."""
         if not self._floating.anchored and self._set_record.is_unsettled:
             self._adopt_linearized_sets(False)
 
@@ -57,9 +58,10 @@ class Remedies:
 
         If sets change without a period, or again in a cycle, the sets of the linearized problem are
         adopted. An example are thin plates that bend by more than their gap if a node opens. Beyond
-        a turn of the load path these sets are adopted only if nodes just open and close: the bodies
-        snap. If nodes change between sticking and sliding, the state after a snap is not
-        determined. If bodies float, ``replace_unsettled_sets`` has adopted these sets before.
+        a turning point of the load path these sets are adopted only if nodes just open and close:
+        the bodies snap through. If nodes change between sticking and sliding, the state after a
+        snap-through is not determined. If bodies float, ``replace_unsettled_sets`` has adopted
+        these sets before.
         """
         set_record = self._set_record
         again, message = set_record.has_merged, set_record.merge(period)

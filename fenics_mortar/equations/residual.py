@@ -116,12 +116,12 @@ class Residual:
         return bulk, self.contact_force(), self._motions.forces()
 
     def shear_forces(self) -> tuple[Array, Array]:
-        """Contributions of shear to contact and obstacle forces; shapes as of ``forces``."""
+        """Contributions of shear to contact and obstacle forces; see ``forces`` for shapes."""
         return self.contact_force("shear"), self._motions.forces("shear")
 
     @clock("assembly")
     def contact_force(self, multipliers: str = "z") -> Array:
-        """B^T z, (owned dofs,); with ``multipliers="shear"`` of tangential multipliers only."""
+        """B^T z, (owned dofs,) [stress length]; with ``multipliers="shear"`` of the shear only."""
         force = np.zeros(self._bulk.num_owned)
         for contact in self._contacts:
             if multipliers == "z":

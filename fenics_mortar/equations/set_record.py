@@ -89,6 +89,6 @@ class SetRecord:
         self.has_merged, self.opens_and_closes = True, opening > 0 and not wavering
         stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
         return (
-            f"the active set does not settle (last {period} iterations); all nodes active in them "
-            f"remain active for one iteration, and c_n is limited to {c_n:g}{stuck}"
+            f"the active set does not converge (last {period} iterations); all nodes active in "
+            f"them remain active for one iteration, and c_n is limited to {c_n:g}{stuck}"
         )

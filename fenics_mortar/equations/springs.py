@@ -45,7 +45,7 @@ class CombinedSprings:
         self._obstacles.remove_springs()
 
     def max_motion(self) -> float:
-        """Largest rigid motion since ``anchor``, in shortest facets."""
+        """Largest rigid motion since ``anchor`` [shortest facets]."""
         return max(self._floating.max_motion(), self._obstacles.max_motion())
 
     def fractions(self) -> list[tuple[str, float, bool]]:

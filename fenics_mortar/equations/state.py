@@ -24,7 +24,8 @@ class State(Value):
     Attributes:
         u: Displacement and other unknowns of the bulk, shape (local dofs,) [length].
         interfaces: State of each pair.
-        places: Positions (x, y, angle) of the obstacles, shape (obstacles, 3).
+        places: Places (x, y, angle) of the obstacles, shape (obstacles, 3) [length, length,
+            radian].
         accepted_positions: Positions of outlines and obstacles in the last accepted state.
         converged: Whether the last solve ended in this state.
         rates: Velocity and accelerations, ``None`` in statics.

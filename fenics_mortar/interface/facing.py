@@ -41,11 +41,11 @@ class Points:
     shape: Array
 
     def of(self, nodal: Array) -> Array:
-        """Interpolate nodal values (nodes, ...) of this side at the points: (n, q, ...)."""
+        """Interpolate nodal values (nodes, ...) of this side, (n, q, ...) [their unit]."""
         return np.einsum("nqk,nk...->nq...", self.shape, nodal[self.slave])
 
     def direction(self, nodal: Array) -> Array:
-        """Interpolate nodal vectors (nodes, 2) and normalize them: (n, q, 2)."""
+        """Interpolate nodal vectors (nodes, 2) and normalize them: (n, q, 2) [1]."""
         v = self.of(nodal)
         return np.asarray(v / np.linalg.norm(v, axis=2, keepdims=True))
 
@@ -86,7 +86,7 @@ class Facing(Points):
     start: Array
 
     def difference(self, v: Array, w: Array) -> Array:
-        """Difference of v (slave nodes, 2) and w (master nodes, 2) at the points, (n, q, 2)."""
+        """Values v (slave nodes, 2) minus w (master nodes, 2) at the points, (n, q, 2) [as v]."""
         return self.of(v) - np.einsum("nqk,nkc->nqc", self.on_master, w[self.master])
 
     def slip(self, o: MortarOperators) -> Array:

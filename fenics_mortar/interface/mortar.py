@@ -128,7 +128,7 @@ class MortarOperators:
 
     @cached_property
     def tau(self) -> Array:
-        """Tangents (-n_y, n_x) of the slave nodes, shape (slave nodes, 2)."""
+        """Tangents (-n_y, n_x) of the slave nodes, shape (slave nodes, 2) [1]."""
         return np.stack([-self.n[:, 1], self.n[:, 0]], axis=1)
 
     @cached_property
@@ -302,14 +302,14 @@ class MortarOperators:
     def normal_derivative(self, z: Array) -> Array:
         """dn_j/dd . z_j at fixed ``z`` (slave nodes, 2): shape (slave nodes, 4 K - 2).
 
-        Columns as in ``dn``; units of z / length.
+        Columns as in ``dn`` [unit of z / length].
         """
         return np.einsum("jc,jcq->jq", z, self.dn)
 
     def tangential_derivative(self, z: Array) -> Array:
         """dtau_j/dd . z_j at fixed ``z`` (slave nodes, 2): shape (slave nodes, 4 K - 2).
 
-        Columns as in ``dn``; units of z / length.
+        Columns as in ``dn`` [unit of z / length].
         """
         return z[:, 1:] * self.dn[:, 0] - z[:, :1] * self.dn[:, 1]
 

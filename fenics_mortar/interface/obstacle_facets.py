@@ -113,6 +113,6 @@ def gap_weights(
 
 
 def shapes_at(points: Array, size: int) -> tuple[Array, Array]:
-    """Shape functions of facets of ``size`` nodes and derivatives, each (size, points)."""
+    """Shape functions of facets of ``size`` nodes and derivatives, each (size, points) [1]."""
     N, dN = lagrange(points, size - 1)
     return N.T, dN.T

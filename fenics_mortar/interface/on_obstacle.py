@@ -76,8 +76,8 @@ class ObstacleOperators(MortarOperators):
         """
         dq = np.zeros(3) if dq is None else dq
         moved = super().after_small_motion(x, m)
-        apart = np.einsum("kmc,m->kc", self.V, dq) - (x - self.x)
-        phi = self.phi + np.einsum("kc,kc->k", self.n, apart)
+        change = np.einsum("kmc,m->kc", self.V, dq) - (x - self.x)
+        phi = self.phi + np.einsum("kc,kc->k", self.n, change)
         return replace(moved, gap=moved.gap + self.dgap_dq @ dq, phi=phi)
 
     def motion_force(self, z: Array) -> Array:
@@ -254,7 +254,7 @@ def _faces(
 
 
 def facet_thickness(slave: Surface, x: Array, nodes: Indices) -> tuple[Array, float] | None:
-    """Thickness at the ``nodes`` (f, K) of facets, and its derivative; ``None`` without one."""
+    """Thickness at ``nodes`` (f, K) [length], and its derivative [1]; ``None`` without one."""
     if slave.thickness is None:
         return None
     return slave.thickness.at(x)[nodes], slave.thickness.by_x

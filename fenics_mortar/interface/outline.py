@@ -67,7 +67,7 @@ class Outline:
         return self.X + self.gather(u)
 
     def gather(self, values: Array) -> Array:
-        """Gather nodal values (n, 2) of an array of all local dofs, (local dofs,) (collective)."""
+        """Gather nodal values (n, 2) of an array of all local dofs [its unit] (collective)."""
         return replicate(values[self.local_dofs], self.owners, self.comm)
 
     def lengths(self, x: Array) -> Array:

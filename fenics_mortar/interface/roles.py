@@ -12,10 +12,10 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 class Roles(NamedTuple):
-    """Order of the facets of a surface and their places along its curves.
+    """Order of the facets of a surface and their positions along its curves.
 
     Attributes:
-        keys: Place of each facet in the order, and number of its curve, shape (f, 2).
+        keys: Position of each facet in the order, and number of its curve, shape (f, 2).
         arcs: Start and end of each facet along its curve, undeformed, and length of the curve if it
             is closed, else inf, shape (f, 3) [length].
     """
@@ -24,7 +24,7 @@ class Roles(NamedTuple):
     arcs: Array
 
     def of(self, facets: Indices) -> tuple[Indices, Indices, Array]:
-        """Arguments of the kernels for the slave facets ``facets`` (k,)."""
+        """Arguments of the kernels for the slave facets ``facets`` (k,); see ``kernels.roles``."""
         return facets, self.keys, self.arcs
 
     def masters_of(self, facets: Indices) -> Flags:

@@ -50,7 +50,7 @@ class Segments:
         slave: Slave nodes of each segment, shape (n, K).
         master: Master nodes, shape (n, K).
         ends: Ends on the slave facet, -1 ... 1, shape (n, 2).
-        end_is_fixed: Whether an end is a fixed place on the slave facet, shape (n, 2); else the
+        end_is_fixed: Whether an end is a fixed point of the slave facet, shape (n, 2); else the
             lower / upper end is the partner of the last / first master node.
         points: Quadrature points of all segments between their ends, -1 ... 1, shape (p,).
         weights: Their weights, whose sum is 2 for each segment, shape (p,).
@@ -78,7 +78,7 @@ class Segments:
 
     @property
     def rule(self) -> tuple[Array, Array, Indices]:
-        """Points (p,), weights (p,) and spans (n, 2), the arguments of the kernels."""
+        """Points (p,), weights (p,) and spans (n, 2), the arguments of the kernels [1]."""
         return self.points, self.weights, self.spans
 
 
@@ -195,7 +195,7 @@ def gauss_rule(points: int) -> tuple[Array, Array]:
 
 
 def facet_rule(integration: Integration, size: int, points: int) -> tuple[Array, Array]:
-    """Points and weights on a whole facet of ``size`` nodes, each (points,).
+    """Points and weights on a whole facet of ``size`` nodes, each (points,) [1].
 
     Gauss, or for "nodes" Lobatto, whose points are the nodes: trapezoidal or Simpson's rule.
     """

@@ -155,7 +155,7 @@ class Surface:
 
     @cached_property
     def mean_thickness(self) -> Array | float:
-        """Mean thickness of the facets at each node, undeformed, shape (n,); 1.0 without one."""
+        """Mean thickness of the facets at each node, undeformed, (n,) [length]; 1.0 without one."""
         if self.thickness is None:
             return 1.0
         sums = np.zeros((2, self.num_nodes))
@@ -218,7 +218,7 @@ class Surface:
             values: Local array of all dofs, owned ones first, shape (local dofs,).
 
         Returns:
-            Values at the nodes of the surface, shape (n, 2), equal on all ranks.
+            Values at the nodes of the surface, shape (n, 2) [their unit], equal on all ranks.
         """
         return replicate(values[self.local_dofs], self.owners, self.comm)
 

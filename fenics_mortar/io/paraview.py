@@ -62,6 +62,9 @@ class ResultsWriter:
         MortarError: On all ranks, if a field cannot be evaluated or the folder not be created.
         ValueError: On all ranks, if an argument is of another type.
 
+    Note:
+        Collective.
+
     Example:
         ::
 
@@ -106,7 +109,7 @@ class ResultsWriter:
         self._series = Series(comm, prepare_path(comm, path, ".pvd"), blocks)
 
     def write(self, time: float) -> None:
-        """Write the present state as that of ``time`` (collective).
+        """Write the present state as that of ``time`` [time] (collective).
 
         Raises:
             MortarError: On all ranks, if a file cannot be written.

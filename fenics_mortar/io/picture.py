@@ -54,7 +54,7 @@ def plot(
         stress: Scalar UFL expression whose values at the midpoints colour the cells.
         label: Label of the colour bar.
         title: Title of the picture.
-        scale: Factor of the displacement.
+        scale: Factor of the displacement [1].
         units: Units of length and stress, e.g. ``("mm", "MPa")``, for the labels of the axes and of
             the largest pressure.
         limits: Smallest and largest value of the colours [unit of ``stress``]; by default those of

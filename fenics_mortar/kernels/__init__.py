@@ -3,7 +3,7 @@
 
 Every kernel runs also with ``NUMBA_DISABLE_JIT=1``. Those without comparisons take complex
 numbers, so that each derivative can be checked by a complex step. There is no ``fastmath``: it
-may drop the inf and nan by which a failed projection is seen.
+may drop the inf and nan that indicate a failed projection.
 """
 
 import logging

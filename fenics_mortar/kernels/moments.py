@@ -81,8 +81,8 @@ def integrate_moments(y, ends, bounds, rule, shapes, G, T_M, T_g, theta=None):
 def differentiate_point(y, s, w, ends, dends, shapes, rows):
     """Fill ``rows`` (4, 6 K), the derivatives of xi, W, eta and g of a point; return (xi, W, g).
 
-    ``s`` and ``w`` are its place and weight, ``dends`` (2, 6 K) the derivatives of the ``ends``;
-    the ``shapes`` (N, L) are filled, too.
+    ``s`` and ``w`` are its coordinate and weight, ``dends`` (2, 6 K) the derivatives of the
+    ``ends``; the ``shapes`` (N, L) are filled, too.
     """
     N, L = shapes
     count = N.shape[1]

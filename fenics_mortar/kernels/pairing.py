@@ -9,7 +9,7 @@ between the two rays, where q changes sign once and has one root (see ``projecti
 
 Segments of any length are kept, including zero: when a master node passes a slave node, the sliver
 contributes nothing to the integrals, but the motion of its ends contributes to the derivative.
-Where two bodies end at the same place, two lengths are treated as rounding: facets with negligible
+Where two bodies end at the same point, two lengths are treated as rounding: facets with negligible
 cover have no segments, and a negligible distance between the cover and an end node is closed.
 
 Quadrature points that are fixed on the slave facets have one ray each, which is tested against both

@@ -13,7 +13,7 @@ def is_master(keys, arcs, slave, other):
     """Whether facet ``other`` is a master of facet ``slave``.
 
     Args:
-        keys: Place of each facet in the order of slaves before masters, and number of its curve,
+        keys: Position of each facet in the order of slaves before masters, and number of its curve,
             shape (f, 2).
         arcs: Start and end of each facet along its curve, undeformed, and length of the curve if it
             is closed, else inf, shape (f, 3) [length].
@@ -40,7 +40,7 @@ def keep_masters(found, count, roles, number):
         found: Rows as in ``pairing.keep_nearest``, of which the first ``count`` are used.
         count: Number of rows.
         roles: (numbers of the slave facets (s,), ``keys``, ``arcs`` as in ``is_master``).
-        number: The slave facet's place among these numbers.
+        number: The slave facet's index among these numbers.
     """
     numbers, keys, arcs = roles
     kept = 0

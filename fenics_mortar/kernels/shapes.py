@@ -27,7 +27,7 @@ def tabulate_points(points, table):
 
 
 def lagrange(s, degree):
-    """Shape functions at the places ``s`` (...) and first derivatives, both (..., degree + 1)."""
+    """Shape functions at coordinates ``s`` (...) and first derivatives, both (..., degree + 1)."""
     table = np.empty((s.size, 3, degree + 1))
     tabulate_points(np.ravel(s), table)
     shapes = table.reshape(*s.shape, 3, degree + 1)

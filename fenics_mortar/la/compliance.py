@@ -78,9 +78,9 @@ class FactoredBulk:
     def solve(self, force: PETSc.Vec) -> PETSc.Vec:
         """Displacement due to forces on the free dofs; changes ``force`` (collective)."""
         force.array[self._bulk.prescribed_dofs] = 0.0
-        answer = force.duplicate()
-        self._pc.apply(force, answer)
-        return answer
+        response = force.duplicate()
+        self._pc.apply(force, response)
+        return response
 
 
 class Compliance(FactoredBulk):
@@ -125,20 +125,20 @@ class Compliance(FactoredBulk):
             parts, change = parts + more, change - more @ self._changes
         new = np.sqrt(self._bulk.comm.allreduce(float(change @ change)))
         if new > rounding:
-            self._learn(change / new)
+            self._add_response(change / new)
             parts = np.append(parts, new)
         return parts @ self._responses_to_changes
 
-    def _learn(self, change: Array) -> None:
+    def _add_response(self, change: Array) -> None:
         """Add a unit change to the basis, with its response (collective)."""
         self._bulk.assemble_tangent()  # a step on all dofs may have added terms to it
         moved, force = self._bulk.K.createVecs()
         moved.array[self._bulk.prescribed_dofs] = -change
         self._bulk.K.mult(moved, force)
-        answer = self._dofs.gather(self.solve(force).array_r)
+        response = self._dofs.gather(self.solve(force).array_r)
         self._changes = np.vstack([self._changes, change])
         self._responses_to_changes = np.vstack(
-            [self._responses_to_changes, np.where(self._dofs.free, answer, 0.0)]
+            [self._responses_to_changes, np.where(self._dofs.free, response, 0.0)]
         )
 
 

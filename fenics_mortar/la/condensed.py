@@ -112,7 +112,7 @@ class CondensedSystem(LinearSystem):
         self._Z, self._A_z, self._law_rhs = Z.ravel(), A_z.ravel(), rhs.ravel()
 
     def _extend_pattern(self, R_entries: Entries) -> None:
-        """Extend the pattern of K by zeros within the reach of contact (collective)."""
+        """Extend the pattern of K by zeros for possible contact (collective)."""
         different = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
         rows, size = self._rows, self.bulk.num_owned
         of_slave = rows.number(self._slave_rows.indices).astype(PETSc.IntType)
@@ -168,7 +168,7 @@ class CondensedSystem(LinearSystem):
         return blocks
 
     def _R_zeros(self) -> Iterable[Block]:
-        """Zeros for the reach of R."""
+        """Zeros for possible entries of R."""
         for z_number, coupling in zip(self.z_numbers, self._couplings, strict=True):
             rows, multipliers = coupling.force_pattern()
             columns = components(z_number[multipliers, None])

@@ -34,8 +34,8 @@ class Coupling:
 
     def __init__(self, o: MortarOperators, faced: tuple[Indices, Indices]) -> None:
         self._slave, self._master = o.slave, o.master
-        self._met = np.union1d(_met(o, MARGIN), _faced(o, *faced))
-        facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
+        self._near_pairs = np.union1d(_near_pairs(o, MARGIN), _faced(o, *faced))
+        facet, partner = np.divmod(self._near_pairs, o.master.num_nodes + 1)
         meets = partner < o.master.num_nodes
         self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
 
@@ -54,13 +54,13 @@ class Coupling:
                 bool.
         """
         s = o.segments
-        if not are_known(self._met, s.slave, s.master, acting, o.master.num_nodes):
+        if not are_known(self._near_pairs, s.slave, s.master, acting, o.master.num_nodes):
             return False
         if not faced[0].size:
             return True
         slips = acting[faced[0]]
         pairs = _faced(o, *(side[slips] for side in faced))
-        return bool(np.isin(pairs, self._met).all())
+        return bool(np.isin(pairs, self._near_pairs).all())
 
     def derivative_pattern(self) -> Block:
         """Zeros at all possible derivatives of contact forces and gaps, in displacement dofs."""
@@ -83,7 +83,7 @@ class Coupling:
         )
         slave = np.concatenate([near[index, which], np.full(self._facet.size, -1)])
         order = np.argsort(facet, kind="stable")
-        i, k = (order[places] for places in _pairs_within(facet[order]))
+        i, k = (order[group] for group in _pairs_within(facet[order]))
         return slave[i], dofs[i], dofs[k]
 
     def force_pattern(self) -> tuple[Indices, Indices]:
@@ -97,7 +97,7 @@ class Coupling:
         return dofs, np.concatenate([carriers.ravel(), carrier])
 
 
-def _met(o: MortarOperators, margin: int) -> Indices:
+def _near_pairs(o: MortarOperators, margin: int) -> Indices:
     """Numbers of pairs of a slave facet and a master node within ``margin`` of those it faces.
 
     A pair (first node i of the facet, master node k) has the number i (master nodes + 1) + k. Each
@@ -129,7 +129,7 @@ def _with_next_facets(
 
 
 def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
-    """Numbers, as in ``_met``, of pairs of slave and master nodes, one facet per slave node."""
+    """Numbers, as in ``_near_pairs``, of slave and master nodes, one facet per slave node."""
     facets = o.facet_nodes
     first = np.full(o.slave.num_nodes, -1)
     first[facets] = facets[:, :1]

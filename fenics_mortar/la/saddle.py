@@ -76,7 +76,7 @@ class SaddleSystem(LinearSystem):
         yield MULTIPLIER, MULTIPLIER, self.multiplier_blocks(laws)
 
     def _zero_blocks(self) -> Iterator[Part]:
-        """Zeros for the reach of K_c, B^T and C; A_z has a fixed pattern."""
+        """Zeros for possible entries of K_c, B^T and C; A_z has a fixed pattern."""
         for (contact, z_number), coupling in zip(self.numbered(), self._couplings, strict=True):
             own = contact.slave.owned
             dofs, multipliers = coupling.force_pattern()
@@ -114,7 +114,7 @@ class SaddleSystem(LinearSystem):
         self._prescribe_rows(self.matrix, self.matrix.getOwnershipRange()[0])
 
     def _extend_pattern(self, K: PETSc.Mat) -> None:
-        """Create the matrix with the pattern of K and of the reach of contact (collective)."""
+        """Create the matrix with the pattern of K and of possible contact (collective)."""
         if self._assembled is not None:
             self._assembled.destroy()
         parts = chain(self._parts(), self._zero_blocks())

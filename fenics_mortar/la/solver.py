@@ -173,7 +173,7 @@ class LinearSolver:
         if not failure:
             found = np.array(solution.array_r)
             if is_new and self.may_factor and not self._pivots and self._has_long_rows():
-                self._take_mumps()
+                self._switch_to_mumps()
             return found
         self._reset()  # MUMPS does not factorize again after a failure
         if not self.may_factor:
@@ -184,7 +184,7 @@ class LinearSolver:
             else ("elimination without pivoting", "by MUMPS")
         )
         self.remark = f"{failed} failed{failure}; all further linear systems are solved {then}"
-        self._take_mumps()
+        self._switch_to_mumps()
         return self.solve(matrix, rhs, transpose=transpose)
 
     def _may_lag(self, matrix: PETSc.Mat) -> bool:
@@ -203,7 +203,7 @@ class LinearSolver:
         self.forcing = 0.0
         return np.array(solution.array_r)
 
-    def _take_mumps(self) -> None:
+    def _switch_to_mumps(self) -> None:
         """Use MUMPS for all further solves."""
         self.may_factor = False
         self.ksp.destroy()

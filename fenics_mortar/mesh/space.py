@@ -81,7 +81,7 @@ class DisplacementSpace:
         return values
 
     def spread(self, nodal: npt.NDArray[Any]) -> Array:
-        """Return values (n,) of the local nodes as an array of all local dofs (local).
+        """Return values (n,) of the local nodes as an array of all local dofs [their unit] (local).
 
         Both components have the value of the node; other unknowns are zero.
         """

@@ -55,7 +55,7 @@ from fenics_mortar.utils.errors import check_same_texts
 
 
 class AdequacyCheck:
-    """Check of the assumptions of a problem's model after each solve.
+    """Check of the assumptions of a problem's model after each solve; the constructor is local.
 
     Args:
         tolerance: Allowed relative error of the quantity [1].
@@ -63,7 +63,7 @@ class AdequacyCheck:
         finite_strain: UFL form of the residual at finite strain, in the same ``u``, if the
             residual of the problem is linear.
         stiffness_ratio: E / (1 - nu^2) of the bodies over that of the bodies that obstacles
-            represent.
+            represent [1].
         elastic_obstacles: Elastic bodies that obstacles represent; they replace the ratio.
         discretisation: Relative error of the mesh [1], if known.
         friction: Largest possible coefficient of friction of surfaces modelled as frictionless [1].

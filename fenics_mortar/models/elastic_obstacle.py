@@ -117,11 +117,11 @@ class ElasticObstacle:
         for points in touching:
             points.add_tractions(load)
         self._surface.comm.Allreduce(MPI.IN_PLACE, load)
-        force, answer = self._bulk.K.createVecs()
+        force, solution = self._bulk.K.createVecs()
         self._surface.scatter_add(load, force.array)
         force.array[self._bulk.prescribed_dofs] = 0.0
-        self._factors.apply(force, answer)
-        moved = self._surface.gather(answer.array_r)
+        self._factors.apply(force, solution)
+        moved = self._surface.gather(solution.array_r)
         return [points.means(points.along_normals(moved)) for points in touching]
 
     def flatness(self, contacts: Sequence[Contact]) -> list[Array]:
@@ -166,19 +166,22 @@ class _Touching:
         np.add.at(load, self._ends, self._shares[:, :, None] * forces[:, None])
 
     def along_normals(self, moved: Array) -> Array:
-        """Displacements (nodes, 2) along the slave normals at the points, (points,) (local)."""
+        """Displacements (nodes, 2) along slave normals at points, (points,) [length] (local)."""
         motion = self._at_nearest(moved) @ self._obstacle.turn.T
         normals = self._points.direction(self._contact.operators.n).reshape(-1, 2)
         return np.asarray((motion * normals).sum(axis=1))
 
     def distances(self, X: Array) -> Array:
-        """Signed distances of the nearest points of the mesh from the obstacle (collective)."""
+        """Signed distances of nearest points of the mesh from the obstacle [length]; collective."""
         distance = f"the distance of '{self._obstacle.name}'"
         local = partial(self._obstacle.local, self._at_nearest(X))
         return call_together(self._contact.slave.comm, distance, local)[0]
 
     def means(self, values: Array) -> Array:
-        """Weighted means of values (points,) for each slave node, 0 without points (collective)."""
+        """Weighted means of values (points,) for each slave node [their unit] (collective).
+
+        Zero at nodes without points, shape (slave nodes,).
+        """
         parts = self._points.dual_moments(self._measure, values.reshape(self._measure.shape))
         sums = np.zeros((2, self._contact.slave.num_nodes))
         for target, part in zip(sums, parts, strict=True):

@@ -56,5 +56,5 @@ def describe_strain(problem: ContactProblem) -> str:
 
 def describe_sliding(problem: ContactProblem) -> str:
     """Describe the largest slip and rotation of normals of pairs with small sliding (local)."""
-    slip, turn = np.max([largest_slip(contact) for contact in sliding_little(problem)], axis=0)
-    return f"slip {slip:.2g} facets, normals rotate by {np.degrees(turn):.2g}°"
+    slip, angle = np.max([largest_slip(contact) for contact in sliding_little(problem)], axis=0)
+    return f"slip {slip:.2g} facets, normals rotate by {np.degrees(angle):.2g}°"

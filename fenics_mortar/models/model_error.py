@@ -236,5 +236,5 @@ def largest_slip(contact: Contact) -> tuple[float, float]:
     weighting = contact.pair.discretization.normals
     before, now = (evaluate_normals(contact.slave, x, weighting)[0] for x in (contact.slave.X, o.x))
     cosine = np.einsum("jc,jc->j", before, now)[on]
-    turn = np.arccos(np.clip(cosine, -1.0, 1.0))
-    return float(np.abs(slip).max(initial=0.0)), float(turn.max(initial=0.0))
+    angles = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return float(np.abs(slip).max(initial=0.0)), float(angles.max(initial=0.0))

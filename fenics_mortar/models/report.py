@@ -34,9 +34,9 @@ class AdequacyReport(Markdown):
 
     Attributes:
         assumptions: Each assumption; if there are several, the last one is their combination.
-        tolerance: Allowed relative error of the quantity.
+        tolerance: Allowed relative error of the quantity [1].
         quantity: "energy norm", "total force" or "peak pressure".
-        discretisation: Relative error of the mesh, if known.
+        discretisation: Relative error of the mesh [1], if known.
     """
 
     assumptions: list[Assumption]

@@ -61,7 +61,7 @@ class Step(NamedTuple):
 
 
 class Remedies(Protocol):
-    """Remedies for equations whose sets do not settle; all methods are collective."""
+    """Remedies for equations whose sets do not converge; all methods are collective."""
 
     def drifts(self) -> str:
         """Message on bodies that drift along free motions under small forces; "" if none do."""
@@ -75,7 +75,7 @@ class Equations(Protocol):
 
     @property
     def remedies(self) -> Remedies:
-        """Remedies where sets do not settle."""
+        """Remedies if sets do not converge."""
 
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual and sets at the present state (collective)."""

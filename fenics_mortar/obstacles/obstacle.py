@@ -2,9 +2,8 @@
 """Rigid obstacles: signed distances, their place, and the forces that drive them.
 
 An obstacle is given by its signed distance phi, positive outside the solid, with gradient and
-Hessian H in the obstacle's frame. Its rigid motion is q = (x, y, turn), turn = angle times a length
-``arm``. With V = (e_x, e_y, e_z x r / arm), r from the pivot, the derivatives at a point x in space
-are
+Hessian H in the obstacle's frame. Its rigid motion is q = (x, y, angle arm), with a length ``arm``.
+With V = (e_x, e_y, e_z x r / arm), r from the pivot, the derivatives at a point x in space are
 
     d phi = grad phi . (dx - V dq),    d grad phi = H (dx - V dq) + e_z x grad phi dq_3 / arm.
 """
@@ -42,6 +41,9 @@ class Obstacle(ABC):
             (3,) [stress length, stress length, stress length^2].
         reaction: Contact force and moment on the obstacle after the last solve, shape (3,), units
             as ``load``; with axisymmetry the axial force [force] alone.
+
+    Raises:
+        ValueError: If name or pivot is of another type, or the pivot is not finite.
     """
 
     def __init__(self, name: str, pivot: npt.ArrayLike = (0.0, 0.0)) -> None:
@@ -94,7 +96,18 @@ class Obstacle(ABC):
                 self.load[i] = check_finite(name, value)
 
     def evaluate(self, x: Array) -> Fields:
-        """Phi (n,), gradient (n, 2) and Hessian (n, 2, 2) at the points ``x`` (n, 2)."""
+        """Signed distance and its derivatives at points of space.
+
+        Args:
+            x: Points, shape (n, 2) [length].
+
+        Returns:
+            phi (n,) [length], gradient (n, 2) [1] and Hessian (n, 2, 2) [1 / length].
+
+        Raises:
+            ValueError: If a user's function returns another number of arrays or other shapes.
+            NotFiniteError: If it returns nan or infinity.
+        """
         own = self.to_own_frame(x)
         phi, gradient, hessian = self._checked(self.local(own), own)
         turn = self.turn
@@ -179,7 +192,7 @@ class Obstacle(ABC):
 
         Args:
             name: Name of the parameter.
-            values: Shape and unit of the parameter.
+            values: New value, of the shape of the parameter [its unit].
 
         Raises:
             ValueError: If there is no such parameter, or its value is not allowed.
@@ -194,7 +207,7 @@ class Obstacle(ABC):
         Args:
             x: Points of the own frame, shape (n, 2) [length].
             name: Name of the parameter.
-            direction: Shape of the parameter.
+            direction: Direction, of the shape of the parameter [its unit].
 
         Returns:
             Derivatives of phi (n,) [length] and of the gradient (n, 2) [1], both over the unit of
@@ -208,10 +221,11 @@ class Obstacle(ABC):
         Args:
             x: Points of the own frame, shape (n, 2) [length].
             name: Name of the parameter.
-            directions: Shape ``(m, *shape)`` with that of the parameter.
+            directions: Directions, shape ``(m, *shape)`` with that of the parameter [its unit].
 
         Returns:
-            Derivatives of phi (m, n) and of the gradient (m, n, 2).
+            Derivatives of phi (m, n) [length] and of the gradient (m, n, 2) [1], both over the
+            unit of the direction's factor.
         """
         each = [self.local_by_shape(x, name, direction) for direction in directions]
         phi, gradient = zip(*each, strict=True)
@@ -233,10 +247,14 @@ class SignedDistance(Obstacle):
     """Solid phi < 0 given by a user's function.
 
     Args:
-        function: Maps points (n, 2) to phi (n,), its gradient (n, 2) and Hessian (n, 2, 2). Near
-            the surface phi must be approximately a distance, |grad phi| = 1.
-        pivot: Point that rotations turn about [length].
+        function: Maps points (n, 2) [length] to phi (n,) [length], its gradient (n, 2) [1] and
+            Hessian (n, 2, 2) [1 / length]. Near the surface phi must be approximately a distance,
+            |grad phi| = 1.
+        pivot: Centre of rotations, shape (2,) [length].
         name: Name used in messages.
+
+    Raises:
+        ValueError: If ``function`` is not a function.
     """
 
     def __init__(

@@ -15,12 +15,12 @@ from fenics_mortar.utils.lines import lines_cross, near_pairs
 
 
 def edges_of(corners: Array) -> Array:
-    """Vectors from each corner of a polygon (k, 2) to the next one, shape (k, 2) (local)."""
+    """Vectors from each corner of a polygon (k, 2) to the next one, (k, 2) [length] (local)."""
     return np.roll(corners, -1, axis=0) - corners
 
 
 def check_chain(points: npt.ArrayLike) -> Array:
-    """Copy of three or more points of the plane, shape (k, 2) (local).
+    """Copy of three or more points of the plane, shape (k, 2) [length] (local).
 
     Raises:
         ValueError: For other values.
@@ -54,7 +54,7 @@ def check_simple(what: str, chain: Array, *, closed: bool) -> None:
 
 
 def check_floats(name: str, values: Any) -> Array:
-    """Copy of an array of real numbers, of any shape (local).
+    """Copy of an array of real numbers, of any shape [any unit] (local).
 
     Raises:
         ValueError: If the values are not real numbers.
@@ -66,7 +66,7 @@ def check_floats(name: str, values: Any) -> Array:
 
 
 def check_finite(name: str, value: float) -> float:
-    """A finite number, in any unit (local).
+    """A finite number [any unit] (local).
 
     Raises:
         ValueError: For other values.
@@ -76,7 +76,7 @@ def check_finite(name: str, value: float) -> float:
 
 
 def check_vector(name: str, value: npt.ArrayLike) -> Array:
-    """Copy of a finite vector of the plane, shape (2,) (local).
+    """Copy of a finite vector of the plane, shape (2,) [any unit] (local).
 
     Raises:
         ValueError: For other values.

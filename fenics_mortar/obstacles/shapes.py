@@ -170,7 +170,7 @@ class Spline(Obstacle):
 
         Newton's method from the nearest sample, or from the foot on the line beyond an end.
         """
-        phi, normal, curvature, _ = self._seen_from_foot(x, self._feet(x))
+        phi, normal, curvature, _ = self._distance_from_foot(x, self._feet(x))
         bend = curvature / (1.0 + curvature * phi)
         tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
         return phi, normal, bend[:, None, None] * np.einsum("ia,ib->iab", tangent, tangent)
@@ -182,7 +182,7 @@ class Spline(Obstacle):
     def local_by_shapes(self, x: Array, name: str, directions: Array) -> tuple[Array, Array]:
         """By differentiating the spline; see ``Obstacle.local_by_shapes``."""
         t = self._feet(x)
-        phi, normal, curvature, speed = self._seen_from_foot(x, t)
+        phi, normal, curvature, speed = self._distance_from_foot(x, t)
         dc, dd = SplineShape(self._chain, closed=self._closed).changes(t, directions)
         return distance_changes(normal, curvature, speed, phi, dc, dd)
 
@@ -205,7 +205,7 @@ class Spline(Obstacle):
                 break  # the error of the last step is quadratic in the step
         return t
 
-    def _seen_from_foot(self, x: Array, t: Array) -> tuple[Array, Array, Array, Array]:
+    def _distance_from_foot(self, x: Array, t: Array) -> tuple[Array, Array, Array, Array]:
         """Distance (n,), normal (n, 2), curvature (n,) and speed (n,) at the feet ``t``."""
         c, d, dd = self._jet(t)
         speed = np.linalg.norm(d, axis=1)
@@ -310,6 +310,6 @@ class Polygon(Obstacle):
         start = self._corners - x[:, None]
         end = np.roll(start, -1, axis=1)
         meets = (start[..., 1] > 0.0) != (end[..., 1] > 0.0)
-        turn = start[..., 0] * end[..., 1] - start[..., 1] * end[..., 0]
-        ahead = (turn > 0.0) == (end[..., 1] > start[..., 1])
+        cross = start[..., 0] * end[..., 1] - start[..., 1] * end[..., 0]
+        ahead = (cross > 0.0) == (end[..., 1] > start[..., 1])
         return (meets & ahead).sum(axis=1) % 2 == 1

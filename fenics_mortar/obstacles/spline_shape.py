@@ -42,7 +42,7 @@ class SplineShape:
         return self._jumps(slopes)
 
     def _jumps(self, of_intervals: Array) -> Array:
-        """Values after less values before each point with an equation, (..., equations, 2)."""
+        """Jumps of interval values at the points with an equation, (..., equations, 2)."""
         if self._closed:
             return of_intervals - np.roll(of_intervals, 1, axis=-2)
         return np.diff(of_intervals, axis=-2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Reasons why a path of equilibria ends or turns, from its last state.
+"""Reasons for the end or a turning point of a path of equilibria, from its last state.
 
 Two reasons for an end are certain. First, surfaces that slip off each other's edges lose their last
 common length while a force still acts on it. Second, with large friction the equations of a small
@@ -47,7 +47,7 @@ def reason_for_end(problem: ContactProblem) -> str:
 
 
 def describe_turning_point(problem: ContactProblem) -> str:
-    """Describe the turn of the path in a failed step; "" if it does not turn (collective).
+    """Describe the turning point in a failed step; "" if there is none (collective).
 
     The equations are linearized at the last equilibrium. The result is "" if bodies float, since
     these are moved rigidly before a solve.
@@ -74,7 +74,7 @@ def _reason(problem: ContactProblem, find: Callable[[State], str]) -> str:
 
 
 def _turning_point(problem: ContactProblem) -> str:
-    """Turn of the equations linearized at the start of the step, as text (collective)."""
+    """Turning point of the equations linearized at the start of the step (collective)."""
     equations = problem.equations
     for contact in equations.contacts:
         contact.start_step()

@@ -73,7 +73,7 @@ class Dynamics:
         scheme: "conserving" (slave nodes without mass, no gain of energy in impacts, momentum and
             angular momentum exact), "massless" (without these corrections of the velocity) or
             "generalized_alpha" (all nodes have mass).
-        rho_inf: Spectral radius at infinite frequency, from 0 (most dissipation) to 1 (none).
+        rho_inf: Spectral radius at infinite frequency, from 0 (most dissipation) to 1 (none) [1].
             Default: 0.8 for "generalized_alpha", else 1.
         velocity: The ``Velocity`` in the residual, for damping.
         energy: UFL form of the strain energy, such as ``psi * dx``, for the report.
@@ -119,7 +119,8 @@ class Dynamics:
         nodes = np.unique(np.concatenate([np.empty(0, np.int64), *massless]))
         self._density = DensityValues(density)
         self._inertia = Inertia(equations.bulk.space, density, nodes)
-        self._rate, self._energy = velocity, None if energy is None else compat.form(energy)
+        self._inertia.rate = velocity
+        self._energy = None if energy is None else compat.form(energy)
         equations.add_inertia(self._inertia)
         self.velocity = self._inertia.velocity
         self._largest_speed, self._returns_energy = 0.0, scheme == "conserving"
@@ -134,7 +135,7 @@ class Dynamics:
     # One step
 
     def step(self, dt: float) -> NewtonReport:
-        """Advance by ``dt``, with the loads and prescribed values of the end of the step.
+        """Advance by ``dt`` [time], with the loads and prescribed values of the end of the step.
 
         Returns:
             The record of the Newton iterations.
@@ -173,16 +174,16 @@ class Dynamics:
         compat.set_prescribed(end, bulk.bcs)
         lines = self._scheme.lines(before.u, rates, dt, bulk.prescribed, end)
         inertia.factor, inertia.origin = lines[1]
-        if self._rate is not None:
-            self._rate.set(*lines[0])
+        if inertia.rate is not None:
+            inertia.rate.set(*lines[0])
         inertia.moving = True
         try:
             report = problem.solve(predict=False)
         except BaseException:
+            inertia.moving = False
             problem.restore(before)
             raise
-        finally:
-            inertia.moving = False
+        inertia.moving = False
         u = problem.equations.bulk.u.x.array
         inertia.rates = replace(
             rates,
@@ -195,6 +196,7 @@ class Dynamics:
         work = work_of(problem, before, problem.state(), forces, after)
         if self._returns_energy:
             self._correct(work, dt, (forces, after), balance)
+        inertia.set_rates(inertia.rates, u)
         return report, after, work
 
     def _balance(self) -> Balance | None:
@@ -226,8 +228,6 @@ class Dynamics:
         if inertia.rates.begun:
             inertia.set_rates(inertia.rates, bulk.u.x.array)
             return
-        if self._rate is not None:  # the velocity at the present time
-            self._rate.set(1.0, bulk.u.x.array - self.velocity.x.array)
         inertia.set_rates(inertia.rates, bulk.u.x.array)  # acceleration not included yet
         forces, contact, _ = self.problem.forces()
         w = inertia.acceleration_of(-(forces + contact), bulk.prescribed)
@@ -261,9 +261,9 @@ class Dynamics:
         ``options.largest``.
 
         Args:
-            stop: Final time.
+            stop: Final time [time].
             options: Sizes of the steps; ``easy`` and ``predict`` have no effect.
-            set_loads: Function that sets loads and prescribed values for a time.
+            set_loads: Function that sets loads and prescribed values for a time [time].
             tolerance: Allowed error of a step [1], see ``error``.
             on_step: Function called with time and report after each step.
 

@@ -17,12 +17,13 @@ ADDED = 0.1
 
 
 class Energies(NamedTuple):
-    """Energies and momentum of a state.
+    """Energies and momentum of a state (local).
 
     Attributes:
         kinetic: Kinetic energy [stress length^2].
         strain: Strain energy, nan without the argument ``energy`` [stress length^2].
-        momentum: Linear momentum and angular momentum about the origin, shape (3,).
+        momentum: Linear momentum [stress length time] and angular momentum about the origin
+            [stress length^2 time], shape (3,).
     """
 
     kinetic: float

@@ -34,7 +34,7 @@ class Progress:
         bar: Whether to draw a bar.
 
     Raises:
-        ValueError: If the bar is wanted and the package tqdm is missing.
+        ValueError: If a bar is requested and the package tqdm is missing.
     """
 
     def __init__(self, comm: MPI.Comm, start: float, stop: float, *, bar: bool = False) -> None:

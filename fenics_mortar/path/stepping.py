@@ -55,12 +55,12 @@ def follow_path(
 
     Args:
         problem: The problem, solved or unloaded at ``start``.
-        set_loads: Function that sets loads and prescribed values for a time; called again for an
-            earlier time after a failure. It is called on all ranks and must set equal values on all
-            of them.
+        set_loads: Function that sets loads and prescribed values for a time [time]; called again
+            for an earlier time after a failure. It is called on all ranks and must set equal values
+            on all of them.
         options: Options of the steps.
-        start: Time of the present state, in units of the path parameter.
-        stop: Final time.
+        start: Time of the present state, in units of the path parameter [time].
+        stop: Final time [time].
         on_step: Function called with time and report after each accepted step, for example to write
             results.
         progress: Whether rank 0 draws a bar in the terminal, by the package tqdm.

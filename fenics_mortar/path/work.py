@@ -16,7 +16,7 @@ Forces = tuple[Array, Array, Array, Array, Array]
 
 
 class Work(NamedTuple):
-    """Work done in a step, by the trapezoidal rule [stress length^2].
+    """Work done in a step, by the trapezoidal rule [stress length^2] (local).
 
     Attributes:
         bulk: Energy stored in the bodies, minus the work of applied loads.

@@ -109,19 +109,19 @@ class BodyMotions:
             body: The body.
             coefficients: Factors of its motions, shape (motions,) [length].
         """
-        x, y, turn = coefficients @ body.motions
-        angle = turn / body.size
+        x, y, arc = coefficients @ body.motions
+        angle = arc / body.size
         mine = np.flatnonzero(self.labels == body.label)
         arm = self.bulk.positions()[mine] - body.centre
         cosine, sine = np.cos(angle) - 1.0, np.sin(angle)
-        turn = np.array([[cosine, -sine], [sine, cosine]])
-        self.bulk.u.x.array[self.bulk.space.dofs[mine]] += arm @ turn.T + np.array([x, y])
+        rotation = np.array([[cosine, -sine], [sine, cosine]])  # less the identity
+        self.bulk.u.x.array[self.bulk.space.dofs[mine]] += arm @ rotation.T + np.array([x, y])
 
     def rigid_fraction(self, body: FloatingBody, change: Array) -> Array:
         """Rigid part of ``change`` (owned dofs,) of a body, shape (motions,) [length]."""
         dofs, motions = self.motions(body)
-        answer = motions @ change[dofs].ravel()
-        products = self.bulk.comm.allreduce(np.column_stack([motions @ motions.T, answer]))
+        coefficients = motions @ change[dofs].ravel()
+        products = self.bulk.comm.allreduce(np.column_stack([motions @ motions.T, coefficients]))
         return np.linalg.solve(products[:, :-1], products[:, -1])
 
     # Forces
@@ -167,7 +167,7 @@ class BodyMotions:
             for c in self.contacts
         )
 
-    # Words
+    # Names
 
     def name_of(self, label: int, labels: Indices | None = None) -> str:
         """Name of a body from the cell tags or its position (collective).

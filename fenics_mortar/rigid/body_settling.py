@@ -86,7 +86,7 @@ class BodySettling:
                 bodies.move(body, move)
                 moved[body.label] = moved.get(body.label, 0.0) + _length(body, move)
             if all(
-                moved[body.label] > extent and self._is_gone(body, move) for body, move in moves
+                moved[body.label] > extent and self._has_left(body, move) for body, move in moves
             ):
                 break
         body, move = moves[0]
@@ -216,7 +216,7 @@ class BodySettling:
         slope, shear, adhesion = contact.now.strength(pressure)
         return Touching(opens, slips, slope[on], (weight * shear)[on], (weight * adhesion)[on])
 
-    def _is_gone(self, body: FloatingBody, move: Array) -> bool:
+    def _has_left(self, body: FloatingBody, move: Array) -> bool:
         """Whether no surface of another body is ahead of a moving body (collective)."""
         bodies = self._bodies
         return not any(is_ahead(bodies, c, body, move) for c in bodies.contacts_of(body))

@@ -72,8 +72,8 @@ def solve_bordered(
     """
     if not c.size:
         return x, np.zeros(0)
-    answers = np.array([solve(column) for column in border.columns])
-    products = comm.allreduce(border.rows @ np.vstack([x, answers]).T)
+    solutions = np.array([solve(column) for column in border.columns])
+    products = comm.allreduce(border.rows @ np.vstack([x, solutions]).T)
     q, error = np.empty_like(c), None
     try:
         q = np.linalg.solve(border.corner - products[:, 1:], c - products[:, 0])
@@ -81,4 +81,4 @@ def solve_bordered(
         error = MortarError(f"the balance of the obstacles is singular: {singular}")
     raise_together(comm, error)
     comm.Bcast(q)
-    return x - q @ answers, q
+    return x - q @ solutions, q

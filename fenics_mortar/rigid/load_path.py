@@ -9,12 +9,12 @@ end of the path of solutions from the last accepted state, s = 0, to the present
 with q_0 such that the accepted multipliers solve the problem at s = 0. The path is piecewise
 linear, and is followed by pivoting (Cottle, Pang & Stone 1992, ch. 4.5).
 
-Where s would have to decrease, the path turns: there is no solution nearby for larger loads, and
-the solution at s = 1 is reached by a jump. The start of a step is a corner of the path, because all
-slips are zero: a node at its friction limit may stick or slide on, and all gaps and pressures of
-two surfaces that just touch are zero. The directions of the path follow from a complementarity
-problem of the rates. If it has no solution, there is no equilibrium next to the accepted state
-(Klarbring 1990).
+Where s would have to decrease, the path has a turning point: there is no solution nearby for larger
+loads, and the solution at s = 1 is reached by a jump. The start of a step is a corner of the path,
+because all slips are zero: a node at its friction limit may stick or continue to slide, and all
+gaps and pressures of two surfaces that just touch are zero. The directions of the path follow from
+a complementarity problem of the rates. If it has no solution, there is no equilibrium next to the
+accepted state (Klarbring 1990).
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ Flags = npt.NDArray[np.bool_]
 
 
 class TurningPoint(NamedTuple):
-    """Turn of a path.
+    """Turning point of a path.
 
     Attributes:
-        fraction: Load parameter s at the turn [1].
+        fraction: Load parameter s at the turning point [1].
         node: Number of the node whose gap or slip would have to change its branch; -1 if unknown.
     """
 
@@ -62,7 +62,7 @@ def follow_loads(problem: FrictionProblem, start: Sets, gap: Array) -> Sets | Tu
         gap: Gaps of the accepted state, zero or positive, shape (n,) [length].
 
     Returns:
-        Sets and multipliers, or the turn of the path before the present loads; ``start`` if the
+        Sets and multipliers, or the turning point before the present loads; ``start`` if the
         problem has no nodes.
     """
     if not problem.slope.size:
@@ -117,9 +117,9 @@ def _basic_of_rates(M: Array, rate: Array, z: Array, w: Array) -> Flags | None:
 
 
 def _follow(M: Array, q_0: Array, q: Array, basic: Flags) -> Flags | TurningPoint:
-    """Basic z at s = 1, from those at s = 0, or the turn where s would have to decrease (local).
+    """Basic z at s = 1, from those at s = 0, or the turning point where s would decrease (local).
 
-    The ``node`` of the turn is the number of an unknown in z.
+    The ``node`` of the turning point is the number of an unknown in z.
     """
     n = q.size
     # Tableau: basic = table @ (nonbasic, 1). Numbers: w_i is i, z_i is n + i, s is 2 n.

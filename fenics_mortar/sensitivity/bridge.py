@@ -35,6 +35,9 @@ class Simulation:
         objectives: See ``gradient``.
         controls: See ``gradient``.
 
+    Raises:
+        ValueError: On all ranks, if a control is not allowed.
+
     Example:
         Derivative of a function of the friction work in all steps with respect to mu::
 
@@ -62,9 +65,16 @@ class Simulation:
             return evaluate(path, quantities, total)[1]
 
     def pullback(self, weights: npt.ArrayLike, *values: npt.ArrayLike) -> list[Array]:
-        """Derivatives of the sum of ``weights`` (steps, quantities) times values of the quantities.
+        """Derivatives of the sum of weights times values of the quantities.
 
-        Returns one array per control. The path is solved again if the values have changed.
+        The path is solved again if the values have changed.
+
+        Args:
+            weights: Weights, shape (steps, quantities) [1 / unit of the quantity].
+            values: Values of the controls, of their shapes [their units].
+
+        Returns:
+            One array per control, of its shape [1 / unit of the control].
         """
         w = np.asarray(weights, float)
         found = gradient(

@@ -2,8 +2,7 @@
 """Controls of contact: parameters of laws, offsets, obstacles, nodal positions.
 
 A control computes the derivative of the residuals of one step, with the rows and units of
-``equations.linearized``, at the present state: at fixed displacement, multipliers, active sets, and
-state before.
+``equations.linearized``, at fixed displacement, multipliers, active sets, and state before.
 """
 
 from __future__ import annotations
@@ -56,21 +55,33 @@ class Control(Protocol):
         """Present values (local), of shape () for a single number [their unit]."""
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """Set the ``values``, of the shape of ``get``, equal on all ranks (local)."""
+        """Set the ``values``, of the shape of ``get`` [their unit], equal on all ranks (local).
+
+        Raises:
+            TypeError: If the control cannot be set.
+            ValueError: If a value is not allowed.
+        """
         raise TypeError(f"{self.name} cannot be set")
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """Change of the residuals along ``dm``, of the shape of the values (collective)."""
+        """Change of the residuals along ``dm``, of the values' shape [their unit] (collective).
+
+        Raises:
+            MortarError: On all ranks, if the derivative is not available.
+        """
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
         """Gradient of the scalar product of residuals and ``y`` (collective).
 
         Equal on all ranks, of the shape of the values [units of the product over theirs].
+
+        Raises:
+            MortarError: On all ranks, if the derivative is not available.
         """
 
 
 class LawParameter(OfPair, Control):
-    """A parameter of the law of a pair, see ``Law.parameters``.
+    """A parameter of the law of a pair, see ``Law.parameters``; the constructor is local.
 
     The values of a parameter that varies in space, see ``Law.fields``, are those at the slave nodes
     at the last solve; ``set`` replaces a function by such values.
@@ -110,7 +121,7 @@ class LawParameter(OfPair, Control):
 
 
 class Offset(OfPair, Control):
-    """The nodal offsets of a pair, see ``PairView.offset``.
+    """The nodal offsets of a pair, see ``PairView.offset``; the constructor is local.
 
     Args:
         pair: Number of the pair.
@@ -144,6 +155,8 @@ class Offset(OfPair, Control):
 
 class Interference(OfPair, Control):
     """Mean offset of a pair; a change shifts the offsets of all nodes equally.
+
+    The constructor is local.
 
     Args:
         pair: Number of the pair.
@@ -187,7 +200,11 @@ class _OfObstacle(Control):
         self.name = f"{self.quantity} of '{getattr(obstacle, 'name', obstacle)}'"
 
     def check(self) -> None:
-        """Reject a value that is not an obstacle (local)."""
+        """Reject a value that is not an obstacle (local).
+
+        Raises:
+            ValueError: If it is not.
+        """
         check_kind("obstacle", self.obstacle, Obstacle, "an obstacle of the problem")
 
     def _number(self, problem: ContactProblem) -> int:
@@ -214,9 +231,12 @@ class _OfObstacle(Control):
 
 
 class ObstaclePlace(_OfObstacle):
-    """Prescribed position (x, y, angle) of an obstacle in this step [length, length, radian].
+    """Prescribed place (x, y, angle) of an obstacle in this step [length, length, radian].
 
     Values of driven motions have no effect.
+
+    Attributes:
+        quantity: Name of the values.
     """
 
     quantity = "place"
@@ -237,6 +257,9 @@ class ObstacleLoad(_OfObstacle):
     """Forces and moment that drive an obstacle [stress length, stress length, stress length^2].
 
     Values of prescribed motions have no effect.
+
+    Attributes:
+        quantity: Name of the values.
     """
 
     quantity = "load"
@@ -254,7 +277,7 @@ class ObstacleLoad(_OfObstacle):
 
 
 class ObstacleShape(Control):
-    """A parameter of the shape of an obstacle, see ``Obstacle.shape``.
+    """A parameter of the shape of an obstacle, see ``Obstacle.shape``; the constructor is local.
 
     Args:
         obstacle: The obstacle.
@@ -266,7 +289,11 @@ class ObstacleShape(Control):
         self.name = f"{name} of '{getattr(obstacle, 'name', obstacle)}'"
 
     def check(self) -> None:
-        """Reject a value that is not an obstacle with this parameter (local)."""
+        """Reject a value that is not an obstacle with this parameter (local).
+
+        Raises:
+            ValueError: If it is not.
+        """
         check_kind("obstacle", self.obstacle, Obstacle, "an obstacle of the problem")
         check_choice("shape parameter", self.parameter, self.obstacle.shape())
 

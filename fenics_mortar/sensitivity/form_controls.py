@@ -83,7 +83,7 @@ class FormControl:
         return self._comm.allreduce(self.is_in_residual or self._copied[0].size > 0)
 
     def get(self, problem: ContactProblem) -> Array:
-        """Present values: shape (owned dofs,) of a function, or the shape of a constant."""
+        """Present values, (owned dofs,) of a function, or the shape of a constant [their unit]."""
         if self.is_distributed:
             return self.data.x.array[: num_owned(self.data.function_space)].copy()
         return np.array(self.data.value)

@@ -44,7 +44,7 @@ class FormQuantity:
         return derivative_by(self._mesh, self.form, self._u)
 
     def value(self, problem: ContactProblem, before: Before = None) -> float:
-        """Value at the present state."""
+        """Value at the present state [its unit]."""
         return self._value.scalar()
 
     def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
@@ -63,7 +63,7 @@ class FormQuantity:
     def by_control(
         self, problem: ContactProblem, control: Any, before: Before = None
     ) -> Array | float:
-        """Explicit derivative, of the shape of the control's values; zero without the control."""
+        """See ``Quantity.by_control``."""
         if not self.depends_on(control):
             return 0.0
         if control.data not in self._by_controls:

@@ -49,13 +49,13 @@ class AssembledForm:
         return compat.create_vector(self._space)
 
     def scalar(self) -> float:
-        """Value of a form of rank 0, equal on all ranks."""
+        """Value of a form of rank 0 [its unit], equal on all ranks."""
         if self._compiled is None:
             return 0.0
         return self._comm.allreduce(float(fem.assemble_scalar(self._compiled)))
 
     def vector(self) -> Array:
-        """Vector of a form of rank 1, shape (owned dofs,)."""
+        """Vector of a form of rank 1, shape (owned dofs,) [its unit]."""
         if self._compiled is None:
             return np.zeros(num_owned(self._space))
         compat.assemble_vector(self._vector, self._compiled)
@@ -97,7 +97,7 @@ class FormDerivative(ABC):
 
         Returns:
             Derivatives in the shape of the constant, replicated, or of the owned dofs of the
-            function.
+            function [unit of the sum over that of the control].
         """
 
 

@@ -49,7 +49,7 @@ from fenics_mortar.utils.errors import together
 
 @dataclass(frozen=True)
 class Gradient:
-    """Derivatives of an objective with respect to controls.
+    """Derivatives of an objective with respect to controls; all methods are local.
 
     ``gradient[control]`` is the derivative with respect to a control: an array of the shape of a
     constant, the derivatives with respect to all nodal values of a function as a function of its
@@ -57,12 +57,13 @@ class Gradient:
     controls of contact.
 
     Attributes:
-        value: The objective.
-        values: Values of the quantities, shape (steps, quantities); nan in steps that the objective
-            does not depend on.
+        value: The objective [its unit].
+        values: Values of the quantities, shape (steps, quantities) [their units]; nan in steps that
+            the objective does not depend on.
         controls: The controls as given.
-        by_step: Contributions of the steps: for each control a list of arrays, the derivatives with
-            respect to the value in this step alone. Their sum is the derivative with respect to a
+        by_step: Contributions of the steps: for each control a list of arrays of the shape of its
+            values, the derivatives with respect to the value in this step alone [objective / unit
+            of the control]. Their sum is the derivative with respect to a
             value of all steps. Functions: values of the owned dofs.
         kinks: Undecided nodes and the nodes closest to a change of set; see ``kinks``.
     """

@@ -36,7 +36,7 @@ Change = Literal["opens", "closes", "slides", "sticks", "cover"]
 
 @dataclass(frozen=True)
 class Kink:
-    """The node of a pair and step closest to a change of a set.
+    """The node of a pair and step closest to a change of a set; local.
 
     Attributes:
         distance: Distance from the change [1], see ``kinks``.

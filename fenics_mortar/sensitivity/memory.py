@@ -133,7 +133,7 @@ class StepMemory:
         return found
 
     def control_back(self, control: Control, c: Memories) -> Array | float:
-        """Transpose of ``along_control``, shape of the control's values."""
+        """Transpose of ``along_control``, shape of the control's values; see ``StepMemory``."""
         check_memory_control(self._equations.contacts, control)
         total: Array | float = 0.0
         for i, values in c.items():

@@ -41,12 +41,12 @@ class NodalPositions:
         self._forms: WeakKeyDictionary[Bulk, _Derivatives] = WeakKeyDictionary()
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``protocols.Control``: shape (owned dofs,) [length]."""
+        """Positions in ``problem``, shape (owned dofs,) [length]; see ``Control``."""
         space = problem.equations.bulk.space
         return space.positions()[: space.num_owned].copy()
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """Raise an error: surfaces and integrals belong to the mesh at set-up.
+        """Raise an error: ``values``, shape (owned dofs,) [length], cannot be set in ``problem``.
 
         Raises:
             MortarError: Always.
@@ -60,7 +60,10 @@ class NodalPositions:
         return self._forms[bulk]
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``protocols.Control``."""
+        """Change of the residuals along ``dm``, shape (owned dofs,) [length]; see ``Control``.
+
+        ``problem`` and the state ``before`` are those of a step.
+        """
         change, prescribed = ContactPositions(problem, before).jvp(dm), _prescribed(problem)
         of_bodies = np.where(prescribed, 0.0, self._of(problem).along(dm))
         return LinearVector(
@@ -68,14 +71,20 @@ class NodalPositions:
         )
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``protocols.Control``."""
+        """Gradient of the product of residuals and ``y``, shape (owned dofs,) [product / length].
+
+        See ``Control``; ``problem`` and the state ``before`` are those of a step.
+        """
         total = ContactPositions(problem, before).vjp(y)
         if y.u is None:
             return total
         return total + self._of(problem).transposed(np.where(_prescribed(problem), 0.0, y.u))
 
     def explicit(self, problem: ContactProblem, quantity: Any, before: Before = None) -> Array:
-        """Derivative of a quantity at fixed displacements, shape (owned dofs,)."""
+        """Derivative of a quantity at fixed displacements, shape (owned dofs,) [quantity / length].
+
+        ``problem`` and the state ``before`` are those of a step.
+        """
         form = getattr(quantity, "form", None)
         if form is not None:
             return self._of(problem).of_form(form)
@@ -117,14 +126,17 @@ class _Derivatives:
         return AssembledForm(derivative, self._mesh.comm, self._V)
 
     def along(self, direction: Array) -> Array:
+        """Change of the residual along a direction of positions, (owned dofs,) [stress length]."""
         put_owned(self._direction, direction)
         return self._forwards.vector()
 
     def transposed(self, weights: Array) -> Array:
+        """Gradient of the residual times ``weights``, (owned dofs,) [unit of the sum / length]."""
         put_owned(self._weights, weights)
         return self._backwards.vector()
 
     def of_form(self, form: ufl.Form) -> Array:
+        """Gradient of the value of a form, (owned dofs,) [its unit / length]."""
         if form not in self._forms:
             self._forms[form] = self._by_positions(form)
         return self._forms[form].vector()

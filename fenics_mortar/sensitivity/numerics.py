@@ -7,7 +7,7 @@ choice            derivative
 nodal offsets     of each slave node; faceting changes gaps by such offsets, see ``faceting``
 c_n               weight of the gap in the active-set test: zero
 stiffness         weight k of the rows of contact: zero but for redundant sticks, which are elastic
-residual          what Newton's method left of it: the error of the objective by stopping there
+residual          effect of the remaining residual of Newton's method on the objective
 ================  =================================================================================
 """
 
@@ -33,7 +33,7 @@ from fenics_mortar.utils.markdown import Markdown
 
 @dataclass(frozen=True)
 class PairNumerics:
-    """Derivatives of an objective with respect to the numerical choices of one pair.
+    """Derivatives of an objective with respect to the numerical choices of one pair; local.
 
     Attributes:
         pair: Number of the pair.
@@ -75,7 +75,7 @@ class NumericsReport(Markdown):
     """Derivatives with respect to numerical choices; prints as a Markdown table.
 
     Attributes:
-        value: The objective.
+        value: The objective [its unit].
         pairs: Derivatives with respect to the choices of each contact; ties have none.
         residual: Error of the objective due to the remaining residual of Newton's method
             [objective], to first order.
@@ -135,6 +135,8 @@ def by_numerics(
 
 class Numerics:
     """Argument of a solve: ``report.sensitivity`` then has derivatives, see ``by_numerics``.
+
+    The constructor is local.
 
     Args:
         objective: See ``gradient``.

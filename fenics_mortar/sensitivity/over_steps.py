@@ -25,26 +25,41 @@ OverSteps = Callable[[Array], tuple[float, Array]]
 
 
 def last(values: Array) -> tuple[float, Array]:
-    """Sum of ``values`` (steps, quantities) in the last step, and its weights of the same shape."""
+    """Sum of the quantities in the last step, and its derivatives by all values (local).
+
+    Args:
+        values: Values of the quantities, shape (steps, quantities) [their units].
+
+    Returns:
+        The sum [unit of the quantities] and its derivatives [1], of the shape of ``values``.
+    """
     weights = np.zeros_like(values)
     weights[-1] = 1.0
     return float(values[-1].sum()), weights
 
 
 def total(values: Array) -> tuple[float, Array]:
-    """Sum of ``values`` (steps, quantities) over all steps, and its weights of the same shape."""
+    """Sum of the quantities over all steps, and its derivatives by all values (local).
+
+    Args:
+        values: Values of the quantities, shape (steps, quantities) [their units].
+
+    Returns:
+        The sum [unit of the quantities] and its derivatives [1], of the shape of ``values``.
+    """
     return float(values.sum()), np.ones_like(values)
 
 
 def least_squares(measured: npt.ArrayLike, scale: npt.ArrayLike = 1.0) -> OverSteps:
-    """Half the sum of the squares of (value - measured) / scale.
+    """Half the sum of the squares of (value - measured) / scale (local).
 
     Args:
-        measured: Measured values, shape (steps,) or (steps, quantities).
-        scale: Unit of the differences, a number or an array that broadcasts to (steps, quantities).
+        measured: Measured values, shape (steps,) or (steps, quantities) [units of the quantities].
+        scale: Unit of the differences, a number or an array that broadcasts to shape (steps,
+            quantities) [units of the quantities].
 
     Returns:
-        The function of the values.
+        The function of the values: the sum [1], and its derivatives, shape (steps, quantities).
     """
 
     def misfit(values: Array) -> tuple[float, Array]:
@@ -63,6 +78,8 @@ def evaluate(
     everywhere: bool = False,
 ) -> tuple[float, Array, Array]:
     """Objective, values of the quantities and their weights, (steps, quantities) (collective).
+
+    Units are those of the quantities; weights have that of the objective over theirs [1 for sums].
 
     Args:
         path: The path.

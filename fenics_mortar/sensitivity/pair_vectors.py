@@ -27,7 +27,7 @@ def zero_vector(equations: ContactEquations) -> LinearVector:
 
 
 def scales_of(equations: ContactEquations, contact: Any) -> tuple[int, Array]:
-    """Number of the obstacle of a pair, and its motions per (x, y, angle), shape (3,) (local)."""
+    """Number of a pair's obstacle; motions per (x, y, angle), (3,) [1, 1, length] (local)."""
     number = equations.motions.obstacles.index(contact.obstacle)
     return number, equations.motions.scales[number]
 
@@ -46,7 +46,7 @@ def at_pair(equations: ContactEquations, i: int, x: LinearVector) -> PairVector:
 
 
 def add_pair(equations: ContactEquations, i: int, x: LinearVector, pair: PairVector) -> None:
-    """Add values at pair ``i`` to a vector made by ``zeros``: transpose of ``at_pair`` (local)."""
+    """Add values at pair ``i`` to a vector of ``zero_vector``: transpose of ``at_pair`` (local)."""
     contact = equations.contacts[i]
     u, z, q = x.u, x.z, x.q
     assert u is not None and z is not None and q is not None
@@ -66,7 +66,7 @@ def from_rows(equations: ContactEquations, rows: dict[int, Array]) -> LinearVect
 
 
 def rows_at(x: LinearVector, i: int, contact: Any) -> Array:
-    """Rows of the multipliers of pair ``i``, shape (slave nodes, 2) (local)."""
+    """Rows of the multipliers of pair ``i``, (slave nodes, 2) [unit of x.z] (local)."""
     z: Sequence[Array] | None = x.z
     return np.zeros_like(contact.z) if z is None else z[i]
 

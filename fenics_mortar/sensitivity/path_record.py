@@ -33,14 +33,16 @@ SAME_SOLUTION = 1e-5
 
 @dataclass(frozen=True)
 class RecordedStep:
-    """An accepted state with its data.
+    """An accepted state with its data (local).
 
     Attributes:
         state: The state.
-        data: Values of the constants and functions of the forms, see ``Data``.
+        data: Values of the constants and functions of the forms, of any shape [their units], see
+            ``Data``.
         laws: Attributes of the laws of the contacts.
-        shapes: Parameters of the shape of each obstacle.
-        loads: Forces and moments that drive the obstacles, (obstacles, 3), nan where prescribed.
+        shapes: Parameters of the shape of each obstacle by name [their units].
+        loads: Forces and moments that drive the obstacles, shape (3,) each, nan where prescribed
+            [stress length, stress length, stress length^2].
     """
 
     state: State
@@ -67,7 +69,7 @@ class Data:
         self._arrays = [*map(_array_of, objects), *conditions]
 
     def values(self) -> tuple[Array, ...]:
-        """Copies of the present values, of the shapes of the data."""
+        """Copies of the present values, of the shapes and units of the data [any]."""
         return tuple(np.array(numbers) for numbers in self._arrays)
 
     def put(self, values: Sequence[Array]) -> None:

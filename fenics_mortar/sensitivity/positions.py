@@ -53,7 +53,10 @@ class ContactPositions:
         return change
 
     def vjp(self, y: LinearVector) -> Array:
-        """Gradient, by the positions, of the residuals times ``y``, (owned dofs,) (collective)."""
+        """Gradient, by positions, of residuals times ``y``, (owned dofs,) (collective).
+
+        In the unit of the product over [length].
+        """
         e, gradient = self._equations, zero_vector(self._equations)
         given = LinearVector(
             None if y.u is None else y.u.copy(), y.z, None if y.q is None else y.q.copy()

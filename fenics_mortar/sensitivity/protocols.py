@@ -29,7 +29,11 @@ from fenics_mortar.utils.errors import check_same_texts
 
 
 class Quantity(Protocol):
-    """A scalar function J(s_k, s_{k-1}, m) of a state."""
+    """A scalar function J(s_k, s_{k-1}, m) of a state; all methods are collective.
+
+    ``problem`` is at the end of a step with the state s_k, ``before`` is the state s_{k-1} at its
+    start, and m are the values of a control.
+    """
 
     def value(self, problem: ContactProblem, before: Before = None) -> float:
         """Value at the present state [unit of the quantity], equal on all ranks."""
@@ -43,7 +47,7 @@ class Quantity(Protocol):
     def by_control(
         self, problem: ContactProblem, control: Any, before: Before = None
     ) -> Array | float:
-        """Explicit derivative dJ/dm at fixed states, of the shape of the control's values."""
+        """Explicit derivative dJ/dm at fixed states, of the shape of m [unit of J / unit of m]."""
 
 
 T = TypeVar("T")
@@ -97,8 +101,8 @@ def check_dependence(
     check_same_texts(problem.comm, "gradient", given)
     for control in controls:
         occurs = getattr(control, "occurs", True)
-        asked = (getattr(quantity, "depends_on", lambda _: False) for quantity in quantities)
-        if not occurs and not any(depends_on(control) for depends_on in asked):
+        tests = (getattr(quantity, "depends_on", lambda _: False) for quantity in quantities)
+        if not occurs and not any(depends_on(control) for depends_on in tests):
             raise ValueError(
                 f"{control.name}: neither residual nor Dirichlet conditions nor objective depend "
                 "on this control"
@@ -108,14 +112,17 @@ def check_dependence(
 def explicit(
     problem: ContactProblem, quantity: Quantity, control: Control, before: Before
 ) -> Array | float:
-    """dJ/dm at fixed states, of the shape of the control's values (collective)."""
+    """dJ/dm at fixed states, of the shape of the control's values (collective).
+
+    In the unit of J over that of m [any].
+    """
     if isinstance(control, NodalPositions):
         return control.explicit(problem, quantity, before)
     return quantity.by_control(problem, control, before)
 
 
 def dot(problem: ContactProblem, control: Control, one: Array, other: Array) -> float:
-    """Scalar product of two arrays of a control's shape, equal on all ranks (collective).
+    """Scalar product of two arrays of a control's shape [product of units] (collective).
 
     Values of controls with a true ``is_distributed`` are those of the owned dofs, others are
     replicated.

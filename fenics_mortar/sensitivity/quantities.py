@@ -35,7 +35,7 @@ class TotalForce(PairQuantity):
 
     Args:
         pair: Number of the pair, a contact or a tie.
-        direction: Vector by which the force is multiplied, shape (2,).
+        direction: Vector by which the force is multiplied, shape (2,) [1].
     """
 
     def __init__(self, pair: int, direction: npt.ArrayLike) -> None:
@@ -92,8 +92,9 @@ class PressureFunctional(PairQuantity):
     Args:
         pair: Number of the pair.
         function: Function from the pressures of all slave nodes, (slave nodes,) [stress], to values
-            (slave nodes,).
-        derivative: Function from the pressures to the derivatives, (slave nodes,).
+            (slave nodes,) [unit of f].
+        derivative: Function from the pressures to the derivatives, (slave nodes,) [unit of f over
+            stress].
     """
 
     def __init__(
@@ -188,7 +189,7 @@ class MeanGap(PairQuantity):
 
     Args:
         pair: Number of the pair.
-        nodes: Numbers of slave nodes along the surface; all covered ones by default.
+        nodes: Numbers of slave nodes along the surface, shape (k,); all covered ones by default.
     """
 
     def __init__(self, pair: int, nodes: Indices | None = None) -> None:
@@ -266,7 +267,7 @@ class ContactLength(PairQuantity):
 
 
 def effective_length(pair: int) -> ContactQuantity:
-    """Length over which the mean pressure acts, (int p)^2 / int p^2 [length].
+    """Length over which the mean pressure acts, (int p)^2 / int p^2 [length] (local).
 
     This is the length in contact for a uniform pressure, and 3 pi^2 / 32 = 0.925 of it for a
     Hertzian pressure. It changes continuously with the active set.

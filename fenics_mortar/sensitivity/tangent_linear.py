@@ -43,13 +43,13 @@ from fenics_mortar.utils.errors import together
 
 @dataclass(frozen=True)
 class TangentLinear:
-    """Derivatives of an objective and of the states in one direction of the controls.
+    """Derivatives of an objective and of the states in one direction of the controls (local).
 
     Attributes:
-        value: The objective.
-        derivative: Derivative of the objective.
-        values: Values of the quantities, shape (steps, quantities).
-        derivatives: Derivatives of the values, shape (steps, quantities).
+        value: The objective [its unit].
+        derivative: Derivative of the objective [its unit].
+        values: Values of the quantities, shape (steps, quantities) [their units].
+        derivatives: Derivatives of the values, shape (steps, quantities) [their units].
         states: Derivatives of the states of all steps, units as in ``equations.linearized`` over
             that of the direction's factor.
         kinks: Undecided nodes and the nodes closest to a change of set; see ``kinks``.

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 
 def check_choice(name: str, value: Any, allowed: Iterable[str]) -> None:
-    """Reject all but the allowed words (local).
+    """Reject all but the allowed values (local).
 
     Raises:
         ValueError: For another value.
@@ -29,7 +29,7 @@ def check_number(
         name: Name of the option.
         value: Its value.
         expected: Description of an allowed value.
-        allows: Function that tells whether a number is allowed; must return false for nan.
+        allows: Whether a number is allowed, as a function; must return false for nan.
         whole: Whether it has to be an integer.
 
     Raises:

@@ -29,7 +29,12 @@ class SurfaceError(MortarError):
 
 
 class NotConvergedError(MortarError):
-    """A solve or path did not converge; ``report`` is its record so far."""
+    """A solve or path did not converge; ``report`` is its record so far (local).
+
+    Args:
+        message: Message of the error.
+        report: Record of the solve or path.
+    """
 
     def __init__(self, message: str, report: Any) -> None:
         super().__init__(message)
@@ -98,8 +103,8 @@ def leave_together(comm: MPI.Comm, what: str, error: Exception | None) -> None:
             ``RaisedElsewhereError`` whose message has rank and error.
     """
     ours = isinstance(error, MortarError) and not isinstance(error, NotConvergedError)
-    words = f"{what} raised on rank {comm.rank}: {type(error).__name__}: {error}"
-    shared = error if ours or error is None else RaisedElsewhereError(words)
+    message = f"{what} raised on rank {comm.rank}: {type(error).__name__}: {error}"
+    shared = error if ours or error is None else RaisedElsewhereError(message)
     everywhere = [other for other in comm.allgather(shared) if other is not None]
     if error is not None and not ours:
         raise error

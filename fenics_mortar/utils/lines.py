@@ -41,8 +41,8 @@ def lines_cross(
     (a, b), (c, d) = ((start[pairs[:, i]], end[pairs[:, i]]) for i in range(2))
     first, second = b - a, d - c
     scale = tolerance * np.maximum((first**2).sum(axis=1), (second**2).sum(axis=1))
-    sides = np.stack([_turn(first, c - a), _turn(first, d - a)])
-    others = np.stack([_turn(second, a - c), _turn(second, b - c)])
+    sides = np.stack([_cross_product(first, c - a), _cross_product(first, d - a)])
+    others = np.stack([_cross_product(second, a - c), _cross_product(second, b - c)])
     if not touching:
         return ((sides.min(axis=0) < -scale) & (sides.max(axis=0) > scale)) & (
             (others.min(axis=0) < -scale) & (others.max(axis=0) > scale)
@@ -52,6 +52,6 @@ def lines_cross(
     return ~separate & boxes.all(axis=1)
 
 
-def _turn(a: Array, b: Array) -> Array:
+def _cross_product(a: Array, b: Array) -> Array:
     """Cross product of vectors (n, 2), shape (n,)."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

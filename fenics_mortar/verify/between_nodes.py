@@ -38,11 +38,11 @@ def between_nodes(contact: Contact) -> dict[str, Any]:
 
 def paired_nodes(contact: Contact | Tie) -> Indices:
     """Global numbers of the nodes of both surfaces that have a partner, (n,) (collective)."""
-    seen = np.zeros(contact.master.num_nodes, bool)
-    seen[contact.intersections().master.ravel()] = True
-    contact.slave.comm.Allreduce(MPI.IN_PLACE, seen, MPI.LOR)
+    paired = np.zeros(contact.master.num_nodes, bool)
+    paired[contact.intersections().master.ravel()] = True
+    contact.slave.comm.Allreduce(MPI.IN_PLACE, paired, MPI.LOR)
     return np.concatenate(
-        [contact.slave.nodes[contact.now.has_partner], contact.master.nodes[seen]]
+        [contact.slave.nodes[contact.now.has_partner], contact.master.nodes[paired]]
     )
 
 

@@ -40,13 +40,13 @@ class Certificate(Markdown):
     Attributes:
         pairs: One certificate per pair.
         balance: Largest sum of reactions, loads and contact forces of a body or obstacle, over the
-            sum of the norms of all forces.
+            sum of the norms of all forces [1].
         inverted: Number of inverted cells.
-        springs: Largest sum of the forces of springs on a body over the contact force on it; zero
-            unless the report of the solve records springs.
+        springs: Largest sum of the forces of springs on a body over the contact force on it [1];
+            zero unless the report of the solve records springs.
         drift: From the report of a solve: sliding distance of an obstacle driven by forces over its
-            contact width, common to all its nodes and beyond the prescribed motion. The state is in
-            equilibrium, but may not be reached by a path of equilibria.
+            contact width [1], common to all its nodes and beyond the prescribed motion. The state
+            is in equilibrium, but may not be reached by a path of equilibria.
         crossings: Crossings of outlines.
         passages: Bodies that passed through each other during the step, as messages.
         tipping: Bodies that pressures on the covered surfaces cannot balance, as messages.
@@ -72,7 +72,7 @@ class Certificate(Markdown):
         Args:
             tolerance: Limit for quantities that vanish in a solution of the equations [1].
             penetration: Limit for penetration, distance and crossings [facet lengths].
-            springs: Limit for the force of springs over the contact force, see ``proximal``.
+            springs: Limit for the force of springs over the contact force [1], see ``proximal``.
         """
         found = [v for pair in self.pairs for v in pair.violations(tolerance, penetration)]
         if not self.balance <= tolerance:
@@ -148,8 +148,8 @@ def _certify_pair(
     """Measure one pair; ``paired``: global numbers of the nodes with a partner in any pair."""
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
     limit = contact.now.friction_limit(pressure)
-    bears = contact.acts if contact.pair.law.bridges_gap else contact.active
-    limit = np.where(bears, limit, 0.0)
+    may_transfer = contact.acts if contact.pair.law.bridges_gap else contact.active
+    limit = np.where(may_transfer, limit, 0.0)
     excess, tension = np.abs(contact.z_tau) - limit, contact.now.tension
     smallest = LIMITS.min_pressure * float(contact.modulus.max())
     largest = max(float(np.abs(pressure).max()), smallest)

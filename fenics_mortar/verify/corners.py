@@ -165,8 +165,8 @@ def _right_of(directions: Array) -> Array:
 
 def _angle(a: Array, b: Array) -> Array:
     """Angles from vectors ``a`` to ``b``, shapes (..., 2) [radian]."""
-    turn = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return np.arctan2(turn, (a * b).sum(axis=-1))
+    cross = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return np.arctan2(cross, (a * b).sum(axis=-1))
 
 
 def runs_of(contact: Contact) -> Indices:

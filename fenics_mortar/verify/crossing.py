@@ -72,11 +72,12 @@ class Crossing:
 
 @dataclass(frozen=True)
 class AcceptedPositions:
-    """Positions of outlines and obstacles at the last accepted state.
+    """Positions of outlines and obstacles at the last accepted state (local).
 
     Attributes:
         x: Positions of the outlines' nodes, shape (n, 2) [length].
-        places: Positions (x, y, angle) of the obstacles, shape (obstacles, 3).
+        places: Places (x, y, angle) of the obstacles, shape (obstacles, 3) [length, length,
+            radian].
     """
 
     x: Array
@@ -246,8 +247,10 @@ class Crossings:
         else:
             found = []
             for i, body in enumerate(motions.labels):
-                seen = Motions(motions.moved_with(i), x1, self.outline.bodies)
-                found += self._through_bodies(seen.node_paths(), ALL, self._segment_bodies == body)
+                relative = Motions(motions.moved_with(i), x1, self.outline.bodies)
+                found += self._through_bodies(
+                    relative.node_paths(), ALL, self._segment_bodies == body
+                )
         return found + self._through_obstacles(x1, places)
 
     def _through_bodies(

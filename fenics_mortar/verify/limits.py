@@ -27,14 +27,15 @@ class Limits:
         coarse_penetration: Smallest penetration with a remark [facet lengths]; curved bodies on
             coarse meshes overlap by less.
         coarse_distance: Smallest distance with a remark [facet lengths].
-        at_corners: Threshold at corners and ends [1], above the error of estimates at these places
-            (a few per cent), for the sine of the angle of oblique forces, the excess of the shear
+        at_corners: Threshold at corners and ends [1], above the error of estimates there (a few
+            per cent), for the sine of the angle of oblique forces, the excess of the shear
             of a sticking corner over the friction limit, and the pressure over the largest
             pressure.
         of_friction: With friction, smallest fraction of the friction for a remark on misdirected
             forces at corners [1]. Measured on wedges of 90 to 150 degrees: if the error of the
-            ratio of shear and normal force is 5 %, the estimate is 3.5 to 6 %. Also the largest
-            admissible sine of the angle between a user's gradient and difference quotients.
+            ratio of shear and normal force is 5 %, the estimate is 3.5 to 6 %.
+        wrong_gradient: Largest admissible sine of the angle between a user's gradient and
+            difference quotients [1], slightly below the error of forces along averaged normals.
         corner: Angle between the facets at a node above which it is a corner, not part of a curve
             [radian].
         around_corner: Number of facets beside a corner that define the direction of the opposite
@@ -59,6 +60,7 @@ class Limits:
     coarse_distance: float = 0.05
     at_corners: float = 0.1
     of_friction: float = 0.04
+    wrong_gradient: float = 0.04
     corner: float = 0.3
     around_corner: int = 3
     end_pressure: float = 2.0

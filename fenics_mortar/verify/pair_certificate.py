@@ -120,7 +120,7 @@ class PairCertificate:
             yield f"{self.pair}: a force acts, but the sides are {self.distance:.2f} facets apart"
         if not self.excess_shear <= LIMITS.at_corners:
             yield self._sticking_corner()
-        if not self.gradient <= LIMITS.of_friction:
+        if not self.gradient <= LIMITS.wrong_gradient:
             yield self._wrong_gradient()
         if self.unpaired:
             yield (
@@ -152,7 +152,7 @@ class PairCertificate:
                 "which carries no multiplier: the force may be far too small; take the other body "
                 "as slave"
             )
-        if LIMITS.negligible < self.gradient <= LIMITS.of_friction:
+        if LIMITS.negligible < self.gradient <= LIMITS.wrong_gradient:
             yield self._wrong_gradient()
         if self.redundant:
             yield (

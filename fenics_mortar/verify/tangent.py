@@ -39,15 +39,21 @@ class Checkable(Protocol):
     linearization: Linearization
     motions: DrivenObstacles
 
+    def state(self) -> Any:
+        """The present state, a value."""
+
+    def restore(self, state: Any) -> None:
+        """Restore a state exactly, and evaluate the operators."""
+
 
 @dataclass(frozen=True)
 class TangentCheck(Markdown):
     """Remainders of a Taylor test; all methods are local.
 
     Attributes:
-        steps: Step sizes over the shortest slave facet, shape (s,).
-        remainders: Relative remainder per block and step; blocks "bulk", "n", "g", "D", "M" and
-            "whole", the assembled saddle-point matrix with the motions of obstacles.
+        steps: Step sizes over the shortest slave facet, shape (s,) [1].
+        remainders: Relative remainders [1] of each block, shape (s,) each; blocks "bulk", "n", "g",
+            "D", "M" and "whole", the assembled saddle-point matrix with the motions of obstacles.
     """
 
     steps: Array
@@ -59,14 +65,14 @@ class TangentCheck(Markdown):
 
     @property
     def slopes(self) -> dict[str, float]:
-        """Slope per block, from remainders above roundoff; inf if all are roundoff."""
+        """Slope of each block [1], from remainders above roundoff; inf if all are roundoff."""
         return {name: self._slope(values) for name, values in self.remainders.items()}
 
     def _slope(self, values: Array) -> float:
-        seen = values > ASSEMBLY_ROUNDING  # smaller ones do not define a slope
-        if seen.sum() < 2:
+        large = values > ASSEMBLY_ROUNDING  # smaller ones do not define a slope
+        if large.sum() < 2:
             return np.inf
-        return float(np.polyfit(np.log(self.steps[seen]), np.log(values[seen]), 1)[0])
+        return float(np.polyfit(np.log(self.steps[large]), np.log(values[large]), 1)[0])
 
     def table(self) -> str:
         """Markdown table: remainder per block and step; the last row has the slopes."""
@@ -98,16 +104,11 @@ def check_tangent(
         Remainders and slopes.
     """
     steps = 1e-3 * 0.5 ** np.arange(6) if steps is None else np.asarray(steps)
-    u = problem.bulk.u
-    before = u.x.array.copy(), [contact.state for contact in problem.contacts]
-    places = problem.motions.places
+    before = problem.state()
     try:
         check = _check(_Probe(problem, seed), steps)
     finally:
-        u.x.array[:], problem.motions.places = before[0], places
-        for contact, state in zip(problem.contacts, before[1], strict=True):
-            contact.put(state)
-            contact.evaluate(u.x.array, problem.linearization)
+        problem.restore(before)
         problem.bulk.assemble_residual()
     if print_table and problem.comm.rank == 0:
         print(check.table())
@@ -172,7 +173,7 @@ class _Probe:
             contact.evaluate(u.x.array, self.problem.linearization)
 
     def values(self, step: float) -> dict[str, Array]:
-        """All functions at the step; owned entries of distributed arrays (collective)."""
+        """All functions at the step; owned entries of arrays [their units] (collective)."""
         self._move(step)
         found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
         force = self.bulk.r.array_r[: self.bulk.num_owned].copy()
@@ -194,7 +195,7 @@ class _Probe:
         return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *laws, pushed])}
 
     def derivative(self) -> dict[str, Array]:
-        """Directional derivatives of ``values`` at step 0, from assembled matrices (collective)."""
+        """Derivatives of ``values`` at step 0 [their units], from the matrices (collective)."""
         self._move(0.0)
         self.bulk.assemble_tangent()
         matrices = OperatorMatrices(self.bulk, self.contacts)
@@ -260,5 +261,5 @@ class _Probe:
         return replicated if self.comm.rank == 0 else replicated[:0]
 
     def norm(self, mine: Array) -> float:
-        """Euclidean norm over all ranks (collective)."""
+        """Euclidean norm over all ranks [unit of the values] (collective)."""
         return float(np.sqrt(self.comm.allreduce(float(mine @ mine))))

@@ -100,7 +100,7 @@ def _rates_at_ends(
     """Opening and slip rates at the ends of segments beside ``near`` nodes (collective).
 
     Returns:
-        Rates caused by the motions of the body, both of shape (places, motions) [1].
+        Rates caused by the motions of the body, both of shape (points, motions) [1].
     """
     o, s = contact.operators, contact.intersections()
     beside = near[s.slave].any(axis=1)

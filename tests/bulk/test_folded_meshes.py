@@ -75,7 +75,7 @@ def problem_on_folded(kind):
         ("wound", "a body overlaps itself: its outline crosses itself at"),
     ],
 )
-def test_mesh_that_covers_a_place_twice_is_refused(kind, words):
+def test_overlapping_cells_are_refused(kind, words):
     with refused(fm.MeshError, words):
         problem_on_folded(kind)
 
@@ -83,11 +83,11 @@ def test_mesh_that_covers_a_place_twice_is_refused(kind, words):
 @pytest.mark.parametrize(
     "kind", ["wound up", "in an arc", "side by side", "overlapping in part", "turned cells"]
 )
-def test_mesh_that_covers_places_once_is_taken(kind):
+def test_mesh_without_overlapping_cells_is_accepted(kind):
     problem_on_folded(kind)
 
 
-def test_shaft_that_is_too_large_for_its_hole_is_an_interference():
+def test_oversized_shaft_is_an_interference():
     """The outline lies inside the other body, which has a hole at this position."""
     inner, x = grid(3, 3, (-0.51, -0.51), (1.02, 1.02))
     frame, y = grid(6, 6, (-1.5, -1.5), (3.0, 3.0), first=len(x))
@@ -100,7 +100,7 @@ def test_shaft_that_is_too_large_for_its_hole_is_an_interference():
     problem_on(data, [], material=linear_elastic, u=u)
 
 
-def test_elements_that_are_there_twice_are_refused():
+def test_duplicate_elements_are_refused():
     def twice():
         model = rectangles(0.5, body=(0.0, 0.0, 1.0, 1.0))
         _, _, (nodes,) = model.mesh.getElements(2)
@@ -114,7 +114,7 @@ def test_elements_that_are_there_twice_are_refused():
         gmsh.finalize()
 
 
-def test_all_stiffnesses_negative_is_told():
+def test_negative_stiffness_is_reported():
     def minus(u, E, nu):
         return -neo_hookean(u, E, nu)
 

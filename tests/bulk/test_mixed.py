@@ -172,7 +172,7 @@ def test_condensed_and_saddle_agree():
 
 
 @pytest.mark.once
-def test_displacement_may_be_another_part():
+def test_displacement_may_be_any_sub_space():
     exact, _ = pressed(partial(neo_hookean, nu=0.4999))
     scene, _ = pressed(partial(neo_hookean, nu=0.4999, part=1), parts=TAYLOR_HOOD[::-1], part=1)
     z = scene.contact.z
@@ -194,7 +194,7 @@ def test_convergence_does_not_depend_on_the_scale_of_the_pressure_equation(scale
 
 
 @pytest.mark.once
-def test_three_fields_give_what_two_give():
+def test_three_fields_agree_with_two_fields():
     parts = (("Lagrange", 2, (2,)), ("DG", 0), ("DG", 0))
     three, report = pressed(partial(three_fields, nu=0.4), parts=parts)
     two, _ = pressed(partial(neo_hookean, nu=0.4), parts=parts[:2])

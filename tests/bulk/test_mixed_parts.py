@@ -65,21 +65,21 @@ def test_pressure_that_is_not_finite_is_refused():
         scene.problem.solve()
 
 
-def test_part_that_is_not_there_is_refused():
+def test_missing_sub_space_is_refused():
     data = read(two_blocks.build, **GENERIC)
     w = fem.Function(fm.mixed_space(data.mesh, *TAYLOR_HOOD))
     with pytest.raises(ValueError, match="sub-spaces 0 to 1"):
         fm.ContactProblem(neo_hookean(w, 0.5), w, [], displacement=2, petsc_options_prefix="test_")
 
 
-def test_part_that_is_no_displacement_is_refused():
+def test_scalar_sub_space_as_displacement_is_refused():
     data = read(two_blocks.build, **GENERIC)
     w = fem.Function(fm.mixed_space(data.mesh, *TAYLOR_HOOD))
     with pytest.raises(fm.MortarError, match="plane vectors"):
         fm.ContactProblem(neo_hookean(w, 0.5), w, [], displacement=1, petsc_options_prefix="test_")
 
 
-def test_function_prescribes_a_part():
+def test_function_prescribes_a_sub_space():
     data = read(two_blocks.build, **GENERIC)
     W = fm.mixed_space(data.mesh, *TAYLOR_HOOD)
     value = fem.Function(W.sub(0).collapse()[0])
@@ -94,7 +94,7 @@ def test_function_prescribes_a_part():
 
 @pytest.mark.each
 @pytest.mark.parametrize("kind", ["constant", "other degree", "view"])
-def test_values_that_cannot_prescribe_a_part_are_refused(kind):
+def test_values_that_do_not_fit_the_sub_space_are_refused(kind):
     data = read(two_blocks.build, **GENERIC)
     W = fm.mixed_space(data.mesh, *TAYLOR_HOOD)
     value = {

@@ -22,7 +22,7 @@ def matrix_in_pairs(values):
 
 
 @pytest.mark.parametrize("degree", [1, 2])
-def test_the_tangent_is_that_in_rows_to_the_bit(degree):
+def test_tangents_by_rows_and_by_blocks_are_identical(degree):
     scene = pressed_blocks(degree=degree, n_upper=4, n_lower=5)
     scene.loads["push"].value[:] = 0.01, -0.05
     scene.problem.solve()  # with contact in the tangent, whose pattern it extends
@@ -46,7 +46,7 @@ def test_entries_outside_of_all_blocks_become_zero():
     assert np.array_equal(rows.copy().convert("dense").getDenseArray(), values)
 
 
-def test_blocks_follow_changes_of_the_rows_and_keep_factors_else():
+def test_blocks_follow_changes_of_the_rows_and_otherwise_keep_factors():
     values = np.kron([[2.0, 1.0], [0.0, 2.0]], [[1.0, 0.0], [3.0, 4.0]])  # blocks with gaps
     rows = matrix_in_pairs(values)
     both = in_blocks(rows)
@@ -58,7 +58,7 @@ def test_blocks_follow_changes_of_the_rows_and_keep_factors_else():
     assert both.blocks.stateGet() == state
 
 
-def test_blocks_fit_their_rows_only():
+def test_blocks_do_not_fit_other_rows():
     one, other = (matrix_in_pairs(np.eye(4) + number) for number in (1.0, 2.0))
     both = in_blocks(one)
     assert both.fit(one)
@@ -69,7 +69,7 @@ def test_blocks_fit_their_rows_only():
     assert not both.fit(grown)
 
 
-def test_values_that_petsc_moved_are_found():
+def test_values_moved_by_petsc_are_found():
     values = np.kron(np.eye(3), [[1.0, 2.0], [3.0, 4.0]])
     rows = matrix_in_pairs(values)
     both = in_blocks(rows)

@@ -51,7 +51,7 @@ def test_the_radius_may_be_a_function():
     assert solved(by_function).converged
 
 
-def test_a_traction_without_the_radius_is_told():
+def test_traction_without_the_radius_is_reported():
     def loaded(u, weight=1.0):
         traction = fem.Constant(u.function_space.mesh, (0.0, -1e-3))
         return (
@@ -65,7 +65,7 @@ def test_a_traction_without_the_radius_is_told():
     assert not is_reported(lambda u: loaded(u, ufl.SpatialCoordinate(u.function_space.mesh)[0]))
 
 
-def test_the_axis_may_not_be_moved():
+def test_displacement_of_the_axis_is_refused():
     """Such a motion opens a hole along the axis, or moves matter beyond it."""
     for motion in (0.01, -0.01):
         with refused(fm.MortarError, "nodes on the axis are moved away from it by 0.01"):

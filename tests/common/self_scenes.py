@@ -69,7 +69,7 @@ class Driven:
         self.problem = fm.ContactProblem(form, self.u, pairs(self.data), bcs=bcs, **options)
 
     def move(self, steps: int, **motions: Any) -> Any:
-        """Move parts proportionally to new places; return the path's report.
+        """Move parts proportionally to new positions; return the path's report.
 
         Args:
             steps: Number of steps at least.

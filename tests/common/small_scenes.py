@@ -20,13 +20,13 @@ def small_blocks(**options):
     return pressed_blocks(**SMALL, **options)
 
 
-def pushed_block(*, gap=0.0, pin=(), load=-1.0, algorithm=None):
+def pushed_block(*, gap=0.0, pin=(), load=-1.0, slant=0.0, law=None, algorithm=None):
     """Upper block under a traction, without Dirichlet conditions but those of a corner."""
     data = read(two_blocks.build, **SMALL, gap=gap)
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)
     ds = ufl.Measure("ds", domain=data.mesh, subdomain_data=data.facet_tags)
-    traction = fem.Constant(data.mesh, (0.0, load))
+    traction = fem.Constant(data.mesh, (slant, load))
     work = ufl.inner(traction, v) * ds(data.boundaries["upper/top"])
     bcs = [fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0))]
     data.mesh.topology.create_connectivity(0, 2)
@@ -39,7 +39,7 @@ def pushed_block(*, gap=0.0, pin=(), load=-1.0, algorithm=None):
     return fm.ContactProblem(
         internal(u, neo_hookean(u, 100.0, 0.3)) - work,
         u,
-        [fm.ContactPair(data, "upper/bottom", "lower/top")],
+        [fm.ContactPair(data, "upper/bottom", "lower/top", law=law or fm.Frictionless())],
         bcs=bcs,
         algorithm=algorithm,
         petsc_options_prefix="test_errors_",

@@ -93,7 +93,7 @@ def trial(build: Callable[..., Assembly], options: dict[str, Any]) -> dict[str, 
     row["scene"] = scene.name
     good = True
     for step, loads in enumerate(scene.path):
-        said, allowed = limit(scene, step)
+        expected, allowed = limit(scene, step)
         scene.set(**loads)
         outcome, ended = "", ""
         try:
@@ -119,7 +119,7 @@ def trial(build: Callable[..., Assembly], options: dict[str, Any]) -> dict[str, 
             right = ended in {"stays": {"stays"}, "moves": {"at its stop"}}.get(allowed, {ended})
         good &= right
         row["steps"].append(
-            f"{said} | {outcome.replace('|', '/')} | {'right' if right else 'WRONG'}"
+            f"{expected} | {outcome.replace('|', '/')} | {'right' if right else 'WRONG'}"
         )
         if ended != "stays":
             break

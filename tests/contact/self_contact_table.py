@@ -24,7 +24,7 @@ Moved = tuple[Driven, Any]
 
 
 def moved(scene: Driven, steps: int, **ends: tuple[float, float]) -> Moved:
-    """The scene with its parts moved to new places, and the path."""
+    """The scene with its parts moved to new positions, and the path."""
     return scene, scene.move(steps, **{name: np.array(end) for name, end in ends.items()})
 
 

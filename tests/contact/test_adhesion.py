@@ -134,7 +134,7 @@ def test_tangent_has_slope_two(degree, law):
 
 
 @pytest.mark.once
-def test_tangent_at_an_obstacle_that_pulls_has_slope_two():
+def test_tangent_with_an_adhesive_obstacle_has_slope_two():
     """The motions of the obstacle are directions of the test, too."""
     circle = fm.Circle((0.5, -2.0), 2.01)
     problem, _ = block_on(circle, law=Sticky(0.3))
@@ -154,7 +154,7 @@ def test_tangent_at_an_obstacle_that_pulls_has_slope_two():
 @pytest.mark.parametrize(
     "pair", [{"law": Sticky(0.3)}, {"law": Clinging(), "sliding": "small"}], ids=["large", "small"]
 )
-def test_all_ways_to_solve_agree(pair, options):
+def test_all_solvers_agree(pair, options):
     """Partly closed, partly open gaps."""
     states = []
     for problem in ({"linear_bulk": False, "solver": "direct"}, options):
@@ -169,7 +169,7 @@ def test_all_ways_to_solve_agree(pair, options):
 
 
 @pytest.mark.once
-def test_friction_by_what_presses_adhesion_included():
+def test_friction_limit_includes_adhesion():
     """Blocks under tension have friction, too."""
     scene = pressed_blocks(pair={"law": Glued(0.3)}, **MESH)
     push, contact = scene.loads["push"], scene.contact

@@ -59,7 +59,7 @@ WRONG_ANSWERS = [
 
 @pytest.mark.each
 @pytest.mark.parametrize("method, spoil, kind, words", WRONG_ANSWERS)
-def test_answer_of_a_law_that_is_none_is_refused(method, spoil, kind, words):
+def test_invalid_result_of_a_law_is_refused(method, spoil, kind, words):
     law = Spoilt(method, spoil)
     law._on = False
     scene = rubbing_blocks(law)
@@ -99,7 +99,7 @@ def test_law_that_raises_on_one_rank_raises_on_all(method, hierarchy):
 
 
 @several_ranks
-def test_law_with_other_answers_on_one_rank_is_refused():
+def test_results_of_a_law_that_differ_on_one_rank_are_refused():
     law = Spoilt("tangential", lambda row: row._replace(residual=row[0] * (2.0 if LAST else 1.0)))
     with refused(fm.MortarError, "equations of contact differ between ranks"):
         rubbing_blocks(law).problem.solve()
@@ -120,7 +120,7 @@ def test_law_with_other_answers_on_one_rank_is_refused():
         (fm.Tresca(1.0), "stress", np.inf, "stress=inf: expected zero or a positive number"),
     ],
 )
-def test_parameter_of_a_law_that_was_set_later_is_refused(law, name, value, words):
+def test_invalid_parameter_set_later_is_refused(law, name, value, words):
     scene, kept = rubbing_blocks(law), getattr(law, name)
     setattr(law, name, value)
     with refused(ValueError, words):
@@ -129,7 +129,7 @@ def test_parameter_of_a_law_that_was_set_later_is_refused(law, name, value, word
     assert scene.problem.solve().converged
 
 
-def test_law_of_a_user_refuses_its_own_parameters():
+def test_user_law_checks_its_parameters():
     class Rough(fm.Coulomb):
         def check(self):
             super().check()
@@ -143,7 +143,7 @@ def test_law_of_a_user_refuses_its_own_parameters():
 
 
 @pytest.mark.parametrize("law", [None, 0.3, fm.Coulomb])
-def test_what_was_set_for_a_law_and_is_none_is_refused(law):
+def test_object_other_than_a_law_is_refused(law):
     scene = rubbing_blocks(fm.Coulomb(0.3))
     scene.contact.pair.law = law
     with refused(ValueError, "law of ContactPair.*: expected an instance of Frictionless, Coulomb"):

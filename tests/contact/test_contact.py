@@ -30,7 +30,7 @@ def test_node_without_partner_has_no_gap_and_is_never_active():
     assert not scene.contact.active[alone].any()
 
 
-def test_complementarity_holds_node_by_node():
+def test_complementarity_holds_at_each_node():
     scene = pressed_blocks(gap=0.02, rotation=0.3, **MESH)
     turn = np.array([np.sin(0.3), -np.cos(0.3)])
     scene.loads["push"].value[:] = 0.05 * turn
@@ -56,10 +56,10 @@ def test_result_does_not_depend_on_the_weight_of_the_gap(c_n):
         assert abs(reports[0].num_iterations - reports[1].num_iterations) <= 1
         assert not reports[1].notes
     else:
-        assert "does not settle" in reports[1].table()
+        assert "does not converge" in reports[1].table()
 
 
-def test_merged_sets_hold_all_nodes_of_the_cycle():
+def test_merged_sets_contain_all_nodes_of_the_cycle():
     scene = pressed_blocks(gap=0.01, **MESH)
     problem, contact = scene.problem, scene.contact
     problem.equations.evaluate(start=True)
@@ -73,7 +73,7 @@ def test_merged_sets_hold_all_nodes_of_the_cycle():
     assert contact.c_n <= 1e-3
 
 
-def test_total_force_is_what_the_nodes_carry():
+def test_total_force_is_the_sum_of_nodal_forces():
     scene = pressed_blocks(**MESH)
     scene.loads["push"].value[1] = -0.05
     scene.problem.solve()
@@ -83,7 +83,7 @@ def test_total_force_is_what_the_nodes_carry():
 
 
 @pytest.mark.once
-def test_node_whose_cover_grows_presses_on(monkeypatch):
+def test_node_with_growing_cover_stays_active(monkeypatch):
     """An edge slides by a facet, and the cover of the node under it increases strongly.
 
     The linear system contains the nodal force; by its multiplier alone, which is tensile, the node
@@ -111,7 +111,7 @@ def test_node_whose_cover_grows_presses_on(monkeypatch):
 
 
 @pytest.mark.serial
-def test_force_of_a_node_whose_cover_grows_is_w_z_to_first_order(monkeypatch):
+def test_force_of_a_node_with_growing_cover_is_w_z_to_first_order(monkeypatch):
     """(w + dw) z for z = z_old, and the change of z times the old weight."""
     scene = pressed_blocks(slave="lower", pair={"law": fm.Coulomb(0.3)}, **MESH)
     contact, equations, u = scene.contact, scene.problem.equations, scene.u
@@ -147,7 +147,7 @@ def test_force_of_a_node_whose_cover_grows_is_w_z_to_first_order(monkeypatch):
 
 
 @pytest.mark.once
-def test_operators_are_those_of_the_nodes_that_carry_multipliers(monkeypatch):
+def test_operators_belong_to_the_multiplier_nodes(monkeypatch):
     """If a node's function is handed over or returned, all operators are integrated again."""
     scene = pressed_blocks(gap=0.01, **{**MESH, "layers_lower": 1})
     contact, equations, u = scene.contact, scene.problem.equations, scene.u

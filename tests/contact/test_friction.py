@@ -77,7 +77,7 @@ def test_tangent_on_an_obstacle_has_slope_two(degree):
 
 @pytest.mark.parametrize("algorithm", ["saddle", "condensed"])
 @pytest.mark.parametrize("degree", [1, 2])
-def test_sticking_blocks_are_one(algorithm, degree):
+def test_sticking_blocks_deform_as_one_block(algorithm, degree):
     """A homogeneous deformation with shear: the multiplier is minus Cauchy's traction.
 
     It is exact up to rounding: the state lies in both spaces, and the meshes do not match.
@@ -106,7 +106,7 @@ def test_sticking_blocks_are_one(algorithm, degree):
 
 @pytest.mark.once
 @pytest.mark.parametrize("law", ["coulomb", "tresca"])
-def test_sliding_block_drags_with_the_whole_bound(law):
+def test_sliding_block_transfers_the_friction_limit(law):
     scene = blocks(LAWS[law])
     records = drive(scene, (0.0, -0.1), (0.1, -0.1), (0.2, -0.1), (0.3, -0.1))
     contact = scene.contact
@@ -118,7 +118,7 @@ def test_sliding_block_drags_with_the_whole_bound(law):
 
 
 @pytest.mark.once
-def test_shear_outside_the_cone_is_told():
+def test_shear_beyond_the_friction_limit_is_reported():
     scene = blocks(fm.Coulomb(0.3))
     drive(scene, (0.0, -0.1), (0.1, -0.1))
     assert scene.problem.certificate().pairs[0].shear < 1e-10
@@ -128,7 +128,7 @@ def test_shear_outside_the_cone_is_told():
     assert any("shear" in violation for violation in certificate.violations())
 
 
-def test_wedge_takes_the_closed_form():
+def test_wedge_agrees_with_the_closed_form():
     """H = W (tan a + mu) / (1 - mu tan a) for any deformation of the block."""
     angle, mu, weight = 0.2, 0.3, 4.0
     plane = fm.Plane((0.0, 0.0), (-np.sin(angle), np.cos(angle)))
@@ -176,12 +176,12 @@ def test_both_algorithms_and_contact_dofs_agree(pair):
         ),
     ],
 )
-def test_wrong_numbers_are_refused(wrong):
+def test_invalid_numbers_are_refused(wrong):
     with pytest.raises(ValueError, match=r"mu=|c_t=|limit_by=|max_shear=|stress=|law=|slip="):
         wrong()
 
 
-def test_edge_that_shear_peels_off_is_named_with_a_law_that_has_a_solution():
+def test_peeling_edge_is_reported_with_a_remedy():
     """A circle slides on a block: when an edge node closes, its shear opens it again."""
     circle, law = fm.Circle((1.3, 2.0), 1.0), fm.Tresca(0.1 * E)
     grid = Grid("block", mapped(20, 6, lambda s, t: (4.0 * s, t)))
@@ -220,7 +220,7 @@ def test_edge_that_shear_peels_off_is_named_with_a_law_that_has_a_solution():
     ],
     ids=str,
 )
-def test_line_through_the_friction_limits_at_a_pressure_and_twice_that(law, slope, shear):
+def test_friction_limit_is_linear_in_the_pressure(law, slope, shear):
     now = blocks(law).contact.now
     found, at_zero, adhesion = now.strength(10.0)
     assert found == pytest.approx(np.full(len(found), slope), abs=1e-14)

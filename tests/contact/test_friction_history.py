@@ -21,7 +21,7 @@ WORKS = "contact", "friction"
 
 @pytest.mark.once
 @pytest.mark.serial
-def test_reversal_closes_a_loop():
+def test_reversed_load_closes_the_hysteresis_loop():
     """Forth and back twice: the second loop equals the first, and its area is the friction work."""
     scene = blocks(fm.Coulomb(0.3))
     top = [0.04, 0.08, 0.04, 0.0, -0.04, -0.08, -0.04, 0.0]
@@ -95,7 +95,7 @@ def test_ironing_in_long_steps_balances_its_work():
     assert defects[1] < 0.6 * defects[0]  # first order would be a half
 
 
-def test_slip_counts_from_the_place_to_which_a_body_was_moved_rigidly():
+def test_slip_is_measured_from_the_position_after_a_rigid_move():
     scene = blocks(fm.Coulomb(0.3))
     drive(scene, (0.0, -0.05), (0.03, -0.05))
     assert np.abs(scene.contact.slip).max() > 1e-4
@@ -104,7 +104,7 @@ def test_slip_counts_from_the_place_to_which_a_body_was_moved_rigidly():
 
 
 @pytest.mark.parametrize("pair", MEASURES)
-def test_rejected_step_leaves_no_trace(shared_path, pair):
+def test_rejected_step_leaves_the_state_unchanged(shared_path, pair):
     """After restoring from memory and from a file, a step has the same result.
 
     Bit for bit on one rank; on several ranks the summation order of MUMPS varies.

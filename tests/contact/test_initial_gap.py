@@ -53,7 +53,7 @@ def lame_pressure(interference):
 
 
 @pytest.mark.once
-def test_overlap_of_polygons_is_interference_and_is_told():
+def test_overlap_of_polygons_is_reported_as_interference():
     problem = press_fit()
     report = problem.solve()
     assert "overlap by up to" in report.table() and "initial_gap=0" in report.table()
@@ -61,7 +61,7 @@ def test_overlap_of_polygons_is_interference_and_is_told():
     assert "overlap" not in problem.solve().table()
 
 
-def test_pair_that_never_faces_is_told():
+def test_pair_without_partners_is_reported():
     """The inside of the inner ring faces its hole: no part of the outer ring is ahead of it."""
     data = read(rings.build, n_inner=16, n_outer=12, layers_inner=3, layers_outer=3)
     V = fm.vector_space(data.mesh, 1)

@@ -43,7 +43,7 @@ def memory(scene):
 
 
 @pytest.mark.once
-def test_restart_goes_on_bit_for_bit(tmp_path):
+def test_restart_is_bitwise_identical(tmp_path):
     whole, part, rest = (blocks(rate_and_state()) for _ in range(3))
     drive(whole, range(1, 6))
     drive(part, range(1, 4))
@@ -101,10 +101,10 @@ def test_failed_step_leaves_time_and_memory():
     assert (memory(one)["theta"] == memory(other)["theta"]).all()
 
 
-def test_path_gives_the_law_its_steps():
+def test_law_receives_the_steps_of_a_path():
     """A path from time 3, with a cut, is the loop over the same times."""
     law = Worn(0.05, 2e-2)
-    seen = []
+    records = []
     path, loop = blocks(law), blocks(law)
 
     def loads(scene, time):
@@ -114,11 +114,11 @@ def test_path_gives_the_law_its_steps():
     fm.follow_path(
         path.problem, lambda t: loads(path, t), fm.SteppingOptions(step=0.5, predict=False),
         start=3.0, stop=5.0,
-        on_step=lambda time, _: seen.append((time, path.contact.nodal.step)),
+        on_step=lambda time, _: records.append((time, path.contact.nodal.step)),
     )  # fmt: skip
     assert path.problem.time == 5.0
     before = 3.0
-    for time, step in seen:
+    for time, step in records:
         assert step == pytest.approx(time - before, rel=1e-12)
         before = time
         loads(loop, time)
@@ -184,7 +184,7 @@ WRONG = [
 
 @pytest.mark.each
 @pytest.mark.parametrize("method, spoil, kind, words", WRONG)
-def test_wrong_answers_are_refused(method, spoil, kind, words):
+def test_invalid_results_are_refused(method, spoil, kind, words):
     law = Wrong(method, spoil)
     scene = blocks(law)
     drive(scene, [1])
@@ -213,7 +213,7 @@ def test_law_that_raises_on_one_rank_raises_on_all(method):
     drive(scene, [2])
 
 
-def test_wrong_start_of_a_memory_is_refused():
+def test_invalid_initial_memory_is_refused():
     law = Wrong("initial", lambda kept: {"depth": [0.0]})
     law._on = True
     with refused(ValueError, r"initial: depth has shape \(1,\)"):
@@ -239,7 +239,7 @@ def test_law_with_a_rate_needs_the_time():
         (lambda X: 1 / 0, "division by zero"),
     ],
 )
-def test_wrong_fields_are_refused(mu, words):
+def test_invalid_fields_are_refused(mu, words):
     law = fm.Coulomb(0.1)
     scene = blocks(law)
     law.mu = mu
@@ -275,7 +275,7 @@ LAWS = {
 @pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize("name", LAWS)
-def test_all_ways_to_solve_agree(name):
+def test_all_solvers_agree(name):
     states = []
     ways = [
         {"algorithm": "condensed", "linear_bulk": False}, {"algorithm": "saddle"},

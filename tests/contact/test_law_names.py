@@ -32,7 +32,7 @@ def test_names_are_checked_at_set_up_and_when_a_law_is_set(names, words):
         problem.solve()
 
 
-def test_a_derived_law_has_its_own_name_and_numbers():
+def test_derived_law_prints_its_name_and_parameters():
     """Messages named ``Worn`` as Coulomb(0.3)."""
     assert repr(fm.Coulomb(0.3)) == "Coulomb(0.3)"
     assert repr(Worn(0.3, 0.01)).startswith("Worn(")

@@ -48,7 +48,7 @@ def test_wear_under_a_held_top_is_implicit_euler(degree):
 
 @pytest.mark.once
 @pytest.mark.parametrize("m", [1.0, 2.0])
-def test_soft_layer_bears_what_its_overlap_says(m):
+def test_soft_layer_pressure_follows_from_its_overlap(m):
     k, depth = 400.0, 0.04
     problem, push, _ = block_on_plane(NormalCompliance(k, m))
     push.value[1] = -depth
@@ -108,7 +108,7 @@ def test_rate_and_state_becomes_steady():
 
 
 @pytest.mark.once
-def test_stribeck_falls_with_the_rate():
+def test_stribeck_friction_decreases_with_the_rate():
     law = Stribeck(0.4, 0.2, 0.05, 0.1)
     problem, push, plane = block_on_plane(law)
     push.value[1] = -0.02
@@ -170,7 +170,7 @@ def test_tangent_has_slope_two(name, degree):
 @pytest.mark.once
 @pytest.mark.each
 @pytest.mark.parametrize("kind", ["vector", "discontinuous", "another mesh"])
-def test_functions_that_are_no_field_of_a_law_are_refused(kind):
+def test_invalid_fields_are_refused(kind):
     law = fm.Coulomb(0.1)
     problem, push, _ = block_on_plane(law)
     V = problem.equations.bulk.V

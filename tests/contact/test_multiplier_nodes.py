@@ -29,7 +29,7 @@ def line():
     ([0.99, 20.0, 20.0, 0.99], [0, 1, 1, 0]),
     ([1.01, 20.0, 20.0, 1.01], [1, 1, 1, 1]),
 ])  # fmt: skip
-def test_function_is_handed_over_to_a_neighbour_that_is_covered_well(cover, carry):
+def test_function_is_handed_over_to_a_covered_neighbour(cover, carry):
     """Covers are in units of the limit below which a function is handed over."""
     nodes = MultiplierNodes(
         line(), np.tile([0.0, 1.0], (COUNT, 1)), np.ones((COUNT, 2)), at_vertices=False

@@ -11,7 +11,7 @@ from fenics_mortar.contact.redundancy import dependent, repeating
 
 
 @pytest.mark.serial
-def test_rows_depend_on_those_before_them():
+def test_dependent_rows_are_found_in_order():
     x, y, z = np.eye(3)
     rows = np.array([x, y, (x + y) / np.sqrt(2.0), z, (x - z) / np.sqrt(2.0)])
     assert dependent(rows).tolist() == [False, False, True, False, True]
@@ -20,7 +20,7 @@ def test_rows_depend_on_those_before_them():
 
 
 @pytest.mark.serial
-def test_only_rows_whose_slave_nodes_other_pairs_touch_are_compared():
+def test_only_rows_of_shared_slave_nodes_are_compared():
     """Pair 0 has slave nodes 1 and 2 on master node 3, pair 1 slave node 3 on 1: 2 is alone."""
     pair = np.array([0, 0, 0, 0, 1, 1])
     row = np.array([0, 0, 2, 2, 0, 0])
@@ -41,7 +41,7 @@ def test_uniform_pressure_across_a_joint_is_exact(cells, slave):
 
 @pytest.mark.once
 @pytest.mark.parametrize("mu, cells", [(0.2, (4,)), (0.6, (4, 6, 2)), (0.4, (3, 5))])
-def test_walls_take_few_iterations_and_tell_of_shears_that_are_not_unique(mu, cells):
+def test_walls_take_few_iterations_and_report_redundant_shears(mu, cells):
     """Running bond, weight, then a quarter of the limit push; 68 to 78 iterations before."""
     scene = supported.wall(2, 2, mu, push=0.25, cells=cells)
     reports = list(scene.solve())
@@ -55,7 +55,7 @@ def test_walls_take_few_iterations_and_tell_of_shears_that_are_not_unique(mu, ce
 
 
 @pytest.mark.once
-def test_state_of_redundant_shears_is_kept_by_a_further_solve():
+def test_repeated_solve_keeps_redundant_shears():
     scene = supported.wall(2, 2, 0.6, push=0.25)
     list(scene.solve())
     before = [contact.z.copy() for contact in scene.problem.equations.contacts]
@@ -66,7 +66,7 @@ def test_state_of_redundant_shears_is_kept_by_a_further_solve():
         assert np.abs(contact.z - z).max() < 1e-5 * largest
 
 
-def test_marks_of_the_last_solve_are_cleared_where_the_next_begins():
+def test_next_solve_clears_redundancy_marks():
     """Within a solve a mark remains as long as the node sticks."""
     problem = small_blocks(pair={"law": fm.Coulomb(0.5)}).problem
     contact = problem.equations.contacts[0]

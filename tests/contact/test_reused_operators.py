@@ -11,7 +11,7 @@ from fenics_mortar.verify.corners import runs_of
 MESH = {"n_upper": 4, "n_lower": 5, "layers_upper": 2, "layers_lower": 2}
 
 
-def test_operators_are_those_of_the_last_place():
+def test_operators_belong_to_the_last_place_of_the_obstacle():
     problem = pressed_blocks(**MESH).problem
     equations = problem.equations
     contact, u = equations.contacts[0], equations.bulk.u.x.array

@@ -34,7 +34,7 @@ def imbalance(scene):
 
 
 @pytest.mark.parametrize("law", [None, MU])
-def test_ends_of_a_ring_as_with_chosen_sides(law):
+def test_ends_of_a_ring_agree_with_chosen_sides(law):
     """Two surfaces that may touch: the first one in the order is the slave."""
     chosen = close(lambda data: [fm.ContactPair(data, *ENDS, law=law)])
     found = close(with_itself(ENDS, law=law))
@@ -46,7 +46,7 @@ def test_ends_of_a_ring_as_with_chosen_sides(law):
 
 
 @pytest.mark.once
-def test_whole_outline_of_a_ring_as_with_chosen_sides():
+def test_whole_outline_of_a_ring_agrees_with_chosen_sides():
     """Corners of the ends are inside of the surface; sides may be chosen either way."""
     both = [close(lambda data, e=e: [fm.ContactPair(data, *e)]) for e in (ENDS, ENDS[::-1])]
     whole = close(with_itself(RING))
@@ -73,7 +73,7 @@ def test_strip_folded_into_an_s_touches_on_both_sides(order):
 
 
 @pytest.mark.once
-def test_no_facet_is_a_master_of_its_neighbours_or_of_those_before():
+def test_facets_are_no_masters_of_neighbours_or_of_their_masters():
     surface = strip_in_s(with_itself("strip/outline")).contact.slave
     count = len(surface.facets)
     masters = surface.roles.masters_of(np.arange(count))
@@ -85,7 +85,7 @@ def test_no_facet_is_a_master_of_its_neighbours_or_of_those_before():
 
 
 @pytest.mark.once
-def test_numbers_of_nodes_do_not_matter():
+def test_result_is_independent_of_node_numbers():
     one, other = (close(with_itself(RING), reverse=reverse) for reverse in (False, True))
     assert np.allclose(one.contact.slave.X, other.contact.slave.X, atol=1e-14)
     assert np.array_equal(one.contact.active, other.contact.active)

@@ -77,7 +77,7 @@ CASES = {
 
 @pytest.mark.serial
 @pytest.mark.parametrize("name", CASES)
-def test_found_sides_are_as_chosen_ones(name):
+def test_found_sides_agree_with_chosen_ones(name):
     compare(**CASES[name])
 
 
@@ -90,7 +90,7 @@ def test_a_surface_in_contact_with_itself_wears():
 
 @pytest.mark.serial
 @pytest.mark.parametrize("scheme", ["generalized_alpha", "massless", "conserving"])
-def test_found_sides_are_as_chosen_ones_with_mass(scheme):
+def test_found_sides_agree_with_chosen_ones_in_dynamics(scheme):
     """With "massless", found sides have no mass on both sides: results are nearly equal."""
     found = []
     for sides in (ENDS, [ENDS]):

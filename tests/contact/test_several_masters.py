@@ -67,7 +67,7 @@ def test_flanks_of_a_groove_share_the_load_of_a_disk(half, depth):
 
 
 @pytest.mark.once
-def test_nearest_of_two_is_the_same_where_no_node_sees_both():
+def test_nearest_master_is_the_only_visible_one():
     """The nearer flank as a single obstacle: another formula with equal results."""
     problem, sides = disk(np.pi / 4, 0.02)
     problem.solve()
@@ -90,7 +90,7 @@ def test_nearest_of_two_is_the_same_where_no_node_sees_both():
 
 
 @pytest.mark.once
-def test_tangent_and_the_form_of_the_system():
+def test_tangent_is_exact_for_both_systems():
     """Taylor slopes with nodes active on both masters; reasons against condensation."""
     problem, _ = disk(np.pi / 3, 0.02)
     for contact in problem.equations.contacts:
@@ -144,7 +144,7 @@ def test_corner_in_the_tip_of_a_groove_is_pressed_evenly(strain, sliding):
 
 
 @pytest.mark.once
-def test_driven_separately():
+def test_obstacles_are_driven_separately():
     """Two walls of a channel press a disk supported by them alone, each with a separate force."""
     walls = (
         fm.Plane((-1.05, 0.0), (1.0, 0.0), name="left"),

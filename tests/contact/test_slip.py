@@ -16,7 +16,7 @@ from meshes.mapped_grids import Grid, mapped
 @pytest.mark.once
 @pytest.mark.parametrize("pair", MEASURES)
 @pytest.mark.parametrize("degree", [1, 2])
-def test_slip_by_operators_is_the_usual_one(degree, pair):
+def test_slip_by_operators_agrees_with_its_formula(degree, pair):
     """-tau . [(D - D_old) x - (M - M_old) x] per weight; that by partners is close to it."""
     mesh = {**(MESH if degree == 1 else SMALL), "gap": 0.01}
     scene = blocks(fm.Coulomb(0.3), mesh=mesh, degree=degree, pair=pair)
@@ -39,7 +39,7 @@ def test_slip_by_operators_is_the_usual_one(degree, pair):
 @pytest.mark.once
 @pytest.mark.parametrize("pair", MEASURES)
 @pytest.mark.parametrize("degree", [1, 2])
-def test_rigid_rotation_is_no_slip(degree, pair):
+def test_rigid_rotation_gives_no_slip(degree, pair):
     """Two bodies with a curved, open interface beyond its ends; all turn by one radian."""
     scene = blocks(fm.Coulomb(0.3), degree=degree, pair=pair)
     drive(scene, (0.03, -0.05))
@@ -52,7 +52,7 @@ def test_rigid_rotation_is_no_slip(degree, pair):
     assert np.abs(contact.slip).max() < 1e-13
 
 
-def test_slip_on_an_obstacle_is_against_its_material():
+def test_slip_on_an_obstacle_is_relative_to_its_material():
     """A plane that moves tangentially under a fixed block, and one that rotates with the block."""
     plane = fm.Plane((0.0, 0.0), (0.0, 1.0))
     problem, _ = block_on(plane, law=fm.Coulomb(0.3))
@@ -70,7 +70,7 @@ def test_slip_on_an_obstacle_is_against_its_material():
 
 
 @pytest.mark.parametrize("pair", MEASURES)
-def test_nodes_that_enter_slip_by_the_motion_of_their_material(pair):
+def test_entering_nodes_slip_by_the_motion_of_their_material(pair):
     """A block slides over the edge of another: nodes that faced nothing have the rigid slip."""
     scene = blocks(fm.Coulomb(0.3), mesh={**MESH, "offset": 1.8, "gap": 0.1}, pair=pair)
     contact = scene.contact
@@ -153,7 +153,7 @@ def bowed_block_under_a_tool(half, degree):
 
 @pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
-def test_half_of_a_symmetric_scene_has_the_shears_and_slips_of_the_whole(degree):
+def test_half_model_has_the_shears_and_slips_of_the_full_model(degree):
     """The remaining difference is the solver's tolerance."""
     (shear, pressure, slip), (half_shear, half_pressure, half_slip) = (
         bowed_block_under_a_tool(half, degree) for half in (False, True)

@@ -32,7 +32,7 @@ from meshes.mapped_grids import Grid, block, build
 
 
 @pytest.mark.parametrize("roles", list(product((True, False), repeat=4))[::3])
-def test_four_blocks_meet_in_a_point_whatever_their_roles(roles):
+def test_four_tied_blocks_share_a_corner_for_all_roles(roles):
     data, pairs = four_blocks(roles)
     around = ["a/top", "b/top", "c/bottom", "d/bottom", "a/left", "c/left", "b/right", "d/right"]
     problem, exact = tied(data, pairs, around, STRAIN - np.eye(2), algorithm="condensed")
@@ -48,7 +48,7 @@ def test_four_blocks_meet_in_a_point_whatever_their_roles(roles):
 
 
 @pytest.mark.once
-def test_four_blocks_are_as_stiff_as_one():
+def test_four_tied_blocks_are_as_stiff_as_one():
     """Only top and bottom are fixed; the middle may not open."""
     found, stretch = [], np.diag([0.0, 0.1])
     data, pairs = four_blocks()
@@ -72,7 +72,7 @@ def force_on(problem, height):
 
 @pytest.mark.once
 @pytest.mark.parametrize("slave, system", [("tool", "Condensed"), ("ground", "Saddle")])
-def test_a_tool_slides_over_the_joint_of_tied_halves_as_over_one_base(slave, system):
+def test_sliding_over_a_tied_joint_agrees_with_one_base(slave, system):
     problem, reports = tool_on_halves(slave=slave)
     assert type(problem.equations.system).__name__ == f"{system}System"
     contact, tie = problem.equations.contacts
@@ -88,7 +88,7 @@ def test_a_tool_slides_over_the_joint_of_tied_halves_as_over_one_base(slave, sys
 
 @pytest.mark.once
 @pytest.mark.parametrize("slave", ["tool", "ground"])
-def test_a_contact_surface_goes_on_across_the_joint(slave):
+def test_contact_surface_may_cross_the_joint(slave):
     """With friction, too: one curve, on which the two corners are one node."""
     problem, reports = tool_on_halves(slave=slave, law=fm.Coulomb(0.2))
     contact = problem.equations.contacts[0]
@@ -130,14 +130,14 @@ def test_a_body_supported_by_a_tie_alone_does_not_float():
     assert np.abs(problem.equations.contacts[0].pressure + 1.0).max() < 1e-10
 
 
-def test_result_is_that_of_one_rank():
+def test_result_is_independent_of_the_number_of_ranks():
     together, alone = (tool_on_halves(comm=group)[0] for group in (comm, MPI.COMM_SELF))
     for one, other in zip(together.equations.contacts, alone.equations.contacts, strict=True):
         assert np.array_equal(one.active, other.active)
         assert np.abs(one.z - other.z).max() < 1e-10 * np.abs(other.z).max()
 
 
-def test_saved_states_and_tables_know_ties(shared_path):
+def test_states_and_tables_contain_ties(shared_path):
     problem, _ = tool_on_halves()
     fm.save_state(problem, str(shared_path / "state.npz"))
     other, _ = tool_on_halves()
@@ -168,7 +168,7 @@ def test_unknown_options_are_refused(options, message):
         fm.TiedPair(blocks(), *ROLES[0], **pair_options(options))
 
 
-def test_what_cannot_be_tied_is_refused():
+def test_invalid_ties_are_refused():
     data = blocks(gap=0.4)
     with pytest.raises(fm.MeshError, match="no boundary 'upper/botom'"):
         fm.TiedPair(data, "upper/botom", "lower/top")

@@ -57,7 +57,7 @@ def test_uniaxial_tension_passes_with_its_traction(degree, counts, basis):
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("sides", [("inner/bottom", "outer/top"), ("outer/top", "inner/bottom")])
 @pytest.mark.parametrize("degree", [1, 2])
-def test_turned_rings_are_free_of_stress_and_torques_cancel(degree, sides, algorithm):
+def test_rotated_rings_are_stress_free(degree, sides, algorithm):
     """The gap of some 1e-2 or 1e-4 between the facets is removed: rigid motions are solutions."""
     turn, data = rotation(0.8) - np.eye(2), ring_data(degree)
     pair = fm.TiedPair(data, *sides)
@@ -75,7 +75,7 @@ def test_turned_rings_are_free_of_stress_and_torques_cancel(degree, sides, algor
     assert certificate.moment < 1e-14 and certificate.force < 1e-14 and certificate.overlap < 1e-13
 
 
-def test_a_kept_gap_does_not_turn_with_the_bodies():
+def test_tied_gap_does_not_rotate_with_the_bodies():
     """It therefore strains them and causes a torque; the mesh is not moved."""
     data, turn = ring_data(1), rotation(0.8) - np.eye(2)
     pair = fm.TiedPair(data, "inner/bottom", "outer/top", gap="kept")

@@ -78,7 +78,7 @@ def test_loads_that_do_not_continue_start_from_the_last_state(load):
 
 
 @pytest.mark.once
-def test_after_a_turn_two_states_of_the_new_direction_lead_on():
+def test_after_a_reversal_two_new_states_are_extrapolated():
     starts, states = pressed_twice()
     begun, _ = starts.solve(0.0, -0.08)
     assert np.array_equal(begun, states[1])
@@ -88,7 +88,7 @@ def test_after_a_turn_two_states_of_the_new_direction_lead_on():
 
 
 @pytest.mark.once
-def test_states_and_laws_that_a_user_sets_are_taken_as_they_are():
+def test_states_and_laws_set_by_the_user_are_not_extrapolated():
     starts, states = pressed_twice(pair={"law": ROUGH})
     starts.problem.equations.bulk.u.x.array[:] = states[0]
     assert np.array_equal(starts.solve(0.0, -0.15)[0], states[0])
@@ -101,7 +101,7 @@ def test_states_and_laws_that_a_user_sets_are_taken_as_they_are():
 
 
 @pytest.mark.once
-def test_step_that_failed_and_is_cut_by_the_user_is_part_of_the_path():
+def test_step_cut_by_the_user_continues_the_path():
     """After a failed guess the next step has no guess; the following one has a guess."""
     starts, states = pressed_twice()
     here, options = starts.problem.state(), starts.problem.newton
@@ -117,7 +117,7 @@ def test_step_that_failed_and_is_cut_by_the_user_is_part_of_the_path():
 
 
 @pytest.mark.once
-def test_plain_loop_takes_the_iterations_of_a_path():
+def test_plain_loop_needs_the_iterations_of_follow_path():
     loads = np.linspace(0.0, 1.0, 6)[1:]
 
     def at(scene, time):

@@ -38,7 +38,7 @@ def bent(u, E, nu):
 
 
 @pytest.mark.once
-def test_first_solve_is_on_the_contact_dofs_and_says_why():
+def test_first_solve_on_contact_dofs_reports_its_reason():
     scene, report = solved(linear_elastic)
     dofs = 2 * (scene.contact.slave.num_nodes + scene.contact.master.num_nodes)
     assert f"factored once, Newton's method on {dofs} contact dofs" in report.solver
@@ -50,7 +50,7 @@ def test_first_solve_is_on_the_contact_dofs_and_says_why():
 
 
 @pytest.mark.parametrize("material", [neo_hookean, bent])
-def test_no_other_residual_counts_as_linear(material):
+def test_nonlinear_residuals_are_recognized(material):
     scene, report = solved(material)
     assert not scene.problem.equations.bulk.is_linear
     assert "linear bulk" not in report.solver and "factors by" in report.solver
@@ -59,7 +59,7 @@ def test_no_other_residual_counts_as_linear(material):
 @pytest.mark.parametrize(
     "options, words", [({"dense": 1e9}, "are many"), ({"per_entry": 1e9}, "memory")]
 )
-def test_dense_matrices_that_cost_more_are_not_made(monkeypatch, options, words):
+def test_costly_dense_matrices_are_avoided(monkeypatch, options, words):
     monkeypatch.setattr(linear_bulk, "COSTS", replace(COSTS, **options))
     scene, report = solved(linear_elastic)
     assert words in report.solver and "factored in every iteration" in report.solver
@@ -67,7 +67,7 @@ def test_dense_matrices_that_cost_more_are_not_made(monkeypatch, options, words)
 
 
 @pytest.mark.once
-def test_many_solves_pay_for_dense_matrices(monkeypatch):
+def test_dense_matrices_are_made_for_many_solves(monkeypatch):
     """The general method was predicted to be cheaper for one solve; after many solves it is not."""
     unknowns = pressed_blocks(material=linear_elastic, **MESH).problem.equations.bulk.r.getSize()
     twice = COSTS.factors(unknowns, 2 * COSTS.expected) / (1e-6 * unknowns)
@@ -81,7 +81,7 @@ def test_many_solves_pay_for_dense_matrices(monkeypatch):
 
 
 def disc_on_block(reduced):
-    """A half disc on a block, whose facets are ten times shorter than the way of its flat side."""
+    """A half disc on a block; its facets are a tenth of the displacement of its flat side."""
     build = half_cylinder_on_block.build
     data = read(build, radius=1.0, width=4.0, height=2.0, h=0.012, fine=0.05, growth=0.4)
     V = fm.vector_space(data.mesh, 1)

@@ -102,7 +102,7 @@ def test_multigrid_of_tied_bodies():
 
 
 @pytest.mark.once
-def test_transposed_iterations_are_about_as_many():
+def test_transposed_solve_needs_about_as_many_iterations():
     problem = rubbing("condensed", solver="iterative")
     b, counts = random_vector(problem, 0, (1.0, 1.0, 1.0)), []
     for transpose in (False, True):
@@ -153,7 +153,7 @@ def test_sensitivities_are_those_of_the_solution():
         ({"q": np.full((0, 3), 1.0), "z": [np.full((6, 2), np.nan)]}, "z is not finite"),
     ],
 )
-def test_wrong_right_hand_sides_are_refused(rhs, words):
+def test_invalid_right_hand_sides_are_refused(rhs, words):
     problem = pressed_blocks(**MESH).problem
     with pytest.raises(ValueError, match=words):
         problem.linear_solve(fm.LinearVector(**rhs))

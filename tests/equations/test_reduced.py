@@ -39,7 +39,7 @@ def pair_of(**options):
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("linearization", ["full", "frozen"])
-def test_iterates_are_those_of_the_general_path(slave, algorithm, linearization):
+def test_iterates_agree_with_the_general_equations(slave, algorithm, linearization):
     options = {"algorithm": algorithm, "linearization": linearization}
     general, reduced = pair_of(slave=slave, problem=options)
     equations, _ = reduced.problem._solver.linear_bulk.choose()
@@ -69,7 +69,7 @@ def test_iterates_are_those_of_the_general_path(slave, algorithm, linearization)
     [(PATH, {}), (EDGE, {"slave": "lower", "pair": {"law": fm.Coulomb(0.3)}})],
     ids=["pressed", "edge"],
 )
-def test_load_steps_take_the_same_iterations(path, scene, algorithm):
+def test_load_steps_need_the_same_iterations(path, scene, algorithm):
     general, reduced = pair_of(problem={"algorithm": algorithm}, **scene)
     for step in path:
         reports = []
@@ -86,7 +86,7 @@ def test_load_steps_take_the_same_iterations(path, scene, algorithm):
 
 
 @pytest.mark.once
-def test_a_step_on_all_dofs_in_between_changes_nothing():
+def test_intermediate_step_on_all_dofs_changes_nothing():
     """Such a step adds contact terms to K, which must not be present for the next direction.
 
     The upper block is one cell high: contact terms are added to rows with prescribed values.
@@ -149,7 +149,7 @@ def test_new_stiffness_is_factored_anew():
         assert largest(u - w) < 1e-9 * largest(u)
 
 
-def test_body_supported_by_contact_alone_takes_the_general_path_and_says_so():
+def test_body_supported_by_contact_is_solved_on_all_dofs():
     problem, loads = loaded_blocks(True, fixed="lower")
     loads["weight"].value[1] = -1.0
     report = problem.solve()
@@ -174,7 +174,7 @@ def test_choice_follows_from_the_form():
 
 
 @pytest.mark.once
-def test_forced_where_the_bulk_is_not_linear_it_notices():
+def test_linear_bulk_with_a_nonlinear_residual_is_refused():
     """The residual of a bulk that is not linear is checked at the end."""
     scenes = [
         pressed_blocks(material=neo_hookean, problem={"linear_bulk": reduced}, **MESH)

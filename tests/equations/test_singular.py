@@ -15,13 +15,13 @@ from meshes import two_blocks
 
 
 @pytest.mark.once
-def test_body_that_loads_pull_off_is_named_with_its_motion():
+def test_body_pulled_off_is_named_with_its_motion():
     problem = pushed_block(load=1.0)
     with refused(fm.NotConvergedError, r"body 'upper' can (move|rotate) .* freely", "stop"):
         problem.solve()
 
 
-def test_body_is_described_by_its_place_where_there_are_no_names():
+def test_unnamed_body_is_described_by_its_position():
     data = blocks_of_arrays()
     u = fem.Function(fm.vector_space(data.mesh, 1))
     bcs = [fm.dirichlet(u.function_space, data, "base", (0.0, 0.01))]
@@ -33,7 +33,7 @@ def test_body_is_described_by_its_place_where_there_are_no_names():
 
 
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
-def test_contact_alone_supports_a_body_that_touches(algorithm):
+def test_touching_body_is_supported_by_contact(algorithm):
     """Nodes that touch are active from the start; only sliding is prescribed."""
     problem = pushed_block(pin=(0,), algorithm=algorithm)
     assert problem.solve().converged
@@ -57,7 +57,7 @@ def test_body_without_stiffness_is_refused():
 
 
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
-def test_singular_system_is_reported_and_can_be_mended(algorithm):
+def test_singular_system_is_reported_and_can_be_repaired(algorithm):
     data = read(two_blocks.build, **SMALL)
     u = fem.Function(fm.vector_space(data.mesh, 1))
     V, E = u.function_space, fem.Constant(data.mesh, 100.0)

@@ -27,7 +27,7 @@ def small_blocks(**options):
     return pressed_blocks(**{"material": linear_elastic, "pair": pair, **MESH, **options})
 
 
-def test_one_factorization_and_the_general_paths_agree():
+def test_single_factorization_agrees_with_the_general_equations():
     """Alg. 1, Alg. 2 and the complementarity problem of the pressures have equal results."""
     choices = ({}, *({"linear_bulk": False, "algorithm": a} for a in ("condensed", "saddle")))
     scenes = [small_blocks(problem=choice) for choice in choices]
@@ -79,7 +79,7 @@ def test_converges_quadratically_with_a_bulk_of_finite_strain():
     assert all(slope > 1.95 for slope in slopes.values()), slopes
 
 
-def test_law_is_symmetric_and_conserves():
+def test_contact_law_is_symmetric_and_conservative():
     """The gap's derivative is minus the force of a unit pressure; slave and master balance."""
     scene = small_blocks()
     scene.loads["push"].value[:] = PATH[1]
@@ -156,6 +156,6 @@ def test_friction_on_undeformed_operators():
     assert np.abs(shear).max() > 0.01 * np.abs(scenes[0].contact.total_force).max()
 
 
-def test_word_is_checked():
+def test_option_is_checked():
     with pytest.raises(ValueError, match="sliding='none': expected one of finite, small"):
         small_blocks(pair={"sliding": "none"})

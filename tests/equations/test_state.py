@@ -64,7 +64,7 @@ def everything(problem):
 
 @pytest.mark.once
 @pytest.mark.parametrize("pair", [{}, {"law": fm.Coulomb(0.3)}, {"sliding": "small"}])
-def test_restored_state_gives_back_every_number(pair):
+def test_restored_state_is_bitwise_identical(pair):
     """After other loads, another offset, a cycle's weight of the gap and a failed solve."""
     scene = pressed_blocks(material=neo_hookean, n_upper=6, n_lower=9, pair=pair)
     problem, contact, push = scene.problem, scene.contact, scene.loads["push"]
@@ -89,7 +89,7 @@ def test_restored_state_gives_back_every_number(pair):
         assert np.array_equal(value, after[name], equal_nan=value.dtype.kind == "f"), name
 
 
-def test_users_set_offset_and_weight_by_the_pair():
+def test_offset_and_weight_are_set_through_the_pair():
     problem = pressed_blocks(n_upper=3, n_lower=4).problem
     view = problem.contacts[0]
     view.offset, view.c_n = np.full(4, 0.01), 0.5
@@ -99,7 +99,7 @@ def test_users_set_offset_and_weight_by_the_pair():
         view.offset = np.zeros(2)
 
 
-def test_pair_shows_what_users_read():
+def test_pair_shows_public_results():
     scene = pressed_blocks(n_upper=6, n_lower=9, pair={"law": fm.Coulomb(0.3)})
     scene.loads["push"].value[:] = (0.0, -0.02)
     scene.problem.solve()

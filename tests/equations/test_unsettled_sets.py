@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Active sets that do not settle without floating bodies: sets of the linearized problem."""
+"""Active sets that do not converge, without floating bodies: sets of the linearized problem."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def plates(cell, law):
 @pytest.mark.once
 @pytest.mark.parametrize("mu", [0.0, 0.3, 2.0])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-def test_thin_plates_that_touch_settle(cell, mu):
+def test_sets_of_touching_thin_plates_converge(cell, mu):
     """Bent plates open and close over wide parts simultaneously; the force grows with the push."""
     problem, push = plates(cell, fm.Coulomb(mu) if mu else None)
     forces = []
@@ -55,7 +55,7 @@ def test_thin_plates_that_touch_settle(cell, mu):
     assert forces[1] / forces[0] == pytest.approx(2.0, rel=1e-3)  # a receding contact is linear
 
 
-def test_nothing_is_linearized_where_nothing_may_touch():
+def test_no_linearized_problem_without_possible_contact():
     """As after a hook has snapped: an error of numpy before."""
     scene = small_blocks()
     scene.loads["push"].value[1] = 1.0
@@ -65,7 +65,7 @@ def test_nothing_is_linearized_where_nothing_may_touch():
 
 
 def test_multipliers_of_the_linearized_problem_are_those_of_small_loads():
-    """A block of two tied parts pushed onto another, both parts held."""
+    """A block of two tied parts pushed onto another, both parts supported."""
     data = read(
         rectangles,
         size=0.21,

@@ -27,7 +27,7 @@ from fenics_mortar.bulk.axis import radial_dofs_on_axis
         ({"geometry": "axisymmetric"}, "nodes have x < 0"),
     ],
 )
-def test_refused(options, error):
+def test_invalid_axisymmetric_problems_are_refused(options, error):
     with pytest.raises((ValueError, fm.MortarError), match=error):
         pressed_blocks(problem=options, n_upper=2, n_lower=3, rotation=0.1)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Names, tags and surfaces that are refused, and surfaces that are sound."""
+"""Names, tags and surfaces that are rejected, and valid surfaces."""
 
 import re
 
@@ -28,7 +28,7 @@ from meshes import two_blocks
 # Names and tags
 
 
-def test_unknown_name_of_a_side_lists_the_known_ones():
+def test_unknown_side_lists_the_known_names():
     data = read(two_blocks.build, **SMALL)
     with refused(fm.MeshError, "no boundary 'punch'", "lower/bottom.*upper/top"):
         fm.ContactPair(data, "punch", "lower/top")
@@ -37,7 +37,7 @@ def test_unknown_name_of_a_side_lists_the_known_ones():
 
 
 @pytest.mark.parametrize("name", [None, ["upper/bottom", None], 1.5])
-def test_what_is_no_name_is_refused_as_unknown(name):
+def test_invalid_name_is_refused_as_unknown(name):
     data = read(two_blocks.build, **SMALL)
     unknown = name[-1] if isinstance(name, list) else name
     with refused(fm.MeshError, re.escape(f"no boundary {unknown!r}"), "upper/bottom"):
@@ -110,7 +110,7 @@ def test_facets_inside_a_body_are_refused():
 @pytest.mark.ranks
 @pytest.mark.parametrize("tagged_by", ["both ranks", "owner", "the other"])
 def test_facets_between_two_ranks_are_known_to_be_inside(tagged_by):
-    """Without ghost cells (dolfinx 0.9) a rank sees only one cell of such a facet."""
+    """Without ghost cells (dolfinx 0.9) a rank has only one cell of such a facet."""
     cells, x = grid(8, 8)
     mesh = mesh_of(cells, x)
     mesh.topology.create_connectivity(1, 2)
@@ -144,7 +144,7 @@ def test_facets_between_two_ranks_are_known_to_be_inside(tagged_by):
 def test_branching_surface_is_refused(case):
     """Cells that meet in one corner only, with the whole outline as one surface.
 
-    If the corner lies between ranks, dolfinx makes two nodes of it, without a word.
+    If the corner lies between ranks, dolfinx makes two nodes of it without a warning.
     """
     if case == "two squares":
         one, x = grid(2, 2)

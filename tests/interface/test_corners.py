@@ -92,7 +92,7 @@ def test_a_corner_between_two_walls_keeps_its_averaged_normal():
 @pytest.mark.parametrize("slave", ["left", "right"])
 @pytest.mark.parametrize("mu", [0.0, 0.2])
 @pytest.mark.parametrize("cells", [9, 12])
-def test_arm_on_arm_goes_its_way_with_either_role(slave, mu, cells):
+def test_arm_slides_over_arm_with_either_role(slave, mu, cells):
     """The tips lie on the flats at first, then press on them at an angle: no step is cut."""
     scene = arms(slave, mu, cells=cells)
     path = scene.follow([(0.0, 0.0), (0.0, -0.12)], 6)

@@ -11,7 +11,7 @@ from fenics_mortar.interface.facing import nearest_facets
 pytestmark = pytest.mark.serial
 
 
-def test_nearest_facet_is_that_of_the_nearest_point_not_of_the_nearest_node():
+def test_nearest_facet_contains_the_nearest_point():
     m = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 2.0)])
     surface = SimpleNamespace(facets=np.array([[0, 1], [1, 2]]))
     x = np.array([(0.8, 0.1), (0.9, 0.6), (0.2, -0.3), (-0.5, 0.1), (1.2, 2.5)])

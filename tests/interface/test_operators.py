@@ -108,6 +108,6 @@ def test_derivative_matrices_are_the_change_of_the_operators(degree):
         assert error < 1e-8, name
 
 
-def test_facets_are_shared_evenly_whoever_owns_them():
+def test_facets_are_distributed_evenly_over_ranks():
     sizes = comm.allgather(share_of(np.arange(101), comm).size)
     assert sum(sizes) == 101 and max(sizes) - min(sizes) <= 1

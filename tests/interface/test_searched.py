@@ -14,7 +14,7 @@ SEARCHED = LINEARIZATIONS["full"]
 
 
 @pytest.mark.parametrize("drop, searches", [([3], 0), ([0, 1, 2, 3], 1)], ids=["one", "a facet"])
-def test_operators_are_those_of_a_new_search_to_the_bit(drop, searches, monkeypatch):
+def test_operators_are_bitwise_those_of_a_new_search(drop, searches, monkeypatch):
     scene = pressed_blocks(n_upper=6, n_lower=8)
     scene.loads["push"].value[:] = 0.01, -0.05
     scene.problem.solve()

@@ -88,7 +88,7 @@ def plates(outlines, slave="lower", height=0.1, degree=1, **options):
     {}, {"strain": "linear"}, {"integration": "elements"}, {"integration": "nodes"},
     {"sliding": "small"}, {"law": fm.Coulomb(0.3)},
 ])  # fmt: skip
-def test_plates_with_whole_outlines_are_those_with_the_sides_that_meet(options, slave):
+def test_plates_with_whole_outlines_agree_with_chosen_sides(options, slave):
     """Whichever is the slave: at corners that lie flat the normal is that of the flat facet."""
     found = []
     for outlines in (True, False):
@@ -116,6 +116,19 @@ def test_thin_plates_are_pressed_deep(slave, degree, depths):
     assert forces[0] == pytest.approx(forces[1], rel=1e-8)
 
 
+def test_facets_longer_than_plates_are_thick_have_no_partner_through_both():
+    """The lower plate's bottom and the upper one's top face each other, two thicknesses behind."""
+    grids = [
+        whole("lower", block(4, 1, width=1.6, height=0.1, corner=(-0.8, -0.1))),
+        whole("upper", block(3, 1, width=0.9, height=0.1, corner=(-0.45, 0.0))),
+    ]
+    fixed = [(at(0, -0.8), None), (at(1, 0.1), None)]
+    contact = Scene(grids, [("lower", "upper")], fixed).contact
+    bottom = np.isclose(contact.slave.X[:, 1], -0.1)
+    assert bottom.any() and contact.covered[~bottom].any()
+    assert not contact.covered[bottom].any()
+
+
 @pytest.mark.parametrize("slave", ["lower", "upper"])
 def test_thin_plate_is_pressed_by_more_than_its_thickness_in_one_step(slave):
     """It penetrates a thick block from a distance: the shorter way out is backwards."""
@@ -132,7 +145,7 @@ def test_thin_plate_is_pressed_by_more_than_its_thickness_in_one_step(slave):
 
 
 @pytest.mark.once
-def test_a_radius_is_a_bound_behind_as_well():
+def test_search_radius_also_limits_partners_behind():
     """With a radius below the overlap of two bodies no partner is found."""
     data = read(lambda: mapped_grids.build([
         Grid("lower", block(4, 4, width=1.0, height=1.0, corner=(0.0, -0.9))),
@@ -151,7 +164,7 @@ def test_a_radius_is_a_bound_behind_as_well():
 
 @pytest.mark.once
 @pytest.mark.parametrize("coated", ["slave", "master"])
-def test_tied_bodies_are_as_thick_as_both_together(coated):
+def test_thickness_of_tied_bodies_is_their_sum(coated):
     """Pressed in one step by more than the coating is thick."""
     thin, thick = 0.01, 0.5
     low = thin if coated == "slave" else 0.0
@@ -176,7 +189,7 @@ def test_tied_bodies_are_as_thick_as_both_together(coated):
 @pytest.mark.once
 @pytest.mark.parametrize("slave", ["left", "right"])
 @pytest.mark.parametrize("outlines", [False, True])
-def test_beam_goes_past_a_beam(slave, outlines):
+def test_beam_passes_a_beam(slave, outlines):
     """Aside, down and back by little more than both are thick: it rests below, unloaded."""
     body = whole if outlines else Grid
     grids = [
@@ -232,14 +245,14 @@ def test_hook_snaps_behind_a_catch(slave, barb, wide):
     pair = [slave, "catch" if slave == "hook" else "hook"]
     fixed = [(at(1, -0.2 - barb), None), (at(0, 2.0), None)]
     scene = Scene(grids, [pair], fixed)
-    seen = []
+    records = []
     fm.follow_path(
         scene.problem,
         lambda time: scene.move(1, -1.5 * time, 0.03),
         fm.SteppingOptions(0.05, smallest=1e-3),
-        on_step=lambda time, report: seen.append((time, *scene.contact.total_force)),
+        on_step=lambda time, report: records.append((time, *scene.contact.total_force)),
     )
-    time, force, _ = np.transpose(seen)
+    time, force, _ = np.transpose(records)
     first = (0.6 - wide - 0.05) / 1.5  # until then the bumps are beside each other
     assert np.abs(force[time < first]).max(initial=0.0) == 0.0
     push = force * (1.0 if slave == "hook" else -1.0)
@@ -273,7 +286,7 @@ def on_its_corner(tilt, reach, wall):
 
 @pytest.mark.once
 @pytest.mark.parametrize("tilt, reach", [(-10.0, 0.1), (-25.0, 0.1), (-10.0, 0.3)])
-def test_corner_that_touches_does_not_feel_a_wall_that_its_other_side_sees(tilt, reach):
+def test_touching_corner_has_no_partner_on_a_distant_wall(tilt, reach):
     """The wall is opposite to the facet that faces the floor, 3 to 4 facets away."""
     forces = []
     for wall in (False, True):

@@ -34,7 +34,7 @@ def tubes(outlines, slave="inner", degree=1, **options):
 @pytest.mark.once
 @pytest.mark.parametrize("slave", ["inner", "outer"])
 @pytest.mark.parametrize("degree", [1, 2])
-def test_tube_in_a_tube_with_whole_outlines_is_that_with_the_sides_that_meet(slave, degree):
+def test_tubes_with_whole_outlines_agree_with_chosen_sides(slave, degree):
     found = []
     for outlines in (True, False):
         scene = tubes(outlines, slave, degree)
@@ -76,7 +76,7 @@ def test_spiral_is_touched_by_a_wall_at_its_outer_winding_only(slave):
 
 @pytest.mark.once
 @pytest.mark.serial
-def test_spiral_that_is_pressed_does_not_find_its_own_back():
+def test_pressed_spiral_has_no_partners_on_its_own_back():
     """Windings overlap in iterates: the back of the outer one was taken for a partner."""
 
     def spiral(s, t):
@@ -102,7 +102,7 @@ def test_spiral_that_is_pressed_does_not_find_its_own_back():
     assert problem.contacts[0].active.any()
 
 
-def test_deep_overlap_of_an_active_node_is_named_with_the_reach():
+def test_deep_overlap_is_reported_with_the_search_radius():
     """Bodies meshed inside one another: the failure of Newton's method is described."""
     grids = [
         Grid("lower", block(16, 8, width=1.0, height=1.0, corner=(0.0, -1.0))),

@@ -183,7 +183,7 @@ def test_uniform_stress_passes_where_the_thickness_varies(degree):
 
 
 @pytest.mark.once
-def test_ways_to_solve_agree():
+def test_all_solvers_agree():
     found = []
     for options in (
         {},

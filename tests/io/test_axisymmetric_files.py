@@ -50,7 +50,7 @@ def test_series_holds_pressures_as_stresses_and_positions_in_the_half_plane(shar
     assert all("hoop" in part.cell_data for part in parts)
 
 
-def test_restart_from_a_checkpoint_continues_as_the_run_itself(shared_path):
+def test_restart_agrees_with_the_uninterrupted_run(shared_path):
     problem, u, pull = fitted()
     problem.solve()
     pull.value = 0.01

@@ -22,7 +22,7 @@ MESH = {"n_upper": 6, "n_lower": 9, "layers_upper": 3, "layers_lower": 3}
 # Whole files
 
 
-def test_a_file_is_replaced_when_it_is_whole(tmp_path):
+def test_file_is_replaced_only_when_complete(tmp_path):
     path = tmp_path / "file.txt"
     path.write_text("old")
 
@@ -141,13 +141,13 @@ def test_numbers_that_are_not_finite_are_refused(shared_path):
         ({"height_lower": 1.01}, "away from this position"),
     ],
 )
-def test_a_mesh_with_as_many_nodes_in_other_places_is_refused(shared_path, mesh, message):
+def test_mesh_with_other_node_positions_is_refused(shared_path, mesh, message):
     fm.save_state(pressed_blocks(**MESH).problem, shared_path / "state")
     with pytest.raises(fm.MortarError, match=message):
         fm.load_state(pressed_blocks(**MESH, **mesh).problem, shared_path / "state")
 
 
-def test_cells_that_join_other_nodes_are_refused(shared_path):
+def test_other_connectivity_is_refused(shared_path):
     def change(data):
         data["cells"] = data["cells"][::-1]
 
@@ -187,7 +187,7 @@ def test_weight_of_gaps_and_offsets_are_kept(shared_path):
         {"tolerance": 1e-6, "discretisation": 1e-6},  # never
     ],
 )
-def test_restart_of_a_climb_is_the_uninterrupted_run(shared_path, law, check):
+def test_restart_with_a_model_hierarchy_agrees_with_the_uninterrupted_run(shared_path, law, check):
     """Equal models are tried, and slip is counted from the partners in the sufficient ones."""
     path = [(0.0, -0.02), (0.05, -0.03), (0.1, -0.05), (0.15, -0.05)]
     whole, push, steps = hierarchy_path(law, **check)
@@ -225,7 +225,7 @@ def on_a_circle(x):
     return fm.ContactProblem(residual, u, [pair], **options), circle
 
 
-def test_small_sliding_goes_on_by_the_operators_that_it_began_with(shared_path):
+def test_small_sliding_keeps_its_reference_operators(shared_path):
     """Operators for the position of the obstacle at the set-up of the first run."""
     problem, circle = on_a_circle(0.0)
     problem.solve()

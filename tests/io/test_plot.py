@@ -119,7 +119,7 @@ def test_plot_names_the_masters_of_a_surface_that_meets_several():
         (lambda x: x[0], {"cmap": "magma", "limits": (0.0, 3.0)}, "magma", 0.0, 3.0),
     ],
 )
-def test_colours_of_a_field_follow_its_sign_and_what_is_given(field, options, cmap, low, high):
+def test_colour_scale_follows_the_sign_and_given_limits(field, options, cmap, low, high):
     scene = pressed()
     x = ufl.SpatialCoordinate(scene.data.mesh)
     axes = axes_of(scene.problem, stress=field(x), label="field", **options)

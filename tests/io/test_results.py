@@ -174,7 +174,7 @@ def values_in_cells(V, expression):
 
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("slave", ["upper", "lower"])
-def test_contact_files_hold_what_the_contact_holds(shared_path, slave, degree):
+def test_contact_files_contain_the_nodal_fields(shared_path, slave, degree):
     scene = pressed(slave=slave, degree=degree)
     c = scene.contact
     with ResultsWriter(shared_path / "series.pvd", scene.problem) as results:
@@ -201,7 +201,7 @@ def test_contact_files_hold_what_the_contact_holds(shared_path, slave, degree):
     assert np.abs(data["tangential_traction"]).max() < 1e-9 * c.pressure.max()
 
 
-def test_a_dot_in_the_name_keeps_the_steps_apart_and_folders_are_made(shared_path):
+def test_file_names_may_contain_dots_and_new_folders(shared_path):
     scene = pressed()
     folder = shared_path / "not" / "there"
     results = ResultsWriter(folder / "nu_0.3", scene.problem)
@@ -212,7 +212,7 @@ def test_a_dot_in_the_name_keeps_the_steps_apart_and_folders_are_made(shared_pat
     assert all(branch.is_file() for branch in branches)
 
 
-def test_ranks_without_cells_take_part(shared_path):
+def test_ranks_without_cells_are_allowed(shared_path):
     mesh = dict.fromkeys(("n_upper", "n_lower", "layers_upper", "layers_lower"), 1)
     scene = scenes.pressed_blocks(**mesh)  # two cells
     grad = ufl.grad(scene.u)
@@ -270,7 +270,7 @@ def test_outlines_of_obstacles_move_with_them(shared_path):
         ({"test": "test"}, "test or trial function"),
     ],
 )
-def test_a_field_of_no_use_raises_on_all_ranks(shared_path, fields, message):
+def test_invalid_field_raises_on_all_ranks(shared_path, fields, message):
     scene = pressed()
     u = scene.u
     special = {"third": ufl.grad(ufl.grad(u)), "test": ufl.TestFunction(u.function_space)}
@@ -280,7 +280,7 @@ def test_a_field_of_no_use_raises_on_all_ranks(shared_path, fields, message):
     COMM.barrier()  # hangs if a rank has left
 
 
-def test_a_path_of_no_use_raises_on_all_ranks(shared_path):
+def test_invalid_path_raises_on_all_ranks(shared_path):
     scene = pressed()
     if COMM.rank == 0:
         (shared_path / "file").write_text("in the way")
@@ -299,7 +299,7 @@ def test_a_path_of_no_use_raises_on_all_ranks(shared_path):
         plot(scene.problem, shared_path / "picture.png")
 
 
-def test_the_path_of_the_first_rank_counts(shared_path):
+def test_path_of_rank_0_is_used(shared_path):
     scene = pressed()
     ResultsWriter(shared_path / f"rank{COMM.rank}", scene.problem).write(0.0)
     branches = steps(shared_path / "rank0.pvd")[0.0]

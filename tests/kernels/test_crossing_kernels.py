@@ -90,7 +90,7 @@ def test_tree_finds_the_crossings_that_all_pairs_have(seed):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_events_are_those_that_fine_steps_see(seed):
+def test_events_agree_with_fine_steps(seed):
     """Signs of areas at 20,001 times, for every node and segment of another body."""
     random = np.random.default_rng(seed)
     start = [circle(0.0, 0.0, 1.0, 9), circle(1.5, 0.3, 1.0, 7)]
@@ -118,7 +118,7 @@ def test_events_are_those_that_fine_steps_see(seed):
     assert np.allclose(found[key, :4], sorted(expected), atol=1e-4)
 
 
-def test_overlap_of_blocks_is_as_deep_as_it_is():
+def test_depth_of_overlapping_blocks_is_exact():
     below = rectangle(-2.0, -1.0, 4.0, 1.0, 0.25)
     for deep in (0.001, 0.1, 0.26, 0.7):
         found = crossings(below, rectangle(-0.53, -deep, 1.0, 1.0, 0.2))
@@ -128,7 +128,7 @@ def test_overlap_of_blocks_is_as_deep_as_it_is():
 
 @pytest.mark.parametrize("thickness", [0.01, 0.1, 0.5])
 @pytest.mark.parametrize("shift", [0.0, 0.07, 0.113])
-def test_strips_that_cross_are_deep_however_thin(thickness, shift):
+def test_depth_of_crossing_strips_is_independent_of_their_thickness(thickness, shift):
     """Facets of 0.2: nodes of one need not lie in the other."""
     level = rectangle(-2.0, shift, 4.0, thickness, 0.2)
     upright = rectangle(shift, -2.0, thickness, 4.0, 0.2)
@@ -146,7 +146,7 @@ def test_faceted_curves_in_contact_overlap_by_their_sagitta(counts, phase):
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_rough_faces_in_contact_are_as_deep_as_they_are_rough(seed):
+def test_depth_of_rough_faces_is_their_roughness(seed):
     """Blocks with any facets, also graded ones, whose faces overlap by a fraction of a facet."""
     random = np.random.default_rng(seed)
     faces = []
@@ -174,13 +174,13 @@ def test_blocks_of_one_mesh_size_that_touch_do_not_cross_by_rounding():
             assert found[:, 2].max(initial=0.0) < 1e3 * size
 
 
-def test_what_may_overlap_is_taken_off():
+def test_allowed_overlap_is_subtracted():
     pair = rectangle(-2.0, -1.0, 4.0, 1.0, 0.25), rectangle(-0.53, -0.1, 1.0, 1.0, 0.2)
     assert crossings(*pair, allowed=0.1)[:, 2].max() < 1e-12
     assert np.allclose(crossings(*pair, allowed=0.05)[:, 2].max(), 0.2)
 
 
-def test_outline_that_crosses_itself_is_seen():
+def test_self_crossing_outline_is_detected():
     """A C whose ends have passed each other."""
     angle = np.linspace(0.05, 2.0 * np.pi + 0.4, 80)
     arc = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -192,7 +192,7 @@ def test_outline_that_crosses_itself_is_seen():
 
 
 @pytest.mark.parametrize("thickness", [0.01, 0.3, 1.0])
-def test_way_through_a_plate_is_found_and_ways_beside_it_are_not(thickness):
+def test_only_paths_through_a_plate_are_passages(thickness):
     plate = rectangle(-2.0, -thickness, 4.0, thickness, 0.25)
     block = rectangle(-0.4, 0.1, 0.8, 0.5, 0.2)
     through = passages([plate, block], [plate, block - [0.3, 3.0]])
@@ -207,7 +207,7 @@ def test_way_through_a_plate_is_found_and_ways_beside_it_are_not(thickness):
         assert not (ended[:, 2] >= 0.0).any()
 
 
-def test_corner_that_is_cut_is_not_gone_through():
+def test_path_across_a_corner_is_no_passage():
     """A node slides off the end of a plate, and round the corner of a block."""
     plate = rectangle(-2.0, -0.1, 4.0, 0.1, 0.25)
     tip = np.array([(1.9, 0.0), (2.6, 0.3), (2.5, 0.5)])
@@ -218,7 +218,7 @@ def test_corner_that_is_cut_is_not_gone_through():
 
 
 @pytest.mark.parametrize("deep", [0.05, 0.3])
-def test_way_that_ends_inside_tells_how_deep(deep):
+def test_path_that_ends_inside_has_its_depth(deep):
     plate = rectangle(-2.0, -1.0, 4.0, 1.0, 0.25)
     block = rectangle(-0.4, 0.1, 0.8, 0.5, 0.2)
     found = passages([plate, block], [plate, block - [0.0, 0.1 + deep]])
@@ -228,7 +228,7 @@ def test_way_that_ends_inside_tells_how_deep(deep):
 
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
 @pytest.mark.parametrize("seed", range(20))
-def test_way_out_along_the_line_of_an_edge_does_not_end_inside(seed, turn):
+def test_path_out_along_an_edge_does_not_end_inside(seed, turn):
     """Bodies fitted with interference, whose ends are on one line up to rounding."""
     rng = np.random.default_rng(seed)
     outer, inner = rectangle(0.0, 0.0, 1.0, 0.1, 0.005), rectangle(-0.5, 0.0, 0.55, 0.1, 0.005)
@@ -244,7 +244,7 @@ def test_way_out_along_the_line_of_an_edge_does_not_end_inside(seed, turn):
 
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
 @pytest.mark.parametrize("seed", range(20))
-def test_blocks_side_by_side_with_tops_in_a_line_overlap_by_rounding(seed, turn):
+def test_aligned_blocks_overlap_by_rounding_only(seed, turn):
     """Their corners are equally high, as with stick: the tops cross in the joint, and continue."""
     rng = np.random.default_rng(seed)
     size = 1e-6
@@ -258,7 +258,7 @@ def test_blocks_side_by_side_with_tops_in_a_line_overlap_by_rounding(seed, turn)
     assert rows[:, 2].max(initial=0.0) < 10.0 * size / 0.25
 
 
-def test_segments_in_a_line_but_for_rounding_do_not_cross():
+def test_collinear_segments_do_not_cross():
     """The tops of two blocks that stick to each other, at their corner."""
     x = np.array([(4e-17, 0.0), (-1 / 3, -1.1e-16), (0.25, -2.2e-16), (4e-19, 0.0)])
     one, other = np.array([0, 1]), np.array([2, 3])
@@ -267,7 +267,7 @@ def test_segments_in_a_line_but_for_rounding_do_not_cross():
     assert plane.cross_properly(x, one, other)
 
 
-def test_place_on_a_segment_is_that_of_the_foot_of_the_perpendicular():
+def test_coordinate_on_a_segment_is_that_of_the_projection():
     along, across = np.array([0.8, 0.6]), np.array([-0.6, 0.8])
     x = np.array([3.0, -2.0]) + np.outer([0.0, 1.0], along)
     for place, expected in ((-0.5, 0.0), (0.25, 0.25), (0.9, 0.9), (1.5, 1.0)):

@@ -185,7 +185,7 @@ def test_tiny_cover_keeps_the_dual_basis_finite_and_the_sums_exact(cover):
     assert np.abs(M.sum(axis=1) - d).max() < 1e-14
 
 
-def test_nodes_upon_nodes_are_integrated_in_any_direction():
+def test_coinciding_nodes_are_integrated_in_any_direction():
     """Rounding leaves slivers of no length, some behind the segment that covers the facet."""
     slave, master = np.arange(9.0), np.arange(10.0, -3.0, -1.0)
     behind = 0

@@ -81,9 +81,7 @@ def by_sums(pair):
 
 
 @pytest.mark.parametrize("cover, degree, integration, points", CASES)
-def test_values_are_sums_over_points_with_the_basis_that_is_biorthogonal_on_them(
-    cover, degree, integration, points
-):
+def test_basis_is_biorthogonal_on_the_quadrature_points(cover, degree, integration, points):
     pair = make(cover, degree, **options(integration, points))
     values, exact = pair.evaluate(pair.positions), by_sums(pair)
     for name, array in exact.items():
@@ -133,7 +131,7 @@ def test_points_at_the_nodes_are_node_to_segment_contact_by_hand():
     assert np.allclose(values["M"][2], [[1 / 4, 3 / 4], [3 / 4, 1 / 4]], atol=1e-15)
 
 
-def test_node_that_is_covered_has_its_weight_and_the_other_has_none():
+def test_only_covered_nodes_have_weights():
     pair = Curves(flat([0, 2], 1), flat([5, 1], 0), **options("nodes", None))
     values = pair.evaluate(pair.positions)
     assert np.allclose(values["D"][0], [[0, 0], [0, 1]], atol=1e-15)
@@ -155,7 +153,7 @@ def test_facet_with_fewer_points_than_nodes_counts_as_uncovered(covered, counts)
 
 @pytest.mark.parametrize("shift", [0.0, 1e-16, -1e-16, 1e-13, -1e-13])
 @pytest.mark.parametrize("angle", np.linspace(0.0, 6.0, 13))
-def test_nodes_upon_nodes_have_the_same_partners_whatever_rounding_says(shift, angle):
+def test_partners_of_coinciding_nodes_are_independent_of_rounding(shift, angle):
     """Also at the ends; the partner is the master facet that ends there."""
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     x, m = flat(np.arange(6), 0), flat(np.arange(5, -1, -1) + shift, -0.1)
@@ -189,7 +187,7 @@ def test_of_partners_at_equal_distance_the_first_is_taken():
 
 
 @pytest.mark.parametrize("integration, points", RULES)
-def test_partners_beyond_the_radius_or_turned_away_are_none(integration, points):
+def test_no_partners_beyond_the_radius_or_turned_away(integration, points):
     more = options(integration, points)
     x, facing = flat([0, 1], 0), flat([1.2, -0.2], -0.1)
     assert len(Curves(x, facing, **more).masters) == 1
@@ -200,7 +198,7 @@ def test_partners_beyond_the_radius_or_turned_away_are_none(integration, points)
 
 
 @pytest.mark.parametrize("degree", [1, 2])
-def test_many_points_approach_the_segments(degree):
+def test_many_points_converge_to_segments(degree):
     """Points resolve kinks of the master only on average, with at least first order."""
     kind, build = (Curves, wavy) if degree == 1 else (CurvedCurves, wavy_curved)
     exact = kind(*build(2))

@@ -70,7 +70,7 @@ def test_dual_basis_is_biorthogonal_on_the_covered_part(cover):
     assert np.abs(np.einsum("ejj->ej", D) - mass.sum(axis=2)).max() < 1e-15
 
 
-def test_two_pieces_are_two_pieces():
+def test_separate_segments_are_independent():
     pair = curves("two pieces")
     ends = pair.ends[np.argsort(pair.ends[:, 0])]
     gaps = ends[1:, 0] - ends[:-1, 1]

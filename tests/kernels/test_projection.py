@@ -32,7 +32,7 @@ def facets(seed, parallel_normals=False):
     return np.concatenate([x.ravel(), n.ravel(), m.ravel()])
 
 
-def test_projection_between_parallel_facets_is_by_hand():
+def test_projection_between_parallel_facets_agrees_with_hand_calculation():
     # slave from 0 to 4 at height 1 looking down, master from 3 to 1 at height 0
     y = np.array([0.0, 1, 4, 1, 0, -1, 0, -1, 3, 0, 1, 0])
     assert master_to_slave(y, 0) == pytest.approx(1 / 2, abs=1e-15)
@@ -50,7 +50,7 @@ def test_projections_are_inverse_to_each_other(seed, k):
     assert eta == pytest.approx(-1.0 if k == 0 else 1.0, abs=1e-13)
 
 
-def test_nearly_parallel_normals_lose_no_digits():
+def test_nearly_parallel_normals_keep_all_digits():
     y = facets(0, parallel_normals=True)
     exact = master_to_slave(y, 0)
     y[4] += 1e-13

@@ -22,7 +22,7 @@ def all_to_all(pair):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_tree_finds_what_all_to_all_finds(seed):
+def test_tree_agrees_with_brute_force(seed):
     pair = Curves(*wavy(seed, slaves=40, masters=57))
     assert (np.diff(pair.offsets) == all_to_all(pair)).all()
 
@@ -37,7 +37,7 @@ def test_segments_of_a_covered_facet_fill_it(seed):
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e-16, -1e-16, 1e-13, 1e-9])
-def test_nodes_upon_nodes_are_covered_once(shift):
+def test_coinciding_nodes_are_covered_once(shift):
     x = np.stack([np.linspace(0, 1, 11), np.zeros(11)], axis=1)
     pair = Curves(x, np.stack([np.linspace(1, 0, 11) + shift, np.full(11, -0.1)], axis=1))
     cover = np.bincount(
@@ -86,13 +86,13 @@ def test_control_points_of_a_quadratic_facet_are_where_its_end_tangents_meet():
 
 
 @pytest.mark.parametrize("left, right", [(1e-12, 1.2), (-0.2, 1.0 - 1e-12)])
-def test_end_of_which_next_to_nothing_is_missing_counts_as_covered(left, right):
+def test_almost_covered_end_counts_as_covered(left, right):
     pair = Curves(np.array([[0.0, 0], [1, 0]]), np.array([[right, -0.1], [left, -0.1]]))
     assert pair.ends.tolist() == [[-1.0, 1.0]] and not np.any(pair.partial)
 
 
 @pytest.mark.parametrize("unit", [1e3, 1e-3])
-def test_search_knows_no_unit_of_length(unit):
+def test_search_is_independent_of_the_unit_of_length(unit):
     x, m = wavy(2, slaves=40, masters=57)
     one, other = Curves(x, m), Curves(unit * x, unit * m, radius=10.0 * unit)
     assert np.array_equal(one.masters, other.masters)

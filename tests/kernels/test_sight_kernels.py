@@ -37,7 +37,7 @@ def length(where, shape, x=0.4, down=False, own=0):
     return length_inside(np.array([x, where]), way, shape, own, LEAST)
 
 
-def test_line_ends_where_the_body_does():
+def test_length_of_a_line_ends_at_the_body():
     shape = outline((0, box(0.0, 0.3)), (1, box(0.1, 2.0)))
     assert length(0.0, shape) == pytest.approx(0.3)
     assert length(0.3, shape, down=True) == pytest.approx(0.3)
@@ -51,7 +51,7 @@ def test_hollow_of_a_ring_is_not_inside():
     assert length(0.7, shape) == pytest.approx(0.3)
 
 
-def test_body_that_overlaps_itself_goes_on():
+def test_length_continues_through_an_overlapping_body():
     """Two arms of one body, one in the other."""
     shape = outline((0, box(0.0, 0.5)), (0, box(0.4, 0.9)))
     assert length(0.0, shape) == pytest.approx(0.9)
@@ -60,7 +60,7 @@ def test_body_that_overlaps_itself_goes_on():
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 1.2, 2.5])
-def test_lengths_behind_facets_are_lengths_whatever_their_normals(angle):
+def test_lengths_behind_facets_are_independent_of_the_size_of_normals(angle):
     """The mean of nodal normals that differ is shorter than one."""
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, -s], [s, c]])
@@ -81,7 +81,7 @@ def test_line_through_a_corner_is_counted_once(x):
     assert length(0.0, shape, x=0.5) == pytest.approx(1.0)
 
 
-def test_a_place_just_beside_its_own_facet_is_on_it():
+def test_point_beside_its_facet_counts_as_on_it():
     """Like a point of a curved facet, which lies beside its chords, outside or inside."""
     shape = outline((0, box(0.0, 0.3)))
     for off in (-1e-3, 1e-3, -1e-16, 1e-16):
@@ -96,7 +96,7 @@ def test_many_crossings_are_sorted():
 
 @pytest.mark.parametrize("thick, other", [(0.1, 0.1), (0.1, 1.0), (1.0, 0.1)])
 @pytest.mark.parametrize("overlap", [-0.05, 0.01, 0.09])
-def test_of_two_ways_out_the_shorter_one_counts(thick, other, overlap):
+def test_nearer_exit_counts(thick, other, overlap):
     """A slave overlaps a master: the master's bottom is behind by the overlap, its top by more.
 
     Without an overlap neither counts: the bottom has the master in front.
@@ -114,7 +114,7 @@ def test_of_two_ways_out_the_shorter_one_counts(thick, other, overlap):
 
 
 @pytest.mark.parametrize("angle", np.linspace(0.05, 6.2, 24))
-def test_the_back_of_a_strip_is_no_way_out_of_itself(angle):
+def test_back_of_a_strip_is_no_exit_of_its_own_facet(angle):
     """Slave and master on one part of one body, at any position: rounding does not decide."""
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, -s], [s, c]])

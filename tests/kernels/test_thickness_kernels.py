@@ -73,7 +73,7 @@ def test_all_derivatives_equal_the_complex_step(degree, cover, kind, gap_weights
 
 
 @pytest.mark.parametrize("degree", [1, 2])
-def test_a_thickness_of_the_material_changes_with_no_position(degree):
+def test_material_thickness_is_independent_of_positions(degree):
     build, make = {1: (Curves, wavy), 2: (CurvedCurves, wavy_curved)}[degree]
     x, m = make(1, slaves=4, masters=6, start=0.13, stop=1.05)
     pair = build(x, m, thickness=(1.0 + x[:, 0] ** 2, 0.0))
@@ -84,7 +84,7 @@ def test_a_thickness_of_the_material_changes_with_no_position(degree):
 
 
 @pytest.mark.parametrize("degree", [1, 2])
-def test_a_thickness_of_one_changes_nothing(degree):
+def test_unit_thickness_changes_nothing(degree):
     build, make = {1: (Curves, wavy), 2: (CurvedCurves, wavy_curved)}[degree]
     x, m = make(0, start=0.13)
     plain, ones = build(x, m), build(x, m, thickness=(np.ones(len(x)), 0.0))

@@ -45,7 +45,7 @@ def test_pattern_stays_while_contact_slides_over_fewer_facets_than_the_margin(de
 
 
 @pytest.mark.once
-def test_zeros_that_contact_left_behind_go():
+def test_outdated_zeros_are_removed():
     scene = pressed_blocks(**MESH)
     scene.loads["push"].value[:] = (-1.2, -0.01)
     scene.problem.solve()
@@ -58,7 +58,7 @@ def test_zeros_that_contact_left_behind_go():
 
 
 @pytest.mark.once
-def test_pattern_stays_where_other_nodes_come_to_carry_multipliers():
+def test_pattern_stays_when_multiplier_nodes_change():
     """A short block slides along a long one, the slave: by facets, others are covered each step."""
     scene = pressed_blocks(slave="lower", **MESH)
     scene.loads["push"].value[1] = -0.01
@@ -112,7 +112,7 @@ def test_pattern_is_made_once_while_contact_grows(degree, algorithm, monkeypatch
     assert len(made) == 1
 
 
-def test_multiplier_of_a_node_that_has_just_left_needs_room(monkeypatch):
+def test_pattern_includes_multipliers_of_nodes_that_have_just_left(monkeypatch):
     """Until the next solve it acts at the node's present position, although the node is open."""
     scene = pressed_blocks(**MESH)
     scene.loads["push"].value[1] = -0.01

@@ -57,7 +57,7 @@ def solved_with_factors_of(change, factorizations, **options):
     return np.linalg.norm(A @ x - b) / np.linalg.norm(b), factorizations[0] - 2
 
 
-def test_a_changed_row_takes_no_factorization(factorizations):
+def test_changed_row_needs_no_factorization(factorizations):
     residual, count = solved_with_factors_of(ONE_ROW, factorizations)
     assert (residual < 1e-8, count) == (True, 0)
 
@@ -83,7 +83,7 @@ def test_systems_with_few_unknowns_are_factored(factorizations, monkeypatch):
     assert solved_with_factors_of(ONE_ROW, factorizations)[1] == 1
 
 
-def test_newton_takes_the_iterations_of_exact_solves(factorizations, monkeypatch):
+def test_newton_needs_the_iterations_of_exact_solves(factorizations, monkeypatch):
     found = []
     for least in (10**9, 0):
         monkeypatch.setattr(solver_module, "MIN_LAGGED", least)

@@ -104,7 +104,7 @@ def test_iterations_do_not_grow_with_the_mesh(upper, lower, inclination, basis):
 
 
 @pytest.mark.skipif(comm.size == 1, reason="on one rank PETSc has no such algorithm")
-def test_components_are_coarsened_apart_also_after_products_of_large_matrices():
+def test_components_are_coarsened_separately_for_large_matrices():
     """On several ranks PETSc's product algorithm loses the block size."""
     name, counts = "mattransposematmult_via", []
     for algorithm in ("nonscalable", "scalable"):
@@ -143,12 +143,12 @@ def pressed_cylinder(refinements, cylinder, block):
         ],
         petsc_options_prefix="test_", solver="iterative",
     )  # fmt: skip
-    seen = []
-    problem.equations.system.ksp.setMonitor(lambda ksp, *now: seen.append(now))
+    iterations = []
+    problem.equations.system.ksp.setMonitor(lambda ksp, *now: iterations.append(now))
     for depth in (0.05, 0.15):
         push.value[1] = -depth
         problem.solve()
-    iteration, left = np.array(seen).T
+    iteration, left = np.array(iterations).T
     first = np.flatnonzero(iteration == 0)
     last = np.append(first[1:], iteration.size) - 1
     return 8.0 * iteration[last].sum() / np.log10(left[first] / left[last]).sum()
@@ -193,7 +193,7 @@ def test_rigid_obstacle_is_pressed_into_a_block(options):
     assert largest(z) > 0.0
 
 
-def test_what_it_cannot_do_is_said():
+def test_unsupported_problems_are_refused():
     with pytest.raises(ValueError, match="expected one of auto, direct, iterative"):
         pressed_blocks(problem={"solver": "guess"}, **MESH)
 
@@ -215,7 +215,7 @@ def solver_of(problem):
         (0, {"pair": {"basis": "standard"}}, "iterative"),
     ],
 )
-def test_size_and_system_decide_how_to_solve(monkeypatch, many, options, expected):
+def test_solver_depends_on_size_and_system(monkeypatch, many, options, expected):
     monkeypatch.setattr("fenics_mortar.la.choice.COSTS", Costs(many=many))
     scene = {name: options[name] for name in ("material", "pair") if name in options}
     problem = {name: value for name, value in options.items() if name not in scene}
@@ -223,7 +223,7 @@ def test_size_and_system_decide_how_to_solve(monkeypatch, many, options, expecte
 
 
 @pytest.mark.once
-def test_factors_take_over_where_iterations_fail_and_the_report_says_so(monkeypatch):
+def test_failed_iterations_are_replaced_by_factors_and_reported(monkeypatch):
     options = {"newton": fm.NewtonOptions()}
     u, reports = [], []
     for many in (10**9, 0):
@@ -244,7 +244,7 @@ def test_factors_take_over_where_iterations_fail_and_the_report_says_so(monkeypa
 
 
 @pytest.mark.once
-def test_errors_of_petsc_in_the_set_up_lead_to_factors_or_an_error_of_ours(monkeypatch):
+def test_petsc_errors_in_set_up_lead_to_factors_or_a_mortar_error(monkeypatch):
     """PETSc has no such factorization: an error, not a diverged solve."""
     monkeypatch.setattr("fenics_mortar.la.choice.COSTS", Costs(many=0))
     monkeypatch.setitem(ITERATIVE, "strip_redundant_pc_factor_mat_solver_type", "nobody")
@@ -259,7 +259,7 @@ def test_errors_of_petsc_in_the_set_up_lead_to_factors_or_an_error_of_ours(monke
         scene.problem.solve()
 
 
-def test_an_error_of_petsc_in_an_iteration_leaves_nothing_locked(monkeypatch):
+def test_petsc_error_in_an_iteration_unlocks_vectors(monkeypatch):
     """Right-hand side and matrix can be filled again afterwards."""
 
     def fail(*_):

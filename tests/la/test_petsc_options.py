@@ -20,7 +20,7 @@ def solved_with(options, **more):
     return scene.problem
 
 
-def test_misspelt_option_of_petsc_is_told_once():
+def test_misspelt_petsc_option_is_reported_once():
     problem = solved_with({"ksp_rtoll": 1e-3, "mat_mumps_icntl_7": 2})
     words = "did not use the option 'test_ksp_rtoll': misspelt"
     assert sum(words in note for note in problem.solve().notes) == 1
@@ -28,7 +28,7 @@ def test_misspelt_option_of_petsc_is_told_once():
 
 
 @pytest.mark.parametrize("sliding", ["small", "finite"])
-def test_misspelt_option_is_told_where_the_linear_bulk_is_factored_once(sliding):
+def test_misspelt_option_is_reported_with_linear_bulk(sliding):
     """The solver of the whole system is not used in this case."""
     options = {"ksp_rtoll": 1e-3, "ksp_type": "preonly"}
     on_line = PETSc.Options("test_")
@@ -48,7 +48,7 @@ def test_misspelt_option_is_told_where_the_linear_bulk_is_factored_once(sliding)
 
 
 @pytest.mark.once
-def test_options_that_petsc_uses_are_not_told_of():
+def test_used_options_are_not_reported():
     problem = solved_with({"ksp_type": "gmres", "ksp_rtol": 1e-9, "pc_type": "lu"})
     assert not any("PETSc" in note for note in problem.solve().notes)
     problem = solved_with({"ksp_rtol": 1e-9}, solver="iterative")
@@ -71,7 +71,7 @@ def test_preconditioner_needs_no_options_that_undo_those_of_mumps(preconditioner
         ({"ksp_type": "gmres", "ksp_rtol": "tiny"}, "tiny has no numeric"),
     ],
 )
-def test_value_that_petsc_refuses_is_told_in_words(options, words):
+def test_invalid_petsc_value_is_named(options, words):
     with refused(fm.MortarError, f"PETSc rejected an option 'test_...': .*{words}"):
         solved_with(options)
 

@@ -28,7 +28,7 @@ def test_few_unknowns_are_factored_without_pivoting():
 @pytest.mark.parametrize(
     "options", [{"algorithm": "saddle"}, {"petsc_options": {"mat_mumps_icntl_14": 80}}]
 )
-def test_saddle_points_and_chosen_options_are_for_mumps(options):
+def test_saddle_points_and_user_options_use_mumps(options):
     assert solver_of(**options) == "mumps"
 
 
@@ -48,7 +48,7 @@ def matrix(values):
 
 @pytest.mark.parametrize("corner", [0.0, 1e-25], ids=["zero", "growing"])
 @pytest.mark.parametrize("transpose", [False, True])
-def test_pivots_that_fail_are_left_to_mumps(corner, transpose):
+def test_failed_pivots_are_solved_by_mumps(corner, transpose):
     A = np.array([[corner, 1.0, 2.0], [3.0, corner, 4.0], [5.0, 6.0, corner]])
     b, few = np.array([1.0, 2.0, 3.0]), solver(SMALL)
     x = few.solve(matrix(A), b, transpose=transpose)
@@ -63,7 +63,7 @@ def test_a_singular_matrix_is_refused_by_both():
 
 
 @pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
-def test_pivots_have_no_unit(unit):
+def test_pivots_are_independent_of_units(unit):
     A, b = np.diag([2.0, 3.0, 4.0]) + 0.1, np.array([1.0, 2.0, 3.0])
     few = solver(SMALL, may_factor=False)
     x = few.solve(matrix(1e-12 * unit * A), b)
@@ -96,7 +96,7 @@ def test_rows_in_pairs_are_factored_in_blocks(transpose):
     assert np.allclose((A + np.rot90(np.eye(40))) @ few.solve(more, b), b, rtol=1e-13)
 
 
-def test_a_pivot_of_a_pair_that_fails_is_left_to_mumps():
+def test_failed_pivot_of_a_block_is_solved_by_mumps():
     A, b = np.kron([[0.0, 1.0], [1.0, 1.0]], np.eye(2)), np.arange(4.0)
     few = solver(SMALL)
     assert np.allclose(A @ few.solve(matrix_in_pairs(A), b), b, rtol=1e-13)
@@ -104,7 +104,7 @@ def test_a_pivot_of_a_pair_that_fails_is_left_to_mumps():
 
 
 @pytest.mark.parametrize("size, solves", [(100, "petsc"), (130, "mumps")])
-def test_factors_with_long_rows_are_for_mumps(size, solves):
+def test_long_rows_are_factored_by_mumps(size, solves):
     random = np.random.default_rng(2)
     few, b = solver(SMALL), random.random(size)
     A = random.random((size, size)) + size * np.eye(size)

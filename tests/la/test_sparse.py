@@ -72,7 +72,7 @@ def test_blocks_are_added_where_they_belong():
     assert np.abs(dense(large) - before).max() < 1e-13
 
 
-def test_room_is_zero_where_the_small_matrix_is_not():
+def test_zeros_are_at_the_entries_of_the_small_matrix():
     large = tridiagonal()
     last = large.getSize()[0] - 1
     some, small = with_rows(large, [0], [everywhere(0, last, 4.0)])
@@ -87,7 +87,7 @@ def test_room_is_zero_where_the_small_matrix_is_not():
 
 
 @pytest.mark.serial
-def test_entry_outside_of_the_pattern_is_not_lost_in_silence():
+def test_entry_outside_of_the_pattern_raises():
     large = tridiagonal()
     some, small = with_rows(large, [0], [everywhere(0, OWNED - 1, 4.0)])
     with pytest.raises(PETSc.Error):

@@ -50,7 +50,7 @@ def test_saddle_and_condensed_system_have_the_same_iterates(slave, linearization
 
 @pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["saddle", "condensed"])
-def test_symmetry_plane_through_the_surface_gives_half_of_the_whole(algorithm):
+def test_half_model_with_a_symmetry_plane_agrees_with_the_full_model(algorithm):
     """Half of a symmetric scene with u_x = 0 on the plane has the pressures of the whole."""
     whole = pressed_blocks(problem={"algorithm": algorithm}, cell="quadrilateral", **HALF["whole"])
     whole.loads["push"].value[1] = -0.05
@@ -117,7 +117,7 @@ def test_node_with_prescribed_displacement_has_no_multiplier(algorithm):
 
 
 @pytest.mark.parametrize("algorithm", [None, "saddle"])
-def test_body_that_moves_only_vertically_feels_the_oblique_normal(algorithm):
+def test_oblique_normal_acts_on_a_vertically_guided_body(algorithm):
     """The upper block is fixed sideways: the force acts along the normal nevertheless."""
     data = read(two_blocks.build, inclination=np.radians(25), **MESH)
     V = fm.vector_space(data.mesh, 1)
@@ -167,7 +167,7 @@ def test_options_of_one_problem_do_not_reach_the_next():
 
 
 @pytest.mark.once
-def test_problem_without_pairs_is_that_of_the_bulk():
+def test_problem_without_pairs_is_the_bulk_problem():
     scene = pressed_blocks(**MESH)
     u = scene.u
     problem = fm.ContactProblem(
@@ -270,7 +270,7 @@ def test_petsc_options_of_the_prefix_reach_the_solver():
 
 @pytest.mark.once
 @pytest.mark.serial
-def test_problems_that_are_gone_leave_no_memory_behind():
+def test_deleted_problems_release_their_memory():
     """Matrices and factors of one problem take 5 MB here; memory in use hardly grows."""
 
     def solve_and_forget():

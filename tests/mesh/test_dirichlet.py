@@ -34,7 +34,7 @@ def prescribed(V, bc, untouched=7.0):
 
 
 @pytest.mark.parametrize("degree", (1, 2))
-def test_later_change_of_a_constant_acts(blocks, degree):
+def test_changed_constant_changes_the_condition(blocks, degree):
     V = compat.vector_space(blocks.mesh, degree)
     value = fem.Constant(blocks.mesh, PETSc.ScalarType((1.0, 2.0)))
     bc = dirichlet(V, blocks, "upper/top", value)
@@ -59,7 +59,7 @@ def test_one_component_leaves_the_other_free(blocks, component, constant):
     assert (u[:, 1 - component] == 7.0).all()
 
 
-def test_function_is_taken_node_by_node(blocks):
+def test_function_prescribes_nodal_values(blocks):
     V = compat.vector_space(blocks.mesh, 1)
     value = fem.Function(V)
     bc = dirichlet(V, blocks, "lower/left", value)

@@ -43,13 +43,13 @@ def test_unknown_boundary_name_lists_the_known_ones():
     raises_on_all_ranks(r"no body 'punch'; the mesh has \['lower'\]", data.body_tag, "punch")
 
 
-def test_tag_and_name_are_equally_good():
+def test_tags_and_names_are_equivalent():
     data = MeshData(None, None, None, {"lower": 1}, {"lower/top": 2})
     assert data.boundary_tag("lower/top") == data.boundary_tag(2) == data.boundary_tag(np.int32(2))
     assert data.body_tag("lower") == data.body_tag(1) == 1
 
 
-def test_mesh_made_by_hand_goes_by_its_integers():
+def test_mesh_without_names_is_used_by_its_tags():
     mesh = dmesh.create_unit_square(COMM, 3, 3)
     left = dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[0], 0.0))
     tags = dmesh.meshtags(mesh, 1, np.sort(left), np.full(left.size, 5, dtype=np.int32))
@@ -77,7 +77,7 @@ def test_file_and_live_model_give_the_same_mesh(script, cell, msh_path):
 
 @pytest.mark.parametrize("cell", CELLS)
 @pytest.mark.parametrize("script", SCRIPTS)
-def test_mesh_has_only_the_cells_asked_for_and_none_turned_over(script, cell):
+def test_mesh_has_only_the_given_cells_and_none_inverted(script, cell):
     model = on_root(SCRIPTS[script], cell=cell)
     if COMM.rank == 0:
         (cell_type,), _, (nodes,) = model.mesh.getElements(2)
@@ -117,7 +117,7 @@ def test_second_order_mesh_follows_the_circles(cell):
     assert abs(errors[1]) < 1e-3 * errors[0]
 
 
-def test_nodes_numbered_with_holes_are_read(msh_path):
+def test_gaps_in_node_numbers_are_accepted(msh_path):
     """gmsh writes only nodes of physical groups, with the numbers they had."""
 
     def write_upper():
@@ -167,7 +167,7 @@ def test_reading_a_file_needs_no_gmsh_session_and_leaves_none(msh_path, capfd):
     assert area(data, "lower") == pytest.approx(2.2, rel=1e-13)
 
 
-def test_last_rank_can_read(msh_path):
+def test_last_rank_may_read(msh_path):
     on_root(two_blocks.build)
     on_root(gmsh.write, str(msh_path))
     COMM.barrier()
@@ -256,11 +256,11 @@ def with_curve_without_mesh():
     ),
     ids=lambda value: value.replace(" ", "_")[:30] if isinstance(value, str) else "",
 )
-def test_what_cannot_be_read_raises_on_all_ranks(build, match):
+def test_unreadable_file_raises_on_all_ranks(build, match):
     raises_on_all_ranks(match, read, build)
 
 
-def test_file_of_something_else_raises_on_all_ranks(msh_path):
+def test_file_of_another_format_raises_on_all_ranks(msh_path):
     on_root(msh_path.write_text, "$MeshFormat\nno mesh at all\n")
     raises_on_all_ranks("mesh.msh|no elements", read_gmsh, msh_path, COMM)
 

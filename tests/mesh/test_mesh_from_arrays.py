@@ -99,7 +99,7 @@ def test_last_rank_may_give_the_arrays():
     assert COMM.allreduce(data.boundary_facets("slave").size) >= 1
 
 
-def test_flags_of_cells_and_a_constant_third_coordinate_are_taken():
+def test_cell_flags_and_a_constant_third_coordinate_are_accepted():
     points = np.pad(np.array(SQUARES["points"], float), ((0, 0), (0, 1)), constant_values=2.0)
     bodies = {"lower": [True, False], "upper": np.array([False, True])}
     data = fm.mesh_from_arrays(**{**SQUARES, "points": points, "bodies": bodies})
@@ -140,7 +140,7 @@ def test_flags_of_cells_and_a_constant_third_coordinate_are_taken():
         ),
     ],
 )
-def test_arrays_that_are_no_mesh_are_refused_on_all_ranks(changed, words):
+def test_invalid_arrays_are_refused_on_all_ranks(changed, words):
     given = {**SQUARES, **changed}
     with refused(fm.MeshError, words):
         fm.mesh_from_arrays(**given if COMM.rank == 0 else dict.fromkeys(given))

@@ -88,14 +88,14 @@ def test_nodes_of_rings_are_on_their_circles(cell):
     assert area(data, "outer") == pytest.approx(polygons, rel=1e-13)
 
 
-def test_nodes_of_rings_are_at_the_angles_asked_for():
+def test_nodes_of_rings_are_at_the_given_angles():
     angles = np.array([0.1, 0.5, 1.5, 2.0, 3.9, 5.5])
     data = read(rings.build, angles_inner=angles)
     x, y = nodes_on(data, "inner/outside").T
     assert np.sort(np.arctan2(y, x) % (2 * np.pi)) == pytest.approx(angles, abs=1e-15)
 
 
-def test_indenter_has_the_size_and_place_of_shallow_ironing():
+def test_indenter_has_the_size_and_position_of_shallow_ironing():
     data = read(indenter_on_block.build, n_indenter=10)
     x, y = nodes_on(data, "indenter/arc").T
     assert (x.min(), x.max()) == pytest.approx((0.2, 1.4), abs=1e-15)
@@ -147,7 +147,7 @@ def test_inclusion_and_plate_meet_on_the_circle(order):
         (indenter_on_block.build, {"n_indenter": 5}),
     ),
 )
-def test_scripts_refuse_what_they_cannot_build(build, options):
+def test_scripts_refuse_invalid_arguments(build, options):
     if COMM.rank == 0:
         with pytest.raises(ValueError, match=r"right is|expected|cannot|only|have to"):
             build(**options)

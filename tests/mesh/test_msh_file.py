@@ -44,7 +44,7 @@ def everything(data):
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("binary", [0, 1], ids=["text", "binary"])
 @pytest.mark.parametrize("shape", SHAPES)
-def test_a_file_is_the_live_model(shape, binary, order, msh_path):
+def test_file_agrees_with_the_live_model(shape, binary, order, msh_path):
     model = on_root(write, msh_path, shape, binary=binary, order=order)
     assert COMM.bcast(COMM.rank > 0 or read_msh(msh_path) is not None)
     file, live = read_gmsh(msh_path, COMM), read_gmsh(model, COMM)
@@ -54,7 +54,7 @@ def test_a_file_is_the_live_model(shape, binary, order, msh_path):
 
 
 @pytest.mark.parametrize("version", [2.2, 4.0])
-def test_older_formats_are_for_gmsh(version, msh_path):
+def test_older_formats_are_read_by_gmsh(version, msh_path):
     model = on_root(write, msh_path, "triangles", version=version)
     assert COMM.bcast(COMM.rank > 0 or read_msh(msh_path) is None)
     assert len(read_gmsh(msh_path, COMM).bodies) == len(read_gmsh(model, COMM).bodies)

@@ -44,7 +44,7 @@ def test_estimates_are_within_a_factor_of_the_true_error(push, strain, sliding):
 
 
 @pytest.mark.once
-def test_a_check_leaves_the_state_and_later_steps_as_they_are():
+def test_check_changes_neither_state_nor_later_steps():
     problem, _ = blocks((0.05, -0.1), sliding="small")
     alone, _ = blocks((0.05, -0.1), sliding="small")
     alone._adequacy = None
@@ -63,7 +63,7 @@ def test_a_check_leaves_the_state_and_later_steps_as_they_are():
 
 
 @pytest.mark.once
-def test_the_table_says_enough_and_not_enough():
+def test_table_contains_the_verdicts():
     """One row per assumption and their sum; slip and rotation are those of the scene."""
     _, report = blocks((0.1, -0.1), sliding="small")
     adequacy = report.adequacy
@@ -135,7 +135,7 @@ def soft_on(tool, *, angle=0.0):
 
 
 @pytest.mark.once
-def test_a_meshed_tool_says_what_it_is_worth_that_an_obstacle_is_rigid():
+def test_meshed_tool_gives_the_error_of_a_rigid_obstacle():
     """Correct up to second order, a tenth here, for any frame of the tool's mesh."""
     full, _ = soft_on("meshed")
     found = []
@@ -182,7 +182,7 @@ def ring_on(tool, data):
     return problem
 
 
-def test_facets_of_a_meshed_tool_stand_beside_its_elasticity():
+def test_report_contains_faceting_and_elasticity_of_a_meshed_tool():
     """With 9 facets on a quarter circle the deviation is at most (pi / 18)^2 / 8 = 3.8e-3.
 
     The sum of both is the difference from the meshed tool up to second order, about the square of
@@ -211,7 +211,7 @@ def test_facets_of_a_meshed_tool_stand_beside_its_elasticity():
     assert "facets deviate" in str(check)
 
 
-def test_a_tool_has_to_be_fixed():
+def test_tool_without_supports_is_refused():
     _, tool = soft_on("rigid")
     with pytest.raises(ValueError, match="body of plane can move"):
         tool([])
@@ -305,13 +305,13 @@ def test_frictionless_against_stick(width, push, friction, verdict):
         assert 0.8 < assumption.errors[name] / true[name] < 1.25, (name, true, assumption.errors)
 
 
-def test_only_a_pair_whose_law_is_to_stick_asks_for_friction():
-    for law, asks in ((fm.Coulomb(0.3), False), (Stick(), True)):
+def test_frictionless_check_needs_a_pair_with_friction():
+    for law, has_demand in ((fm.Coulomb(0.3), False), (Stick(), True)):
         scene = pressed_blocks(**MESH, pair={"law": law})
         scene.loads["push"].value[:] = (0.02, -0.05)
         scene.problem.solve()
         assert np.abs(scene.contact.shear_force).max() > 0.0
-        assert (shear_demand(scene.problem) > 0.0) == asks
+        assert (shear_demand(scene.problem) > 0.0) == has_demand
 
 
 @pytest.mark.once

@@ -31,7 +31,7 @@ def hierarchy_path(law=None, **check):
 
 
 @pytest.mark.parametrize("law", [None, fm.Coulomb(0.2)])
-def test_climb_reaches_the_full_model_where_it_is_needed(law):
+def test_hierarchy_ends_on_the_full_model_if_needed(law):
     """Slip is counted from the accepted states, independent of the models tried in between."""
     (full, push, _), (problem, same_push, _) = hierarchy_path(law), hierarchy_path(law, **STRICT)
     for step in PATH:
@@ -46,7 +46,7 @@ def test_climb_reaches_the_full_model_where_it_is_needed(law):
         assert np.abs(z - w).max() < 1e-8 * np.abs(z).max()
 
 
-def test_climb_stays_where_it_is_enough():
+def test_hierarchy_ends_on_a_sufficient_model():
     """One step of the full model per load; the result is that of the cheap model.
 
     No step for the second load, which is only a tenth above the checked one.
@@ -68,7 +68,7 @@ def test_climb_stays_where_it_is_enough():
     assert len(few) == 2 and len(steps) >= 8
 
 
-def test_climb_ends_on_a_rung_between():
+def test_hierarchy_ends_on_an_intermediate_model():
     """Slip of a facet with hardly any strain: linear bulk with finite sliding."""
     problem, push, steps = hierarchy_path(tolerance=0.02)
     full, same_push, _ = hierarchy_path()
@@ -84,7 +84,7 @@ def test_climb_ends_on_a_rung_between():
 
 
 @pytest.mark.once
-def test_climb_stops_at_the_error_of_the_mesh():
+def test_hierarchy_ends_at_the_error_of_the_mesh():
     """The error of the mesh is known or estimated, and stated in the table."""
     for known in ({}, {"discretisation": 0.5}):
         problem, push, _ = hierarchy_path(tolerance=1e-4, **known)
@@ -96,7 +96,7 @@ def test_climb_stops_at_the_error_of_the_mesh():
 
 
 @pytest.mark.once
-def test_the_error_of_the_mesh_is_not_that_of_the_model():
+def test_mesh_error_and_model_error_are_separate():
     """Slip of facets with small sliding causes residuals that are not errors of the mesh."""
     problem, push, _ = hierarchy_path(tolerance=1e-4)
     (full, same_push, _) = hierarchy_path()
@@ -109,7 +109,7 @@ def test_the_error_of_the_mesh_is_not_that_of_the_model():
 
 
 @pytest.mark.once
-def test_climb_goes_on_where_a_rung_fails(monkeypatch):
+def test_hierarchy_continues_after_a_failed_model(monkeypatch):
     """A cheap model without solution has no effect."""
     (full, push, _), (problem, same_push, _) = hierarchy_path(), hierarchy_path(tolerance=0.5)
     hierarchy = problem._adequacy._hierarchy

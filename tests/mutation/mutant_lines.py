@@ -78,8 +78,8 @@ class Lines:
         lines = defaultdict(dict)
         for (file, line), tests in sorted(self.by_line.items()):
             lines[file][line] = hex(tests)
-        seen = {"tests": self.tests, "lines": lines, "compiled": self.compiled()}
-        Path(path).write_text(json.dumps(seen))
+        record = {"tests": self.tests, "lines": lines, "compiled": self.compiled()}
+        Path(path).write_text(json.dumps(record))
 
 
 def file_of(test: str) -> str:

@@ -70,7 +70,7 @@ def test_damped_steps_converge_where_whole_ones_diverge(options):
 
 @pytest.mark.each
 @pytest.mark.parametrize("options", [{"line_search": True}, {"max_motion": 0.25}])
-def test_contact_comes_to_the_same_state(options):
+def test_damped_and_full_steps_reach_the_same_state(options):
     states, reports = [], []
     for newton in (NewtonOptions(), NewtonOptions(**options)):
         scene = pressed_blocks(n_upper=5, n_lower=8, problem={"newton": newton})

@@ -49,7 +49,7 @@ def test_newton_converges_quadratically():
     assert (r[1:4] <= r[:3] ** 2).all()
 
 
-def test_set_that_changes_keeps_newton_going():
+def test_newton_continues_while_sets_change():
     report = solve(Root(changes=[0] * 7 + [1]), fm.NewtonOptions())
     assert report.num_iterations == 5
     report = solve(Root(changes=[0, 1, 1, 1, 1, 1, 1, 1]), fm.NewtonOptions())
@@ -69,7 +69,7 @@ def test_set_that_changes_keeps_newton_going():
         ("ABABAAAA", 0),
     ],
 )
-def test_cycle_of_sets_is_seen_after_two_rounds(sets, period):
+def test_cycle_of_sets_is_detected_after_two_periods(sets, period):
     assert period_of([letter.encode() for letter in sets]) == period
 
 
@@ -103,7 +103,7 @@ def test_sets_that_change_for_long_are_merged_unless_the_residual_falls(factor, 
 
 
 @pytest.mark.parametrize("factor", [2.0, 4.0])
-def test_solve_ends_where_the_first_iteration_leaves_more_than_it_may(factor):
+def test_tentative_solve_ends_after_a_bad_first_iteration(factor):
     """For x^2 - 2 at 3 the residual ratio is 0.44 with half the step and 0.1 with a full one."""
     assert solve(Root(x=3.0), fm.NewtonOptions(max_remaining=0.4)).converged
     with pytest.raises(fm.NotConvergedError, match="hardly reduced the residual") as failure:
@@ -111,7 +111,7 @@ def test_solve_ends_where_the_first_iteration_leaves_more_than_it_may(factor):
     assert failure.value.report.num_iterations == 1
 
 
-def test_failure_keeps_the_record_and_says_what_is_missing():
+def test_failure_contains_the_record_and_the_failed_tests():
     with pytest.raises(fm.NotConvergedError, match="residual .* .allowed") as failure:
         solve(Root(factor=3.0), fm.NewtonOptions(max_iterations=4))
     assert len(failure.value.report.iterations) == 5
@@ -123,7 +123,7 @@ def test_state_that_is_not_finite_is_diagnosed():
         solve(Root(x=np.nan), fm.NewtonOptions())
 
 
-def test_error_in_a_step_is_kept_with_the_record():
+def test_error_in_a_step_contains_the_record():
     class Broken(Root):
         def advance(self):
             raise fm.MortarError("singular")
@@ -154,7 +154,7 @@ def test_table_is_markdown_with_a_row_per_iteration():
 @pytest.mark.serial
 @pytest.mark.parametrize("residuals", [[0.0], [0.0, 0.0], [1e-3, 0.0], [0.0, 1e-3], [1.0, 1e-3]])
 @pytest.mark.parametrize("goal", [0.0, 1e-12])
-def test_linear_solves_are_asked_for_something_whatever_the_residuals(residuals, goal):
+def test_forcing_term_is_valid_for_all_residuals(residuals, goal):
     """Without loads all residuals are zero; contact may begin between two iterations."""
     assert 0.0 < forcing(residuals, goal) <= MAX_FORCING
 
@@ -201,7 +201,7 @@ def test_record_of_a_failed_solve_with_springs_has_all_iterations(monkeypatch):
 
 
 @pytest.mark.serial
-def test_notes_that_say_the_same_stand_once():
+def test_repeated_notes_are_merged():
     notes = ["iteration 1: a spring", "other", "iteration 3: a spring", "iteration 1: a spring"]
     expected = ["iteration 1: a spring (3 times)", "other"]
     assert merge_repeated(notes) == expected
@@ -261,7 +261,7 @@ def test_notebooks_render_reports_as_markdown():
         assert hasattr(kind, "_repr_markdown_")
 
 
-def test_report_tells_what_a_residual_may_be():
+def test_report_contains_the_allowed_residual():
     report = solve(Root(), fm.NewtonOptions(residual_tolerance=1e-3))
     assert report.allowed == 1e-3 * 2.0 + 1e-15
     assert report.residuals[-1] <= report.allowed

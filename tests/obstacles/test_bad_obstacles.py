@@ -48,7 +48,7 @@ NOT_FINITE = {
 @pytest.mark.each
 @pytest.mark.parametrize("what", NOT_FINITE)
 @pytest.mark.parametrize("at_once", [True, False])
-def test_distance_that_is_not_finite_is_refused_with_a_place(what, at_once):
+def test_distance_that_is_not_finite_is_refused_with_its_point(what, at_once):
     floor = Floor(NOT_FINITE[what], at_once)
     with refused(NotFiniteError, r"distance of 'floor'.* at [24] points, one at \("):
         problem = on_obstacle(floor.obstacle)
@@ -70,7 +70,7 @@ def test_distance_that_is_not_finite_is_refused_with_a_place(what, at_once):
         (lambda x, phi, g, H: (phi.astype(str), g, H), "expected real numbers"),
     ],
 )
-def test_what_is_no_distance_is_refused(spoil, words):
+def test_invalid_distance_is_refused(spoil, words):
     with refused(ValueError, words):
         on_obstacle(Floor(spoil).obstacle)
 
@@ -102,7 +102,7 @@ def test_gradient_of_another_distance_is_a_violation_or_a_remark(angle, message)
         assert message in violations[0]
 
 
-def test_gradient_of_a_scaled_distance_is_none():
+def test_scaled_gradient_is_refused():
     def scaled(x, phi, g, H):
         return 3.0 * phi, g, H
 
@@ -161,7 +161,7 @@ def test_distance_that_differs_on_one_rank_is_refused():
         problem.solve()
 
 
-def test_distance_that_is_not_finite_far_from_a_start_is_a_failure_that_holds_the_record():
+def test_distance_that_is_not_finite_in_an_iteration_raises_with_the_record():
     """Unlike errors at the initial state, errors at iterates may be avoided by a smaller step."""
     deep = Floor(lambda x, phi, g, H: (np.where(x[:, 1] < 0.9, np.nan, phi), g, H))
     data = blocks_of_arrays()
@@ -192,7 +192,7 @@ def test_distance_that_is_not_finite_far_from_a_start_is_a_failure_that_holds_th
         ("pivot", (np.nan, 0.0), "pivot of obstacle 'plane'.*2 finite numbers"),
     ],
 )
-def test_place_push_or_pivot_that_is_none_is_refused(what, value, words):
+def test_invalid_place_load_or_pivot_is_refused(what, value, words):
     obstacle = fm.Plane((0.0, 1.0), (0.0, 1.0))
     problem, kept = on_obstacle(obstacle), getattr(obstacle, what)
     setattr(obstacle, what, np.array(value))
@@ -215,14 +215,14 @@ def test_place_push_or_pivot_that_is_none_is_refused(what, value, words):
     ],
     ids=["plane", "plane far off", "circle", "spline", "distance"],
 )
-def test_obstacle_whose_solid_is_where_the_body_is_is_refused(obstacle):
+def test_obstacle_that_contains_the_body_is_refused(obstacle):
     """No facet faces it: a solve would converge without a force."""
     problem = on_obstacle(obstacle)
     with refused(fm.MortarError, "lies inside obstacle .*: the solid is on the side of the body"):
         problem.solve()
 
 
-def test_obstacle_that_goes_deep_but_faces_the_body_is_an_interference():
+def test_deep_obstacle_that_faces_the_body_is_an_interference():
     assert on_obstacle(fm.Plane((0.0, 1.02), (0.0, 1.0))).solve().converged
 
 
@@ -238,25 +238,25 @@ def test_obstacle_that_goes_deep_but_faces_the_body_is_an_interference():
         ("abc", "points='abc': expected real numbers"),
     ],
 )
-def test_polygon_that_meets_itself_is_refused(points, words):
+def test_self_intersecting_polygon_is_refused(points, words):
     with pytest.raises(ValueError, match=words):
         fm.Polygon(points, 0.02)
 
 
 @pytest.mark.parametrize("closed", [True, False])
-def test_spline_that_meets_itself_is_refused(closed):
+def test_self_intersecting_spline_is_refused(closed):
     with pytest.raises(ValueError, match="the spline intersects itself"):
         fm.Spline([(0, 0), (2, 1), (2, 0), (0, 1)], closed=closed)
 
 
-def test_spline_meets_itself_by_its_curve_and_not_by_a_coarse_picture_of_it():
+def test_self_intersection_of_a_spline_is_that_of_its_curve():
     """With four lines per interval only the first case crosses; with 64 and 512 the second one."""
     fm.Spline([(0, 0), (1, 0), (1.01, 0.01), (0.995, -0.004), (0.67, 0.74)])
     with pytest.raises(ValueError, match="the spline intersects itself"):
         fm.Spline([(0, 0), (1, 0), (1.2476, 0.0874), (0.8229, -0.0159), (0.4728, 0.842)])
 
 
-def test_polygons_and_splines_that_do_not_meet_themselves_are_taken():
+def test_simple_polygons_and_splines_are_accepted():
     fm.Polygon([(0, 0), (3, 0), (3, 1), (2, 1), (2, 0.5), (1, 0.5), (1, 1), (0, 1)], 0.1)
     angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
     fm.Spline(np.stack([np.cos(angles), np.sin(angles)], axis=1), closed=True)
@@ -282,13 +282,13 @@ def test_polygons_and_splines_that_do_not_meet_themselves_are_taken():
         (lambda: fm.SignedDistance(3.0), "function=3.0: expected a function of points"),
     ],
 )
-def test_what_is_no_obstacle_is_refused_in_words(make, words):
+def test_invalid_obstacle_is_refused(make, words):
     with pytest.raises(ValueError, match=words):
         make()
 
 
 @pytest.mark.once
-def test_distance_may_use_its_arrays_again():
+def test_distance_may_reuse_its_arrays():
     store = np.zeros(1000)
 
     def again(x, phi, g, H):

@@ -28,7 +28,7 @@ import fenics_mortar as fm
         (None, {"problem": None}, "problem=None: expected a ContactProblem"),
     ],
 )
-def test_path_that_cannot_be_followed_is_refused(options, more, words):
+def test_invalid_path_is_refused(options, more, words):
     given = {
         "problem": small_blocks().problem,
         "set_loads": lambda time: None,
@@ -39,7 +39,7 @@ def test_path_that_cannot_be_followed_is_refused(options, more, words):
         fm.follow_path(**given)
 
 
-def test_path_from_its_end_on_has_no_steps():
+def test_path_from_its_end_has_no_steps():
     scene = small_blocks()
     options = fm.SteppingOptions(0.5)
     path = fm.follow_path(scene.problem, lambda time: None, options, start=1.0, stop=1.0)

@@ -23,7 +23,7 @@ def posed(scene):
 
 
 def cantilevers(way):
-    """One is pushed past another: their tips separate at 0.551 of the way down."""
+    """One is pushed past another: their tips separate at 0.551 of the displacement."""
     left = block(8, 1, width=1.0, height=0.1, corner=(-1.0, -0.1))
     right = block(7, 1, width=1.0, height=0.1, corner=(-0.05, 0.0))
     return Scene(
@@ -67,7 +67,7 @@ ENDS = {
 
 @pytest.mark.serial
 @pytest.mark.parametrize("end", ENDS)
-def test_path_says_why_it_ends(end):
+def test_reason_for_the_end_of_a_path_is_reported(end):
     scene, last, words = ENDS[end]
     at = posed(scene)
     steps = fm.SteppingOptions(1.0 / scene.steps)
@@ -81,7 +81,7 @@ def test_path_says_why_it_ends(end):
 
 @pytest.mark.serial
 @pytest.mark.parametrize("end", ENDS)
-def test_no_end_is_seen_where_the_path_goes_on(end):
+def test_no_end_is_reported_if_the_path_continues(end):
     """The same scenes earlier; the state is not changed by the check."""
     scene, *_ = ENDS[end]
     at = posed(scene)

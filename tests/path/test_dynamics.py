@@ -65,7 +65,7 @@ def test_a_body_of_one_layer_of_cells_cannot_take_over_the_mass():
 
 
 @pytest.mark.serial
-def test_a_bar_rebounds_from_a_wall_as_waves_say():
+def test_bar_rebounds_from_a_wall_by_wave_theory():
     made, speed, length = bar(40), 0.1, 10.0
     pressures = []
 
@@ -174,7 +174,7 @@ def test_steps_that_are_cut_keep_the_angular_momentum():
     assert motion.momentum() == pytest.approx(start, abs=1e-11)
 
 
-def test_supports_and_obstacles_turn_bodies():
+def test_supports_and_obstacles_change_angular_momentum():
     """A plane changes the angular momentum of a block that hits it obliquely."""
     turned = []
     for scheme in ("massless", "conserving"):
@@ -217,7 +217,7 @@ def test_an_oscillator_with_friction_comes_to_rest_where_it_sticks():
 
 @pytest.mark.serial
 @pytest.mark.long
-def test_a_belt_carries_an_oscillator_until_it_slides_about_its_rest():
+def test_oscillator_on_a_belt_sticks_and_slides():
     """Stick up to x = mu N / k, then x - mu N / k = v / omega sin(omega t) for one period."""
     stiffness, pressure, mu, speed = 0.4, 0.1, 0.3, 0.03
     made, belt = oscillator(fm.Coulomb(mu), pressure=pressure, stiffness=stiffness)
@@ -262,7 +262,7 @@ def test_drag_slows_a_body_exponentially():
     ("scheme", "rho_inf"),
     [pytest.param("massless", 1.0, marks=pytest.mark.long), ("generalized_alpha", 0.5)],
 )
-def test_the_rate_in_time_is_two(scheme, rho_inf):
+def test_convergence_in_time_is_of_second_order(scheme, rho_inf):
     coarse, fine = changes_in_free_flight(scheme, rho_inf, 0.1, (20, 40, 80))
     assert 3.2 < coarse / fine < 5.0
 

@@ -77,7 +77,7 @@ def test_statics_of_bodies_in_motion_is_refused():
     motion.step(0.01)
 
 
-def test_velocities_and_steps_have_to_be_numbers_that_time_resolves():
+def test_invalid_velocities_and_time_steps_are_refused():
     _, motion = moving()
     for dt in (1e-300, np.nan, None):
         with refused(ValueError, "dt="):
@@ -102,8 +102,8 @@ def test_a_velocity_set_on_the_owned_dofs_counts_on_all_ranks():
 
 
 @pytest.mark.parametrize("scheme", ["conserving", "generalized_alpha"])
-def test_energy_that_contact_adds_is_told(scheme):
-    """The trapezoidal rule multiplies the energy of an impact; the report says so."""
+def test_energy_added_by_contact_is_reported(scheme):
+    """The trapezoidal rule multiplies the energy of an impact; the report contains a remark."""
     made, speed = bar(cells=20), np.sqrt(E / RHO)
     motion = made.dynamics(scheme, 1.0)
     made.set_velocity(motion, {"bar": (0.0, -0.01 * speed, 0.0)})
@@ -118,7 +118,7 @@ def test_energy_that_contact_adds_is_told(scheme):
         assert "contact pressures added" in str(record)
 
 
-def test_friction_that_adds_energy_is_told():
+def test_energy_added_by_friction_is_reported():
     energies = Energies(1.0, 0.0, np.zeros(3))
     work = Work(bulk=0.0, supports=0.0, contact=-0.2, friction=-0.2)
     step = TimeStep(0.1, None, [], 0.0, work, energies)
@@ -131,7 +131,7 @@ def test_rates_of_prescribed_motions_follow_from_these():
     """They do not alternate after an inconsistent start or a jump."""
     made = free_block(cells=3, held=[("block/top", 1, 0.0)])
     motion = made.dynamics("conserving")
-    made.set_velocity(motion, {"block": (0.0, -1.0, 0.0)})  # of the held nodes, too
+    made.set_velocity(motion, {"block": (0.0, -1.0, 0.0)})  # of the prescribed nodes, too
     motion.run(0.16, fm.SteppingOptions(step=0.02))
     held = made.problem.equations.bulk.prescribed
     rates = motion._inertia.rates
@@ -139,7 +139,7 @@ def test_rates_of_prescribed_motions_follow_from_these():
     assert np.abs(rates.acceleration[held]).max(initial=0.0) < 1e-10
 
 
-def test_an_interruption_takes_the_whole_step_back(monkeypatch):
+def test_interruption_reverts_the_whole_step(monkeypatch):
     """Also after its solve, when its energies are computed."""
     made, motion = moving()
     made.set_velocity(motion, {"block": (0.0, -1.0, 0.0)})

@@ -16,7 +16,7 @@ from fenics_mortar import sensitivity
 pytestmark = several_ranks
 
 
-def test_what_differs_between_ranks_is_refused():
+def test_arguments_that_differ_between_ranks_are_refused():
     made = free_block(cells=3)
     given = {"velocity": made.velocity}
     with refused(fm.MortarError, "density is 1.0 on rank 0"):

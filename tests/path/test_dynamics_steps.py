@@ -84,7 +84,7 @@ def test_a_checkpoint_of_statics_is_refused(shared_path):
 
 
 @pytest.mark.ranks
-def test_ranks_do_not_matter():
+def test_result_is_independent_of_the_number_of_ranks():
     last = []
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
         made = dropped_block(4, comm=comm)
@@ -95,7 +95,7 @@ def test_ranks_do_not_matter():
 
 
 @pytest.mark.once
-def test_linear_bulk_is_the_same():
+def test_linear_bulk_agrees_with_the_general_equations():
     found = []
     for linear_bulk in (True, False):
         made = dropped_block(4, is_linear=True, linear_bulk=linear_bulk)
@@ -117,7 +117,7 @@ def test_steps_follow_the_estimated_error():
     assert all(step.error <= 0.02 or step.error == 0.0 for step in record.steps)
 
 
-def test_a_failed_step_is_taken_back():
+def test_failed_step_is_reverted():
     made = dropped_block(3)
     motion = made.dynamics("conserving")
     made.set_velocity(motion, {"upper": (0.0, -1.0, 0.0)})
@@ -165,7 +165,7 @@ def test_the_tangent_is_exact():
 # Arguments
 
 
-def test_what_is_refused():
+def test_invalid_arguments_are_refused():
     made = free_block()
     for options, words in (
         ({"scheme": "newmark"}, "scheme='newmark': expected one of"),
@@ -201,7 +201,7 @@ def test_no_error_estimate_without_inertia():
 
 
 @pytest.mark.serial
-def test_mixed_functions_move():
+def test_dynamics_of_mixed_functions():
     """An incompressible block of Taylor-Hood elements rebounds."""
     grid = Grid("block", block(3, 5, width=1.0, height=1.0, corner=(0.0, 0.02)))
     data = read_mesh(lambda: build([grid], cell="triangle"))
@@ -220,3 +220,23 @@ def test_mixed_functions_move():
     record = motion.run(0.6, fm.SteppingOptions(step=0.015))
     assert motion.momentum()[1] > 0.3
     assert 0.8 < record.steps[-1].energies.kinetic / record.start.kinetic < 1.0
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("scheme", ["conserving", "massless", "generalized_alpha"])
+def test_restored_state_gives_back_all_forces(scheme):
+    """Inertia and damping are those of the state, not of the step after it."""
+    made = bar(4, damping=0.5, gap=0.01)
+    motion = made.dynamics(scheme, 0.8 if scheme == "generalized_alpha" else None)
+    made.set_velocity(motion, {"bar": (-1.0, 0.0, 0.0)})
+    for _ in range(8):
+        motion.step(0.004)
+    state, before = made.problem.state(), made.problem.forces()
+    assert np.abs(before[0]).max() > 0.0
+    motion.step(0.01)
+    u = made.u.x.array.copy()
+    made.problem.restore(state)
+    for mine, theirs in zip(before, made.problem.forces(), strict=True):
+        assert np.array_equal(mine, theirs)
+    motion.step(0.01)
+    assert np.abs(made.u.x.array - u).max() <= 1e-12 * np.abs(u).max()

@@ -55,7 +55,7 @@ def test_sliding_by_facets_takes_fewer_iterations(law, facets):
 
 
 @pytest.mark.parametrize("degree", [1, 2])
-def test_states_travel_with_the_contact(degree):
+def test_states_move_with_the_contact(degree):
     """Waves that travel one column of nodes per step: the guess is the next state."""
     columns = 8
     scene = pressed_blocks(slave="lower", degree=degree, n_lower=columns, n_upper=5)
@@ -97,7 +97,7 @@ def test_states_travel_with_the_contact(degree):
 
 @pytest.mark.once
 @pytest.mark.serial
-def test_path_that_turns_begins_at_its_last_state():
+def test_reversed_path_starts_from_its_last_state():
     """The tool goes down, and then along; before and after that guesses are far better."""
     (plain, _), (guessed, _) = paths(ironing, 0.25, stop=1.75)
     before, after = (
@@ -121,7 +121,7 @@ def blocks_with_two_states():
 
 
 @pytest.mark.once
-def test_guess_is_where_the_last_two_states_lead():
+def test_guess_extrapolates_the_last_two_states():
     problem, predictor, press = blocks_with_two_states()
     last, before = predictor.last, predictor._before[1]
     starts = []
@@ -137,7 +137,7 @@ def test_guess_is_where_the_last_two_states_lead():
 
 
 @pytest.mark.once
-def test_guess_in_vain_is_taken_back_and_then_made_more_rarely():
+def test_rejected_guess_is_reverted_and_made_less_often():
     """Tentative solves fail: results are those without guesses."""
     problem, predictor, press = blocks_with_two_states()
     options, starts, tentative = problem.newton, [], []
@@ -165,7 +165,7 @@ def test_guess_in_vain_is_taken_back_and_then_made_more_rarely():
 
 
 @pytest.mark.once
-def test_step_that_fails_from_both_starts_tells_of_both():
+def test_failure_from_both_initial_guesses_reports_both():
     problem, _, press = blocks_with_two_states()
     problem.newton = replace(problem.newton, max_iterations=2, residual_tolerance=1e-14)
     with pytest.raises(fm.NotConvergedError, match="not converged in 2") as failure:
@@ -174,7 +174,7 @@ def test_step_that_fails_from_both_starts_tells_of_both():
 
 
 @pytest.mark.once
-def test_obstacle_is_where_the_loads_put_it():
+def test_prescribed_obstacle_is_not_extrapolated():
     """Its motion changes from down to along: a guess must not move it further down."""
     tool = KINDS["circle"]()
     problem = block_under(tool)
@@ -195,7 +195,7 @@ def test_obstacle_is_where_the_loads_put_it():
 
 
 @pytest.mark.once
-def test_no_guess_takes_the_pressure_away():
+def test_guess_that_opens_the_contact_is_rejected():
     """A solve would first move the lid until it touches, and count slip from there."""
     lid = fm.Plane((1.5, 1.0), (0.0, -1.0))
     problem = columns(lid, left=1.0, right=1.0)

@@ -62,7 +62,7 @@ def test_path_that_fails_in_one_step_is_finished_in_several():
     assert problem.certificate().pairs[0].violations() == []
 
 
-def test_failed_step_leaves_no_trace():
+def test_failed_step_leaves_the_state_unchanged():
     problem, set_loads = ironing()
     fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.25), stop=1.0)
     before = problem.state()
@@ -155,7 +155,7 @@ def test_file_of_a_state_that_cannot_be_read_is_refused_by_all_ranks(shared_path
         fm.save_state(problem, shared_path / "text.npz" / "state")
 
 
-def test_state_is_read_by_the_name_that_the_first_rank_wrote_it_by(shared_path):
+def test_state_is_read_under_the_name_of_rank_0(shared_path):
     problem = pressed_blocks(**MESH).problem
     problem.equations.contacts[0].change(z=np.ones_like(problem.equations.contacts[0].z))
     fm.save_state(problem, shared_path / "new" / f"state{'' if comm.rank == 0 else 'elsewhere'}")
@@ -212,7 +212,7 @@ def test_error_of_a_function_of_the_user_on_one_rank_raises_on_all(name):
 
 
 @pytest.mark.once
-def test_work_adds_up_and_contact_does_little_of_it():
+def test_work_balances_and_contact_work_is_small():
     """Frictionless contact stores nothing: its work is the error of facets and steps."""
     defects = []
     for n in (6, 12):

@@ -58,7 +58,7 @@ def test_stick_and_slip_follow_the_point_mass():
         lambda time: belt.move(x=SPEED * time),
         on_step=lambda time, _: places.append((time, made.mean(0), made.problem.time)),
     )
-    time, place, seen = np.array(places).T
-    assert (seen == time).all()  # the time passed to the law
+    time, place, recorded = np.array(places).T
+    assert (recorded == time).all()  # the time passed to the law
     wanted = np.interp(time, *exact(18.0))
     assert np.ptp(wanted) > 0.15 and np.abs(place - wanted).max() < 0.03 * np.ptp(wanted)

@@ -46,7 +46,7 @@ def pushed_spiral():
 
 
 @pytest.mark.serial
-def test_end_of_a_path_that_turns_is_named():
+def test_turning_point_at_the_end_of_a_path_is_reported():
     """Two windings touch in one node, whose normal is not that of the facet opposite.
 
     Under pressure it would move further into it, since the strip is displaced along itself.

@@ -29,7 +29,7 @@ def test_the_same_two_sides_paired_both_ways_are_refused(kinds):
 
 @pytest.mark.parametrize("move", [0.1, 1e4, 0.0])
 @pytest.mark.parametrize("material", [neo_hookean, linear_elastic])
-def test_rigid_motion_without_pairs_is_sound(move, material):
+def test_rigid_motion_without_pairs_has_no_violations(move, material):
     """Forces are rounding then, and so is their sum."""
     data = blocks_of_arrays()
     u = fem.Function(fm.vector_space(data.mesh, 1))
@@ -39,7 +39,7 @@ def test_rigid_motion_without_pairs_is_sound(move, material):
     assert report.certificate.violations() == []
 
 
-def test_sum_of_forces_without_pairs_is_still_looked_at():
+def test_sum_of_forces_is_checked_without_pairs():
     data = blocks_of_arrays()
     u = fem.Function(fm.vector_space(data.mesh, 1))
     names = ("base", "master", "slave", "top")
@@ -53,7 +53,7 @@ def test_sum_of_forces_without_pairs_is_still_looked_at():
 
 
 @pytest.mark.parametrize("value, component", [((0.1, 0.0), None), (0.1, 0)])
-def test_conditions_that_contradict_each_other_are_told_once(value, component):
+def test_contradicting_conditions_are_reported_once(value, component):
     data = blocks_of_arrays()
     u = fem.Function(fm.vector_space(data.mesh, 1))
     V = u.function_space
@@ -65,7 +65,7 @@ def test_conditions_that_contradict_each_other_are_told_once(value, component):
     assert not any(words in note for note in problem.solve().notes)
 
 
-def test_conditions_that_agree_are_not_told_of():
+def test_agreeing_conditions_are_not_reported():
     data = blocks_of_arrays()
     u = fem.Function(fm.vector_space(data.mesh, 1))
     V = u.function_space
@@ -86,7 +86,7 @@ def test_conditions_that_agree_are_not_told_of():
         (True, (0.0, 0.0), None, "no boundary True"),
     ],
 )
-def test_what_is_no_condition_is_refused(boundary, value, component, words):
+def test_invalid_condition_is_refused(boundary, value, component, words):
     data = blocks_of_arrays()
     with refused_words(fm.MeshError, words):
         fm.dirichlet(fm.vector_space(data.mesh, 1), data, boundary, value, component)
@@ -120,7 +120,7 @@ def test_what_is_no_condition_is_refused(boundary, value, component, words):
         (lambda d, V: fm.plot(None, "a"), "problem=None: expected a ContactProblem"),
     ],
 )
-def test_argument_of_a_wrong_kind_is_refused_in_words(call, words):
+def test_argument_of_a_wrong_type_is_refused(call, words):
     data = blocks_of_arrays()
     with refused_words(ValueError, words):
         call(data, fm.vector_space(data.mesh, 1))
@@ -137,7 +137,7 @@ def test_argument_of_a_wrong_kind_is_refused_in_words(call, words):
         ({"adequacy": fm.AdequacyCheck}, "adequacy=.*: expected an instance of AdequacyCheck"),
     ],
 )
-def test_option_of_a_problem_of_a_wrong_kind_is_refused(options, words):
+def test_option_of_a_wrong_type_is_refused(options, words):
     with refused(ValueError, words):
         problem_on(blocks_of_arrays(), **options)
 
@@ -157,14 +157,14 @@ def test_numbers_of_a_form_that_are_not_finite_are_refused(number):
 # Results and tools
 
 
-def test_checkpoints_have_a_name():
+def test_checkpoint_without_a_name_is_refused():
     problem = small_blocks().problem
     for use in (fm.save_state, fm.load_state):
         with refused(ValueError, "path=3: expected the name of a file"):
             use(problem, 3)
 
 
-def test_results_of_a_wrong_kind_are_refused(shared_path):
+def test_results_of_a_wrong_type_are_refused(shared_path):
     problem = small_blocks().problem
     with refused(ValueError, "path=None: expected the name of a file"):
         fm.ResultsWriter(None, problem)
@@ -226,6 +226,6 @@ def tool_of(**more):
         ),
     ],
 )
-def test_tool_of_a_wrong_kind_is_refused(more, kind, words):
+def test_tool_of_a_wrong_type_is_refused(more, kind, words):
     with refused_words(kind, words):
         tool_of(**more)

@@ -54,7 +54,7 @@ import fenics_mortar as fm
         ({"law": fm.Coulomb}, "law=.*: expected an instance of Frictionless"),
     ],
 )
-def test_option_of_a_pair_that_is_refused_says_what_is_allowed(option, allowed):
+def test_refused_option_of_a_pair_lists_allowed_values(option, allowed):
     data = blocks_of_arrays()
     with refused(ValueError, allowed):
         fm.ContactPair(data, "slave", "master", **pair_options(option))
@@ -95,7 +95,7 @@ def test_fewer_points_than_nodes_of_a_facet_are_refused(kind, options):
         ({"algorithm": ["saddle"]}, r"algorithm=\['saddle'\]: expected one of condensed, saddle"),
     ],
 )
-def test_option_of_a_problem_that_is_refused_says_what_is_allowed(option, allowed):
+def test_refused_option_of_a_problem_lists_allowed_values(option, allowed):
     data = blocks_of_arrays()
     u = fem.Function(fm.vector_space(data.mesh, 1))
     options = {"pairs": [fm.ContactPair(data, "slave", "master")], **option}
@@ -157,6 +157,6 @@ def test_standard_basis_cannot_be_condensed():
         ({"line_search": "no"}, "line_search='no': expected True or False"),
     ],
 )
-def test_newton_option_that_is_refused_says_what_is_allowed(option, allowed):
+def test_refused_newton_option_lists_allowed_values(option, allowed):
     with refused(ValueError, allowed):
         fm.NewtonOptions(**option)

@@ -25,7 +25,7 @@ def test_complex_petsc_is_refused(monkeypatch):
         small_blocks()
 
 
-def test_mesh_in_space_is_refused():
+def test_three_dimensional_mesh_is_refused():
     mesh = dmesh.create_unit_cube(COMM, 2, 2, 2)
     mesh.topology.create_entities(2)
     facets = dmesh.locate_entities_boundary(mesh, 2, lambda x: np.isclose(x[0], 0.0))

@@ -188,7 +188,7 @@ def test_a_path_may_be_interrupted_anywhere():
 @pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize("check", [{"tolerance": 0.05}, {"tolerance": 0.02, "friction": 0.3}])
-def test_a_climb_may_be_interrupted_anywhere(check):
+def test_a_model_hierarchy_may_be_interrupted_anywhere(check):
     problem, push, _ = hierarchy_path(**check)
     push[1] = -0.02
     problem.solve()
@@ -239,7 +239,7 @@ def test_a_second_interruption_while_matrices_are_created_again_is_harmless(monk
 
 
 @pytest.mark.parametrize("chain", [1, 2])
-def test_an_interruption_in_compiled_code_is_one(chain, monkeypatch):
+def test_interruption_in_compiled_code_is_recognized(chain, monkeypatch):
     """Numba raises a SystemError that has the interruption as its cause."""
     scene = pressed_blocks(**MESH)
     scene.loads["push"].value[1] = -0.01
@@ -263,6 +263,6 @@ def test_an_interruption_in_compiled_code_is_one(chain, monkeypatch):
     assert scene.problem.solve().converged
 
 
-def test_other_errors_of_the_system_are_left_as_they_are():
+def test_other_system_errors_are_unchanged():
     error = SystemError("mine")
     assert as_interruption(error) is error

@@ -47,7 +47,7 @@ def iterate(scene, least):
         (linear_elastic, {"linear_bulk": True}),
     ],
 )
-def test_iterations_take_no_memory(material, options):
+def test_iterations_do_not_leak_memory(material, options):
     chosen = {"newton": fm.NewtonOptions(), **options}
     scene = pressed_blocks(material=material, problem=chosen, **MESH)
     iterate(scene, WARM)
@@ -59,7 +59,7 @@ def test_iterations_take_no_memory(material, options):
 
 @pytest.mark.once
 @pytest.mark.serial
-def test_what_is_asked_of_a_state_takes_no_memory():
+def test_results_do_not_leak_memory():
     """Estimates, matrices and the check of the tangent create vectors and matrices."""
     scene = pressed_blocks(n_upper=20, n_lower=23)
     scene.loads["push"].value[1] = -0.02
@@ -67,12 +67,12 @@ def test_what_is_asked_of_a_state_takes_no_memory():
     problem.solve()
     size = problem.equations.bulk.r.getSize()
 
-    def ask(times):
+    def evaluate(times):
         for _ in range(times):
             problem.estimate()
             problem.matrices.D(0), problem.matrices.M(0), problem.tangent, problem.matrices.gap()
 
-    ask(5)
+    evaluate(5)
     before = memory()
-    ask(40)
+    evaluate(40)
     assert comm.allreduce(memory() - before) < 40 * 8 * size

@@ -110,7 +110,7 @@ def test_load_that_is_not_finite_is_named():
         ([0.0, 0.0, 0.0, 0.0, -np.inf], r"offset\[4\]=-inf: expected finite lengths"),
     ],
 )
-def test_offset_that_is_refused_says_what_is_allowed_and_leaves_the_old_one(offset, message):
+def test_refused_offset_keeps_the_old_one(offset, message):
     contact = small_blocks().contact
     before = contact.offset
     with refused(ValueError, message):

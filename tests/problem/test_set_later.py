@@ -65,7 +65,7 @@ def test_state_of_a_contact_of_another_shape_is_refused(name, shape):
 
 
 @pytest.mark.parametrize("value", [[[0.0, 0.0]] * 5, np.zeros((5, 2), complex)])
-def test_multipliers_of_another_kind_are_refused(value):
+def test_multipliers_of_another_type_are_refused(value):
     scene = small_blocks()
     scene.contact.change(z=value)
     with pytest.raises((ValueError, fm.MortarError), match="z of ContactPair"):
@@ -89,7 +89,7 @@ def test_variant_by_an_unknown_option_is_refused():
 
 @pytest.mark.once
 @pytest.mark.parametrize("part", [0.0, 2.0, "half"])
-def test_part_of_the_error_to_mark_is_checked(part):
+def test_fraction_of_the_error_to_mark_is_checked(part):
     scene = small_blocks()
     scene.loads["push"].value[1] = -0.02
     scene.problem.solve()
@@ -98,7 +98,7 @@ def test_part_of_the_error_to_mark_is_checked(part):
 
 
 @pytest.mark.parametrize("newton", [None, {"max_iterations": 3}, fm.NewtonOptions])
-def test_what_was_set_for_options_of_newton_and_is_none_is_refused(newton):
+def test_invalid_newton_options_are_refused(newton):
     scene = small_blocks()
     scene.problem.newton = newton
     with refused(ValueError, "newton=.*: expected an instance of NewtonOptions"):

@@ -27,7 +27,7 @@ def test_cache_is_another_folder_when_any_kernel_has_changed(checkout):
     assert folder_of_kernels(checkout) != before
 
 
-def test_old_caches_of_this_checkout_go_and_those_in_use_stay(checkout):
+def test_only_old_unused_caches_are_deleted(checkout):
     folder = Path(folder_of_kernels(checkout))
     place = folder.name.rsplit("-", 1)[0]
     old, recent, of_another = (folder.with_name(f"{place}{end}") for end in ("-0", "-1", "0-0"))

@@ -21,7 +21,7 @@ def rows(file):
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
 
-def said(file, pattern):
+def quoted(file, pattern):
     """Numbers matched by a pattern, which must be in the file; commas separate thousands."""
     text = re.sub(r"\s+", " ", file.read_text())
     found = re.search(pattern, text)
@@ -41,23 +41,25 @@ def test_scenes_and_methods_of_the_atlas(outcomes):
     scenes = sum(outcomes["default"])
     for file in (ROOT / "README.md", SITE / "verification.md"):
         pattern = r"(\d+) scenes that are known to break contact codes, (?:solved )?by up to (\d+)"
-        assert said(file, pattern) == [scenes, len(outcomes)]
-    assert said(STUDIES / "stability" / "README.md", r"what becomes of (\d+) difficult") == [scenes]
+        assert quoted(file, pattern) == [scenes, len(outcomes)]
+    assert quoted(STUDIES / "stability" / "README.md", r"what becomes of (\d+) difficult") == [
+        scenes
+    ]
 
 
 def test_outcomes_of_the_default_method(outcomes):
     converged, cut, wrong, failed, dead_end = outcomes["default"]
     unsolved = wrong + failed + dead_end
     scenes = converged + cut + unsolved
-    assert said(ROOT / "README.md", r"the default solves all but (\d+) without") == [unsolved]
+    assert quoted(ROOT / "README.md", r"the default solves all but (\d+) without") == [unsolved]
     pattern = r"of (\d+) difficult ones, (\d+) converge at once, (\d+) with cut steps, and (\d+) "
-    assert said(SITE / "choices.md", pattern) == [scenes, converged, cut, unsolved]
+    assert quoted(SITE / "choices.md", pattern) == [scenes, converged, cut, unsolved]
 
 
 def test_random_scenes():
     (total,) = [row for row in rows(STUDIES / "stability" / "README.md") if row[0] == "all"]
     for file in (ROOT / "README.md", SITE / "verification.md"):
-        assert said(file, r"(\d+) random scenes") == [int(total[1])]
+        assert quoted(file, r"(\d+) random scenes") == [int(total[1])]
 
 
 def test_share_of_contact_in_an_iteration():
@@ -66,21 +68,21 @@ def test_share_of_contact_in_an_iteration():
     shares = next(row for row in table if row[0] == "factors" and len(row) == len(sizes))
     share = {float(n.replace(" ", "")): float(s) for n, s in zip(sizes[1:], shares[1:])}
     pattern = r"takes ([\d.]+) % of a Newton iteration at ([\d,]+) unknowns, ([\d.]+) % at ([\d,]+)"
-    small, n_small, large, n_large = said(ROOT / "README.md", pattern)
+    small, n_small, large, n_large = quoted(ROOT / "README.md", pattern)
     assert (small, large) == (round(share[n_small]), share[n_large])
 
 
 def test_factors_of_the_ladder_and_of_the_estimate():
     ladder, accuracy = STUDIES / "ladder" / "README.md", STUDIES / "accuracy" / "README.md"
     choices = SITE / "choices.md"
-    assert said(choices, r"within a factor of ([\d.]+) of the true") == said(
+    assert quoted(choices, r"within a factor of ([\d.]+) of the true") == quoted(
         ladder, r"within a factor ([\d.]+) \(energy"
     )
     cheaper = r"takes ([\d.]+) to ([\d.]+) of the full model's time"
-    assert said(choices, cheaper) == said(ladder, cheaper)
+    assert quoted(choices, cheaper) == quoted(ladder, cheaper)
     own = r"`hierarchy=True`.*? takes ([\d.]+) to ([\d.]+) of .*? up to ([\d.]+) where"
-    assert said(choices, own) == said(ladder, own)
-    assert said(SITE / "verification.md", r"it is ([\d.]+) to ([\d.]+) times the true") == said(
+    assert quoted(choices, own) == quoted(ladder, own)
+    assert quoted(SITE / "verification.md", r"it is ([\d.]+) to ([\d.]+) times the true") == quoted(
         accuracy, r"the estimate is ([\d.]+) to ([\d.]+) of the true"
     )
 
@@ -91,9 +93,9 @@ def test_cost_of_an_accuracy_and_gain_of_grading():
     uniform, graded = rf"{number} s and P2 {number} s on", rf"{number}(?: s)? and {number} s on"
     first = rf"energy error of 1 %,? Q2 \w+ {uniform} uniform meshes, {graded} graded ones; Q1 .*?"
     pattern = rf"{first}{number} s and P1 {number} s"
-    assert said(choices, pattern) == said(accuracy, pattern)
-    gains = said(accuracy, rf"with {number} \(P1\) and {number} \(P2\) times fewer")
-    assert said(choices, rf"with {number} \(P1\) and {number} \(P2\) times fewer") == [
+    assert quoted(choices, pattern) == quoted(accuracy, pattern)
+    gains = quoted(accuracy, rf"with {number} \(P1\) and {number} \(P2\) times fewer")
+    assert quoted(choices, rf"with {number} \(P1\) and {number} \(P2\) times fewer") == [
         round(gain) for gain in gains
     ]
 

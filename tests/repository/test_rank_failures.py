@@ -8,8 +8,7 @@ from test_demos import run
 pytestmark = pytest.mark.serial
 
 SETTINGS = f"""
-import sys
-sys.path.insert(0, {rank_failures.__file__.rpartition("/")[0]!r})
+import sys; sys.path.insert(0, {rank_failures.__file__.rpartition("/")[0]!r})
 import pytest
 import rank_failures
 from mpi4py import MPI

@@ -66,7 +66,7 @@ def test_setup_without_rights_prints_the_command_for_an_administrator(tmp_path):
 
 
 @pytest.mark.parametrize("works", [True, False])
-def test_setup_folds_what_apt_says_into_a_line_and_keeps_it(tmp_path, monkeypatch, works):
+def test_setup_folds_apt_output_into_one_line(tmp_path, monkeypatch, works):
     flag, logs = tmp_path / "installed", tmp_path / "logs"
     logs.mkdir()
     monkeypatch.setenv("TMPDIR", str(logs))

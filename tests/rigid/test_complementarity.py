@@ -32,7 +32,7 @@ def violation(p, found):
 
 @pytest.mark.parametrize("mu", [0.1, 0.6, 1.0, 3.0])
 @pytest.mark.parametrize("seed", range(5))
-def test_all_conditions_hold_whatever_the_friction_is(seed, mu):
+def test_all_conditions_hold_for_any_friction(seed, mu):
     p = problem(np.random.default_rng(seed), 12, mu=mu)
     assert violation(p, solve_friction(p)) < 1e-9
 
@@ -58,6 +58,6 @@ def test_one_node_sticks_up_to_its_limit_and_slides_beyond(push, branch):
     assert found.z_tau[0] == pytest.approx(np.clip(push, -0.5, 0.5))
 
 
-def test_a_problem_without_solution_is_told():
+def test_problem_without_solution_is_reported():
     assert lemke(np.array([[0.0]]), np.array([-1.0])) is None
     assert not lemke(np.eye(2), np.ones(2)).any()

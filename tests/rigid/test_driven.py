@@ -37,7 +37,7 @@ SCENES = {
         ("circle", 2, "saddle"),
     ],
 )
-def test_force_leads_to_where_displacement_did(kind, degree, algorithm):
+def test_prescribed_force_agrees_with_prescribed_displacement(kind, degree, algorithm):
     """The reaction to a prescribed motion is fed back as a load to an obstacle further away."""
     moved, driven = KINDS[kind](), KINDS[kind]()
     given, found = (block_under(o, degree=degree, algorithm=algorithm) for o in (moved, driven))
@@ -59,7 +59,7 @@ def test_force_leads_to_where_displacement_did(kind, degree, algorithm):
 @pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
-def test_egg_rolls_until_it_lies(degree):
+def test_egg_rolls_to_equilibrium(degree):
     """An ellipse, free to move and to turn, on nodes that hardly resist its rolling: springs anchor
     it and let go. At rest it is pressed by its push alone, with an axis along the surface.
     """
@@ -152,7 +152,7 @@ def test_path_rolls_back_and_restarts(shared_path):
 
 
 @pytest.mark.once
-def test_obstacle_that_is_dragged_sideways_does_not_leave_the_nodes_that_stick():
+def test_dragged_obstacle_stays_on_its_sticking_nodes():
     """Its driven motions are nearly normal to the surface and cannot compensate the drag."""
     lid = KINDS["plane"]()
     problem = block_under(lid, pair={"law": fm.Coulomb(0.3)})
@@ -184,7 +184,7 @@ def test_contact_adds_no_energy():
         path = fm.follow_path(problem, set_loads, fm.SteppingOptions(step=step))
         rests.append(sum(step.work.contact for step in path.steps))
         assert abs(rests[-1]) < 2e-3 * sum(step.work.supports for step in path.steps)
-    assert rests[0] / rests[1] == pytest.approx(4.0, rel=0.03)  # 3.94: what is of fourth order
+    assert rests[0] / rests[1] == pytest.approx(4.0, rel=0.03)  # 3.94: a term of fourth order
 
 
 def test_forces_and_moments_of_supports_and_obstacle_cancel():
@@ -264,7 +264,7 @@ def test_block_between_a_floor_and_a_lid():
         ({"moment": 1.0}, "can turn freely"),
     ],
 )
-def test_obstacle_that_nothing_stops_is_refused(loads, message):
+def test_unsupported_obstacle_is_refused(loads, message):
     """A round one rotates about its centre in spite of contact; equal errors on all ranks."""
     plane, circle = fm.Plane((0.5, 1.1), (0.0, -1.0)), fm.Circle((0.5, 2.1), 1.0)
     refuse(circle if "moment" in loads else plane, loads, message)
@@ -298,7 +298,7 @@ def test_loaded_obstacle_that_slides_away_is_named():
 
 
 @pytest.mark.serial
-def test_wheel_that_friction_lets_go_slides_no_further_than_a_step_may():
+def test_sliding_wheel_moves_at_most_the_largest_move():
     """A force keeps it on the slope y = 0.3 x^2 and is removed in one step or along a path.
 
     It slides to the point where the slope is the coefficient of friction, x = 0.1667; its middle is
@@ -335,7 +335,7 @@ def test_wheel_that_friction_lets_go_slides_no_further_than_a_step_may():
     assert 0.6 + end[0] == pytest.approx(0.1667 - np.sin(np.arctan(0.1)), abs=1e-3)
 
 
-def test_bad_loads():
+def test_invalid_loads_are_refused():
     for load in ({"y": np.nan}, {"moment": (1.0,)}, {"x": np.inf}):
         with pytest.raises(ValueError):
             fm.Plane((0, 0), (0, 1)).push(**load)

@@ -23,7 +23,7 @@ comm = MPI.COMM_WORLD
 @pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("gap", [0.1, 3.0])
-def test_body_free_to_slide_falls_straight_and_leaves_no_trace_of_the_spring(gap, algorithm):
+def test_springs_do_not_affect_a_body_free_to_slide(gap, algorithm):
     """No force drives it sideways: for any initial gap the pressure is that without a gap."""
     falling, lying = (pushed_block(gap=g, algorithm=algorithm) for g in (gap, 0.0))
     report = falling.solve()
@@ -37,8 +37,20 @@ def test_body_free_to_slide_falls_straight_and_leaves_no_trace_of_the_spring(gap
     assert any("spring" in note for note in report.notes)
 
 
+def test_motion_towards_a_body_is_not_slip():
+    """An inclined load within the friction cone: the block comes to rest where it lands."""
+    falling, lying = (pushed_block(gap=gap, slant=0.1, law=fm.Coulomb(0.3)) for gap in (0.1, 0.0))
+    places = []
+    for problem in (falling, lying):
+        problem.solve()
+        contact = problem.equations.contacts[0]
+        assert contact.total_force == pytest.approx((-0.1, 1.0), abs=1e-8)
+        places.append(contact.slave.gather(problem.equations.bulk.u.x.array)[:, 0].mean())
+    assert places[0] - places[1] > 0.1 * 0.1  # fall times slope; more at the bottom if it tilts
+
+
 @pytest.mark.once
-def test_pinned_body_turns_until_it_touches():
+def test_pinned_body_rotates_into_contact():
     problem = pushed_block(gap=0.1, pin=(0, 1))
     problem.solve()
     assert problem.equations.contacts[0].active.sum() == 1
@@ -78,7 +90,7 @@ def disk_in_ring():
 
 
 @pytest.mark.once
-def test_disk_falls_in_a_ring_to_where_newton_finds_its_rest():
+def test_disk_in_a_ring_settles_at_equilibrium():
     """Rigid moves creep there in small steps limited by the admitted overlap."""
     data = read(disk_in_ring)
     V = fm.vector_space(data.mesh, 1)
@@ -159,7 +171,7 @@ def falling_disk(size):
 @pytest.mark.parametrize(
     "size", [0.1, *(pytest.param(s, marks=pytest.mark.serial) for s in (0.085, 0.06))]
 )
-def test_disk_that_may_roll_falls_in_one_solve(size):
+def test_rolling_disk_settles_in_one_solve(size):
     """No Dirichlet condition on it: contact carries the weight, forces of springs are reported."""
     problem = falling_disk(size)
     report = problem.solve()
@@ -174,7 +186,7 @@ def test_disk_that_may_roll_falls_in_one_solve(size):
 
 
 @pytest.mark.serial
-def test_disk_that_may_roll_needs_the_proximal_point_method(monkeypatch):
+def test_rolling_disk_needs_the_proximal_point_method(monkeypatch):
     def give_up(equations, options, failed):
         raise failed
 

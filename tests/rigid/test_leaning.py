@@ -45,7 +45,7 @@ def cards(cells):
 
 
 @pytest.mark.parametrize("cells", [2, 5])
-def test_feet_roll_to_their_other_edge_where_the_heads_slide(cells):
+def test_leaning_cards_bear_the_load_of_limit_analysis(cells):
     """The heads slide between the pushes 0.02 and 0.03; limit analysis bears 0.118.
 
     Only one node of a foot is active before. Limit analysis with these nodes alone would let the

@@ -43,7 +43,7 @@ def test_shear_without_pressure_adds_to_friction_and_adhesion_supports_a_block()
     assert moves([0.0, 0.61, 0.0], touching)
 
 
-def test_what_never_slips_is_supported_however_it_is_pushed():
+def test_sticking_block_is_supported_for_any_push():
     touching, _ = block(10.0, mu=np.inf)
     assert not moves([3.0, -1.0, 0.0], touching)
     assert moves([3.0, 0.1, 0.0], touching)
@@ -62,7 +62,7 @@ def test_only_the_unsupported_body_moves():
     assert motion[3] == pytest.approx(1.0) and abs(motion[0]) < 1e-6
 
 
-def test_nothing_touches_and_nothing_pushes():
+def test_no_contact_and_no_load():
     touching, _ = block(1.0)
     none = Touching(*(values[:0] for values in touching))
     assert moves([0.0, -1.0, 0.0], none)

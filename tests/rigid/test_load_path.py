@@ -29,14 +29,14 @@ def test_surfaces_that_just_touch_are_loaded(seed, mu):
     assert violation(p, follow_loads(p, *unloaded(12))) < 1e-5
 
 
-def test_without_nodes_there_is_nothing_to_follow():
+def test_path_without_nodes_ends_at_once():
     """For example if all surfaces are separated at the end of a path."""
     p = FrictionProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0))
     assert follow_loads(p, *unloaded(0)).active.size == 0
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_loaded_state_goes_on(seed):
+def test_loaded_state_continues(seed):
     """From one solution to another one, without friction: both are unique."""
     rng = np.random.default_rng(seed)
     p = problem(rng, 10, mu=0.0)
@@ -47,7 +47,7 @@ def test_a_loaded_state_goes_on(seed):
     assert found.z_n == pytest.approx(solve_friction(then).z_n, abs=1e-9)
 
 
-def test_a_sliding_node_goes_on():
+def test_sliding_node_continues():
     """With mu = 0.5 it slides at a pressure of one for q = (-0.5, 0), and of two for (-1, 0.1)."""
     p = FrictionProblem(COUPLED, np.array([-1.0, 0.1]), np.array([0.5]))
     found = follow_loads(p, SLIDES._replace(z_tau=np.array([0.5])), np.zeros(1))
@@ -63,7 +63,7 @@ def test_no_solution_beyond_a_jump(pulled):
     assert follow_loads(p, SLIDES, np.zeros(1)).fraction == 0.0
 
 
-def test_a_path_that_turns_later_is_left():
+def test_path_with_a_later_turning_point_is_abandoned():
     """The node sticks first and then reaches its limit, where the path turns."""
     sticks = SLIDES._replace(branch=np.array([0]), z_tau=np.array([1.5]))
     # Without slip and gap q = (z_tau - z_n, 2 z_tau - z_n), which is (0.5, 2) at first.

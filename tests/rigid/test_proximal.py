@@ -56,7 +56,7 @@ def test_springs_are_anchored_where_the_last_good_solve_ended(monkeypatch):
     assert run(monkeypatch, "no yes no yes").places == (0, 0, 1, 1)
 
 
-def test_elongation_falls_by_failures_and_grows_again_but_never_beyond_the_first(monkeypatch):
+def test_elongation_recovers_after_failures_up_to_the_first(monkeypatch):
     """An eighth after a failure, twice after a success [shortest facets]."""
     scripted = run(monkeypatch, "yes no no yes yes yes yes yes yes yes")
     first = np.array([1, 1, 1 / 8, 1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1]) / 4
@@ -89,7 +89,7 @@ def test_springs_begin_where_the_solve_without_them_began(monkeypatch):
     assert np.array_equal(begun[0], start.u)
 
 
-def test_springs_without_contact_are_told_apart():
+def test_springs_without_contact_are_reported():
     assert over_contact(1.0, 4.0) == 0.25
     assert over_contact(0.0, 0.0) == 0.0
     assert over_contact(1e-9, 0.0) == np.inf

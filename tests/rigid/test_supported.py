@@ -23,7 +23,7 @@ BASES = pytest.mark.parametrize("base", ["plane", "body"])
 
 
 def stays(scene, most=None):
-    """Solve all steps: sound states with elastic displacements only."""
+    """Solve all steps: states without violations, with elastic displacements only."""
     reports = []
     for step, report in enumerate(scene.solve()):
         assert scene.verdict(step)[0].feasible, "limit analysis"
@@ -68,7 +68,7 @@ def test_block_on_an_incline_sticks_up_to_the_angle_of_friction(mu, base):
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.0, np.pi / 2])
-def test_incline_is_the_same_however_it_is_turned(turn):
+def test_incline_is_independent_of_the_orientation(turn):
     scene, upright = incline(0.4, 0.5, turn=turn), incline(0.4, 0.5)
     for each in (scene, upright):
         stays(each)
@@ -77,7 +77,7 @@ def test_incline_is_the_same_however_it_is_turned(turn):
 
 @BASES
 @pytest.mark.parametrize("push", [0.001, 0.1, 0.45])
-def test_block_is_not_slid_to_a_wall_by_less_than_friction_bears(push, base):
+def test_block_below_the_friction_limit_does_not_slide(push, base):
     scene = block_and_wall(push, 0.5, base)
     stays(scene)
     sheared = push * 0.5 / (E / (2 * (1 + NU)))
@@ -87,12 +87,12 @@ def test_block_is_not_slid_to_a_wall_by_less_than_friction_bears(push, base):
 
 
 @BASES
-def test_block_in_one_step_under_weight_and_push_sticks(base):
+def test_block_under_weight_and_push_sticks_in_one_step(base):
     stays(block_and_wall(0.1, 0.5, base, at_once=True))
 
 
 @BASES
-def test_block_pushed_by_more_than_friction_bears_ends_at_the_wall_if_anywhere(base):
+def test_block_beyond_the_friction_limit_slides_to_the_wall(base):
     """The wall carries the push minus friction, which acts against the slide."""
     scene = block_and_wall(0.6, 0.5, base)
     scene.set(**scene.path[0])
@@ -109,7 +109,7 @@ def test_block_pushed_by_more_than_friction_bears_ends_at_the_wall_if_anywhere(b
 
 @pytest.mark.once
 @pytest.mark.parametrize("groove", ["planes", "body"])
-def test_wheel_in_a_groove_sticks_under_less_than_the_torque_that_friction_bears(groove):
+def test_wheel_in_a_groove_sticks_below_its_limit_torque(groove):
     for part in (0.01, 0.9):
         scene = wheel(part, groove=groove)
         stays(scene)
@@ -129,7 +129,7 @@ def test_ladder_stands_above_its_critical_angle(base):
     gives_way(ladder(np.arctan(0.9 / 0.8), 0.4, base=base))
 
 
-def test_corner_that_sticks_beyond_the_cone_of_friction_is_a_wrong_state():
+def test_sticking_corner_beyond_the_friction_cone_is_a_violation():
     """The averaged normal of a slave's corner is half-way between floor and ladder."""
     scene = ladder(np.arctan(0.7 / 0.8), 0.4, base="body", on_corner=True)
     assert scene.verdict(0)[0].factor < 1.0
@@ -142,7 +142,7 @@ def test_corner_that_sticks_beyond_the_cone_of_friction_is_a_wrong_state():
     assert certificate.excess_shear == pytest.approx(thrust / weight / 0.4 - 1.0, abs=0.01)
 
 
-def test_corner_that_sticks_within_the_cone_of_friction_is_told_of_only():
+def test_sticking_corner_within_the_friction_cone_is_a_remark():
     scene = ladder(np.arctan(1.3 / 0.8), 0.4, base="body", on_corner=True)
     (report,) = stays(scene)
     assert report.certificate.pairs[0].excess_shear == 0.0
@@ -151,7 +151,7 @@ def test_corner_that_sticks_within_the_cone_of_friction_is_told_of_only():
 
 @pytest.mark.once
 @BASES
-def test_block_hangs_from_an_adhesive_ceiling_as_long_as_it_pulls_enough(base):
+def test_block_hangs_from_a_ceiling_up_to_its_adhesion(base):
     for weight in (0.1, 0.8):
         scene = hanging(weight, 1.0, base)
         stays(scene)
@@ -160,7 +160,7 @@ def test_block_hangs_from_an_adhesive_ceiling_as_long_as_it_pulls_enough(base):
 
 
 @BASES
-def test_block_pressed_to_a_ceiling_stays_sideways_by_friction(base):
+def test_block_pressed_to_a_ceiling_is_held_by_friction(base):
     scene = hanging(-0.5, 1.0, base, push=0.1)
     stays(scene)
     assert scene.force(0) == pytest.approx([-0.1, -0.5], abs=1e-7)
@@ -186,7 +186,7 @@ def test_row_of_three_blocks_between_jaws(kind):
 
 @pytest.mark.once
 @BASES
-def test_block_that_a_prescribed_motion_presses_moves_along_by_friction(base):
+def test_block_moves_along_with_the_body_that_presses_it(base):
     scene = pressed(0.0, base=base)
     stays(without_judge(scene))
     force = scene.force(0)[1]

@@ -66,7 +66,7 @@ def test_arch_of_stiff_voussoirs_takes_few_iterations(thickness, number, options
     ],
     ids=str,
 )
-def test_walls_whose_sets_would_go_in_circles(options):
+def test_walls_with_cycling_sets_converge(options):
     stays(wall(**options), most=MOST)
 
 
@@ -108,7 +108,7 @@ def test_joint_of_two_blocks_under_a_third_passes_the_patch_test(side, cells, sl
         (3, 2, 1.0, (4,)),
     ],
 )
-def test_brick_wall_bears_its_weight_and_a_quarter_of_what_friction_does(rows, cols, mu, cells):
+def test_brick_wall_bears_its_weight_and_a_lateral_load(rows, cols, mu, cells):
     scene = wall(rows, cols, mu, cells=cells)
     stays(scene, most=MOST)
     lowest = sum(scene.force(i) for i in range(cols))
@@ -133,7 +133,7 @@ def test_other_walls_of_five_bricks(options):
 
 @pytest.mark.once
 @pytest.mark.slow
-def test_wall_pushed_by_more_than_friction_bears_gives_way():
+def test_wall_fails_beyond_the_friction_limit():
     gives_way(wall(2, 1, 0.4, push=1.2))
 
 
@@ -152,12 +152,12 @@ def test_random_tower_bears_half_of_the_lateral_force_that_limit_analysis_allows
 
 
 @pytest.mark.once
-def test_random_tower_gives_way_beyond_it():
+def test_random_tower_fails_beyond_the_limit_load():
     gives_way(tower(1, part=1.2))
 
 
 @BASES
-def test_path_of_an_incline_ends_where_friction_does(base):
+def test_path_of_an_incline_ends_at_the_angle_of_friction(base):
     """It sticks up to the critical angle; the message gives the reason for the end."""
     mu = 0.5
     scene = incline(0.3, mu, base, turn=0.0)

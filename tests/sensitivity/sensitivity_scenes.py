@@ -20,10 +20,10 @@ MESH = {"n_upper": 5, "n_lower": 7, "layers_upper": 2, "layers_lower": 2}
 
 def slope(remainders, steps=STEPS):
     """Slope of a Taylor remainder; inf if all is rounding."""
-    seen = np.asarray(remainders) > ROUNDING
-    if seen.sum() < 2:
+    used = np.asarray(remainders) > ROUNDING
+    if used.sum() < 2:
         return np.inf
-    return float(np.polyfit(np.log(steps[seen]), np.log(np.asarray(remainders)[seen]), 1)[0])
+    return float(np.polyfit(np.log(steps[used]), np.log(np.asarray(remainders)[used]), 1)[0])
 
 
 def taylor(value, derivative, steps=STEPS):

@@ -67,7 +67,7 @@ def test_values_of_other_shapes_are_refused():
     assert not runs
 
 
-def test_rule_without_the_framework(monkeypatch):
+def test_differentiation_rule_without_autograd(monkeypatch):
     """What autograd is given: the function, and for each argument its vector-Jacobian product."""
     rules = {}
     extend = ModuleType("autograd.extend")
@@ -84,7 +84,7 @@ def test_rule_without_the_framework(monkeypatch):
         assert rule(values, *AT)(by_values(values)) == pytest.approx(wanted, rel=1e-12)
 
 
-def test_rule_of_autograd():
+def test_differentiation_rule_with_autograd():
     autograd = pytest.importorskip("autograd")
     simulate, _ = simulation()
     function = to_autograd(simulate)

@@ -148,7 +148,7 @@ def test_rows_of_sticking_nodes_do_not_depend_on_the_limit():
     assert not LawParameter(0, "mu").jvp(scene.problem, np.array(1.0)).z[0].any()
 
 
-def test_parameters_that_are_unknown_or_not_analytic_are_refused():
+def test_unknown_and_non_analytic_parameters_are_refused():
     scene, _, _ = scenes.two_steps(Rough())
     with pytest.raises(ValueError, match="parameter of .*: expected one of"):
         LawParameter(0, "mu").get(scene.problem)

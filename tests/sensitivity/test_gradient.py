@@ -278,14 +278,14 @@ def test_gradient_prints_a_line_for_each_control():
         (FORCE, sensitivity.Offset(1), "pair 1: expected a number from 0 to 0"),
     ],
 )
-def test_objective_or_pair_that_is_none_is_refused(objective, control, words):
+def test_invalid_objective_or_pair_is_refused(objective, control, words):
     scene = blocks()
     scene.solve()
     with pytest.raises(ValueError, match=words):
         fm.gradient(objective, scene.controls.get(control, control), scene.problem)
 
 
-def test_direction_of_a_list_with_one_control_is_a_list():
+def test_directions_of_a_list_of_controls_are_a_list():
     scene = blocks(fm.Coulomb(0.3), places=SLIDE)
     path, mu = scene.solve(), sensitivity.LawParameter(0, "mu")
     both = [fm.tangent_linear(FORCE, *given, path) for given in ((mu, 1.0), ([mu], [1.0]))]

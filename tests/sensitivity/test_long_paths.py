@@ -108,12 +108,12 @@ def test_checkpoints_with_a_driven_obstacle():
     assert float(other[E]) == pytest.approx(float(one[E]), rel=1e-8)
 
 
-def test_wrong_spacings_are_refused():
+def test_invalid_spacings_are_refused():
     with pytest.raises(ValueError, match="every=0: expected a spacing"):
         fm.RecordedPath(blocks().problem, every=0)
 
 
-def test_a_folder_that_is_no_name_is_refused():
+def test_invalid_folder_is_refused():
     """Not taken as the folder "3"."""
     with pytest.raises(ValueError, match="folder=3: expected the name of a folder"):
         fm.RecordedPath(blocks().problem, every=2, folder=3)

@@ -37,7 +37,7 @@ def test_weights_have_no_effect(law):
     (pair,) = report.pairs
     assert abs(pair.by_c_n) < 1e-12 * abs(report.value)
     assert abs(pair.by_stiffness) < 1e-11 * abs(report.value)
-    assert abs(pair.by_offset).max() > abs(report.value)  # what it does depend on
+    assert abs(pair.by_offset).max() > abs(report.value)  # the quantity depends on these
 
 
 def test_adjoint_is_tangent_linear():
@@ -93,7 +93,7 @@ def test_bulges_of_a_circle(degree):
     assert np.allclose(offset_by_faceting(contact), mean_bulges(slave), atol=1e-12)
 
 
-def test_a_solve_that_is_asked_reports_them():
+def test_solve_reports_numerical_sensitivities():
     scene = blocks(fm.Coulomb(0.3))
     scene.move(SLIDE[0])
     assert scene.problem.solve().sensitivity is None
@@ -109,7 +109,7 @@ def test_a_solve_that_is_asked_reports_them():
     assert after.value != before.value
 
 
-def test_what_asks_for_nothing_is_refused():
+def test_invalid_numerics_are_refused():
     scene = blocks()
     with refused(ValueError, "expected a fm.sensitivity.Numerics"):
         scene.problem.solve(sensitivity=3.0)

@@ -115,7 +115,7 @@ def test_limits_by_node_have_distances_from_kinks():
     assert by_node.sum() == pytest.approx(by_number, rel=1e-9)
 
 
-def test_an_interruption_in_compiled_code_is_one():
+def test_interruption_in_compiled_code_is_recognized():
     """Numba reports it as a SystemError."""
     problem = pressed().problem
 
@@ -127,7 +127,7 @@ def test_an_interruption_in_compiled_code_is_one():
     assert fm.gradient(FORCE, MU, problem).value > 0.0
 
 
-def test_nodal_positions_of_ties_are_refused_in_words():
+def test_nodal_positions_of_ties_are_refused():
     """This was an AttributeError before."""
     data = small_blocks().data
     V = fm.vector_space(data.mesh, 1)

@@ -184,7 +184,7 @@ def record_of():
 
 
 @pytest.mark.parametrize("cell", PINNED, ids="-".join)
-def test_cell_is_what_theory_says(record_of, cell):
+def test_cell_agrees_with_theory(record_of, cell):
     state, reason = PINNED[cell]
     record = record_of(*cell)
     assert record["state"] == state, record["reason"][:300]
@@ -200,7 +200,7 @@ def test_scene_needs_its_remedy(record_of, name):
     assert without_it["state"] in ("wrong", "failed")
 
 
-def test_frozen_cone_pays_in_iterations(record_of):
+def test_frozen_cone_needs_more_iterations(record_of):
     """With sliding friction the limit converges linearly, at the rate mu times the slope."""
     full, frozen = (
         record_of("slope", "0.4", method)["iterations"] for method in ("default", "frozen_cone")

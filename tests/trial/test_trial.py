@@ -95,7 +95,7 @@ def test_bodies_supported_by_friction_stay_or_reach_a_dead_end_that_limit_analys
 
 @pytest.mark.once
 @pytest.mark.serial
-def test_folded_and_thin_bodies_and_pads_end_where_they_should():
+def test_folded_and_thin_bodies_and_pads_have_expected_ends():
     records = [run(case_of(seed))[0] for seed in OTHER_SEEDS]
     assert {record["outcome"] for record in records} == {"converged"}, summary(records)
     assert {record["family"] for record in records} == {"own", "thin", "laws"}
@@ -104,7 +104,7 @@ def test_folded_and_thin_bodies_and_pads_end_where_they_should():
 @pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", AGAIN_SEEDS)
-def test_exchanged_roles_of_thin_bodies_and_pads_give_the_same(seed):
+def test_exchanged_roles_of_thin_bodies_agree(seed):
     case = case_of(seed)
     record, _ = run(case)
     check_again(case, record)
@@ -121,7 +121,7 @@ def test_blocks_hang_by_adhesion():
 
 
 @pytest.mark.serial
-def test_block_that_gives_way_does_not_slide_to_the_next_node_of_its_ground():
+def test_failed_block_stops_within_one_node_of_its_ground():
     """Beyond its limit, nodal forces would support it again once its edge has passed a node."""
     record, _ = run(hanging_case(18))
     assert record["outcome"] == "dead end", record["reason"]
@@ -129,7 +129,7 @@ def test_block_that_gives_way_does_not_slide_to_the_next_node_of_its_ground():
     assert record["time"] == pytest.approx(end_of_mesh(hanging_case(18)), rel=0.01)
 
 
-def test_jaw_gives_way_between_the_limits_of_associated_friction_and_the_least():
+def test_jaw_fails_between_the_two_limit_loads():
     """A block between two jaws slides before the pressures reach those of limit analysis."""
     case = supported_case(31)
     assert earliest_end_of_mesh(case) < 1.9 < end_of_mesh(case) < case.end
@@ -138,7 +138,7 @@ def test_jaw_gives_way_between_the_limits_of_associated_friction_and_the_least()
     assert record["outcome"] == "dead end" and record["confirmed by"] == "earliest end of mesh"
 
 
-def test_forces_at_nodes_bear_less_than_those_anywhere():
+def test_nodal_forces_bear_less_than_distributed_ones():
     """A block on a clamped one whose nodes are inside of its edges: the lever is that of a node."""
     case = hanging_case(19)
     assert case.pairs[0][0] == "ground/top"
@@ -152,7 +152,7 @@ def test_forces_at_nodes_bear_less_than_those_anywhere():
 
 @pytest.mark.serial
 @pytest.mark.parametrize("family", FAMILIES)
-def test_shapes_are_drawn_alike_and_in_order(family):
+def test_shapes_are_drawn_reproducibly(family):
     """Outlines are counter-clockwise, also after refinement; grips are not surfaces."""
     for seed in range(1, 9):
         case, again = shape_case(family, seed), shape_case(family, seed)
@@ -165,7 +165,7 @@ def test_shapes_are_drawn_alike_and_in_order(family):
 
 
 @pytest.mark.serial
-def test_judge_sees_arms_of_one_body_that_cross():
+def test_judge_detects_crossing_arms():
     case = case_of(3_000_003)
     (one, other), x = case.pairs[0], case.x.copy()
     assert own_overlap(case, x, one, other) == 0.0
@@ -177,7 +177,7 @@ def test_judge_sees_arms_of_one_body_that_cross():
 
 @pytest.mark.once
 @pytest.mark.serial
-def test_judge_sees_forces_off_the_law_wrong_pressures_and_strained_bodies():
+def test_judge_detects_wrong_forces_pressures_and_strains():
     case = case_of(5_000_002)
     _, scene = run(case)
     forces, x, rule = scene.bulk_forces(), scene.positions(), case.rules[0]
@@ -229,7 +229,7 @@ def test_limit_analysis_of_a_case_is_the_same_in_its_units_and_where_it_is_turne
 
 
 @pytest.mark.serial
-def test_confirmed_are_dead_ends_where_bodies_give_way_alone():
+def test_only_dead_ends_of_failing_bodies_are_confirmed():
     """Only at the limit load, without slip before; few nodes, so that the program is small."""
     case = supported_case(10)
     assert 1.2 < case.end < 2.0
@@ -280,7 +280,7 @@ def test_refined_case_has_the_same_outline():
 
 @pytest.mark.once
 @pytest.mark.serial
-def test_judge_sees_what_is_wrong():
+def test_judge_detects_wrong_states():
     case = random_case(2)
     _, scene = run(case)
     contact, u = scene.problem.equations.contacts[0], scene.problem.equations.bulk.u.x.array

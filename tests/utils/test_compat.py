@@ -264,5 +264,5 @@ with compat.quiet_compiler():
     run = subprocess.run(command, capture_output=True, text=True, env=env, cwd=root, check=False)
     assert run.returncode == 0, run.stderr
     assert (tmp_path / "fenics").is_dir()
-    told = [line for line in run.stderr.splitlines() if ":root:" in line or "a warning" in line]
-    assert [line.removeprefix("WARNING:root:") for line in told] == ["a warning"]
+    messages = [line for line in run.stderr.splitlines() if ":root:" in line or "a warning" in line]
+    assert [line.removeprefix("WARNING:root:") for line in messages] == ["a warning"]

@@ -8,7 +8,7 @@ from fenics_mortar.utils.near import near
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_pairs_are_all_near_ones(seed):
+def test_all_near_pairs_are_found(seed):
     rng = np.random.default_rng(seed)
     a, b = (10.0 ** rng.uniform(-3, 3) * rng.normal(size=(n, 2)) for n in rng.integers(0, 40, 2))
     radius = 10.0 ** rng.uniform(-2, 2)

@@ -102,7 +102,7 @@ def test_all_round_pressure_passes_a_conical_interface():
 
 @pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
-def test_tied_cylinders_are_one(degree):
+def test_tied_cylinders_deform_as_one(degree):
     a, _ = uniaxial(revolved.neo_hookean)
     data = cylinders((5, 7), widths=(1.0, 1.0), bulge=False)
     for sides in SLAVES:
@@ -206,7 +206,7 @@ def exact_pressure():
 
 
 @pytest.mark.once
-def test_press_fit_of_tubes_is_that_of_lame():
+def test_press_fit_of_tubes_agrees_with_lame():
     """The error of displacements of degree 2 is of fourth order in nodal forces."""
     counts, exact = (4, 8, 128), lame_pressure()
     options = {"overlap": False, "sliding": "small"}

@@ -5,7 +5,7 @@ sticking and sliding blocks, a block pushed into a channel, and a wheel that rol
 Bar of stiffness E H on a foundation that bears the shear g: under an end load P it slides as far as
 l = P / g, and so does it back, for a load less by Q, as far as m = Q / (2 g):
 
-    u(x) = g (l - x)^2 / (2 E H),   less   2 g (m - x)^2 / (2 E H) on the way back.
+    u(x) = g (l - x)^2 / (2 E H),   less   2 g (m - x)^2 / (2 E H) on the return.
 """
 
 from mpi4py import MPI
@@ -50,7 +50,7 @@ def test_block_that_slides_under_constant_shear(algorithm):
     """Linear elasticity has a solution of degree two: Q2 has it to rounding.
 
     The shear g at the bottom falls to zero at the height H, the axial stress grows by g / H along
-    the way, the pressure p is uniform, and the bottom stays flat.
+    the motion, the pressure p is uniform, and the bottom stays flat.
     """
     g, p, s, H, shift = 0.7, 3.0, 1.0, 0.5, 0.4
     a, c = (1.0 - NU**2) / E, NU * (1.0 + NU) / E
@@ -186,7 +186,7 @@ def draw(scene, steps):
 @pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize("scene", ["plane", "blocks"])
-def test_friction_takes_up_what_is_done_and_not_stored(scene):
+def test_friction_dissipates_the_difference_of_work_and_energy(scene):
     """The balance closes at second order in the step, between bodies with the work of pressures.
 
     To first order the slip of the law is work-conjugate to the forces: the partners are those at

@@ -51,9 +51,7 @@ def load_error(slaves, masters, **options):
 @pytest.mark.parametrize(
     "counts, errors", [((4, 3), [6e-3, 3e-3, 8e-4, 1e-4]), ((3, 10), [9e-1, 1e-1, 1e-2, 3e-3])]
 )
-def test_points_per_facet_pass_a_uniform_pressure_as_well_as_they_resolve_the_master(
-    counts, errors
-):
+def test_uniform_pressure_error_falls_with_points_per_facet(counts, errors):
     """Magnitudes of an independent code for 2, 5, 10 and 20 points, known to one digit."""
     for points, error in zip((2, 5, 10, 20), errors, strict=True):
         found = load_error(*counts, integration="elements", points=points)
@@ -167,7 +165,7 @@ def test_solution_does_not_depend_on_the_number_of_ranks(pair, degree):
 
 
 @pytest.mark.parametrize("pair", FIXED)
-def test_certificate_measures_penetration_exactly_whatever_integrates(pair):
+def test_measured_penetration_is_independent_of_the_integration(pair):
     """Also between the nodes, on the intersections of the facets."""
     scene = pressed_blocks(slave="lower", n_upper=11, n_lower=4, pair=pair)
     scene.loads["push"].value[:] = (0.02, -0.06)

@@ -37,7 +37,7 @@ def nodal(scene):
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
-def test_result_is_that_of_one_rank(slave, algorithm, degree):
+def test_result_is_independent_of_the_number_of_ranks(slave, algorithm, degree):
     options = {"slave": slave, "degree": degree, "problem": {"algorithm": algorithm}, **MESH}
     together, alone = pressed_blocks(**options), pressed_blocks(comm=MPI.COMM_SELF, **options)
     reports, references = solve(together), solve(alone)
@@ -70,7 +70,7 @@ def test_ranks_without_contact_nodes_and_cuts_through_the_interface_occur():
 
 
 @pytest.mark.once
-def test_units_do_not_matter():
+def test_result_is_independent_of_units():
     """m and Pa, or mm and MPa: equal iterations and residuals relative to the force."""
     histories = []
     for length, stress in ((1e-3, 1e6), (1.0, 1.0), (1e3, 1e-6)):
@@ -85,8 +85,8 @@ def test_units_do_not_matter():
         rows, norms = histories[step]
         for other_rows, other in (histories[2 + step], histories[4 + step]):
             assert rows == other_rows
-            seen = norms > 1e-9  # below that rounding differs
-            assert np.allclose(norms[seen], other[seen], rtol=1e-5)
+            large = norms > 1e-9  # below that rounding differs
+            assert np.allclose(norms[large], other[large], rtol=1e-5)
 
 
 @pytest.mark.once
@@ -169,7 +169,7 @@ def test_assembled_tangent_has_second_order_remainder(slave, basis, normals, deg
 
 
 @pytest.mark.parametrize("switch, blind", [("no_normals", "n"), ("no_segments", "M")])
-def test_tangent_check_sees_a_missing_term(switch, blind):
+def test_tangent_check_detects_a_missing_term(switch, blind):
     """On partly covered facets: on others the motion of segment ends cancels."""
     scene = disturbed(pressed_blocks(slave="lower", problem={"linearization": switch}, **MESH))
     # small steps: a small missing term must rise above the second-order part
@@ -180,7 +180,7 @@ def test_tangent_check_sees_a_missing_term(switch, blind):
     assert slopes["bulk"] == pytest.approx(2.0, abs=0.05)
 
 
-def test_tangent_is_right_where_nodes_lie_upon_nodes():
+def test_tangent_is_exact_for_coinciding_nodes():
     """The kinks of M cancel there, but only if segments of zero length keep their derivatives."""
     inner = pressed_blocks(n_upper=10, n_lower=20, width_upper=1.0, width_lower=2.0)
     inner.problem.equations.evaluate(start=True)

@@ -9,7 +9,7 @@ from demos.studies.accuracy import ironing
 pytestmark = pytest.mark.serial
 
 
-def test_order_is_that_of_three_errors():
+def test_order_of_convergence_follows_from_three_errors():
     for order in (1.0, 2.0, 2.5):
         coarse, middle, finest = (0.3 * n**-order for n in (10, 20, 40))
         assert ironing.rate(coarse - finest, middle - finest) == pytest.approx(order)

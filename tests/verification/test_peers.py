@@ -13,7 +13,7 @@ pytestmark = pytest.mark.serial
 
 
 @pytest.mark.parametrize("element", ELEMENTS)
-def test_arrays_are_the_problem(element):
+def test_arrays_define_the_problem(element):
     posed = hertz(8, Choice(element))
     problem = given(posed)
     corners = 3 if element[0] == "P" else 4
@@ -48,7 +48,7 @@ def test_tables_follow_power_laws():
     assert cost(rows, 1e-6, "seconds") == "-"
 
 
-def test_rates_that_are_off_say_why():
+def test_deviating_rates_have_a_reason():
     """Facets of degree 2, a third of them in contact."""
     rows = [{"n": n, "element": "P2", "pressure": 1.0 / n} for n in (16, 32, 64, 128)]
     assert rate_beside(rows, "pressure", 1.1) == "1.00 (1.1)"

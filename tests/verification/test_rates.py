@@ -76,7 +76,7 @@ def test_hertz_has_the_rates_that_the_ends_of_the_contact_allow(element, basis, 
 
 @pytest.mark.once
 @pytest.mark.parametrize("element, rate, most", [("P1", 1.39, 0.034), ("P2", 1.72, 0.015)])
-def test_shear_is_cattaneos_and_mindlins(element, rate, most):
+def test_shear_agrees_with_cattaneo_and_mindlin(element, rate, most):
     """On meshes fine at the ends of contact and stick; rates and errors as in ``cattaneo.py``."""
     coarse, fine = (half_planes(n, element, graded=True)[0] for n in (32, 64))
     assert fine < most
@@ -85,7 +85,7 @@ def test_shear_is_cattaneos_and_mindlins(element, rate, most):
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_wheel_rolls_as_carters():
+def test_wheel_rolls_by_carters_theory():
     """Within the error at four facets per half-width: 1 / 8 of it between nodes."""
     found = carter.roll(4, size=200.0)
     assert found.pulls[-1] == pytest.approx(carter.PART, rel=0.01)
@@ -97,7 +97,7 @@ def test_wheel_rolls_as_carters():
 
 @pytest.mark.once
 @pytest.mark.parametrize("degree, h", [(1, 0.05), (2, 0.1)])
-def test_cylinder_on_cylinder_is_hertzs(degree, h):
+def test_cylinder_on_cylinder_agrees_with_hertz(degree, h):
     """Within the error of the theory, (a / R)^2 = 0.7 %; force within Newton's tolerance."""
     assert cylinders.HALF_WIDTH == pytest.approx(0.680778, abs=1e-6)
     assert cylinders.PEAK == pytest.approx(9.351351, abs=1e-6)
@@ -109,7 +109,7 @@ def test_cylinder_on_cylinder_is_hertzs(degree, h):
     assert found["peak"] == pytest.approx(1.0, abs=0.01)
 
 
-def test_press_fit_is_lames_for_a_small_interference():
+def test_small_press_fit_agrees_with_lame():
     """Lame's formula for radii 1, 2, 3, E = 1, nu = 0.3; its error is of order interference / b."""
     a, b, c, nu, interference = 1.0, 2.0, 3.0, 0.3, 1e-5
     inner = ((1 - 2 * nu) * b**2 + a**2) / (b**2 - a**2)

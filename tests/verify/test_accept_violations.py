@@ -10,7 +10,7 @@ import fenics_mortar as fm
 
 
 @pytest.mark.once
-def test_solve_to_a_wrong_state_raises_unless_told_not_to():
+def test_wrong_state_raises_unless_accepted():
     """The law's friction limit, unlike its tangential row, is too small: shears exceed it."""
     law = Spoilt("friction_limit", lambda bound: 0.5 * bound)
     law._on = False
@@ -32,7 +32,7 @@ def test_solve_to_a_wrong_state_raises_unless_told_not_to():
     assert scene.problem.solve().certificate.violations() == []
 
 
-def test_wrong_state_is_in_the_record_that_the_error_holds():
+def test_error_contains_the_record_of_the_wrong_state():
     law = Spoilt("friction_limit", lambda bound: 0.5 * bound)
     with pytest.raises(fm.NotConvergedError) as caught:
         rubbing_blocks(law).problem.solve()
@@ -44,6 +44,6 @@ def test_wrong_state_is_in_the_record_that_the_error_holds():
 
 
 @pytest.mark.parametrize("value", [1, None, "yes"])
-def test_word_of_who_accepts_violations_is_true_or_false(value):
+def test_accept_violations_is_a_flag(value):
     with refused(ValueError, "accept_violations=.*: expected True or False"):
         small_blocks().problem.solve(accept_violations=value)

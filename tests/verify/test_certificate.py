@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Certificates of sound states, and of states that are not solutions."""
+"""Certificates of solved states, and of states that are not solutions."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scenes import internal, neo_hookean, pressed_blocks, read, rectangles, rota
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.verify.corners import end_pressure
 from meshes import indenter_on_block, mapped_grids, two_blocks
 
 
@@ -33,6 +35,16 @@ def test_solved_state_has_no_violations(slave, basis, degree):
     assert certificate.unpaired == 0
 
 
+def test_certificate_is_that_of_a_displacement_set_by_the_user():
+    scene = solved(n_upper=4, n_lower=6)
+    scene.problem.equations.bulk.u.x.array[:] *= 1.05
+    (found,) = scene.problem.certificate().pairs
+    scene.problem.equations.evaluate_operators()
+    (again,) = scene.problem.certificate().pairs
+    assert found.penetration == again.penetration
+    assert found.complementarity == again.complementarity > 1e-4
+
+
 def test_moment_of_flat_contact_balances():
     scene = pressed_blocks(n_upper=4, n_lower=6, nu=0.0, width_upper=1.0, width_lower=1.0)
     scene.loads["push"].value[1] = -0.02
@@ -40,7 +52,7 @@ def test_moment_of_flat_contact_balances():
     assert scene.problem.certificate().pairs[0].moment < 1e-14  # to rounding
 
 
-def test_tension_and_overlap_are_seen():
+def test_tension_and_overlap_are_violations():
     scene = solved(n_upper=7, n_lower=11)
     contact = scene.contact
     z = contact.z.copy()
@@ -54,7 +66,7 @@ def test_tension_and_overlap_are_seen():
     assert any("overlap" in v for v in scene.problem.certificate().pairs[0].violations())
 
 
-def test_what_the_mesh_leaves_between_the_nodes_is_told():
+def test_penetration_between_nodes_is_reported():
     scene = solved(n_upper=7, n_lower=11)
     contact, u = scene.contact, scene.u
     start, up = u.x.array.copy(), contact.slave.local_dofs[:, 1]
@@ -69,7 +81,7 @@ def test_what_the_mesh_leaves_between_the_nodes_is_told():
             u.x.scatter_forward()
             contact.evaluate(u.x.array, scene.problem.equations.linearization)
             (pair,) = scene.problem.certificate().pairs
-            assert any(re.search(expected, said) for said in (*pair.remarks(), *pair.violations()))
+            assert any(re.search(expected, text) for text in (*pair.remarks(), *pair.violations()))
     contact.change(active=np.zeros_like(contact.active))
     assert list(pair.remarks()) != []
     (pair,) = scene.problem.certificate().pairs
@@ -77,7 +89,7 @@ def test_what_the_mesh_leaves_between_the_nodes_is_told():
 
 
 @pytest.mark.once
-def test_contact_that_was_missed_is_seen():
+def test_missed_contact_is_a_violation():
     """An indenter in the middle of the block with a search radius too short to find its surface."""
     data = read(
         indenter_on_block.build, n_block=24, layers_block=8, n_indenter=6, layers_indenter=4
@@ -111,7 +123,7 @@ def test_certificate_comes_with_the_report_and_prints():
     assert "| penetration |" in str(report.certificate)
 
 
-def test_lost_balance_is_seen():
+def test_lost_balance_is_a_violation():
     scene = solved(n_upper=5, n_lower=7)
     scene.contact.change(z=1.001 * scene.contact.z)
     assert any("balance" in v for v in scene.problem.certificate().violations())
@@ -119,7 +131,7 @@ def test_lost_balance_is_seen():
 
 @pytest.mark.once
 @pytest.mark.parametrize("unit", [1.0, 1e-3])
-def test_state_without_load_is_sound(unit):
+def test_state_without_load_has_no_violations(unit):
     """All forces are rounding; compared with each other they would not balance."""
     scene = pressed_blocks(
         width_upper=unit, width_lower=2.2 * unit, height_upper=unit, height_lower=unit
@@ -129,7 +141,7 @@ def test_state_without_load_is_sound(unit):
 
 
 @pytest.mark.once
-def test_nodes_that_belong_to_another_pair_are_not_missed():
+def test_nodes_of_another_pair_are_no_missed_contact():
     """Two tools on one block: nodes under the other tool have no partner in this pair."""
     boxes = {"left": (0.2, 1.0, 0.6, 0.4), "right": (1.2, 1.0, 0.6, 0.4)}
     data = read(rectangles, size=0.15, block=(0.0, 0.0, 2.0, 1.0), **boxes)
@@ -152,7 +164,7 @@ def test_nodes_beyond_the_edge_are_uncovered_but_not_inside():
 
 
 @pytest.mark.parametrize("slave", ["upper", "lower"])
-def test_corner_that_presses_is_told(slave):
+def test_pressing_corner_is_reported(slave):
     """A block turned by 20 degrees stands with a corner on a flat one."""
     low = mapped_grids.block(16, 4, width=2.0, height=0.5, corner=(-1.0, -0.5))
     high = mapped_grids.block(5, 5, width=0.5, height=0.5) @ rotation(np.radians(20)).T
@@ -221,7 +233,7 @@ def dragged_wedge(slave, half, tilt, mu):
         ),
     ],
 )
-def test_corner_that_is_dragged_is_told_where_its_force_is_wrong(half, tilt, mu):
+def test_dragged_corner_with_a_wrong_force_is_reported(half, tilt, mu):
     """With the corner as slave the error of H/V is at least 7 %, as estimated; otherwise 2 %."""
     for slave, other in (("wedge", "flat/top"), ("flat", None)):
         contact, report = dragged_wedge(slave, half, tilt, mu)
@@ -239,7 +251,7 @@ def test_corner_that_is_dragged_is_told_where_its_force_is_wrong(half, tilt, mu)
 
 
 @pytest.mark.parametrize(("shift", "presses"), [((0.0, 0.08), True), ((0.0, 0.0), False)])
-def test_body_that_presses_on_a_fixed_slave_node_is_told(shift, presses):
+def test_pressed_prescribed_slave_node_is_reported(shift, presses):
     """The upper block is fixed at its left side; the lower one is pushed up, or both move."""
     data = read(two_blocks.build, n_upper=8, n_lower=14, layers_upper=6, layers_lower=6)
     V = fm.vector_space(data.mesh, 1)
@@ -261,6 +273,27 @@ def test_body_that_presses_on_a_fixed_slave_node_is_told(shift, presses):
         assert certificate.end_pressure_at == "(0.6, 1)"
 
 
+def test_pressure_beside_a_clamped_end_is_compared_with_that_farther_away():
+    """One node on each side counts as beside it, nodes up to three away as the next ones."""
+    places = np.arange(6)
+    around = SimpleNamespace(degree=1, along=lambda j, steps: along(places, j, steps))
+    free, may_carry = np.ones((6, 2)), places > 0
+    free[0] = 0.0
+    x = np.stack([places, 0.5 * places], axis=1)
+    contact = SimpleNamespace(
+        slave=around, free=free, may_carry=may_carry, operators=SimpleNamespace(x=x)
+    )
+    found = end_pressure(contact, np.array([0.0, 6.0, 2.0, 1.0, 50.0, 9.0]))
+    assert found == {"end_pressure": 3.0, "end_pressure_at": "(0, 0)"}
+    assert end_pressure(contact, np.array([0.0, 0.1, 2.0, 1.0, 2.0, 2.0])) == {}
+
+
+def along(places, nodes, steps):
+    """Numbers of the places ``steps`` away from nodes of a line, -1 beyond its ends."""
+    there = np.add.outer(nodes, np.array(steps))
+    return np.where((there >= 0) & (there < len(places)), there, -1)
+
+
 def test_edges_of_a_punch_are_no_corners():
     scene = solved(n_upper=7, n_lower=11)
     assert scene.problem.certificate().remarks() == []
@@ -268,20 +301,20 @@ def test_edges_of_a_punch_are_no_corners():
 
 @pytest.mark.each
 @pytest.mark.parametrize("part, num_remarks", [(0.2, False), (0.04, False), (0.0495, True)])
-def test_two_solutions_by_the_end_of_the_master_are_told_of(part, num_remarks):
+def test_two_solutions_at_the_end_of_the_master_are_reported(part, num_remarks):
     """The master ends where s^2 / 2 of a node's length is covered, s of its facet."""
     lower = {"slave": "lower", "n_lower": 8, "width_lower": 2.0}
     width = 2.0 * (0.5 + 0.25 * np.sqrt(2.0 * part))
     scene = pressed_blocks(n_upper=5, layers_upper=2, layers_lower=2, width_upper=width, **lower)
     scene.problem.equations.evaluate(start=True)
     assert np.allclose(scene.contact.operators.cover[[1, 7]], 0.25 * part, rtol=1e-9)
-    said = [remark for remark in scene.problem.certificate().remarks() if "two solutions" in remark]
-    assert len(said) == num_remarks
-    assert all(where in remark for remark in said for where in ("(0.25, 1)", "(1.75, 1)"))
+    remarks = [r for r in scene.problem.certificate().remarks() if "two solutions" in r]
+    assert len(remarks) == num_remarks
+    assert all(where in remark for remark in remarks for where in ("(0.25, 1)", "(1.75, 1)"))
 
 
 @pytest.mark.parametrize("even, basis", [(True, "dual"), (False, "dual"), (True, "standard")])
-def test_resultant_beyond_the_end_of_the_master_is_told(even, basis):
+def test_resultant_beyond_the_end_of_the_master_is_reported(even, basis):
     """The whole force is at the far end of a facet of which 0.4 is covered, or uniform."""
     lower = {"slave": "lower", "n_lower": 8, "width_lower": 2.0, "pair": {"basis": basis}}
     scene = pressed_blocks(n_upper=5, layers_upper=2, layers_lower=2, width_upper=1.2, **lower)

@@ -38,7 +38,7 @@ def c_ring(push, *, degree=1, cell="quadrilateral", comm=MPI.COMM_WORLD):
 
 @pytest.mark.once
 @pytest.mark.parametrize(("degree", "cell"), [(1, "quadrilateral"), (2, "triangle")])
-def test_ends_of_a_ring_that_went_past_each_other_are_told(degree, cell):
+def test_crossed_ends_of_a_ring_are_reported(degree, cell):
     _, problem = c_ring(1.0, degree=degree, cell=cell)
     report = problem.solve(accept_violations=True)
     assert np.abs(problem.equations.contacts[0].total_force).max() == 0.0  # no contact was detected
@@ -53,7 +53,7 @@ def test_ends_of_a_ring_that_went_past_each_other_are_told(degree, cell):
     assert not problem.certificate().passages  # passages belong to a solve, not to a state
 
 
-def test_result_is_that_of_one_rank():
+def test_result_is_independent_of_the_number_of_ranks():
     """Outlines, their bodies and order do not depend on the partition."""
     reports, outlines = [], []
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
@@ -86,7 +86,7 @@ def test_path_of_a_ring_ends_with_its_ends_in_contact():
 
 
 @pytest.mark.once
-def test_unpaired_part_of_a_body_that_crosses_itself_is_told():
+def test_self_crossing_of_an_unpaired_outline_is_reported():
     """A U whose legs are bent through each other; paired surfaces are below."""
     arc = mapped_grids.sector(16, 2, radii=(0.4, 0.6), angles=(np.pi, 2.0 * np.pi))
     legs = [mapped_grids.block(2, 12, width=0.2, height=1.5, corner=(x, 0.0)) for x in (-0.6, 0.4)]
@@ -118,7 +118,7 @@ def test_unpaired_part_of_a_body_that_crosses_itself_is_told():
 
 
 @pytest.mark.parametrize("facets, remarked, violated", [(0.1, 0, 0), (0.44, 1, 0), (0.6, 1, 1)])
-def test_shallow_crossing_is_remarked_on(facets, remarked, violated):
+def test_shallow_crossing_is_a_remark(facets, remarked, violated):
     """Like a penetration of that depth, also for surfaces in no pair."""
     crossing = Crossing(("'strip/end'", "body 'strip'"), "(0, 0)", 0.1, facets)
     certificate = Certificate([], 0.0, 0, crossings=[crossing])
@@ -145,7 +145,7 @@ def block_over_plate(thickness=0.3, size=0.15, *, height=0.4, **options):
 
 
 @pytest.mark.parametrize(("thickness", "size"), [(0.3, 0.15), (0.04, 0.2)])
-def test_block_that_jumps_through_a_plate_is_told(thickness, size):
+def test_passage_through_a_plate_is_reported(thickness, size):
     push, problem = block_over_plate(thickness, size)
     push.value[:] = 0.05, -1.5
     report = problem.solve(accept_violations=True)
@@ -186,7 +186,7 @@ def test_path_that_only_leads_through_a_plate_ends_where_it_began():
     assert np.abs(nodal(problem)).max() == 0.0
 
 
-def test_falling_body_that_is_moved_through_another_is_told():
+def test_rigid_move_through_a_body_is_reported():
     """The plate is between the block and the floor that form a pair; the plate has a pair, too."""
     data = read(
         rectangles,
@@ -216,7 +216,7 @@ def test_falling_body_that_is_moved_through_another_is_told():
     ],
 )
 @pytest.mark.parametrize("moves", ["block", "obstacle"])
-def test_obstacle_that_is_gone_through_is_told(obstacle, moves):
+def test_passage_through_an_obstacle_is_reported(obstacle, moves):
     sheet = obstacle()
     data = read(rectangles, size=0.2, block=(-0.31, 0.1, 0.6, 0.4))
     V = fm.vector_space(data.mesh, 1)
@@ -239,7 +239,7 @@ def test_obstacle_that_is_gone_through_is_told(obstacle, moves):
     assert is_silent(problem.solve(accept_violations=True))
 
 
-def test_way_out_by_the_first_of_all_facets_is_told():
+def test_exit_through_the_first_facet_is_reported():
     """Numbers of exit facets begin at 0; -1 means none."""
     _, problem = block_over_plate()
     crossings = problem.equations.crossings

@@ -86,7 +86,7 @@ def move_upper(problem, step):
     "law, degree, weight",
     [(scenes.neo_hookean, 1, 0.0), (scenes.linear_elastic, 2, 5.0)],
 )
-def test_no_error_is_seen_in_what_the_cells_can_follow(law, degree, weight, cell, pair):
+def test_exact_fields_of_the_cells_have_no_error(law, degree, weight, cell, pair):
     """Uniform stress with degree 1, linear stress under weight with degree 2."""
     problem = column(law, degree, weight, cell, pair=pair)
     problem.solve()
@@ -98,7 +98,7 @@ def test_no_error_is_seen_in_what_the_cells_can_follow(law, degree, weight, cell
 @pytest.mark.once
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("degree", [1, 2])
-def test_no_error_is_seen_where_a_pressure_ends_in_the_middle_of_a_surface(degree, slave):
+def test_end_of_a_pressure_inside_a_surface_gives_no_error(degree, slave):
     """Beside the narrow upper block an equal traction acts on the lower one: stress is uniform."""
 
     def beside(u, v, ds):
@@ -114,7 +114,7 @@ def test_no_error_is_seen_where_a_pressure_ends_in_the_middle_of_a_surface(degre
 
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("degree", [1, 2])
-def test_facets_that_are_covered_in_part_bear_the_force_on_that_part(degree, slave):
+def test_partly_covered_facets_bear_their_force_on_the_cover(degree, slave):
     """Of a uniform pressure; the ends of the upper block are in the middle of lower facets."""
     wide = {"width_lower": 2.0, "n_lower": 7}
     problem = column(scenes.linear_elastic, degree, 0.0, slave=slave, **wide)
@@ -131,7 +131,7 @@ def test_facets_that_are_covered_in_part_bear_the_force_on_that_part(degree, sla
 
 
 @pytest.mark.once
-def test_every_term_sees_what_is_wrong():
+def test_each_term_detects_its_error():
     """An inconsistent multiplier, load, and displacement."""
     problem = column(scenes.linear_elastic, 1, 0.0)
     problem.solve()
@@ -175,7 +175,7 @@ def test_gap_is_that_of_the_model(sliding, gap, degree):
 
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("pair, part", [(rubbing, "slip"), (fm.TiedPair, "gap")])
-def test_sliding_of_what_sticks_is_seen(pair, part, degree):
+def test_slip_of_sticking_nodes_is_estimated(pair, part, degree):
     """On the length 1: half of (shear modulus E / 2 / height of a layer) times the slip squared."""
     problem = column(scenes.linear_elastic, degree, 0.0, pair=pair)
     problem.solve()
@@ -186,7 +186,7 @@ def test_sliding_of_what_sticks_is_seen(pair, part, degree):
 
 
 @pytest.mark.once
-def test_shear_below_the_bound_in_sliding_is_seen():
+def test_sliding_shear_below_the_friction_limit_is_estimated():
     """The limit 0.3 x 3 would dissipate work on the slip 0.01, which the shear does not."""
     problem = column(scenes.linear_elastic, 1, 0.0, pair=rubbing)
     problem.solve()
@@ -258,7 +258,7 @@ def test_mixed_functions_have_the_stress_and_the_constraint_of_their_pressure():
     assert problem.estimate().parts["constraint"] == pytest.approx(0.01 * np.sqrt(2.0))
 
 
-def test_unknowns_with_a_flux_of_their_own_are_refused():
+def test_unknowns_with_other_fluxes_are_refused():
     problem = block_under_pressure(lambda p, q: 0.1 * ufl.inner(ufl.grad(p), ufl.grad(q)))
     _, pressures = problem.equations.bulk.space.whole.sub(1).collapse()
     problem.equations.bulk.u.x.array[np.ravel(pressures)] = np.arange(np.size(pressures))

@@ -49,7 +49,7 @@ def count_passages(x0, x1, segments, after, before, bodies):
 
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", range(100))
-def test_block_that_slides_while_both_turn_does_not_go_through(seed):
+def test_sliding_block_on_a_rotating_body_is_no_passage(seed):
     """In contact within 1e-12 to 0.15 facets, by up to its width and more, and by up to 180 deg."""
     random = np.random.default_rng(seed)
     sizes, width = random.uniform(0.05, 0.3, 2), random.uniform(0.3, 1.5)
@@ -64,7 +64,7 @@ def test_block_that_slides_while_both_turn_does_not_go_through(seed):
 
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", range(100))
-def test_block_that_is_moved_through_a_plate_is_seen_however_both_turn(seed):
+def test_passage_is_detected_for_rotating_bodies(seed):
     random = np.random.default_rng(seed)
     sizes, thickness = random.uniform(0.05, 0.3, 2), 10 ** random.uniform(-2.0, 0.0)
     width, height = random.uniform(0.3, 1.5), random.uniform(0.2, 1.0)
@@ -79,7 +79,7 @@ def test_block_that_is_moved_through_a_plate_is_seen_however_both_turn(seed):
 
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", range(60))
-def test_ring_and_shaft_that_turn_do_not_go_through_each_other(seed):
+def test_rotating_ring_and_shaft_are_no_passage(seed):
     """Equal radii with nonmatching facets, each rotated by a different angle."""
     random = np.random.default_rng(seed)
     counts, angles = random.integers(12, 80, 2), random.uniform(-3.1, 3.1, 2)
@@ -94,7 +94,7 @@ def test_ring_and_shaft_that_turn_do_not_go_through_each_other(seed):
 
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", range(30))
-def test_nodes_on_an_obstacle_that_turns_with_them_do_not_go_through(seed):
+def test_nodes_on_a_rotating_obstacle_are_no_passage(seed):
     random = np.random.default_rng(seed)
     sheet = fm.Polygon([(-3, -0.1), (3, -0.1), (3, 0.0), (-3, 0.0)], 0.02, pivot=(5.0, 2.0))
     angle, shift = random.uniform(-3.0, 3.0), random.uniform(-1.0, 1.0, 2)
@@ -113,7 +113,7 @@ def test_nodes_on_an_obstacle_that_turns_with_them_do_not_go_through(seed):
 
 @pytest.mark.parametrize("middle", [0.0, 0.03, 0.05, -0.02])
 @pytest.mark.parametrize("depth", [0.4, 3.0])
-def test_a_round_obstacle_of_the_size_of_a_facet_does_not_pass_between_nodes(middle, depth):
+def test_passage_of_a_small_obstacle_between_nodes_is_detected(middle, depth):
     """Of a radius of 1.1 facets; nodes beside its middle passed unseen."""
     ball = fm.Circle((middle, 0.11), 0.11)
     x0 = np.stack([np.linspace(-0.5, 0.5, 11), np.zeros(11)], axis=1)

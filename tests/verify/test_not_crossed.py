@@ -17,7 +17,7 @@ from meshes import half_cylinder_on_block, mapped_grids, rings
 from meshes.mapped_grids import Grid
 
 
-def test_what_users_set_begins_a_step_of_its_own():
+def test_state_set_by_the_user_begins_a_new_step():
     """A block put beyond the plate by the user has not passed through it."""
     push, problem = block_over_plate()
     problem.solve(accept_violations=True)

@@ -44,7 +44,7 @@ def pressed(shape, sides, *, stiffness, law):
 
 @pytest.mark.parametrize("shape", ["block", "disk"])
 @pytest.mark.parametrize("swapped", [False, True])
-def test_a_deep_layer_is_no_crossing(shape, swapped):
+def test_deep_layer_is_no_crossing(shape, swapped):
     """3.6 facets: master nodes, and those of other sides of the slave, are in the layer, too."""
     sides = ["upper/bottom", "lower/top"][:: -1 if swapped else 1]
     problem, load = pressed(shape, sides, stiffness=100.0, law=NormalCompliance(0.5, 1.0))

@@ -32,7 +32,7 @@ def test_a_body_is_supported_up_to_the_edge():
     assert report.certificate.violations() == [] and scene.largest() < 1e-2
 
 
-def test_pressures_that_another_pair_may_bear_are_no_violation():
+def test_pressures_borne_by_another_pair_are_no_violation():
     """The same block, its other end below a ceiling: nothing tips."""
     upper = Grid("upper", block(5, 2, width=1.0, height=0.4, corner=(0.53, 0.5)))
     base = Grid("base", block(4, 2, width=1.0, height=0.5))

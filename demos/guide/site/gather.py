@@ -21,8 +21,6 @@ import jupytext
 
 import fenics_mortar
 from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.contact.view import PairView
-from fenics_mortar.equations.state import State
 from fenics_mortar.newton.report import Iteration
 from fenics_mortar.path.report import PathStep
 from fenics_mortar.verify.matrices import OperatorMatrices
@@ -46,7 +44,7 @@ GROUPS = {
     "further": ("Further names", ()),
 }
 # Classes whose instances are created by the package, not by users.
-MET = (Iteration, InterfaceState, PairView, State, PathStep, OperatorMatrices)
+MET = (Iteration, InterfaceState, PathStep, OperatorMatrices)
 # Members of laws and obstacles are described once, at their base classes.
 NOT_REPEATED = "ABC, BaseException, Exception, tuple, Law, Obstacle"
 OF_CLASSES = ("   :members:", f"   :inherited-members: {NOT_REPEATED}")

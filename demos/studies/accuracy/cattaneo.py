@@ -15,7 +15,7 @@ proportional to the root of the distance from these points it decreases faster, 
 h^2.
 
 The second table is of two half cylinders of radius 8, E = 200, nu = 0.3, mu = 0.2, with facets of
-the second degree, fine at the same places. The flat sides do not rotate: they are moved until the
+the second degree, refined alike. The flat sides do not rotate: they are moved until the
 force is P, and the shear force along the contact, which rotates slightly, is Q = 0.468 mu P. P = 10
 is the usual benchmark: a = 0.680778, c = 0.496511, peak of the shear 1.279571. The theory is for
 half planes; its error decreases with the force, on a mesh scaled with a. As in ``cylinders``,

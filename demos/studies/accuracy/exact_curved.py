@@ -43,7 +43,7 @@ class CurvedInterface:
         return np.stack([self.displacement(x + h).imag / 1e-30 for h in steps], axis=1)
 
     def pressure(self, x: np.ndarray, *, tied: bool = False) -> np.ndarray:
-        """Contact pressure at the reference places x (2, n), force over deformed length.
+        """Contact pressure at reference positions x (2, n), force over deformed length.
 
         For ``tied`` surfaces over undeformed length, like their multipliers.
         """

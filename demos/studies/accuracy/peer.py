@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Input of the problem of Hertz for another code, and evaluation of its results.
+"""Input of a problem for another code, and evaluation of its results on the problem of Hertz.
 
 The nodes, the cells, the prescribed displacements and the nodal loads are those of our own problem,
 as arrays; the errors are those of ``norms.py``, of the peer's displacement and pressure at the same
-nodes. Each ``peer_*.py`` in this folder solves it with one code.
+nodes. Each ``peer_*.py`` in this folder solves it with one code; the scenes of
+``demos.studies.performance.waits`` are solved by the same functions.
 """
 
 from __future__ import annotations
@@ -11,15 +12,17 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 
 from demos.studies.accuracy.norms import bulk_errors, contact_errors
-from demos.studies.accuracy.posed import Choice, Posed
+from demos.studies.accuracy.posed import Choice
 from demos.studies.accuracy.report import SIZES, Row, peer_table, write
 from demos.studies.accuracy.scenes_exact import hertz
+from demos.studies.common import lame
 from fenics_mortar.utils import compat
 
 # Nodes of a cell in the order of most codes: corners counterclockwise, then the middles of the
@@ -41,8 +44,12 @@ class Given:
         prescribed: Whether a component is prescribed, shape (n, 2).
         values: Prescribed values, shape (n, 2) [length].
         load: Nodal loads per thickness, shape (n, 2) [stress length].
-        E: Young's modulus [stress].
+        E: Young's modulus of the upper body [stress].
         nu: Poisson's ratio.
+        stiffness: Young's modulus of the other body over E [1].
+        finite: Whether the bodies are neo-Hookean; else linear elastic.
+        deformed: Whether the deformed surfaces are in contact; else displacements are so small that
+            partners and normals are those of the undeformed ones.
     """
 
     x: np.ndarray
@@ -56,62 +63,103 @@ class Given:
     load: np.ndarray
     E: float
     nu: float
+    stiffness: float = 1.0
+    finite: bool = False
+    deformed: bool = False
+
+    def lame(self, upper: bool = True) -> tuple[float, float]:
+        """Lame's parameters mu and lambda of a body [stress]."""
+        return lame(self.E * (1.0 if upper else self.stiffness), self.nu)
+
+    def cells_of(self, upper: bool) -> np.ndarray:
+        """Nodes of the cells of a body."""
+        return self.cells[self.upper == upper]
+
+    def exchanged(self) -> Given:
+        """The same problem with the other surface as the slave."""
+        slave, facets = np.unique(self.master, return_inverse=True)
+        facets, master = facets.reshape(self.master.shape), self.slave[self.facets]
+        return replace(self, slave=slave, facets=facets, master=master)
 
 
 @dataclass
 class Answer:
-    """Result of a code: displacement (n, 2), pressure at the slave's nodes (k,), iterations."""
+    """Result of a code.
+
+    Attributes:
+        u: Displacement, shape (n, 2) [length].
+        pressure: Pressure at the slave's nodes, shape (k,) [stress].
+        iterations: Number of Newton iterations.
+        solver: Kind of contact and linear solver.
+    """
 
     u: np.ndarray
     pressure: np.ndarray
     iterations: int
+    solver: str
 
 
-def given(posed: Posed) -> Given:
-    """Arrays of our own, unsolved problem."""
-    bulk, (contact,) = posed.problem.equations.bulk, posed.problem.equations.contacts
+# Solves for prescribed displacements (n, 2), from the last solution on
+Solve = Callable[[np.ndarray], Answer]
+# Creates a code's model; raises if it cannot pose the problem
+Pose = Callable[[Given], Solve]
+
+
+def given(problem: Any, body: np.ndarray, E: float, nu: float, **options: Any) -> Given:
+    """Arrays of our own, unsolved problem; ``body``: numbers of the cells of the slave body."""
+    bulk, (contact,) = problem.equations.bulk, problem.equations.contacts
     cells = compat.dofmap(bulk.V)
     cells = cells[:, AROUND[cells.shape[1]]]
     x = bulk.V.tabulate_dof_coordinates()[:, :2].copy()
     tail = x[cells[:, 1]] - x[cells[:, 0]], x[cells[:, 2]] - x[cells[:, 0]]
     assert np.all(np.linalg.det(np.stack(tail, axis=-1)) > 0), "cells must be counterclockwise"
     bulk.assemble_residual()
-    mu, lmbda = posed.lame
-    tags = np.zeros(len(cells), bool)
-    tags[posed.data.cell_tags.find(posed.data.body_tag(posed.slave))] = True
+    upper = np.zeros(len(cells), bool)
+    upper[body] = True
     order = [0, -1, 1][: contact.slave.degree + 1]
     return Given(
         x=x,
         cells=cells,
-        upper=tags,
+        upper=upper,
         slave=contact.slave.nodes,
         facets=contact.slave.facets[:, order],
         master=contact.master.nodes[contact.master.facets[:, order]],
         prescribed=bulk.prescribed.reshape(-1, 2).copy(),
-        values=prescribed(posed).reshape(-1, 2),
+        values=prescribed(problem),
         load=-bulk.r.array_r.reshape(-1, 2),
-        E=mu * (3 * lmbda + 2 * mu) / (lmbda + mu),
-        nu=lmbda / (2 * (lmbda + mu)),
+        E=E,
+        nu=nu,
+        **options,
     )
 
 
-def prescribed(posed: Posed) -> np.ndarray:
-    """Prescribed values of all dofs, 0 where there are none."""
-    values = np.zeros_like(posed.u.x.array)
-    compat.set_prescribed(values, posed.problem.equations.bulk.bcs)
-    return values
+def prescribed(problem: Any) -> np.ndarray:
+    """Present prescribed values, shape (n, 2) [length], 0 where there are none."""
+    bulk = problem.equations.bulk
+    values = np.zeros_like(bulk.r.array_r)
+    compat.set_prescribed(values, bulk.bcs)
+    return values.reshape(-1, 2)
 
 
-def measure(
-    name: str, solve: Callable[[Given], Answer], n: int, element: str, graded: bool, repeats: int
-) -> Row:
-    """Solve ``repeats`` times after a warm-up; errors, and median seconds of the processor."""
+def areas(problem: Given) -> np.ndarray:
+    """Integrals of the shape functions over the slave surface per thickness, shape (k,)."""
+    ends = problem.x[problem.slave[problem.facets]]
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    shares = [1 / 2, 1 / 2] if problem.facets.shape[1] == 2 else [1 / 6, 1 / 6, 2 / 3]
+    return np.bincount(problem.facets.ravel(), np.outer(length, shares).ravel())
+
+
+def measure(name: str, pose: Pose, n: int, element: str, graded: bool, repeats: int) -> Row:
+    """Pose and solve ``repeats`` times after a warm-up; errors, median seconds of the processor."""
     posed = hertz(n, Choice(element), graded=graded)
-    problem = given(posed)
-    answer, seconds = solve(problem), []
+    mu, lmbda = posed.lame
+    body = posed.data.cell_tags.find(posed.data.body_tag(posed.slave))
+    nu = lmbda / (2 * (lmbda + mu))
+    problem = given(posed.problem, body, 2 * mu * (1 + nu), nu)
+    answer, seconds = pose(problem)(problem.values), []
     for _ in range(repeats):
         begin = time.process_time()
-        answer = solve(problem)
+        answer = pose(problem)(problem.values)
         seconds.append(time.process_time() - begin)
     posed.u.x.array[:] = answer.u.ravel()
     row: Row = {"code": name, "n": n, "element": element, "graded": graded}
@@ -121,7 +169,7 @@ def measure(
     return row | {key: float(value) for key, value in found.items()}
 
 
-def run(name: str, solve: Callable[[Given], Answer], elements: Sequence[str]) -> None:
+def run(name: str, pose: Pose, elements: Sequence[str]) -> None:
     """Measure on all meshes; write the rows for ``chart.py --redraw`` and print them."""
     parser = argparse.ArgumentParser(description=f"The problem of Hertz, solved by {name}.")
     parser.add_argument("--finest", type=int, default=128, help="facets of the slave: 64, 128, ...")
@@ -129,7 +177,7 @@ def run(name: str, solve: Callable[[Given], Answer], elements: Sequence[str]) ->
     options = parser.parse_args()
     sizes = [n for n in SIZES if n <= options.finest]
     rows = [
-        measure(name, solve, n, element, graded, options.repeats)
+        measure(name, pose, n, element, graded, options.repeats)
         for element, graded, n in product(elements, (False, True), sizes)
     ]
     write(f"peer_{name.split()[0].lower()}", rows)

@@ -31,7 +31,7 @@ from demos.studies.ladder.tables import report
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scene", help="measure only this one anew")
-    parser.add_argument("--redraw", action="store_true", help="draw what was measured before")
+    parser.add_argument("--redraw", action="store_true", help="draw earlier measurements")
     options = parser.parse_args()
     if not options.redraw:
         list(measure(SCENES[1], SCENES[1].loads[-1]))  # compiles forms, loads kernels

@@ -32,7 +32,7 @@ def first_piola(u: Any, strain: str) -> Any:
 
 
 def read(scene: Scene, load: float, bodies: str = "soft tool", finer: int = 1) -> Any:
-    """Mesh of some bodies of the scene, with ``finer`` cells in the place of one along a side."""
+    """Mesh of some bodies of the scene, with ``finer`` cells instead of one along a side."""
     soft, tool = Grid("soft", scene.soft(load, finer)), scene.tool(load, finer)
     grids = [grid for grid in (soft, tool) if grid.name in bodies.split()]
     return read_mesh(lambda: mapped_grids.build(grids), MPI.COMM_SELF)
@@ -157,7 +157,7 @@ def thrown(problem: fm.ContactProblem, speed: float) -> fm.Dynamics:
 
 
 def elastic_tool(scene: Scene, circle: fm.Obstacle, data: Any) -> fm.ElasticObstacle:
-    """What the rigid circle stands for, on a mesh of the tool alone."""
+    """The elastic tool that the rigid circle represents, on a mesh of the tool alone."""
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
     gripped = ((scene.grip, None),) if scene.grip else ()

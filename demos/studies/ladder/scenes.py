@@ -165,7 +165,7 @@ def hairpin(gap: float, along: int, across: int) -> np.ndarray:
 
 
 def no_tool(load: float, k: int) -> Grid:
-    """Stands in the place of a tool where there is none."""
+    """Placeholder for scenes without a tool."""
     return Grid("none", mapped_grids.block(1, 1, width=1.0, height=1.0))
 
 

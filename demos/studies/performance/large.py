@@ -32,15 +32,15 @@ def peak():
     return comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) / 1024**2
 
 
-def say(line):
+def show(line):
     if comm.rank == 0:
         print(line, flush=True)
 
 
 # +
-say(f"{size_of(problem)} dofs, {SOLVER}, {comm.size} ranks\n")
-say("| depth [mm] | force [N/mm] | nodes in contact | iterations | on the clock [s] | CPU [s] |")
-say("|---:|---:|---:|---:|---:|---:|")
+show(f"{size_of(problem)} dofs, {SOLVER}, {comm.size} ranks\n")
+show("| depth [mm] | force [N/mm] | nodes in contact | iterations | on the clock [s] | CPU [s] |")
+show("|---:|---:|---:|---:|---:|---:|")
 iterations, clock, cpu, phases = 0, 0.0, 0.0, {}
 for depth in DEPTHS:
     push.value[1] = -depth
@@ -54,9 +54,9 @@ for depth in DEPTHS:
     contact = problem.equations.contacts[0]
     cells = [f"{depth:.2f}", f"{contact.total_force[1]:.6f}", f"{contact.active.sum()}"]
     cells += [f"{report.num_iterations}", f"{wall:.1f}", f"{busy:.1f}"]
-    say(f"| {' | '.join(cells)} |")
-say(f"| all | | | {iterations} | {clock:.1f} | {cpu:.1f} |\n")
+    show(f"| {' | '.join(cells)} |")
+show(f"| all | | | {iterations} | {clock:.1f} | {cpu:.1f} |\n")
 whole = sum(phases.values())
-say(", ".join(f"{phase} {100 * seconds / whole:.1f} %" for phase, seconds in phases.items()))
-say(f"peak {peak():.2f} GiB")
+show(", ".join(f"{phase} {100 * seconds / whole:.1f} %" for phase, seconds in phases.items()))
+show(f"peak {peak():.2f} GiB")
 # -

@@ -47,17 +47,17 @@ def measure(refinements):
     return size_of(problem), active, newton, linear / newton, 8 * linear / digits
 
 
-def say(*cells):
+def show(*cells):
     if comm.rank == 0:
         print(f"| {' | '.join(cells)} |", flush=True)
 
 
-say("dofs", "nodes in contact", "Newton", "linear in each", "for 8 digits", "growth")
-say(*["---:"] * 6)
+show("dofs", "nodes in contact", "Newton", "linear in each", "for 8 digits", "growth")
+show(*["---:"] * 6)
 before = None
 for refinements in range(REFINEMENTS + 1):
     dofs, active, newton, mean, whole = measure(refinements)
     growth = f"{whole / before:.2f}" if before else ""
-    say(f"{dofs}", f"{active}", f"{newton}", f"{mean:.1f}", f"{whole:.1f}", growth)
+    show(f"{dofs}", f"{active}", f"{newton}", f"{mean:.1f}", f"{whole:.1f}", growth)
     before = whole
 # -

@@ -7,7 +7,7 @@
 #
 # With more ranks than cores times are meaningless; force and iterations must be those of one rank.
 # Calls and bytes are those of one Newton iteration, counted in the communicator of the surfaces; a
-# load step has more evaluations than solves: "all told" is the total per iteration.
+# load step has more evaluations than solves: "bytes, in total" is the sum per iteration.
 #
 # The tables for up to a thousand ranks are simulated, not run: the deformed interface is refined,
 # the bodies are cut into squares of equal size, and the data that the busiest rank stores and
@@ -62,7 +62,7 @@ class Counting:
         return self.inner.allreduce(value, *more)
 
 
-def say(line):
+def show(line):
     if comm.rank == 0:
         print(line, flush=True)
 
@@ -70,7 +70,8 @@ def say(line):
 # +
 def bytes_of(contact, S, M):
     """Bytes by the formula for numbers of nodes, with outlines in the same proportion as here."""
-    outline = len(contact.sight.outline.X) / (contact.slave.num_nodes + contact.master.num_nodes)
+    nodes = contact.slave.num_nodes + contact.master.num_nodes
+    outline = len(contact.evaluation.sight.outline.X) / nodes
     return 72 * S + 16 * M + 16 * outline * (S + M)
 
 
@@ -82,7 +83,7 @@ def measure(kind, dofs):
         problem.equations.contacts[0],
         Counting(problem.equations.contacts[0].slave.comm),
     )
-    for part in (contact.slave, contact.master, contact.sight.outline):
+    for part in (contact.slave, contact.master, contact.evaluation.sight.outline):
         object.__setattr__(part, "comm", counting)
     problem.equations.evaluate(start=True)
     counting.calls = counting.bytes = 0
@@ -108,14 +109,14 @@ def measure(kind, dofs):
     least, most = (100 * share / sum(segments) for share in (min(segments), max(segments)))
     cells += [f"{least:.1f} to {most:.1f}", f"{calls}", f"{sent}", f"{sent_now:.0f}"]
     cells += [f"{counting.bytes / iterations:.0f}", f"{contact.total_force[1]:.9f}"]
-    say(f"| {' | '.join(cells)} |")
+    show(f"| {' | '.join(cells)} |")
     return problem, calls, sent / sent_now
 
 
 titles = ["scaling", "ranks", "dofs", "iterations", "clock [ms]", "CPU [ms]"]
 titles += ["search, integrals [ms]", "segments of a rank [%]", "calls", "bytes"]
-titles += ["72 S + 16 M + 16 B", "bytes, all told", "force"]
-say(f"per Newton iteration\n\n| {' | '.join(titles)} |\n|{'---:|' * len(titles)}")
+titles += ["72 S + 16 M + 16 B", "bytes, in total", "force"]
+show(f"per Newton iteration\n\n| {' | '.join(titles)} |\n|{'---:|' * len(titles)}")
 measure("weak", DOFS * comm.size)
 problem, CALLS, FACTOR = measure("strong", DOFS)
 contact = problem.equations.contacts[0]
@@ -180,10 +181,10 @@ def simulate(dofs):
     strip = problem.equations.system.solver.multigrid._strip.num_rows / (
         contact.slave.num_nodes + contact.master.num_nodes
     )
-    say(f"\n{dofs:.0e} dofs: S = {S}, M = {M}, {strip * (S + M):.0f} dofs in the strip\n")
-    say("| ranks | now: memory [MB] | bytes | messages | strip: bytes per linear iteration "
+    show(f"\n{dofs:.0e} dofs: S = {S}, M = {M}, {strip * (S + M):.0f} dofs in the strip\n")
+    show("| ranks | now: memory [MB] | bytes | messages | strip: bytes per linear iteration "
         "| ghosted: ranks at the interface | memory [MB] | bytes | messages |")  # fmt: skip
-    say("|" + "---:|" * 9)
+    show("|" + "---:|" * 9)
     for ranks in (1, 10, 100, 1000):
         now = S * slave + M * master + segments / ranks * segment
         own, other, needed, partners = ghosts(x, m, ranks)
@@ -196,7 +197,7 @@ def simulate(dofs):
         cells += [f"{CALLS * 2 * np.ceil(np.log2(ranks)):.0f}"]
         cells += [f"{8 * strip * (S + M) * (ranks > 1):.0f}"]
         cells += [f"{at}", f"{ghosted / 1e6:.1f}", f"{sent}", f"{4 * partners * (ranks > 1)}"]
-        say(f"| {' | '.join(cells)} |")
+        show(f"| {' | '.join(cells)} |")
 
 
 if comm.size == 1:

@@ -198,7 +198,7 @@ def summary(records: list[Record]) -> str:
             )
         with_remarks = [record["seed"] for record in good if record.get("remarks")]
         lines.append(
-            f"The certificate tells of a coarse mesh in the cases {with_remarks or 'none'}."
+            f"The certificate reports a coarse mesh in the cases {with_remarks or 'none'}."
         )
     bad = [record for record in records if record["outcome"] not in ("converged", "dead end")]
     if bad:

@@ -29,7 +29,7 @@ Record = dict[str, Any]
 # Limit analysis is that of rigid bodies; relative tolerance for elastic ones [1].
 MARGIN = 0.05
 # Tolerance if the certificate reports a coarse mesh: forces at edges are accurate to a facet.
-TOLD_MARGIN = 0.25
+REMARK_MARGIN = 0.25
 # With non-associated friction bodies may move before the limit load: a dead end below this fraction
 # of the limit load is a failure.
 EARLIEST = 0.9
@@ -106,15 +106,18 @@ def confirm(case: SupportedCase, record: Record) -> None:
     these loads, and bodies that slid although they are supported, are wrong.
     """
     reached = record.get("refused", record.get("time", 0.0))
-    late = case.end * (1.0 + (TOLD_MARGIN if record.get("remarks") else MARGIN))
+    late = case.end * (1.0 + (REMARK_MARGIN if record.get("remarks") else MARGIN))
     if record["outcome"] not in ("converged", "failed"):
         return
     if "refused" not in record and reached > late:
-        words = f"equilibrium at {reached:.3f}, where limit analysis has none beyond {case.end:.3f}"
-        record |= {"outcome": "wrong", "reason": words}
+        reason = (
+            f"equilibrium at {reached:.3f}, where limit analysis has none beyond {case.end:.3f}"
+        )
+        record |= {"outcome": "wrong", "reason": reason}
     elif record["outcome"] == "converged" and record["moved"] > case.yielding:
-        words = f"bodies moved by {record['moved'] / case.yielding:.2g} times what is elastic"
-        record |= {"outcome": "wrong", "reason": words}
+        factor = record["moved"] / case.yielding
+        reason = f"bodies moved by {factor:.2g} times the elastic displacement"
+        record |= {"outcome": "wrong", "reason": reason}
     elif record["outcome"] == "failed":
         for judge, end in ENDS.items():
             record[judge] = end(case)
@@ -299,7 +302,7 @@ def _same(case: Case) -> float:
 
 
 def check_supported_again(case: SupportedCase, record: Record) -> None:
-    """Check that half the step size, and exchanged roles, lead to a sound state, too."""
+    """Check that half the step size, and exchanged roles, lead to a valid state, too."""
     paths = {"half the steps": replace(case, step=case.step / 2)}
     if case.can_be_swapped:
         paths["exchanged roles"] = case.swapped()
@@ -307,8 +310,8 @@ def check_supported_again(case: SupportedCase, record: Record) -> None:
         again, _ = run(other)
         record[name] = again["outcome"]
         if again["outcome"] in ("wrong", "crash"):
-            words = f"{name}: {again['outcome']}, {again['reason']}"
-            record |= {"outcome": "wrong", "reason": words}
+            reason = f"{name}: {again['outcome']}, {again['reason']}"
+            record |= {"outcome": "wrong", "reason": reason}
 
 
 def exchange_roles(case: Case, record: Record) -> Iterator[str]:
@@ -332,7 +335,7 @@ def exchange_roles(case: Case, record: Record) -> Iterator[str]:
             record["exchanged roles: remarks"] = one["remarks"] or two["remarks"]
             if not record["exchanged roles: remarks"]:
                 change = record["exchanged roles: difference"]
-                yield f"exchanged roles change the response by {change:.2g}, which nothing tells"
+                yield f"exchanged roles change the response by {change:.2g}, which nothing reports"
             return
         one, _ = run(case)
         record["refinements"] += 1

@@ -47,7 +47,7 @@ def gap_back(o: MortarOperators, weights: Array) -> Array:
         weights: Shape (slave nodes,).
 
     Returns:
-        Shape (slave nodes,), units of ``weights`` times length.
+        Shape (slave nodes,) [unit of the weights times length].
     """
     return _nodal_sums(o, -np.einsum("ejk,ej->ek", o.D, weights[o.facet_nodes]))
 
@@ -71,6 +71,9 @@ def rows_by_offset(contact: Contact, offset: Array) -> Array:
 
 
 def offset_by_rows(contact: Contact, rows: Array) -> Array:
-    """Gradient of the sum of the rows times ``rows``, (slave nodes,) (collective)."""
+    """Gradient of the sum of the rows times ``rows``, (slave nodes,) (collective).
+
+    In the unit of ``rows`` times [stress].
+    """
     weights = np.einsum("jc,jc->j", weights_of_gaps(contact), rows)
     return gap_back(contact.operators, weights)

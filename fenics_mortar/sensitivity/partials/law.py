@@ -40,7 +40,9 @@ NUMBERS = ("gap", "slip", "z_n", "z_tau", "stiffness", "c_n")
 
 
 def parameter(contact: Contact, name: str) -> Array:
-    """Value of a parameter of the law, any shape; (slave nodes,) if it varies in space (local).
+    """Value of a parameter of the law, any shape [its unit] (local).
+
+    Shape (slave nodes,) if it varies in space.
 
     Raises:
         ValueError: If the law has no such parameter.
@@ -159,7 +161,10 @@ def rows_by_weight(contact: Contact, name: str) -> Array:
 
 
 def parameter_by_rows(contact: Contact, name: str, rows: Array) -> Array:
-    """Gradient of the sum of the rows times ``rows``, shape of the parameter (collective)."""
+    """Gradient of the sum of the rows times ``rows``, of the parameter's shape (collective).
+
+    In the unit of ``rows`` times [stress length] over that of the parameter.
+    """
     value = parameter(contact, name)
     if name in contact.pair.law.varying:  # the rows of a node depend only on its value
         return np.einsum("jc,jc->j", rows, rows_by_parameter(contact, name, np.ones_like(value)))
@@ -208,7 +213,8 @@ def differentiate(
 ) -> Array:
     """Derivative by complex step, compared with difference quotients (local).
 
-    ``terms``: size of the terms whose sums are the rows of the result, for their rounding, (rows,).
+    Units are those of the result [any]. ``terms``: size of the terms whose sums are the rows of the
+    result, for their rounding, shape (rows,).
 
     Raises:
         ValueError: If they contradict each other; ``what`` describes the derivative.

@@ -69,11 +69,11 @@ class Dofs:
         return np.where(dofs >= 0, self.order[at], self.size)
 
     def flat(self, on_slave: Array, on_master: Array) -> Array:
-        """Values at the dofs, and a zero for -1, shape (size + 1,) (local)."""
+        """Values at the dofs, and a zero for -1, shape (size + 1,) [their unit] (local)."""
         return np.concatenate([on_slave.ravel(), on_master.ravel(), [0.0]])
 
     def split(self, values: Array) -> tuple[Array, Array]:
-        """Inverse of ``flat``: shapes (slave nodes, 2) and (master nodes, 2) (local)."""
+        """Inverse of ``flat``: (slave nodes, 2) and (master nodes, 2) [their unit] (local)."""
         end = 2 * self.sides[0].num_nodes
         return values[:end].reshape(-1, 2), values[end : self.size].reshape(-1, 2)
 
@@ -86,7 +86,7 @@ class Dofs:
             count: Number of rows.
 
         Returns:
-            The product, shape (count,).
+            The product, shape (count,) [unit of the blocks times that of the values].
         """
         product = np.zeros(count)
         for block in blocks:
@@ -100,7 +100,7 @@ class Dofs:
 
         Args:
             blocks: Blocks of this rank, with dofs as columns.
-            values: Values of the rows, shape (rows,).
+            values: Values of the rows, shape (rows,) [any unit].
         """
         product = np.zeros(self.size + 1)
         for block in blocks:
@@ -129,7 +129,7 @@ class NodalDerivative:
     by_motion: Array
 
     def along(self, direction: PairVector) -> Array:
-        """Change of the values along a direction, shape (slave nodes,) (collective)."""
+        """Change of the values along a direction, (slave nodes,) [their unit] (collective)."""
         values = self.dofs.flat(direction.on_slave, direction.on_master)
         change = self.dofs.along(self.blocks, values, len(self.by_z))
         by_z = np.einsum("jc,jc->j", self.by_z, direction.z)

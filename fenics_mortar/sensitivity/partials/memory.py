@@ -61,7 +61,7 @@ class PairMemory:
         def found() -> Array:
             return differentiate(
                 f"{law!r}: the complex step of remember by '{name}'", value, np.ones_like(value),
-                lambda changed: _remembered(law, f, contact.parameters, {name: changed}),
+                lambda changed: _updated_memory(law, f, contact.parameters, {name: changed}),
             )  # fmt: skip
 
         return np.asarray(call_together(contact.slave.comm, self._what, found))
@@ -75,7 +75,7 @@ class PairMemory:
         def found() -> Array:
             return differentiate(
                 f"{law!r}: the complex step of remember by '{name}'", value, np.ones_like(value),
-                lambda changed: _remembered(
+                lambda changed: _updated_memory(
                     law, f, contact.parameters, {"memory": {**memory, name: changed}}
                 ),
             )  # fmt: skip
@@ -83,13 +83,13 @@ class PairMemory:
         return np.asarray(call_together(contact.slave.comm, self._what, found))
 
     def along_state(self, direction: PairVector) -> Array:
-        """Change with the state at the end of the step, (names, slave nodes)."""
+        """Change with the state at the end of the step, (names, slave nodes) [their units]."""
         dofs = Dofs((self._contact.slave, self._contact.master))
         made = {name: DERIVATIVES[name](self._contact, dofs).along(direction) for name in FIELDS}
         return self.along_fields(made)
 
     def along_fields(self, changes: Mapping[str, Array]) -> Array:
-        """Change (names, slave nodes) with changes of fields (slave nodes,); gaps are weighted."""
+        """Change (names, slave nodes) [their units] with changes of fields; gaps are weighted."""
         o, f = self._contact.operators, self._contact.now
         none = np.zeros(len(o.x))
         weighted = changes.get("gap", none) - f.mean_gap * changes.get("weight", none)
@@ -112,7 +112,7 @@ class PairMemory:
         return self.fields_back(c).gradient(self._contact)
 
     def along_before(self, direction: PairVector) -> Array:
-        """Change with the state before, from which slip is counted, (names, slave nodes)."""
+        """Change with the state that slip is counted from, (names, slave nodes) [their units]."""
         if self._history is None:
             return np.zeros_like(self._by["slip"])
         return self._by["slip"] * self._history.slip.along(direction)
@@ -124,11 +124,11 @@ class PairMemory:
         return self._history.slip.back((self._by["slip"] * c).sum(axis=0))
 
     def along_memory(self, dh: Array) -> Array:
-        """Change with the memory before, (names, slave nodes)."""
+        """Change with the memory before, (names, slave nodes) [their units]."""
         return np.sum([by * d for by, d in zip(self._by_memory.values(), dh, strict=True)], axis=0)
 
     def memory_back(self, c: Array) -> Array:
-        """Transpose of ``along_memory``; both arrays have the shape (names, slave nodes)."""
+        """Transpose of ``along_memory``; both arrays are (names, slave nodes) [1 / their units]."""
         return np.array([(by * c).sum(axis=0) for by in self._by_memory.values()])
 
     def rows_along(self, dh: Array) -> Array:
@@ -137,17 +137,17 @@ class PairMemory:
         return np.sum([rows * d[:, None] for rows, d in pairs], axis=0)
 
     def rows_back(self, y: Array) -> Array:
-        """Transpose of ``rows_along`` for weights ``y`` (slave nodes, 2)."""
+        """Transpose of ``rows_along`` for weights ``y`` (slave nodes, 2) [rows times y]."""
         return np.array([np.einsum("jc,jc->j", rows, y) for rows in self._rows.values()])
 
     def along_parameter(self, name: str, direction: Array) -> Array:
-        """Change with a parameter of the law, (names, slave nodes)."""
+        """Change with a parameter of the law, (names, slave nodes) [their units]."""
         contact, law, f = self._contact, self._contact.pair.law, self._contact.now
 
         def at(changed: Any) -> Array:
             if name in law.varying:
-                return _remembered(law, f, {**contact.parameters, name: changed}, {})
-            return _remembered(with_parameter(law, name, changed), f, contact.parameters, {})
+                return _updated_memory(law, f, {**contact.parameters, name: changed}, {})
+            return _updated_memory(with_parameter(law, name, changed), f, contact.parameters, {})
 
         what = f"{law!r}: the complex step of remember by '{name}'"
         value = parameter(contact, name)
@@ -158,7 +158,7 @@ class PairMemory:
         )
 
     def parameter_back(self, name: str, c: Array) -> Array:
-        """Transpose of ``along_parameter``, shape of the parameter."""
+        """Transpose of ``along_parameter``, shape of the parameter [1 / its unit]."""
         value = parameter(self._contact, name)
         if name in self._contact.pair.law.varying:
             return np.asarray((c * self.along_parameter(name, np.ones_like(value))).sum(axis=0))
@@ -176,7 +176,7 @@ def _given(f: ContactFields) -> Any:
     return f.of_geometry if isinstance(f, LawFields) else f.nodal
 
 
-def _remembered(
+def _updated_memory(
     law: Law, f: ContactFields, fields: Mapping[str, Any], changes: Mapping[str, Any]
 ) -> Array:
     """Memory at the end of the step, with changed arguments, complex (names, slave nodes)."""
@@ -185,5 +185,5 @@ def _remembered(
     node = replace(given, **{**numbers, "fields": fields, **changes})
     if law.has_closing_gap:
         node = replace(node, gap=np.where(f.covered, law.closing_gap(node).residual, node.gap))
-    answer = law.remember(node, f.state.branch)
-    return np.array([np.asarray(answer[name], complex) for name in law.memory])
+    result = law.remember(node, f.state.branch)
+    return np.array([np.asarray(result[name], complex) for name in law.memory])

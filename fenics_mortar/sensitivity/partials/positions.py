@@ -56,7 +56,10 @@ class Positions:
         return PairVector(*forces, rows, np.einsum("mjc,jc->m", self._of_obstacle, on_slave))
 
     def back(self, y: PairVector) -> tuple[Array, Array]:
-        """Gradients of the product with y, at slave and master nodes, (nodes, 2) each."""
+        """Gradients of the product with y, at slave and master nodes, (nodes, 2) each.
+
+        In the unit of the product over [length].
+        """
         dofs = self._dofs
         total = dofs.back(self._forces, dofs.flat(y.on_slave, y.on_master))
         total += dofs.back(self._rows, y.z.ravel())

@@ -41,12 +41,12 @@ class FieldChange(NamedTuple):
 
     @property
     def only(self) -> dict[str, Array]:
-        """The changes along the first direction by name, (slave nodes,) each."""
+        """Changes along the first direction by name, (slave nodes,) each [unit of the field]."""
         return {name: values[0] for name, values in self._asdict().items()}
 
 
 def units_of(value: Array) -> Array:
-    """All directions in which one number of a parameter changes, ``(size, *shape)`` (local)."""
+    """All directions in which one number of a parameter changes, ``(size, *shape)`` [1] (local)."""
     return np.eye(value.size).reshape(value.size, *value.shape)
 
 
@@ -104,7 +104,10 @@ def rows_by_shape(
 def shape_by_rows(
     contact: Contact, name: str, rows: Array, earlier: Earlier | None = None
 ) -> Array:
-    """Gradient of the sum of the rows times ``rows``, shape of the parameter (collective)."""
+    """Gradient of the sum of the rows times ``rows``, of the parameter's shape (collective).
+
+    In the unit of ``rows`` times [stress length] over that of the parameter.
+    """
     value = np.asarray(contact.now.on_obstacle.obstacle.shape()[name])
     changes = rows_by_shape(contact, name, units_of(value), earlier)
     return np.einsum("mjc,jc->m", changes, rows).reshape(value.shape)

@@ -102,7 +102,7 @@ def set_prescribed(values: Array, bcs: list[Any]) -> None:
 
 
 def prescribed_value(bc: Any) -> Array:
-    """The numbers prescribed by a condition, shape (1,) or (2,); empty for a function (local).
+    """The numbers prescribed by a condition, (1,) or (2,) [length]; empty for a function (local).
 
     ``DirichletBC`` became a class of Python in 0.7; ``g`` stayed.
     """
@@ -110,7 +110,7 @@ def prescribed_value(bc: Any) -> Array:
 
 
 def condition_numbers(bc: Any) -> Array:
-    """The values of a condition's function (local dofs,) or constant, not a copy (local).
+    """The values of a condition's function (local dofs,) or constant [length], not a copy (local).
 
     ``DirichletBC`` became a class of Python in 0.7; ``g`` stayed.
     """

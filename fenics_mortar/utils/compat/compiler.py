@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 
-def _is_told(record: logging.LogRecord) -> bool:
+def _is_reported(record: logging.LogRecord) -> bool:
     """Whether a log record is a warning or does not come from setuptools."""
     return record.levelno >= logging.WARNING or "distutils" not in record.pathname
 
@@ -26,11 +26,11 @@ def quiet_compiler() -> Iterator[None]:
     """
     root = logging.getLogger()
     level, handlers = root.level, root.handlers[:]
-    root.addFilter(_is_told)
+    root.addFilter(_is_reported)
     try:
         yield
     finally:
-        root.removeFilter(_is_told)
+        root.removeFilter(_is_reported)
         root.setLevel(level)
         root.handlers[:] = handlers
 

@@ -39,7 +39,7 @@ def create_expression(expression: ufl.core.expr.Expr, points: npt.ArrayLike) -> 
 def evaluate_expression(
     expression: fem.Expression, mesh: dmesh.Mesh, cells: npt.NDArray[np.int32]
 ) -> Array:
-    """Evaluate at the expression's points in local ``cells``, shape (num_cells, ...) (local).
+    """Evaluate at the expression's points in local ``cells``, (num_cells, ...) [its unit] (local).
 
     ``Expression.eval`` takes the mesh since 0.7.
     """

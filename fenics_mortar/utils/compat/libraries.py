@@ -29,9 +29,9 @@ def option_is_used(name: str) -> bool:
     if hasattr(database, "used"):
         return bool(database.used(name))
     used = ctypes.c_int(0)
-    ask = ctypes.CDLL(PETSc.__file__).PetscOptionsUsed
-    ask.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.POINTER(ctypes.c_int)]
-    ask(None, name.encode(), ctypes.byref(used))
+    options_used = ctypes.CDLL(PETSc.__file__).PetscOptionsUsed
+    options_used.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.POINTER(ctypes.c_int)]
+    options_used(None, name.encode(), ctypes.byref(used))
     return bool(used.value)
 
 
