@@ -255,7 +255,10 @@ class Bulk:
         Args:
             values: Values of the unknowns, owned ones first, shape (num_owned,) or longer.
         """
-        mine = float((np.abs(values[: self.num_owned]) / self.units).max(initial=0.0))
+        sizes = np.abs(values[: self.num_owned])
+        if self.space.is_mixed:
+            sizes /= self.units
+        mine = float(sizes.max(initial=0.0))
         return mine if self.comm.size == 1 else float(self.comm.allreduce(mine, MPI.MAX))
 
     def by_input_node(self) -> tuple[Indices, Array]:

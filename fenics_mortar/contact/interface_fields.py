@@ -98,8 +98,8 @@ class InterfaceFields:
 
     def after(self, state: InterfaceState) -> Self:
         """The fields at another state and the same operators."""
-        before, kind = vars(self.state), type(self)
-        new, dependent = object.__new__(kind), _dependent(kind)
+        kind: Any = type(self)
+        before, new, dependent = vars(self.state), object.__new__(kind), _dependent(kind)
         fields = vars(new)
         fields.update(vars(self), state=state)
         for attribute, value in vars(state).items():

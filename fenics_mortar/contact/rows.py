@@ -112,10 +112,11 @@ class ContactRows(InterfaceRows):
         """See ``InterfaceRows``."""
         f: ContactFields = self._interface.now
         tangential, opening, *_ = f.law_rows
-        return measure_rows(
+        squares, gap = measure_rows(
             f.covered_gap, f.nodal_lengths, f.sides.stiffness, f.operators.diagonal,
             opening.residual, tangential.residual, f.state.active, f.attracted,
         )  # fmt: skip
+        return squares, gap
 
     def followed(self) -> Array:
         """See ``InterfaceRows``: the normal row of an active node has -k n_j . dd_j."""

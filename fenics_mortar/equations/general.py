@@ -251,9 +251,10 @@ class ContactEquations:
         fraction = self.bulk.move(step)
         for contact, z in zip(self.contacts, increment.z, strict=True):
             contact.move(z, fraction, step)
+        size = self.bulk.largest(step)
         if self.motions.obstacles:
             self.motions.move(fraction * increment.motion)
-        size = max(self.bulk.largest(step), np.abs(increment.motion).max(initial=0.0))
+            size = max(size, float(np.abs(increment.motion).max()))
         return self.step(size, fraction, increment.remark)
 
     def _adopt_linearized_sets(self, snap: bool) -> bool:
