@@ -31,6 +31,7 @@ from fenics_mortar.verify.limits import LIMITS
 from fenics_mortar.verify.obstacle_gradient import gradient_error
 from fenics_mortar.verify.pair_certificate import PairCertificate
 from fenics_mortar.verify.resultant import beyond_cover
+from fenics_mortar.verify.sharp_obstacle import along_facets
 
 
 @dataclass(frozen=True)
@@ -166,6 +167,7 @@ def _certify_pair(
         complementarity=float(np.abs(tension * gap).max()) / largest,
         **between_nodes(contact),
         **oblique_forces(contact, pressure),
+        **along_facets(contact),
         friction=mean_friction(limit, pressure),
         **end_pressure(contact, pressure),
         **beyond_cover(contact, runs_of(contact)),

@@ -43,9 +43,8 @@ def oblique_forces(contact: Contact, pressure: Array) -> dict[str, Any]:
     chords /= np.linalg.norm(chords, axis=1)[:, None]
     forces = np.abs(o.M.sum(axis=2) * pressure[s.slave])
     along = forces * np.abs(np.einsum("sjc,sc->sj", o.n[s.slave], chords))
-    nodal = np.zeros((2, contact.slave.num_nodes))
-    for row, values in zip(nodal, (forces, along), strict=True):
-        np.add.at(row, s.slave, values)
+    size = contact.slave.num_nodes
+    nodal = np.stack([np.bincount(s.slave.ravel(), v.ravel(), size) for v in (forces, along)])
     contact.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
     total = positive_or_one(float(nodal[0].sum()))
     return {
@@ -79,14 +78,8 @@ def _at_corners(contact: Contact, forces: Array, total: float) -> dict[str, Any]
         forces: Norms of the normal forces, shape (slave nodes,) [stress length].
         total: Their sum [stress length].
     """
-    o, slave = contact.operators, contact.slave
-    before, after = (
-        np.where(beside < 0, end, _angle(o.n, _right_of(way * (o.x[beside] - o.x))))
-        for beside, end, way in (
-            (slave.previous, -np.pi / 2, -1.0),
-            (slave.following, np.pi / 2, 1.0),
-        )
-    )
+    o = contact.operators
+    before, after = facet_angles(contact)
     corners = np.flatnonzero(contact.active & (after - before > LIMITS.corner))
     if not corners.size:
         return {}
@@ -109,6 +102,24 @@ def _at_corners(contact: Contact, forces: Array, total: float) -> dict[str, Any]
     return {
         "misdirected": float(error) / total, "excess_shear": largest, "excess_shear_at": where,
     }  # fmt: skip
+
+
+def facet_angles(contact: Contact) -> tuple[Array, Array]:
+    """Angles from the nodal normals to those of the facets before and after (local).
+
+    Returns:
+        Two arrays (slave nodes,) [radian]. At an end of the surface the body may continue at any
+        angle: a quarter turn.
+    """
+    o, slave = contact.operators, contact.slave
+    before, after = (
+        np.where(beside < 0, end, _angle(o.n, _right_of(way * (o.x[beside] - o.x))))
+        for beside, end, way in (
+            (slave.previous, -np.pi / 2, -1.0),
+            (slave.following, np.pi / 2, 1.0),
+        )
+    )
+    return before, after
 
 
 def _excess_shear(contact: Contact, run: Flags, across: Array) -> float:
@@ -189,6 +200,8 @@ def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
     """
     slave, degree = contact.slave, contact.slave.degree
     prescribed = (contact.free == 0.0).any(axis=1) & ~contact.may_carry
+    if not prescribed.any():
+        return {}
     around = slave.along(np.flatnonzero(prescribed), range(-3 * degree, 3 * degree + 1))
     there = np.where(around >= 0, pressure[around], 0.0)
     beside = there[:, 2 * degree : 4 * degree + 1].max(axis=1, initial=0.0)

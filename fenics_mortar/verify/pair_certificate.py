@@ -53,6 +53,9 @@ class PairCertificate:
         outside: Largest distance of the resultant of neighbouring pressures from the part of the
             slave that the master covers [facet lengths].
         outside_at: Position of that resultant.
+        sharp: Fraction of the normal forces that acts along the facets of the slave, as an obstacle
+            is sharper than they are.
+        sharp_at: Position of the largest contribution.
         undecided_at: Positions of nodes whose cover is close to the threshold of a multiplier.
         redundant: Sticking nodes that other constraints fix as well: their shear is not unique,
             see ``redundancy``.
@@ -86,6 +89,8 @@ class PairCertificate:
     end_pressure_at: str = ""
     outside: float = 0.0
     outside_at: str = ""
+    sharp: float = 0.0
+    sharp_at: str = ""
     undecided_at: str = ""
     redundant: int = 0
     redundant_at: str = ""
@@ -146,6 +151,12 @@ class PairCertificate:
             yield self._sticking_corner()
         if self.outside > LIMITS.coarse_distance:
             yield self._resultant_outside()
+        if self.sharp > LIMITS.at_corners:
+            yield (
+                f"{self.pair}: {self.sharp:.0%} of the normal forces act along the facets of the "
+                f"slave, most of them at {self.sharp_at}, where the obstacle is sharper than they "
+                "are: refine the facets there, or round the obstacle"
+            )
         if self.end_pressure > LIMITS.end_pressure:
             yield (
                 f"{self.pair}: a body presses on a clamped slave node, at {self.end_pressure_at}, "

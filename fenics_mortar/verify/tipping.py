@@ -2,11 +2,13 @@
 """Bodies that pressures on the covered parts of their surfaces cannot balance.
 
 If the resultant of the pressures acts beyond the end of a master, see ``resultant``, the body would
-tip over the edge. This is decided by limit analysis with the rigid motions of floating bodies and
-the loads on them. Pressures act at the ends of the segments beside touching nodes instead of at
-these nodes. All assumptions overestimate the limit load: friction is doubled, nodes that nearly
-touch are included, and the ends of segments are moved outward by the distance that causes only a
-remark.
+tip over the edge. If an obstacle is sharper than a facet, see ``sharp_obstacle``, nodes on both
+sides of its tip support the body sideways. Whether pressures can balance the body is decided by
+limit analysis with the rigid motions of floating bodies and the loads on them. Pressures act at the
+ends of the segments beside touching nodes instead of at these nodes, on an obstacle at the points
+of the facets that touch it. All assumptions overestimate the limit load: friction is doubled and
+covers small errors of the normals, nodes that nearly touch are included, and the ends of segments
+are moved outward by the distance that causes only a remark; obstacles touch within this distance.
 """
 
 from __future__ import annotations
@@ -15,12 +17,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.interface.obstacle_facets import shapes_at
 from fenics_mortar.rigid.body_motions import BodyMotions
 from fenics_mortar.rigid.limit_analysis import Touching, unresisted_motion
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.rigid.responses import nearly_touching, opening, slipping
+from fenics_mortar.rigid.responses import nearly_touching
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.verify.limits import LIMITS
 from fenics_mortar.verify.pair_certificate import PairCertificate
@@ -37,7 +39,11 @@ def tipping_bodies(bodies: BodyMotions, pairs: Sequence[PairCertificate]) -> lis
         One message, or an empty list: if all bodies are balanced, if no resultant acts beyond the
         cover, or if a law has adhesion.
     """
-    beyond = [pair for pair in pairs if pair.outside > LIMITS.coarse_distance]
+    beyond = [
+        pair
+        for pair in pairs
+        if pair.outside > LIMITS.coarse_distance or pair.sharp > LIMITS.at_corners
+    ]
     if not (beyond and bodies.bodies) or any(c.pair.law.has_adhesion for c in bodies.contacts):
         return []
     bulk = bodies.bulk
@@ -53,18 +59,22 @@ def tipping_bodies(bodies: BodyMotions, pairs: Sequence[PairCertificate]) -> lis
     ]
     if not found:
         return []
-    where = "; ".join(
-        f"{pair.pair}: {pair.outside:.2f} facets beyond the cover, at {pair.outside_at}"
-        for pair in beyond
-    )
+    where = "; ".join(_described(pair) for pair in beyond)
     names = bodies.names([body for body, _ in found])
     body, move = max(found, key=lambda each: float(np.abs(each[1]).max()))
     return [
-        f"pressures on the covered parts of the surfaces cannot balance {names}, as "
-        f"{bodies.name_of(body.label)} can {body.describe(move, directed=True)}, but the resultant "
-        f"of the pressures acts outside of them ({where}): refine the facets there, or take the "
-        "side that ends there as slave"
+        f"pressures where the surfaces touch cannot balance {names}, as "
+        f"{bodies.name_of(body.label)} can {body.describe(move, directed=True)}, but those of the "
+        f"solution act elsewhere ({where}): refine the facets there, or take the side that ends "
+        "or is sharp there as slave"
     ]
+
+
+def _described(pair: PairCertificate) -> str:
+    """Positions of pressures that act elsewhere than where the surfaces touch."""
+    if pair.sharp > LIMITS.at_corners:
+        return f"{pair.pair}: along the facets at {pair.sharp_at}"
+    return f"{pair.pair}: {pair.outside:.2f} facets beyond the cover, at {pair.outside_at}"
 
 
 def _joined(pairs: Sequence[Touching]) -> Touching:
@@ -73,34 +83,40 @@ def _joined(pairs: Sequence[Touching]) -> Touching:
 
 
 def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
-    """Places at which a pair touches, with twice the largest friction of its nodes (collective)."""
+    """Points at which a pair touches, with twice the largest friction of its nodes (collective)."""
     near = contact.active | nearly_touching(contact)
-    if contact.obstacle is not None:
-        opens, slips = (
-            np.concatenate([rate(bodies, contact, body) for body in bodies.bodies]).T[near]
-            for rate in (opening, slipping)
-        )
-    else:
-        parts = [_rates_at_ends(bodies, contact, near, body) for body in bodies.bodies]
-        opens, slips = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+    points = _points if contact.obstacle is None else _points_on_obstacle
+    x, n, slave, master = points(bodies, contact, near)
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    tangent = np.stack([-n[:, 1], n[:, 0]], axis=1)
+    signs = [(master == body.label) * 1.0 - (slave == body.label) for body in bodies.bodies]
+    rates = np.concatenate(
+        [
+            body.displacement(x) * sign[:, None]
+            for body, sign in zip(bodies.bodies, signs, strict=True)
+        ]
+    )
+    local = [np.einsum("mpc,pc->pm", rates, along) for along in (n, tangent)]
+    opens, slips = (np.concatenate(bodies.bulk.comm.allgather(part)) for part in local)
     weight = contact.operators.weight
     covered = float(weight[near].sum())
     pressure = float(np.abs(loads).sum()) / covered if covered > 0.0 else 0.0
     slope, shear, _ = contact.now.strength(pressure)
     one = np.ones(len(opens))
-    largest = 2.0 * float(slope[near].max(initial=0.0))
+    largest = 2.0 * float(slope[near].max(initial=0.0)) + LIMITS.negligible
     return Touching(
         opens, slips, largest * one, 2.0 * float((weight * shear)[near].sum()) * one, 0.0 * one
     )
 
 
-def _rates_at_ends(
-    bodies: BodyMotions, contact: Contact, near: Flags, body: FloatingBody
-) -> tuple[Array, Array]:
-    """Opening and slip rates at the ends of segments beside ``near`` nodes (collective).
+def _points(
+    bodies: BodyMotions, contact: Contact, near: Flags
+) -> tuple[Array, Array, Array, Array]:
+    """Find the ends of the segments beside ``near`` nodes, this rank's share (collective).
 
     Returns:
-        Rates caused by the motions of the body, both of shape (points, motions) [1].
+        Positions (p, 2) [length], directions of the pressure (p, 2), and numbers of the bodies of
+        slave and master, (p,) each.
     """
     o, s = contact.operators, contact.intersections()
     beside = near[s.slave].any(axis=1)
@@ -108,12 +124,31 @@ def _rates_at_ends(
     wider = s.ends[beside] + 2.0 * LIMITS.coarse_distance * np.array([-1.0, 1.0])
     shares = np.stack([0.5 * (1.0 - wider), 0.5 * (1.0 + wider)], axis=2)
     x, n = (np.einsum("sek,skc->sec", shares, field[slave]).reshape(-1, 2) for field in (o.x, o.n))
-    n /= np.linalg.norm(n, axis=1)[:, None]
-    moves = np.repeat(bodies.labels_of(contact.slave)[slave[:, 0]] == body.label, 2)
-    moves_other = np.repeat(bodies.labels_of(contact.master)[master[:, 0]] == body.label, 2)
-    sign = moves_other.astype(float) - moves
-    rates = body.displacement(x) * sign[:, None]
-    tangent = np.stack([-n[:, 1], n[:, 0]], axis=1)
-    local = [np.einsum("mpc,pc->pm", rates, along) for along in (n, tangent)]
-    opens, slips = (np.concatenate(bodies.bulk.comm.allgather(part)) for part in local)
-    return opens, slips
+    of_slave, of_master = bodies.labels_of(contact.slave), bodies.labels_of(contact.master)
+    return x, n, np.repeat(of_slave[slave[:, 0]], 2), np.repeat(of_master[master[:, 0]], 2)
+
+
+def _points_on_obstacle(
+    bodies: BodyMotions, contact: Contact, near: Flags
+) -> tuple[Array, Array, Array, Array]:
+    """Find points of the facets beside ``near`` nodes that nearly touch an obstacle (collective).
+
+    The direction is that of the flatter side: of the obstacle, or of the facet where the normals of
+    the obstacle at the ends of the facet differ by the angle of a corner. For the rest see
+    ``_points``.
+    """
+    o, s = contact.on_obstacle, contact.intersections()
+    at = np.linspace(-1.0, 1.0, 1 + int(np.ceil(2.0 / LIMITS.coarse_distance)))
+    gaps = o.sample_gaps(o.x + contact.now.offset[:, None] * o.n, s, at)
+    chords = o.x[s.slave[:, -1]] - o.x[s.slave[:, 0]]
+    lengths = np.linalg.norm(chords, axis=1)[:, None]
+    touches = (gaps <= LIMITS.coarse_distance * lengths) & near[s.slave].any(axis=1)[:, None]
+    x, n = (
+        np.einsum("kp,ekc->epc", shapes_at(at, s.slave.shape[1])[0], field[s.slave])
+        for field in (o.x, o.n)
+    )
+    ends = o.n[s.slave[:, [0, -1]]]
+    sharp = (ends[:, 0] * ends[:, 1]).sum(axis=1) < np.cos(LIMITS.corner)
+    n[sharp] = (np.stack([chords[:, 1], -chords[:, 0]], axis=1) / lengths)[sharp, None]
+    slave = bodies.labels_of(contact.slave)[s.slave[np.nonzero(touches)[0], 0]]
+    return x[touches], n[touches], slave, np.full(len(slave), -1.0)

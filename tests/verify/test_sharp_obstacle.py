@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: MIT
+"""Corners of obstacles that press between two nodes of a flat surface."""
+
+import numpy as np
+import pytest
+from scenes import internal, linear_elastic, neo_hookean, read, rectangles
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+from meshes import half_cylinder_on_block
+
+
+def tip(*middles):
+    """A solid with a sharp tip at each of the ``middles`` on y = 0."""
+    sides = [(x + dx, y) for x in middles for dx, y in ((-0.2, -0.1), (0.0, 0.0), (0.2, -0.1))]
+    return fm.Polygon([*sides, (3.0, -1.0), (-3.0, -1.0)][::-1], 0.005)
+
+
+def loose_block(obstacle, law, force):
+    """A block of 1 x 0.5 with nine facets on its lower side and a uniform force on its volume."""
+    data = read(rectangles, size=0.125, block=(-0.5, 0.0, 1.0, 0.5))
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    load = fem.Constant(data.mesh, tuple(map(float, force)))
+    residual = internal(u, neo_hookean(u, 1000.0, 0.3))
+    residual -= ufl.inner(load, v) * ufl.dx(metadata={"quadrature_degree": 1})
+    pair = fm.ContactPair(data, "block/bottom", obstacle, law=law)
+    return fm.ContactProblem(residual, u, [pair], bcs=[], petsc_options_prefix="test_")
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.5])
+def test_block_on_a_tip_beside_its_centre_is_not_balanced(mu):
+    """Nodes beside the tip carried a moment: forces along both flanks, a facet apart."""
+    ends = [(0.18, 0.0), (-0.12, -0.5), (0.52, -0.5), (0.22, 0.0)]
+    with pytest.raises(fm.NotConvergedError):
+        loose_block(fm.Polygon(ends, 0.01), fm.Coulomb(mu), (0.0, -1.0)).solve()
+
+
+@pytest.mark.parametrize("middle", [0.0, 0.03])
+def test_tips_do_not_hold_a_block_without_friction(middle):
+    """Pulled sideways by 5 % of its weight it was held, as by nails."""
+    tips = tip(middle - 0.335, middle + 0.335)
+    for pull in (0.0, 0.05):
+        problem = loose_block(tips, fm.Frictionless(), (pull, -1.0))
+        if pull:
+            with pytest.raises(fm.NotConvergedError, match="cannot balance|freely"):
+                problem.solve()
+        else:
+            report = problem.solve()
+            assert any("sharper than they are" in remark for remark in report.notes)
+
+
+@pytest.mark.parametrize("radius", [0.3, 1.0])
+def test_round_obstacles_are_not_sharp(radius):
+    """Of three facets and ten; a half cylinder on a plane."""
+    data = read(half_cylinder_on_block.build, h=0.1)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("block/bottom", "cylinder/top")]
+    ball = fm.Circle((0.0, radius), radius)
+    pairs = [fm.ContactPair(data, "block/top", ball)]
+    pairs.append(fm.ContactPair(data, "cylinder/arc", fm.Plane((0.0, -0.02), (0.0, 1.0))))
+    residual = internal(u, linear_elastic(u, 100.0, 0.3))
+    problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="test_")
+    for depth in (0.01, 0.05):
+        ball.move(y=-depth)
+        certificate = problem.solve().certificate
+        assert max(pair.sharp for pair in certificate.pairs) < 0.05
+        assert np.abs(problem.contacts[0].total_force[1]) > 0.1
