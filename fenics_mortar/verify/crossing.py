@@ -39,7 +39,7 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.crossing import find_crossings
 from fenics_mortar.kernels.passage import ALL, OTHERS, OWN, find_events, find_passages
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, Value
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.node_paths import Motions, own_frame, passed_through
@@ -71,7 +71,7 @@ class Crossing:
 
 
 @dataclass(frozen=True)
-class AcceptedPositions:
+class AcceptedPositions(Value):
     """Positions of outlines and obstacles at the last accepted state (local).
 
     Attributes:
@@ -112,7 +112,6 @@ class Crossings:
         self.outline: Outline = extract_outline(bulk.space, self._labels, bodies)
         self._links = self.outline.neighbours()
         self._segment_bodies = self.outline.segment_bodies
-        self._bound = int(self._segment_bodies.max(initial=0)) + 1
         self._slaves = [self.outline.indices_of(contact.slave.nodes) for contact in contacts]
         self._free: Array = 1.0 - self.outline.gather(bulk.prescribed.astype(float))
         name_of_body = partial(floating.name_of, labels=self._labels)
@@ -151,10 +150,11 @@ class Crossings:
 
     def _deepest(self, rows: Array) -> dict[tuple[int, int], Array]:
         """Deepest row for each pair of bodies, in order of decreasing depth."""
-        rows = rows[np.argsort(-rows[:, 2], kind="stable")]
-        pairs = np.sort(self._segment_bodies[rows[:, :2].astype(np.int64)], axis=1)
-        _, first = np.unique(pairs @ np.array([self._bound, 1]), return_index=True)
-        return {(int(pairs[i, 0]), int(pairs[i, 1])): rows[i] for i in np.sort(first)}
+        found: dict[tuple[int, int], Array] = {}
+        for row in rows[np.argsort(-rows[:, 2], kind="stable")]:
+            one, other = self._segment_bodies[row[:2].astype(np.int64)].tolist()
+            found.setdefault((min(one, other), max(one, other)), row)
+        return found
 
     def _as_meshed(self) -> dict[tuple[int, int], float]:
         """Overlap of unpaired bodies in the mesh [facets], inf if it is deep.
