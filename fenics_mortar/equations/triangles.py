@@ -40,7 +40,10 @@ class Triangles(NamedTuple):
     boxes: Array
 
     def interpolate(self, values: Array, points: Array) -> Array:
-        """Interpolate values (n, 2) at points (p, 2), nan outside: shape (p, 2) (local)."""
+        """Interpolate values (n, 2) at points (p, 2) [length], nan outside (local).
+
+        Returns shape (p, 2) [unit of the values].
+        """
         found = np.empty((len(points), 2))
         interpolate(points, self.boxes, self.X, self.nodes, values, found)
         return found
