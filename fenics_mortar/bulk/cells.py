@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.bulk.reference_cell import nodal_gradients
-from fenics_mortar.kernels.cells import find_near, keep_area, tabulate_areas
+from fenics_mortar.kernels.cells import keep_area, tabulate_areas
+from fenics_mortar.kernels.inside import find_inside
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import count_points
-from fenics_mortar.utils.near import near
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Nodes of a cell along its outline, by the number of nodes: dolfinx orders corners, edges,
@@ -39,6 +39,7 @@ class Cells:
         self._nodes = compat.dofmap(V)[: V.mesh.topology.index_map(2).size_local]
         self.X: Array = V.tabulate_dof_coordinates()[:, :2].copy()
         self._gradients = nodal_gradients(V)
+        self._outline = np.array(OUTLINE[len(self._gradients)])
         areas = _areas(self.X, self._nodes, self._gradients)
         extent = np.ptp(self.X[self._nodes], axis=1).max(axis=1, initial=0.0)
         proper = np.abs(areas) > ROUNDING * extent[:, None] ** 2
@@ -118,17 +119,7 @@ class Cells:
         """
         inside = np.zeros(len(points), bool)
         if len(points) and len(self._nodes):
-            meets = np.empty(len(self._nodes), bool)
-            find_near(x, self._nodes, points.min(axis=0), points.max(axis=0), meets)
-            if (bodies == bodies[0]).all():
-                meets &= labels[self._nodes[:, 0]] != bodies[0]
-            corners, own = x[self._nodes[meets]], labels[self._nodes[meets, 0]]
-            centres = corners.mean(axis=1)
-            radius = np.linalg.norm(corners - centres[:, None], axis=2).max(initial=0.0)
-            point, cell = near(points, centres, radius)
-            other = own[cell] != bodies[point]
-            cell, point = cell[other], point[other]
-            inside[point[_contains(corners[cell], points[point])]] = True
+            find_inside(x, self._nodes, labels, self._outline, points, bodies, inside)
         self._comm.Allreduce(MPI.IN_PLACE, inside, MPI.LOR)
         return inside
 
@@ -138,17 +129,3 @@ def _areas(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
     areas = np.empty(cells.shape)
     tabulate_areas(x, cells, gradients, areas)
     return areas
-
-
-def _contains(corners: Array, points: Array) -> Flags:
-    """Whether ``points`` (n, 2) lie in the polygons of their cells ``corners`` (n, nodes, 2).
-
-    A ray from an interior point crosses the outline an odd number of times.
-    """
-    x = corners[:, OUTLINE[corners.shape[1]]] - points[:, None]
-    y, after = x, np.roll(x, -1, axis=1)
-    meets = (y[..., 1] > 0.0) != (after[..., 1] > 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope = (after[..., 0] - y[..., 0]) / (after[..., 1] - y[..., 1])
-        ahead = y[..., 0] - slope * y[..., 1] > 0.0
-    return (meets & ahead).sum(axis=1) % 2 == 1

@@ -240,7 +240,7 @@ class Contact(Interface):
         now = self.now
         accepted_partners = replace(
             accepted_partners,
-            start=accepted_partners.start - slip,
+            counted=slip,
             shear=np.where(self.active, now.z_tau, 0.0),
             pressure=np.where(self.active, now.z_n, 0.0),
             gap=np.where(self.covered, now.mean_gap, np.inf),

@@ -47,8 +47,9 @@ measures are equal.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -66,16 +67,36 @@ Measure = Literal["partners", "operators"]
 Entries = tuple[Indices, Indices, Array]
 
 
+class Pairing:
+    """Matrices of the partners and b_j at the accepted state, computed when first read (local).
+
+    Without friction they are hardly ever read.
+
+    Args:
+        build: Function that returns ``D``, ``M`` and ``start`` of ``Partners``, the last without
+            ``counted``.
+    """
+
+    def __init__(self, build: Callable[[], tuple[csr_array, csr_array, Array]]) -> None:
+        self._build = build
+
+    @cached_property
+    def built(self) -> tuple[csr_array, csr_array, Array]:
+        """Result of the function, which is called once."""
+        found = self._build()
+        del self._build
+        return found
+
+
 @dataclass(frozen=True)
 class Partners:
     """Partners of all slave nodes at an accepted state, equal on all ranks.
 
     Attributes:
-        D: Shape (slave nodes, slave nodes), rows sum to one.
-        M: Shape (slave nodes, master nodes), rows sum to one; no columns for an obstacle.
+        pairing: ``D``, ``M`` and ``start``.
         feet: The nearest points of an obstacle in its own frame, shape (slave nodes, 2) [length].
         present: s_j, weight of the present D and M, shape (slave nodes,) [1 / length].
-        start: tau_j . b_j at that state, shape (slave nodes,) [length].
+        counted: Slip of the step that is counted at that state, shape (slave nodes,) [length].
         shear: z_tau at that state, zero where open, shape (slave nodes,) [stress].
         pressure: z_n at that state, zero where open, shape (slave nodes,) [stress].
         gap: Mean gap at that state, inf at uncovered nodes, shape (slave nodes,) [length].
@@ -83,15 +104,32 @@ class Partners:
             friction; else ``None``.
     """
 
-    D: csr_array
-    M: csr_array
+    pairing: Pairing
     feet: Array
     present: Array
-    start: Array
+    counted: Array
     shear: Array
     pressure: Array
     gap: Array
     facing: Facing | None = None
+
+    @property
+    def D(self) -> csr_array:
+        """Weights of slave nodes, shape (slave nodes, slave nodes), rows sum to one [1]."""
+        return self.pairing.built[0]
+
+    @property
+    def M(self) -> csr_array:
+        """Weights of master nodes, (slave nodes, master nodes), rows sum to one [1].
+
+        No columns for an obstacle.
+        """
+        return self.pairing.built[1]
+
+    @property
+    def start(self) -> Array:
+        """tau_j . b_j at that state minus the slip counted, shape (slave nodes,) [length]."""
+        return self.pairing.built[2] - self.counted
 
     def gap_vectors(self, o: MortarOperators) -> Array:
         """Distance vectors b_j at the positions of ``o``, shape (slave nodes, 2) [length]."""
@@ -154,33 +192,39 @@ def find_partners(
         master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, 2).
         between: Whether to find ``Partners.facing``.
     """
-    none, facing = np.zeros(len(o.x)), None
+    none = np.zeros(len(o.x))
     if isinstance(o, ObstacleOperators):
-        size = len(o.x)
-        D, M, present = csr_array(np.eye(size)), csr_array((size, 0)), none
         feet = o.obstacle.to_own_frame(o.x + o.phi[:, None] * o.n)
-    else:
-        s, feet = o.segments, np.zeros_like(o.x)
-        per_weight = np.where(faces, 1.0 / np.where(faces, o.weight, 1.0), 0.0)
+        tangent = np.where(touches[:, None], o.tau, _mean_tangents(o, master_planes))
+        start = np.einsum("ja,ja->j", tangent, o.x - o.obstacle.to_space(feet))
+        built = csr_array(np.eye(len(o.x))), csr_array((len(o.x), 0)), start
+        return Partners(Pairing(lambda: built), feet, none, none, none, none, none)
+    s = o.segments
+    per_weight = np.where(faces, 1.0 / np.where(faces, o.weight, 1.0), 0.0)
+    on_slave = _replicate(o, o.facet_nodes, o.facet_nodes, o.D, per_weight)
+    on_master = _replicate(o, s.slave, s.master, o.M, per_weight)
+    present = per_weight if measure == "operators" else none
+    vectors = present[:, None] * o.vectors if present.any() else 0.0  # collective
+
+    def build() -> tuple[csr_array, csr_array, Array]:
         own, nearest = _nearest(o, np.flatnonzero(~faces))
-        on_slave = _replicate(o, o.facet_nodes, o.facet_nodes, o.D, per_weight)
-        on_master = _replicate(o, s.slave, s.master, o.M, per_weight)
-        facing = face(o, s) if between else None
         D, M = _sum(own, on_slave, len(o.x), len(o.x)), _sum(nearest, on_master, len(o.x), len(o.m))
-        present = per_weight if measure == "operators" else none
-    partners = Partners(D, M, feet, present, none, none, none, none, facing)
-    tangent = np.where(touches[:, None], o.tau, _mean_tangents(o, M, master_planes))
-    return replace(partners, start=np.einsum("ja,ja->j", tangent, partners.gap_vectors(o)))
+        tangent = np.where(touches[:, None], o.tau, _mean_tangents(o, master_planes, M))
+        return D, M, np.einsum("ja,ja->j", tangent, D @ o.x - M @ o.m - vectors)
+
+    facing = face(o, s) if between else None
+    feet = np.zeros_like(o.x)
+    return Partners(Pairing(build), feet, present, none, none, none, none, facing)
 
 
-def _mean_tangents(o: MortarOperators, M: csr_array, planes: Array) -> Array:
+def _mean_tangents(o: MortarOperators, planes: Array, M: csr_array | None = None) -> Array:
     """Mean tangents of slave nodes and the facets opposite, shape (slave nodes, 2).
 
     The slave's tangent is used where the nearest facet has a similar normal, as on the back of a
     plate.
     """
     n = o.n
-    if o.master.num_nodes:
+    if M is not None and o.master.num_nodes:
         found, _ = evaluate_normals(o.master, o.m, "opposite")
         opposite = -(M @ np.where(np.isfinite(planes), planes, found))
         faces = np.einsum("ja,ja->j", n, opposite) > 0.0
@@ -196,7 +240,10 @@ def _replicate(
     used = (values != 0.0) & (scale[rows] != 0.0)[:, :, None]
     i = np.broadcast_to(rows[:, :, None], values.shape)[used]
     k = np.broadcast_to(columns[:, None, :], values.shape)[used]
-    gathered = o.slave.comm.allgather((i, k, values[used] * scale[i]))
+    mine = i, k, values[used] * scale[i]
+    if o.slave.comm.size == 1:
+        return mine
+    gathered = o.slave.comm.allgather(mine)
     i, k, v = (np.concatenate(column) for column in zip(*gathered, strict=True))
     return i, k, v
 

@@ -10,7 +10,7 @@ forces, and s its change in the last step, of length 1. The guess for a step of 
     u(X) = v + r (v - w),    v = u_n(X - r s),    w = u_(n-1)(X - (1 + r) s),
 
 which is linear extrapolation for s = 0; multipliers likewise along the slave surface. States are
-interpolated linearly on a Delaunay triangulation of the body's nodes. Where X - r s or X - (1 + r)
+interpolated linearly on triangles between the body's nodes. Where X - r s or X - (1 + r)
 s is outside the body, linear extrapolation is used. The ends of a long body are hardly affected by
 contact in its middle. The surface of a round body is affected, and rolling bodies do not benefit
 from the frame.
@@ -23,7 +23,7 @@ and 4.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,9 +31,9 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.state import State
+from fenics_mortar.equations.triangles import Triangles, gathered, triangulate
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels.locate import locate
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import HALF_FACET
 
 
@@ -44,6 +44,22 @@ class _Side(NamedTuple):
     is_slave: bool
     surface: Surface
     body: int
+
+
+class _Body(NamedTuple):
+    """The local nodes of a body, and a triangulation of all its nodes.
+
+    Attributes:
+        dofs: Local dofs of the nodes, shape (n, 2).
+        owned_dofs: Those of the nodes owned by this rank, shape (owned, 2).
+        X: Reference positions of the nodes, shape (n, 2) [length].
+        mesh: The body's cells on all ranks, divided into triangles.
+    """
+
+    dofs: Indices
+    owned_dofs: Indices
+    X: Array
+    mesh: Triangles
 
 
 class MovingFrame:
@@ -61,15 +77,14 @@ class MovingFrame:
                 if isinstance(contact, Contact) and bodies.size == 1:
                     is_slave = surface is contact.slave
                     self._sides.append(_Side(number, is_slave, surface, int(bodies[0])))
-        self._meshes: dict[int, Any] = {}
+        self._bodies: dict[int, _Body] = {}
 
     def contact_centres(self) -> Array:
         """Undeformed positions of contacts, (sides, 2), nan if open [length] (collective)."""
         found = []
         for side in self._sides:
             contact = self._problem.contacts[side.contact]
-            forces = contact.operators.force(contact.z)[0 if side.is_slave else 1]
-            weight = np.hypot(*forces.T)
+            weight = np.hypot(*contact.now.forces[0 if side.is_slave else 1].T)
             with np.errstate(invalid="ignore"):
                 found.append(weight @ side.surface.X / weight.sum())
         return np.array(found).reshape(-1, 2)
@@ -87,7 +102,7 @@ class MovingFrame:
             The state, with the active sets of the last one; ``None`` if no contact moves by half a
             facet or more.
         """
-        motions = self._motions(moved, ratio)
+        motions = self.motions(moved, ratio)
         if not motions:
             return None
         guess = last.towards(before, -ratio)
@@ -95,70 +110,102 @@ class MovingFrame:
         u = guess.u.copy()
         for body, s in motions.items():
             self._shift_body(u, (last.u, before.u), body, s, ratio)
-        for side in self._sides:
-            if side.is_slave and side.body in motions:
-                s, i = motions[side.body], side.contact
+        for i, surface, body in self.slaves():
+            if body in motions:
                 states = last.interfaces[i].z, before.interfaces[i].z
-                z = _shifted(side.surface, states, s, ratio)
+                z = _shifted(surface, states, motions[body], ratio)
                 interfaces[i] = replace(interfaces[i], z=z)
         return replace(guess, u=u, interfaces=tuple(interfaces))
 
-    def _motions(self, moved: Array, ratio: float) -> dict[int, Array]:
-        """Motions of contacts by half a facet or more, by body, (2,) each [length] (local)."""
+    def motions(self, moved: Array, ratio: float) -> dict[int, Array]:
+        """Motions of contacts by half a facet or more, by body, (2,) each [length] (local).
+
+        Args:
+            moved: Change of ``contact_centres`` in a step, shape (sides, 2) [length].
+            ratio: Length of the next step over that of this one.
+        """
         found = {}
         for body in {side.body for side in self._sides}:
             mine = [k for k, side in enumerate(self._sides) if side.body == body]
             s = moved[mine].mean(axis=0)
-            facet = min(self._sides[k].surface.lengths.min() for k in mine)
+            facet = self.facet(body)
             size = np.hypot(*s)
             distance = np.hypot(*(moved[mine] - s).T).max()
             if ratio * size > HALF_FACET * facet and distance <= EQUATIONS.same_direction * size:
                 found[body] = s
         return found
 
+    def facet(self, body: int) -> float:
+        """Shortest facet of the surfaces of a body [length] (local)."""
+        return min(float(s.surface.lengths.min()) for s in self._sides if s.body == body)
+
+    def slaves(self) -> list[tuple[int, Surface, int]]:
+        """Number of the pair, slave surface and body of each contact on one body (local)."""
+        return [(s.contact, s.surface, s.body) for s in self._sides if s.is_slave]
+
+    def dofs_of(self, body: int) -> Indices:
+        """Local dofs of the nodes of a body, shape (nodes, 2) (collective at the first call)."""
+        return self._body(body).dofs
+
     def _shift_body(
         self, u: Array, states: tuple[Array, Array], body: int, s: Array, ratio: float
     ) -> None:
         """Overwrite the displacements of a body in ``u`` by shifted ones (collective)."""
-        problem = self._problem
-        dofs, owned = problem.bulk.space.dofs, problem.bulk.space.num_nodes
-        mine = np.flatnonzero(problem.floating.labels == body)
-        X = problem.bulk.V.tabulate_dof_coordinates()[mine, :2]
-        own = mine < owned
-        if body not in self._meshes:
-            from scipy.spatial import Delaunay
-
-            self._meshes[body] = Delaunay(self._gathered(X[own]))
         v, w = (
-            _interpolated(self._meshes[body], self._gathered(state[dofs[mine[own]]]), X - t)
+            self.carried(state, body, t)
             for state, t in zip(states, (ratio * s, (1.0 + ratio) * s), strict=True)
         )
         there = np.isfinite(v + w).all(axis=1)
-        u[dofs[mine[there]]] = (v + ratio * (v - w))[there]
+        u[self._body(body).dofs[there]] = (v + ratio * (v - w))[there]
 
-    def _gathered(self, values: Array) -> Array:
-        """Concatenate the rows of all ranks (collective)."""
-        return np.concatenate(self._problem.comm.allgather(values))
+    def carried(self, values: Array, body: int, s: Array) -> Array:
+        """A nodal field of a body, carried along by ``s`` (2,) [length] (collective).
 
+        Args:
+            values: The field at all local dofs, shape (local dofs,) [unit].
+            body: Number of the body.
+            s: The motion: the result at X is the field at X - s.
 
-def _interpolated(mesh: Any, values: Array, points: Array) -> Array:
-    """Interpolate values (nodes, 2) at points (n, 2), nan outside the triangulation (local)."""
-    found, weights = np.empty(len(points), np.int64), np.empty((len(points), 3))
-    locate(points, mesh.points, mesh.simplices, mesh.neighbors, found, weights)
-    at = np.einsum("nk,nkc->nc", weights, values[mesh.simplices[found]])
-    return np.where(found[:, None] >= 0, at, np.nan)
+        Returns:
+            Values at the local nodes of the body, nan where X - s is outside of it, (nodes, 2).
+        """
+        b = self._body(body)
+        return b.mesh.interpolate(gathered(self._problem.comm, values[b.owned_dofs]), b.X - s)
+
+    def _body(self, number: int) -> _Body:
+        """Nodes of a body and their triangulation (collective at the first call)."""
+        if number not in self._bodies:
+            bulk = self._problem.bulk
+            mine = np.flatnonzero(self._problem.floating.labels == number)
+            X, dofs = bulk.cells.X[mine], bulk.space.dofs[mine]
+            owned = mine < bulk.space.num_nodes
+            mesh = triangulate(bulk.space, mine)
+            self._bodies[number] = _Body(dofs, dofs[owned], X, mesh)
+        return self._bodies[number]
 
 
 def _shifted(surface: Surface, states: tuple[Array, Array], s: Array, ratio: float) -> Array:
     """Extrapolate the shifted multipliers of two states, shape (slave nodes, 2) (local)."""
+    v, w = (
+        carried_along(surface, z, t * s) for z, t in zip(states, (ratio, 1.0 + ratio), strict=True)
+    )
+    return v + ratio * (v - w)
+
+
+def carried_along(surface: Surface, values: Array, s: Array) -> Array:
+    """Nodal values of a surface, carried along it by a motion (local).
+
+    Args:
+        surface: The surface.
+        values: The values, shape (nodes, 2) [unit].
+        s: The motion, shape (2,) [length].
+
+    Returns:
+        Shape (nodes, 2); beyond the ends of the surface the value at the end.
+    """
     X, own = surface.X, np.arange(surface.num_nodes)
     before, after = (np.where(to >= 0, to, own) for to in (surface.previous, surface.following))
     chord = X[after] - X[before]
     along = chord @ s / np.hypot(*chord.T)
     path = np.cumsum(np.hypot(*np.diff(X, axis=0, prepend=X[:1]).T))
-
-    def at(values: Array, back: Array) -> Array:
-        return np.stack([np.interp(path - back, path, values[:, k]) for k in (0, 1)], axis=1)
-
-    v, w = (at(z, t * along) for z, t in zip(states, (ratio, 1.0 + ratio), strict=True))
-    return v + ratio * (v - w)
+    return np.stack([np.interp(path - along, path, column) for column in values.T], axis=1)

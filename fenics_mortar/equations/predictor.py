@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Initial guess of a load step: the last state, or an extrapolation of the last two.
+"""Initial guess of a load step: the last state, or an extrapolation of the last states.
 
 Displacements, multipliers and motions driven by forces are extrapolated: linearly, or, where
 contact moves along a body by half a facet or more per step, in a frame that moves with it, see
@@ -7,7 +7,8 @@ contact moves along a body by half a facet or more per step, in a frame that mov
 iteration. On straight parts of a path, linear extrapolation saves about one iteration per step;
 quadratic extrapolation does not save more, since states have kinks where nodes pass facets. If
 contact slides by whole facets with friction, linear extrapolation fails, and the moving frame saves
-two to seven iterations.
+two to seven iterations. If contact has moved by whole facets since the start of an earlier step,
+this step is repeated instead, see ``repeated_step``: one iteration fewer.
 
 The extrapolation is rejected if its residual is larger than at the last state, as where the path
 turns. It is abandoned if the first iteration from linear extrapolation hardly reduces the residual,
@@ -17,42 +18,54 @@ from the last state, and the next one, two, four, ... steps use no guess of that
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from operator import itemgetter
 
 import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.steps import begin_step
+from fenics_mortar.equations.evaluated import Evaluated
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.moving_frame import MovingFrame
 from fenics_mortar.equations.options import EQUATIONS
+from fenics_mortar.equations.repeated_step import Point, repeat_step
 from fenics_mortar.equations.state import State
 from fenics_mortar.newton.report import NewtonReport, then_solve
-from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import NotConvergedError
-
-
-class _Point(NamedTuple):
-    """An accepted state of the path, with its time and the positions of contacts on bodies."""
-
-    time: float
-    state: State
-    places: Array
 
 
 @dataclass
 class _Kind:
-    """A kind of guess: residual allowed after its first iteration [1], steps to be paused."""
+    """A kind of guess: residual allowed after its first iteration [1], steps to be paused.
+
+    Attributes:
+        losses: Number of successive comparisons that another kind won.
+        waits: Number of steps in which it is not compared with another kind.
+    """
 
     max_left: float
     pause: int = 0
     left: int = 0
+    losses: int = 0
+    waits: int = 0
 
     def failed(self) -> None:
         """Pause for twice as many steps as the last time."""
         self.left = self.pause = max(2 * self.pause, 1)
+
+    def compared(self, *, won: bool) -> None:
+        """Wait after two losses in a row for one step, then for two, four, at most eight."""
+        self.losses = 0 if won else min(self.losses + 1, EQUATIONS.max_losses)
+        self.waits = 2 ** (self.losses - 2) if self.losses > 1 else 0
+
+    def is_skipped(self) -> bool:
+        """Whether the kind is not compared in this step."""
+        self.waits = max(self.waits - 1, -1)
+        return self.waits >= 0
 
 
 class Predictor:
@@ -67,25 +80,26 @@ class Predictor:
         self._problem = problem
         self._frame = MovingFrame(problem)
         self.begin(time)
+        self._repeated = _Kind(np.inf)
         self._line, self._moving = _Kind(EQUATIONS.max_residual_left), _Kind(np.inf)
+        self._used: _Kind | None = None
 
     def begin(self, time: float) -> None:
         """Set the present state as the first one of a path, at a time (collective)."""
-        self._here = self._point(time)
-        self._before: _Point | None = None
+        self._path = deque([self._point(time)], maxlen=EQUATIONS.recent_steps + 1)
 
     @property
     def time(self) -> float:
         """Time of the last accepted state [time]."""
-        return self._here.time
+        return self._path[-1].time
 
     @property
     def last(self) -> State:
         """The last accepted state."""
-        return self._here.state
+        return self._path[-1].state
 
-    def _point(self, time: float) -> _Point:
-        return _Point(time, self._problem.state(), self._frame.contact_centres())
+    def _point(self, time: float) -> Point:
+        return Point(time, self._problem.state(), self._frame.contact_centres())
 
     def solve(
         self, time: float, solve: Callable[[], NewtonReport], *, guesses: bool = True
@@ -105,10 +119,16 @@ class Predictor:
         """
         here = self._problem.state()
         kind = self._go_to_guess(time, here) if guesses else None
-        for other in (self._line, self._moving):
+        for other in (self._line, self._moving, self._repeated):
             other.left = max(other.left - (other is not kind), 0)
-        report = solve() if kind is None else self._solve_from_guess(kind, here, solve)
-        self._before, self._here = self._here, self._point(time)
+        self._used = kind or self._used
+        try:
+            report = solve() if kind is None else self._solve_from_guess(kind, here, solve)
+        finally:
+            self._problem.evaluated = None
+        if not guesses:
+            self._path = deque([self._path[-1]], self._path.maxlen)
+        self._path.append(self._point(time))
         return report
 
     def _go_to_guess(self, time: float, here: State) -> _Kind | None:
@@ -116,53 +136,69 @@ class Predictor:
 
         In the guess floating bodies have to be supported by contact, and pairs under pressure have
         to remain under pressure; otherwise the solve would move bodies and obstacles rigidly before
-        the first iteration.
+        the first iteration. The present state is evaluated only if its distance from the prescribed
+        values does not exclude it. The last evaluation is that of the state returned to.
         """
         problem = self._problem
-        if self._before is None or not problem.floating.supported_by_contact:
+        if len(self._path) < 2 or not problem.floating.supported_by_contact:
             return None
-        guesses = self._find_guesses(
-            (time - self._here.time) / (self._here.time - self._before.time)
-        )
+        guesses = self._find_guesses(time - self.time)
         if not guesses:
             return None
-        best, kind = here, None
-        residual, presses = self._residual_and_contacts()
-        for its_kind, guess in guesses:
+        begin_step(problem.contacts)
+        presses, smallest = self._under_pressure(), problem.residual.of_prescribed()
+        found = list[tuple[float, _Kind, State]]()
+        for kind, guess in guesses:
+            if found and kind.is_skipped():
+                continue
             places = np.where(problem.motions.driven, guess.places, here.places)
             guess = replace(guess, places=places).with_settings_of(here)
-            problem.put(guess)
-            guessed, still_presses = self._residual_and_contacts()
-            if guessed < residual and not (presses & ~still_presses).any():
-                residual, best, kind = guessed, guess, its_kind
-        go = problem.put if best is guess else problem.restore  # its operators are evaluated
-        go(best)
-        return kind
+            guessed = self._residual_at(guess)
+            if not (presses & ~self._under_pressure()).any():
+                found.append((guessed, kind, guess))
+        best = min(found, key=itemgetter(0), default=(np.inf, None, here))
+        for _, kind, _ in found if len(found) > 1 else ():
+            kind.compared(won=kind is best[1])
+        if best[0] >= smallest and best[0] >= self._residual_at(here):
+            best = (np.inf, None, here)
+        if self._evaluated is not best[2]:
+            self._residual_at(best[2])
+        return best[1]
 
-    def _find_guesses(self, ratio: float) -> list[tuple[_Kind, State]]:
-        """Guesses for a step of ``ratio`` times the last one, except paused kinds."""
-        assert self._before is not None
-        (_, last, places), (_, before, places_before) = self._here, self._before
-        guesses = []
+    def _find_guesses(self, step: float) -> list[tuple[_Kind, State]]:
+        """Guesses for a step of this length, except paused kinds; the last used kind is first."""
+        before, last = self._path[-2], self._path[-1]
+        ratio, guesses = step / (last.time - before.time), list[tuple[_Kind, State | None]]()
         if not self._line.left:
-            guesses.append((self._line, last.towards(before, -ratio)))
-        if not self._moving.left:
-            guess = self._frame.guess(last, before, places - places_before, ratio)
-            guesses += [(self._moving, guess)] if guess is not None else []
-        return guesses
+            guesses.append((self._line, last.state.towards(before.state, -ratio)))
+        repeated = None if self._repeated.left else repeat_step(self._frame, self._path, step)
+        if repeated is not None:
+            guesses.append((self._repeated, repeated))
+        elif not self._moving.left:
+            moved = last.contact_centres - before.contact_centres
+            guess = self._frame.guess(last.state, before.state, moved, ratio)
+            guesses.append((self._moving, guess))
+        found = [(kind, guess) for kind, guess in guesses if guess is not None]
+        return sorted(found, key=lambda each: each[0] is not self._used)
 
-    def _residual_and_contacts(self) -> tuple[float, npt.NDArray[np.bool_]]:
-        """Residual of the present state, inf for inverted cells; marks of pairs under pressure."""
-        problem = self._problem
+    def _residual_at(self, state: State) -> float:
+        """Set a state and evaluate it; its residual, inf for inverted cells [stress length]."""
+        problem, self._evaluated = self._problem, state
+        problem.put(state)
         for contact in problem.contacts:
             contact.start_step()
-        residual = np.inf if problem.bulk.inverted_cells()[0] else self._residual()
-        contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
-        return residual, np.array([(c.pressure > 0.0).any() for c in contacts], bool)
+        if problem.bulk.inverted_cells()[0]:
+            problem.evaluate_operators()
+            problem.evaluated = None
+            return np.inf
+        status = problem.evaluate(start=True)
+        problem.evaluated = Evaluated(problem.state(), status)
+        return status.residual if np.isfinite(status.residual) else np.inf
 
-    def _residual(self) -> float:
-        residual = self._problem.evaluate(start=True).residual
-        return residual if np.isfinite(residual) else np.inf
+    def _under_pressure(self) -> npt.NDArray[np.bool_]:
+        """Marks of pairs under pressure, shape (contacts,), bool (local)."""
+        contacts = [c for c in self._problem.contacts if isinstance(c, Contact)]
+        return np.array([(c.pressure > 0.0).any() for c in contacts], bool)
 
     def _solve_from_guess(
         self, kind: _Kind, here: State, solve: Callable[[], NewtonReport]

@@ -72,7 +72,7 @@ class Residual:
         self.total = bulk.r.array_r[: bulk.num_owned] + contact_force
         free = bulk.to_force * self.total
         reactions = free[prescribed]
-        free[prescribed] = self._stiffest * self.distance / bulk.units[prescribed]
+        free[prescribed] = self._rows_of_prescribed(self.distance)
         inertia = np.empty(0) if bulk.inertia is None else bulk.inertia_forces()
         forces = free @ free, contact_force @ contact_force, reactions @ reactions
         sums = np.array([*forces, inertia @ inertia, rows, rows**2])
@@ -81,6 +81,15 @@ class Residual:
         check_equal_on_ranks(float(sums[4]), float(sums[5]), largest, bulk.comm.size)
         self.force, self.attainable = float(np.sqrt(largest)), self.roundoff()
         return float(np.sqrt(sums[0] + rows))
+
+    def of_prescribed(self) -> float:
+        """Norm of the rows of prescribed dofs, a lower bound of ``measure`` [stress length]."""
+        rows = self._rows_of_prescribed(self._bulk.distance_to_prescribed())
+        return float(np.sqrt(self._bulk.comm.allreduce(float(rows @ rows))))
+
+    def _rows_of_prescribed(self, distance: Array) -> Array:
+        """Distances to prescribed values, (prescribed dofs,) [length], as forces (local)."""
+        return self._stiffest * distance / self._bulk.units[self._bulk.prescribed_dofs]
 
     def roundoff(self) -> float:
         """Attainable accuracy of the residual, limited by roundoff [stress length]."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Jacobian determinants of cells at their nodes, and cells near a box."""
+"""Jacobian determinants of cells at their nodes."""
 
 from fenics_mortar.kernels import kernel
 
@@ -55,24 +55,3 @@ def _area(x, cells, gradients, e, a):
         xs, xt = xs + s * dx, xt + t * dx
         ys, yt = ys + s * dy, yt + t * dy
     return xs * yt - xt * ys
-
-
-@kernel
-def find_near(x, cells, low, high, near):
-    """Mark the cells whose bounding box of nodes intersects a box.
-
-    Args:
-        x: Positions of all nodes, shape (n, 2) [length].
-        cells: Nodes of each cell, shape (cells, k).
-        low: Lower left corner of the box, shape (2,) [length].
-        high: Upper right corner of the box, shape (2,) [length].
-        near: Marks of these cells, shape (cells,), bool; filled.
-    """
-    for e in range(cells.shape[0]):
-        near[e] = True
-        for c in range(2):
-            below = above = True
-            for a in range(cells.shape[1]):
-                below = below and x[cells[e, a], c] < low[c]
-                above = above and x[cells[e, a], c] > high[c]
-            near[e] = near[e] and not below and not above

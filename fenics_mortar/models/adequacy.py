@@ -249,7 +249,7 @@ class AdequacyCheck:
             before = self._slips.get(contact, np.zeros(contact.slave.num_nodes))
             self._slips[contact] = np.where(contact.active, before + contact.slip, 0.0)
             partners = contact.partners
-            contact.change(partners=replace(partners, start=partners.start - before))
+            contact.change(partners=replace(partners, counted=partners.counted + before))
 
 
 def _is_frictionless(contact: Any) -> bool:

@@ -43,9 +43,8 @@ def oblique_forces(contact: Contact, pressure: Array) -> dict[str, Any]:
     chords /= np.linalg.norm(chords, axis=1)[:, None]
     forces = np.abs(o.M.sum(axis=2) * pressure[s.slave])
     along = forces * np.abs(np.einsum("sjc,sc->sj", o.n[s.slave], chords))
-    nodal = np.zeros((2, contact.slave.num_nodes))
-    for row, values in zip(nodal, (forces, along), strict=True):
-        np.add.at(row, s.slave, values)
+    size = contact.slave.num_nodes
+    nodal = np.stack([np.bincount(s.slave.ravel(), v.ravel(), size) for v in (forces, along)])
     contact.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
     total = positive_or_one(float(nodal[0].sum()))
     return {
@@ -201,6 +200,8 @@ def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
     """
     slave, degree = contact.slave, contact.slave.degree
     prescribed = (contact.free == 0.0).any(axis=1) & ~contact.may_carry
+    if not prescribed.any():
+        return {}
     around = slave.along(np.flatnonzero(prescribed), range(-3 * degree, 3 * degree + 1))
     there = np.where(around >= 0, pressure[around], 0.0)
     beside = there[:, 2 * degree : 4 * degree + 1].max(axis=1, initial=0.0)

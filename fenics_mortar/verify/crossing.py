@@ -112,7 +112,6 @@ class Crossings:
         self.outline: Outline = extract_outline(bulk.space, self._labels, bodies)
         self._links = self.outline.neighbours()
         self._segment_bodies = self.outline.segment_bodies
-        self._bound = int(self._segment_bodies.max(initial=0)) + 1
         self._slaves = [self.outline.indices_of(contact.slave.nodes) for contact in contacts]
         self._free: Array = 1.0 - self.outline.gather(bulk.prescribed.astype(float))
         name_of_body = partial(floating.name_of, labels=self._labels)
@@ -151,10 +150,11 @@ class Crossings:
 
     def _deepest(self, rows: Array) -> dict[tuple[int, int], Array]:
         """Deepest row for each pair of bodies, in order of decreasing depth."""
-        rows = rows[np.argsort(-rows[:, 2], kind="stable")]
-        pairs = np.sort(self._segment_bodies[rows[:, :2].astype(np.int64)], axis=1)
-        _, first = np.unique(pairs @ np.array([self._bound, 1]), return_index=True)
-        return {(int(pairs[i, 0]), int(pairs[i, 1])): rows[i] for i in np.sort(first)}
+        found: dict[tuple[int, int], Array] = {}
+        for row in rows[np.argsort(-rows[:, 2], kind="stable")]:
+            one, other = self._segment_bodies[row[:2].astype(np.int64)].tolist()
+            found.setdefault((min(one, other), max(one, other)), row)
+        return found
 
     def _as_meshed(self) -> dict[tuple[int, int], float]:
         """Overlap of unpaired bodies in the mesh [facets], inf if it is deep.

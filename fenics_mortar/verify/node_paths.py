@@ -35,8 +35,10 @@ class Motions:
 
     def __init__(self, x0: Array, x1: Array, bodies: Indices) -> None:
         self._x0, self._x1 = x0, x1
-        self.labels, self._of_node = np.unique(bodies, return_inverse=True)
-        counts = np.bincount(self._of_node)[:, None]
+        counts = np.bincount(bodies)
+        self.labels: Indices = np.flatnonzero(counts)
+        self._of_node = (np.cumsum(counts > 0) - 1)[bodies]
+        counts = counts[self.labels, None]
         self._start, self._end = self._sums(x0) / counts, self._sums(x1) / counts
         y0, y1 = x0 - self._start[self._of_node], x1 - self._end[self._of_node]
         products = np.stack([(y0 * y1).sum(axis=1), y0[:, 0] * y1[:, 1] - y0[:, 1] * y1[:, 0]], 1)

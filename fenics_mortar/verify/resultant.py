@@ -49,7 +49,9 @@ def beyond_cover(contact: Contact, runs: Indices) -> dict[str, Any]:
 def _beyond(contact: Contact, nodes: Indices, forces: Array) -> tuple[float, str]:
     """Distance of the resultant beyond the cover in facets, and its position (collective)."""
     o, s = contact.operators, contact.intersections()
-    touched = np.isin(s.slave, nodes).any(axis=1)
+    marked = np.zeros(len(o.x), bool)
+    marked[nodes] = True
+    touched = marked[s.slave].any(axis=1)
     first, last = o.x[s.slave[touched, 0]], o.x[s.slave[touched, -1]]
     along = contact.slave.comm.allreduce((last - first).sum(axis=0))
     size = float(np.linalg.norm(along))

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Points in a triangulation, against scipy's search."""
+"""Interpolation in a triangulation, against scipy's search."""
 
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from fenics_mortar.kernels.locate import locate
+from fenics_mortar.kernels.locate import box_triangles, interpolate
 
 
 def nodes(kind):
@@ -18,14 +18,24 @@ def nodes(kind):
 @pytest.mark.parametrize("kind", ["random", "grid"])
 def test_linear_functions_are_exact_inside_and_nothing_is_found_outside(kind):
     mesh = Delaunay(nodes(kind))
-    x = mesh.points
+    x, triangles = mesh.points, mesh.simplices.astype(np.int64)
     low, high = x.min(axis=0) - 0.1, x.max(axis=0) + 0.1
     points = np.vstack([low + (high - low) * np.random.default_rng(1).random((400, 2)), x])
-    found, weights = np.empty(len(points), np.int64), np.empty((len(points), 3))
-    locate(points, x, mesh.simplices, mesh.neighbors, found, weights)
+    result = np.empty_like(points)
+    interpolate(points, box_triangles(x, triangles), x, triangles, 2.0 * x - 1.0, result)
     inside = mesh.find_simplex(points) >= 0
     assert 0 < inside.sum() < len(points)
-    assert np.array_equal(found >= 0, inside)
-    at = np.einsum("nk,nkc->nc", weights, x[mesh.simplices[found]])
-    assert np.abs(at - points)[inside].max() < 1e-13
-    assert weights[inside].min() > -1e-9
+    assert np.array_equal(np.isfinite(result).all(axis=1), inside)
+    assert np.abs(result - (2.0 * points - 1.0))[inside].max() < 1e-13
+
+
+def test_a_notch_is_outside():
+    """Without the triangles of a notch no value is found there."""
+    mesh = Delaunay(nodes("grid"))
+    middles = mesh.points[mesh.simplices].mean(axis=1)
+    notched = (middles[:, 0] < 1.0) | (middles[:, 0] > 2.0) | (middles[:, 1] < 0.4)
+    triangles = mesh.simplices[notched].astype(np.int64)
+    result = np.empty((2, 2))
+    points, x = np.array([[1.5, 0.9], [1.5, 0.3]]), mesh.points
+    interpolate(points, box_triangles(x, triangles), x, triangles, x, result)
+    assert np.isnan(result[0]).all() and np.abs(result[1] - points[1]).max() < 1e-14

@@ -104,8 +104,8 @@ def test_solve_reports_numerical_sensitivities():
     scene.move(SLIDE[1])
     before = scene.problem.solve(sensitivity=Numerics(FORCE)).sensitivity
     assert before.value == pytest.approx(FORCE.value(scene.problem), rel=1e-12)
-    words = str(before)
-    assert "| pair 0: factor of c_n | " in words and words.count("\n") == 7
+    text = str(before)
+    assert "| pair 0: factor of c_n | " in text and text.count("\n") == 7
     height = 1e-6  # a nodal offset changes the force by its derivative
     (contact,) = scene.problem.equations.contacts
     contact.offset = contact.offset + height

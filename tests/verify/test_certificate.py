@@ -336,6 +336,6 @@ def test_resultant_beyond_the_end_of_the_master_is_reported(even, basis):
     assert certificate.outside == pytest.approx(max(0.4 - centre, 0.0) / 0.25, abs=1e-9)
     assert certificate.outside == pytest.approx(0.0 if even else 0.6, abs=1e-9)
     remarks = [
-        words for words in certificate.remarks() if "0.60 facets outside of the part" in words
+        message for message in certificate.remarks() if "0.60 facets outside of the part" in message
     ]
     assert len(remarks) == (not even)
