@@ -55,8 +55,8 @@ def strain(w):  # in the plane, and around the axis
 
 stress = strain(u) + nu / (1 - 2 * nu) * ufl.tr(strain(u)) * ufl.Identity(3)
 residual = 2 * np.pi * r * E / (1 + nu) * ufl.inner(stress, strain(v)) * ufl.dx(degree=3)
-held = [("shaft/left", 0.0, 0), ("hub/top", 0.0, 1), ("shaft/top", 0.0, 1)]
-bcs = [fm.dirichlet(V, data, *condition) for condition in held]
+conditions = [("shaft/left", 0.0, 0), ("hub/top", 0.0, 1), ("shaft/top", 0.0, 1)]
+bcs = [fm.dirichlet(V, data, *condition) for condition in conditions]
 pair = fm.ContactPair(data, "hub/left", "shaft/right", initial_gap=-lame * p0)
 options = {"geometry": "axisymmetric", "petsc_options_prefix": "interference_"}
 problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, **options)

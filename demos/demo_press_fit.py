@@ -69,8 +69,8 @@ residual = 2 * np.pi * r * work * ufl.dx(metadata={"quadrature_degree": 3})
 
 # +
 pull, law = fem.Constant(data.mesh, 0.0), fm.Coulomb(0.0)
-held = [("shaft/left", 0.0, 0), ("hub/top", 0.0, 1), ("shaft/top", pull, 1)]
-bcs = [fm.dirichlet(V, data, *condition) for condition in held]
+conditions = [("shaft/left", 0.0, 0), ("hub/top", 0.0, 1), ("shaft/top", pull, 1)]
+bcs = [fm.dirichlet(V, data, *condition) for condition in conditions]
 pair = fm.ContactPair(data, "hub/left", "shaft/right", law=law, initial_gap=-interference)
 options = {"geometry": "axisymmetric", "petsc_options_prefix": "fit_"}
 problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, **options)

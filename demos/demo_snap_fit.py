@@ -25,7 +25,7 @@ import this_clone
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, build, mapped
 
-comm, E, nu, travel = MPI.COMM_WORLD, 2000.0, 0.35, 6.0
+comm, E, nu, stroke = MPI.COMM_WORLD, 2000.0, 0.35, 6.0
 mu, lmbda = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
 # -
 
@@ -73,15 +73,15 @@ def run(slave, master, sign):
     pair = fm.ContactPair(data, slave, master, law=fm.Coulomb(0.2))
     problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="snap_")
     contact, rows, stress = problem.contacts[0], [(0.0, 0.0, 0.0)], (P * F.T / J)[0, 0]
-    for way in travel * (1.0 - np.abs(np.linspace(-1.0, 1.0, 81)[1:])):
-        hand.value[0] = way
+    for position in stroke * (1.0 - np.abs(np.linspace(-1.0, 1.0, 81)[1:])):
+        hand.value[0] = position
         problem.solve()
-        rows.append((way, sign * contact.total_force[0], contact.friction_work))
+        rows.append((position, sign * contact.total_force[0], contact.friction_work))
         if len(rows) == 54:
             label, units = "axial stress [MPa]", ("mm", "MPa")
             fm.plot(problem, "results/snap_fit.png", stress=stress, label=label, units=units)
-    way, force, losses = np.transpose(rows)
-    return way, force, np.diff(way) @ (force[1:] + force[:-1]) / 2, losses.sum()
+    position, force, losses = np.transpose(rows)
+    return position, force, np.diff(position) @ (force[1:] + force[:-1]) / 2, losses.sum()
 
 
 hook, ridge = run("arm/bottom", "base/top", -1.0), run("base/top", "arm/bottom", 1.0)
@@ -93,10 +93,10 @@ hook, ridge = run("arm/bottom", "base/top", -1.0), run("base/top", "arm/bottom",
 if comm.rank == 0:
     axes = Figure((6, 3.2), layout="constrained").add_subplot(ylabel="force on the arm [N/mm]")
     axes.set_xlabel("displacement of the arm [mm] (upper curves: in, lower curves: out)")
-    for (way, force, work, loss), style, name in ((hook, "-", "hook"), (ridge, "--", "ridge")):
+    for (position, force, work, loss), style, name in ((hook, "-", "hook"), (ridge, "--", "ridge")):
         print(f"slave {name}: push {force.max():.3f}, pull {-force.min():.3f} N/mm", end="; ")
         print(f"work {work:.4f} N, of friction {loss:.4f} N")
-        axes.plot(way, force, style, label=f"slave: {name}")
+        axes.plot(position, force, style, label=f"slave: {name}")
     axes.legend()
     axes.figure.savefig("results/snap_fit_forces.png", dpi=150)
 # -

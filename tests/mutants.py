@@ -4,7 +4,7 @@
     python3 tests/mutants.py                    40 mutants, in a temporary copy of the checkout
     python3 tests/mutants.py -n 100 --seed 3    others
     python3 tests/mutants.py --only sparse      in files whose path holds this word only
-    python3 tests/mutants.py --again FILE       those of an earlier log, at their present places
+    python3 tests/mutants.py --again FILE       those of an earlier log, at their present positions
 
 A mutant is one change in one file of the package: of a sign, a constant or a comparison, or a term,
 factor or statement dropped. Files are drawn by their number of lines. First all tests run once in
@@ -14,7 +14,9 @@ until one fails or ``--budget`` seconds of CPU time are used; survivors are test
 too. Lines of compiled functions are not traced: their tests are those of files that import the
 module, first without JIT. Prints a table, and survivors with position and difference;
 ``--log FILE`` has a line of JSON for each mutant. With ``--again`` the similarity of the changed
-lines decides where they are now; those that are gone are listed.
+lines decides where they are now, and those that are gone are listed. The test that detected a
+mutant then runs first, so that no map is needed as long as it does; those with a reason why they
+survive, ``survives``, are not run. ``tests/mutation/sample.jsonl`` is such a log.
 """
 
 from __future__ import annotations
@@ -26,12 +28,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 
 from mutation.mutant_changes import PACKAGE, Mutant, draw
 from mutation.mutant_lines import ROOT, trace_tests
-from mutation.mutant_places import read_sample
 from mutation.mutant_runs import Run
+from mutation.mutant_sample import read_sample
 
 NOT_COPIED = (".git", "__pycache__", "results", ".*_cache")
 
@@ -66,18 +69,19 @@ def report(results: list[dict]) -> None:
     for each in results:
         if each["outcome"] == "survived":
             print(f"\nsurvived: {each['path']}:{each['line']} ({each['kind']})")
-            print(each["difference"])
+            print(f"{each['difference']}\n{each['survives']}".strip())
     print(f"\n{table(results)}")
 
 
-def chosen(folder: Path, given: argparse.Namespace) -> list[Mutant]:
-    """Mutants drawn, or those of a log."""
+def chosen(folder: Path, given: argparse.Namespace) -> list[tuple[Mutant, dict]]:
+    """Mutants drawn, or those of a log with their entries."""
     if given.again is None:
-        return draw(folder, given.n, given.seed, given.only)[given.skip :]
-    mutants, gone = read_sample(folder, given.again)
-    for each in gone:
-        print(f"gone: {each['path']}:{each['line']} ({each['kind']})\n{each['difference']}")
-    return mutants[given.skip :]
+        drawn = draw(folder, given.n, given.seed, given.only)
+        return [(mutant, {}) for mutant in drawn[given.skip :]]
+    sample = read_sample(folder, given.again)
+    for _, entry in filter(lambda each: each[0] is None, sample):
+        print(f"gone: {entry['path']}:{entry['line']} ({entry['kind']})\n{entry['difference']}")
+    return [each for each in sample if each[0] is not None][given.skip :]
 
 
 def main() -> None:
@@ -102,14 +106,14 @@ def main() -> None:
     try:
         mutants = chosen(folder, given)
         if given.list:
-            for mutant in mutants:
+            for mutant, _ in mutants:
                 print(f"{mutant.path}:{mutant.line} ({mutant.kind})\n{mutant.difference}")
             return
-        seen = seen_by_tests(folder, given.map or folder / "lines.json", given.tests)
-        run, results = Run(folder, seen, given.budget), []
-        for mutant in mutants:
-            results.append(run.judge(mutant))
-            last = results[-1]
+        see = partial(seen_by_tests, folder, given.map or folder / "lines.json", given.tests)
+        run, results = Run(folder, see, given.budget), []
+        for mutant, entry in mutants:
+            last = run.repeat(mutant, entry)
+            results.append({**last, "survives": entry.get("survives", "")})
             print(f"{last['outcome']:9s} {last['seconds']:6.1f} s  {mutant.path}:{mutant.line}  "
                   f"{mutant.kind}  {last['by'][:90]}", flush=True)  # fmt: skip
             if given.log:

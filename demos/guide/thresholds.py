@@ -101,7 +101,7 @@ def _attributes(docstring: str) -> dict[str, str]:
     """Meaning of each attribute in a docstring."""
     block = docstring.partition("Attributes:\n")[2]
     found = re.findall(r"^    (\w+): (.*(?:\n        .*)*)", block, re.MULTILINE)
-    return {name: " ".join(words.split()) for name, words in found}
+    return {name: " ".join(reason.split()) for name, reason in found}
 
 
 if __name__ == "__main__":

@@ -253,9 +253,8 @@ u.x.array[:] = 0.0
 rough = fm.ContactPair(blocks, "upper/bottom", "lower/top", law=fm.Coulomb(0.3))
 problem = fm.ContactProblem(finite, u, [rough], bcs=bcs, petsc_options_prefix="step_3_")
 
-# Press by 0.05 mm, then shear by 0.08 mm. Friction remembers: slip is counted from the last
-# solved step, so that the result depends on the path and not only on its end. Press and shear in
-# several steps.
+# Press by 0.05 mm, then shear by 0.08 mm. With friction, slip is counted from the last solved step:
+# the result depends on the path and not only on its end. Press and shear in several steps.
 
 
 # +

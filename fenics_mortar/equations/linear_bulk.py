@@ -56,7 +56,9 @@ class LinearBulk:
         if not self._possible:
             return None, []
         if self._general.newton.damped or self._general.motions.driven.any():
-            self.choice = ""
+            damped = self._general.newton.damped
+            why = "steps are damped" if damped else "obstacles are driven by forces"
+            self.choice = f"linear bulk factored in every iteration: {why}"
             return None, []
         if self._data_changed():
             self._equations, self._num_iterations = None, 0
@@ -123,7 +125,11 @@ class LinearBulk:
         else:
             self.choice = f"linear bulk factored in every iteration: {dofs} contact dofs are many"
         self.choice += f" of {unknowns} unknowns"
-        if self._requested is None and not self._slides_little:
+        if self._requested:
+            self.choice += " (linear_bulk=True)"
+        elif self._slides_little:
+            self.choice += " (small sliding)"
+        else:
             memory = "" if fits else ", and its matrices would need more memory than factors"
             self.choice += (
                 f" (predicted: once {compliance:.2g} s, {iterations} factorizations "

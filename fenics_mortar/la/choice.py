@@ -44,7 +44,10 @@ def system_of(
         ValueError: On all ranks, for an iterative solver and a surface in contact with itself.
     """
     if algorithm is None:
-        algorithm = "saddle" if obstacle_to_condensation(contacts) else "condensed"
+        why = obstacle_to_condensation(contacts) or ""
+        algorithm = "saddle" if why else "condensed"
+    else:
+        why = f"algorithm='{algorithm}'"
     form: Callable[..., LinearSystem] = SYSTEMS[algorithm]
     automatic, with_itself = solver == "auto", _in_contact_with_itself(contacts)
     if with_itself and solver == "iterative":
@@ -52,16 +55,22 @@ def system_of(
             f"solver='iterative': multigrid needs separate slave and master surfaces, but "
             f"'{with_itself}' is in contact with itself; expected solver='direct' or 'auto'"
         )
-    for_multigrid = _is_for_multigrid(bulk, prefix, options, linear_bulk)
-    if automatic and (with_itself or not for_multigrid):
-        solver = "direct"
+    against = _against_multigrid(bulk, prefix, options, linear_bulk)
+    reason = f"solver='{solver}'"
+    if automatic:
+        against = f"'{with_itself}' is in contact with itself" if with_itself else against
+        reason = against or f"at least {COSTS.many:,} unknowns"
+        solver = "direct" if against else solver
     small = solver == "direct" and form is CondensedSystem and _is_small(bulk, prefix, options)
+    if small:
+        reason += f", at most {COSTS.few:,} on one rank"
     defaults: dict[str, Any] = (SMALL if small else {}) if solver == "direct" else ITERATIVE
 
     def create() -> LinearSystem:
         system = form(bulk, contacts, prefix, defaults | (options or {}))
         system.solver.given = set(options or {})
         system.solver.may_factor = small or solver == "auto"
+        system.solver.reason, system.reason = reason, why
         return system
 
     return create
@@ -83,11 +92,14 @@ def _is_small(bulk: Bulk, prefix: str, options: dict[str, Any] | None) -> bool:
     return few and not given and has_amd
 
 
-def _is_for_multigrid(
+def _against_multigrid(
     bulk: Bulk, prefix: str, options: dict[str, Any] | None, linear_bulk: bool | None
-) -> bool:
-    """Whether "auto" is iterative: large problems without user options and constant factors."""
-    given = PETSc.Options(prefix).getAll() or options
-    factored_once = bulk.is_linear and linear_bulk is not False
-    simple = not (bulk.space.is_mixed or given or factored_once)
-    return simple and bulk.r.getSize() >= COSTS.many
+) -> str:
+    """Reason why "auto" is direct, "" if it is iterative (collective)."""
+    if PETSc.Options(prefix).getAll() or options:
+        return "PETSc options are given"
+    if bulk.space.is_mixed:
+        return "mixed functions"
+    if bulk.is_linear and linear_bulk is not False:
+        return "the bulk is linear"
+    return "" if bulk.r.getSize() >= COSTS.many else f"fewer than {COSTS.many:,} unknowns"

@@ -67,6 +67,7 @@ class LinearSolver:
         may_factor: Whether MUMPS is used permanently after a failure of an iterative solver, or of
             one without pivoting.
         remark: Message on such a change of the solver or on unused options; else "".
+        reason: Why this solver was chosen, as text; "" if unknown.
         given: Names of PETSc options given by the user, without the prefix.
 
     Raises:
@@ -81,8 +82,9 @@ class LinearSolver:
         preconditioner: Callable[[], ContactPreconditioner],
     ) -> None:
         self._comm, self._prefix, self._make_preconditioner = comm, prefix, preconditioner
-        self.forcing, self.may_factor, self.remark = 0.0, False, ""
+        self.forcing, self.may_factor, self.remark, self.reason = 0.0, False, "", ""
         self.same_step = False
+        self.count_anew()
         self.given: set[str] = set()
         self._used: set[str] = set()
         self._first = True
@@ -127,13 +129,24 @@ class LinearSolver:
                 self.ksp.setFromOptions()
         self._begin_anew()
 
+    def count_anew(self) -> None:
+        """Set the numbers of solutions with earlier factors and of others to zero (local)."""
+        self._num_lagged = self._num_others = 0
+
     def describe(self) -> str:
-        """Description of the solver (local)."""
+        """Description of the solver, the reason for it, and use of earlier factors (local)."""
         kind, pc = self.ksp.getType(), self.ksp.getPC()
+        name = f"{kind} with {pc.getType()}"
         if self.multigrid is not None:
-            return f"{kind} with multigrid"
-        factors = "factors by " + str(pc.getFactorSolverType()) if kind == "preonly" else ""
-        return factors or f"{kind} with {pc.getType()}"
+            name = f"{kind} with multigrid"
+        elif kind == "preonly":
+            name = f"factors by {pc.getFactorSolverType()}"
+        text = f"{name} ({self.reason})" if self.reason else name
+        if self._num_lagged:
+            solutions = self._num_lagged + self._num_others
+            text += f"; {self._num_lagged} of {solutions} solutions by gmres with earlier factors"
+            text += " (small changes within a load step)"
+        return text
 
     def reset_pattern(self) -> None:
         """Drop the factors after a change of the sparsity pattern; multigrid detects it."""
@@ -172,8 +185,9 @@ class LinearSolver:
             solution, failure = self._attempt(matrix, rhs, transpose)
         if not failure:
             found = np.array(solution.array_r)
+            self._num_others += 1
             if is_new and self.may_factor and not self._pivots and self._has_long_rows():
-                self._switch_to_mumps()
+                self._switch_to_mumps(f"rows of factors longer than {COSTS.long_rows}")
             return found
         self._reset()  # MUMPS does not factorize again after a failure
         if not self.may_factor:
@@ -184,7 +198,7 @@ class LinearSolver:
             else ("elimination without pivoting", "by MUMPS")
         )
         self.remark = f"{failed} failed{failure}; all further linear systems are solved {then}"
-        self._switch_to_mumps()
+        self._switch_to_mumps(f"{failed} failed")
         return self.solve(matrix, rhs, transpose=transpose)
 
     def _may_lag(self, matrix: PETSc.Mat) -> bool:
@@ -201,11 +215,12 @@ class LinearSolver:
         if not self._lagged.solve(matrix, rhs, solution, self.forcing):
             return None
         self.forcing = 0.0
+        self._num_lagged += 1
         return np.array(solution.array_r)
 
-    def _switch_to_mumps(self) -> None:
+    def _switch_to_mumps(self, reason: str) -> None:
         """Use MUMPS for all further solves."""
-        self.may_factor = False
+        self.may_factor, self.reason = False, reason
         self.ksp.destroy()
         self._create(DIRECT)
 

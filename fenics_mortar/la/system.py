@@ -49,6 +49,7 @@ class LinearSystem(ABC):
             ordered by owner, so that a rank owns a contiguous range.
         num_multipliers: Number of multipliers owned by this rank.
         solver: Solver for ``matrix``.
+        reason: Why the multipliers are unknowns or not, as text; "" for the default, not.
         matrix: The last assembled matrix, scaled, with the rows of prescribed dofs.
     """
 
@@ -78,6 +79,7 @@ class LinearSystem(ABC):
             for contact, z_number in zip(contacts, self.z_numbers, strict=True)
         ]
         rows = 2 * self.num_multipliers if self.has_multipliers else None
+        self.reason = ""
         self.solver = LinearSolver(
             self.comm, prefix, options, lambda: ContactPreconditioner(bulk, contacts, prefix, rows)
         )
@@ -122,8 +124,9 @@ class LinearSystem(ABC):
     def describe_solver(self) -> str:
         """Description of the system's form, size and solver (local)."""
         form = "saddle-point" if self.has_multipliers else "condensed"
+        why = f" ({self.reason})" if self.reason else ""
         unknowns = self.bulk.r.getSize()
-        return f"{form} system, {unknowns} unknowns of the bulk, {self.solver.describe()}"
+        return f"{form} system{why}, {unknowns} unknowns of the bulk, {self.solver.describe()}"
 
     # Vectors
 

@@ -39,7 +39,7 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.crossing import find_crossings
 from fenics_mortar.kernels.passage import ALL, OTHERS, OWN, find_events, find_passages
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, Value
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.node_paths import Motions, own_frame, passed_through
@@ -71,7 +71,7 @@ class Crossing:
 
 
 @dataclass(frozen=True)
-class AcceptedPositions:
+class AcceptedPositions(Value):
     """Positions of outlines and obstacles at the last accepted state (local).
 
     Attributes:

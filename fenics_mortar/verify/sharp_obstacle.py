@@ -3,8 +3,8 @@
 
 The force on a slave node acts along the normal of the obstacle at its nearest point. Where a corner
 of the obstacle presses between two nodes of a flat surface, the forces on both act along the sides
-of the corner: they squeeze the facet, and hold the body as a nail would. The correct direction is
-that of the facets, between the normals of the facets at the node.
+of the corner: they compress the facet and support the body sideways. The correct direction is that
+of the facets, between the normals of the facets at the node.
 """
 
 from __future__ import annotations
@@ -20,10 +20,13 @@ from fenics_mortar.verify.corners import facet_angles
 
 
 def along_facets(contact: Contact) -> dict[str, Any]:
-    """Fraction of the normal forces of an obstacle along the slave's facets, and where (local).
+    """Fraction of an obstacle's normal forces along the slave's facets, and the position (local).
 
     Args:
         contact: The pair; without an obstacle the result is empty.
+
+    Returns:
+        ``sharp`` [1] and ``sharp_at`` of ``PairCertificate``.
     """
     if contact.obstacle is None:
         return {}

@@ -3,7 +3,7 @@
 
 If the resultant of the pressures acts beyond the end of a master, see ``resultant``, the body would
 tip over the edge. If an obstacle is sharper than a facet, see ``sharp_obstacle``, nodes on both
-sides of its tip hold the body like a nail. Whether pressures can balance the body is decided by
+sides of its tip support the body sideways. Whether pressures can balance the body is decided by
 limit analysis with the rigid motions of floating bodies and the loads on them. Pressures act at the
 ends of the segments beside touching nodes instead of at these nodes, on an obstacle at the points
 of the facets that touch it. All assumptions overestimate the limit load: friction is doubled and

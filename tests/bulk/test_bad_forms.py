@@ -50,7 +50,7 @@ def stiffness_on(space):
 
 
 @pytest.mark.parametrize(
-    "jacobian, words",
+    "jacobian, message",
     [
         (
             stiffness_on(lambda mesh: fm.vector_space(mesh, 2)),
@@ -67,8 +67,8 @@ def stiffness_on(space):
         (lambda u: ufl.inner(u, u) * ufl.dx, "jacobian needs one test and one trial"),
     ],
 )
-def test_jacobian_on_another_space_is_refused(jacobian, words):
-    with refused(ValueError, words):
+def test_jacobian_on_another_space_is_refused(jacobian, message):
+    with refused(ValueError, message):
         problem_with(jacobian=jacobian)
 
 

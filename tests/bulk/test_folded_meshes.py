@@ -64,7 +64,7 @@ def problem_on_folded(kind):
 
 @pytest.mark.each
 @pytest.mark.parametrize(
-    "kind, words",
+    "kind, message",
     [
         ("a second copy", "covers an area twice"),
         ("an inclusion without a hole", r"body around \(0.5, 0.5\) lies inside the one around"),
@@ -75,8 +75,8 @@ def problem_on_folded(kind):
         ("wound", "a body overlaps itself: its outline crosses itself at"),
     ],
 )
-def test_overlapping_cells_are_refused(kind, words):
-    with refused(fm.MeshError, words):
+def test_overlapping_cells_are_refused(kind, message):
+    with refused(fm.MeshError, message):
         problem_on_folded(kind)
 
 

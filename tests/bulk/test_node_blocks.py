@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenes import pressed_blocks
 
-from fenics_mortar.bulk.node_blocks import NodeBlocks, in_blocks
+from fenics_mortar.bulk.node_blocks import NodeBlocks, come_in_pairs, in_blocks
 from fenics_mortar.utils import compat
 
 pytestmark = pytest.mark.serial
@@ -56,6 +56,17 @@ def test_blocks_follow_changes_of_the_rows_and_otherwise_keep_factors():
     state = both.blocks.stateGet()
     both.copy_to_blocks(rows)
     assert both.blocks.stateGet() == state
+
+
+@pytest.mark.parametrize("kind, bsize, expected", [
+    ("seqaij", 2, True), ("seqaij", 1, False), ("mpiaij", 2, False), ("seqbaij", 2, False),
+])  # fmt: skip
+def test_rows_of_one_rank_come_in_pairs(kind, bsize, expected):
+    rows = PETSc.Mat().create(PETSc.COMM_SELF)
+    rows.setType(kind)
+    rows.setSizes(4, bsize=bsize)
+    rows.setUp()
+    assert come_in_pairs(rows) == expected
 
 
 def test_blocks_do_not_fit_other_rows():

@@ -15,11 +15,11 @@ several_ranks = pytest.mark.ranks
 
 
 @contextmanager
-def raised_on_the_last_rank(kind, words):
+def raised_on_the_last_rank(kind, message):
     """Check that the last rank raises ``kind``, and all others an error with this message."""
     with pytest.raises(kind if LAST else fm.MortarError) as caught:
         yield
-    expected = words if LAST else f"raised on rank {COMM.size - 1}: {kind.__name__}: .*{words}"
+    expected = message if LAST else f"raised on rank {COMM.size - 1}: {kind.__name__}: .*{message}"
     caught.match(expected)
 
 

@@ -27,8 +27,8 @@ def refused(kind, *parts):
 
 
 @contextmanager
-def refused_words(kind, words):
+def refused_words(kind, message):
     """As ``refused``, for a message that contains an object, whose address differs."""
-    with pytest.raises(kind, match=words):
+    with pytest.raises(kind, match=message):
         yield
     COMM.barrier()

@@ -115,7 +115,7 @@ def c_ring(
     shape[0, :, 1], shape[-1, :, 1] = 0.5 * mouth, -0.5 * mouth
     shape[..., 0] += centre
 
-    def held(side: float) -> Any:
+    def end_at(side: float) -> Any:
         def where(x: Any) -> Any:
             r = x[0] - centre
             return (np.hypot(r, x[1]) > 0.999) & (r > 0.6) & (side * x[1] > 0.2)
@@ -125,7 +125,7 @@ def c_ring(
     names = {"left": "ring/first", "right": "ring/last"}
     return Driven(
         [Grid("ring", shape, joined=names)],
-        {"low": held(-1.0), "high": held(1.0)},
+        {"low": end_at(-1.0), "high": end_at(1.0)},
         pairs,
         **options,
     )
@@ -168,13 +168,13 @@ def tube(pairs: Any, *, columns: int = 40, upright: bool = True, **options: Any)
     x, y = (0, 1) if upright else (1, 0)
     names = {"top": "tube/inside", "bottom": "tube/outside"}
 
-    def held(side: float) -> Any:
+    def end_at(side: float) -> Any:
         width = 0.1
         return lambda X: (np.hypot(X[0], X[1]) > 0.999) & (abs(X[x]) < width) & (side * X[y] > 0.0)
 
     return Driven(
         [Grid("tube", shape, joined=names, closed=True)],
-        {"low": held(-1.0), "high": held(1.0)},
+        {"low": end_at(-1.0), "high": end_at(1.0)},
         pairs,
         **options,
     )

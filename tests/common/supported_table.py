@@ -106,8 +106,8 @@ def trial(build: Callable[..., Assembly], options: dict[str, Any]) -> dict[str, 
                 ended = "violated"
             elif scene.wrong(scene):
                 ended = "wrong"
-            words = defects[0][:60] if defects else "clean"
-            outcome = f"{report.num_iterations} it, moved {moved:.2g}, {words} {scene.note(scene)}"
+            text = defects[0][:60] if defects else "clean"
+            outcome = f"{report.num_iterations} it, moved {moved:.2g}, {text} {scene.note(scene)}"
             outcome += f" {scene.wrong(scene)}"
         except fm.MortarError as error:
             ended, outcome = "refused", f"{type(error).__name__}: {str(error)[:110]}"
@@ -137,9 +137,9 @@ def limit(scene: Assembly, step: int) -> tuple[str, str]:
     bears_more = verdict.factor * (1.0 + scene.reserve) if verdict.factor else 0.0
     if not verdict.feasible or bears_more < 1.0 - MARGIN:
         allowed = "moves"
-    words = "feasible" if verdict.feasible and verdict.factor >= 1.0 else "infeasible"
+    text = "feasible" if verdict.feasible and verdict.factor >= 1.0 else "infeasible"
     factor = abs(verdict.factor)
-    return f"{words}, factor {factor:.3f}, friction needed {needed:.3f}", allowed
+    return f"{text}, factor {factor:.3f}, friction needed {needed:.3f}", allowed
 
 
 def _of_pressing(scene: Assembly, step: int) -> str:

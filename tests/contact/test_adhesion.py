@@ -47,7 +47,7 @@ def replaced(node, **values):
     return type(node)(**{**vars(node), **values})
 
 
-def columns(law, *, degree=1, material=neo_hookean, **problem):
+def columns(law, *, degree=1, material=neo_hookean, sliding="finite", **problem):
     """Two blocks between frictionless walls, and the constant that moves the top [length]."""
     data = read(two_blocks.build, width_upper=1.0, width_lower=1.0, **MESH)
     V = fm.vector_space(data.mesh, degree)
@@ -58,7 +58,7 @@ def columns(law, *, degree=1, material=neo_hookean, **problem):
         fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0)),
         fm.dirichlet(V, data, "upper/top", lift, component=1),
     ]
-    pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law)
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law, sliding=sliding)
     problem_ = fm.ContactProblem(
         internal(u, material(u, E, NU)), u, [pair], bcs=fixed,
         petsc_options_prefix="test_", newton=TIGHT, **problem,

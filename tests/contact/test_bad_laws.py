@@ -58,20 +58,20 @@ WRONG_ANSWERS = [
 
 
 @pytest.mark.each
-@pytest.mark.parametrize("method, spoil, kind, words", WRONG_ANSWERS)
-def test_invalid_result_of_a_law_is_refused(method, spoil, kind, words):
+@pytest.mark.parametrize("method, spoil, kind, message", WRONG_ANSWERS)
+def test_invalid_result_of_a_law_is_refused(method, spoil, kind, message):
     law = Spoilt(method, spoil)
     law._on = False
     scene = rubbing_blocks(law)
     scene.problem.solve()
     law._on = True
     scene.loads["push"].value[0] = 0.01
-    with refused(kind, r"Spoilt\(.*mu=0.3", words):
+    with refused(kind, r"Spoilt\(.*mu=0.3", message):
         scene.problem.solve()
     law._on = False
     assert scene.problem.solve().converged
     law._on = True
-    with refused(kind, words):
+    with refused(kind, message):
         rubbing_blocks(law).problem.solve()
 
 
@@ -106,7 +106,7 @@ def test_results_of_a_law_that_differ_on_one_rank_are_refused():
 
 
 @pytest.mark.parametrize(
-    "law, name, value, words",
+    "law, name, value, message",
     [
         (fm.Coulomb(0.3), "mu", -0.5, "mu=-0.5: expected zero or a positive number"),
         (fm.Coulomb(0.3), "mu", np.nan, "mu=nan: expected zero or a positive number"),
@@ -120,10 +120,10 @@ def test_results_of_a_law_that_differ_on_one_rank_are_refused():
         (fm.Tresca(1.0), "stress", np.inf, "stress=inf: expected zero or a positive number"),
     ],
 )
-def test_invalid_parameter_set_later_is_refused(law, name, value, words):
+def test_invalid_parameter_set_later_is_refused(law, name, value, message):
     scene, kept = rubbing_blocks(law), getattr(law, name)
     setattr(law, name, value)
-    with refused(ValueError, words):
+    with refused(ValueError, message):
         scene.problem.solve()
     setattr(law, name, kept)
     assert scene.problem.solve().converged

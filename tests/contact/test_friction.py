@@ -133,8 +133,8 @@ def test_wedge_agrees_with_the_closed_form():
     angle, mu, weight = 0.2, 0.3, 4.0
     plane = fm.Plane((0.0, 0.0), (-np.sin(angle), np.cos(angle)))
     problem, along = block_on(plane, law=fm.Coulomb(mu), angle=angle, weight=weight)
-    for travel in (0.05, 0.1):
-        along.value = travel
+    for shift in (0.05, 0.1):
+        along.value = shift
         problem.solve()
     contact, W = problem.equations.contacts[0], 0.5 * weight
     assert contact.active.any() and not contact.sticking.any()

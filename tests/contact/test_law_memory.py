@@ -183,13 +183,13 @@ WRONG = [
 
 
 @pytest.mark.each
-@pytest.mark.parametrize("method, spoil, kind, words", WRONG)
-def test_invalid_results_are_refused(method, spoil, kind, words):
+@pytest.mark.parametrize("method, spoil, kind, message", WRONG)
+def test_invalid_results_are_refused(method, spoil, kind, message):
     law = Wrong(method, spoil)
     scene = blocks(law)
     drive(scene, [1])
     law._on = True
-    with refused(kind, words):
+    with refused(kind, message):
         drive(scene, [2])
     law._on = False
     drive(scene, [2])
@@ -231,7 +231,7 @@ def test_law_with_a_rate_needs_the_time():
 
 @pytest.mark.each
 @pytest.mark.parametrize(
-    "mu, words",
+    "mu, message",
     [
         (np.array([0.1]), r"mu has shape \(1,\)"),
         (lambda X: X[:, 0] - 10.0, "mu=-.*: expected zero or a positive number"),
@@ -239,11 +239,13 @@ def test_law_with_a_rate_needs_the_time():
         (lambda X: 1 / 0, "division by zero"),
     ],
 )
-def test_invalid_fields_are_refused(mu, words):
+def test_invalid_fields_are_refused(mu, message):
     law = fm.Coulomb(0.1)
     scene = blocks(law)
     law.mu = mu
-    with refused(ZeroDivisionError if "zero" in words and "or" not in words else ValueError, words):
+    with refused(
+        ZeroDivisionError if "zero" in message and "or" not in message else ValueError, message
+    ):
         drive(scene, [1])
     law.mu = 0.1
     drive(scene, [1])

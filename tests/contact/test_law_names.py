@@ -12,7 +12,7 @@ from fenics_mortar.contact.nodal import Nodal, Row
 
 
 @pytest.mark.parametrize(
-    "names, words",
+    "names, message",
     [
         ({"memory": "depth"}, "memory of Named is 'depth': expected a tuple of names"),
         ({"memory": (1,)}, "expected a tuple of names"),
@@ -22,13 +22,13 @@ from fenics_mortar.contact.nodal import Nodal, Row
         ({"parameters": ("nu",)}, "Named has no attribute 'nu' of its parameters"),
     ],
 )
-def test_names_are_checked_at_set_up_and_when_a_law_is_set(names, words):
+def test_names_are_checked_at_set_up_and_when_a_law_is_set(names, message):
     law = type("Named", (Worn,), names)(0.3, 0.01)
-    with refused(ValueError, words):
+    with refused(ValueError, message):
         small_blocks(pair={"law": law})
     problem = small_blocks(pair={"law": Worn(0.3, 0.01)}).problem
     problem.contacts[0].pair.law = law
-    with refused(ValueError, words):
+    with refused(ValueError, message):
         problem.solve()
 
 

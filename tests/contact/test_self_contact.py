@@ -98,10 +98,10 @@ def test_start_of_a_hole_has_no_multiplier():
     assert (~inside.multiplier_nodes).sum() == 1
     assert np.allclose(inside.slave.X[~inside.multiplier_nodes], [[-0.85, 0.0]])
     outside = tube(with_itself("tube/outside")).contact
-    assert outside.multiplier_nodes.sum() == outside.slave.num_nodes - held(outside)
+    assert outside.multiplier_nodes.sum() == outside.slave.num_nodes - num_prescribed(outside)
 
 
-def held(contact):
+def num_prescribed(contact):
     return int((contact.free == 0.0).all(axis=1).sum())
 
 

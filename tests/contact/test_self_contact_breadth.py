@@ -110,14 +110,14 @@ def test_found_sides_agree_with_chosen_ones_in_dynamics(scheme):
 
 
 @pytest.mark.parametrize(
-    ("option", "words"),
+    ("option", "message"),
     [
         ({"solver": "iterative"}, "'ring/first . ring/last' is in contact with itself"),
         ({"algorithm": "condensed"}, "use algorithm='saddle'"),
     ],
 )
-def test_solvers_that_need_separate_sides_are_refused(option, words):
-    with pytest.raises(ValueError, match=words):
+def test_solvers_that_need_separate_sides_are_refused(option, message):
+    with pytest.raises(ValueError, match=message):
         ring_of([ENDS], problem=option)
 
 

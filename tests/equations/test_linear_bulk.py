@@ -57,12 +57,12 @@ def test_nonlinear_residuals_are_recognized(material):
 
 
 @pytest.mark.parametrize(
-    "options, words", [({"dense": 1e9}, "are many"), ({"per_entry": 1e9}, "memory")]
+    "options, message", [({"dense": 1e9}, "are many"), ({"per_entry": 1e9}, "memory")]
 )
-def test_costly_dense_matrices_are_avoided(monkeypatch, options, words):
+def test_costly_dense_matrices_are_avoided(monkeypatch, options, message):
     monkeypatch.setattr(linear_bulk, "COSTS", replace(COSTS, **options))
     scene, report = solved(linear_elastic)
-    assert words in report.solver and "factored in every iteration" in report.solver
+    assert message in report.solver and "factored in every iteration" in report.solver
     assert scene.problem._solver.linear_bulk.choose()[0] is None
 
 

@@ -144,7 +144,7 @@ def test_sensitivities_are_those_of_the_solution():
 
 @pytest.mark.each
 @pytest.mark.parametrize(
-    "rhs, words",
+    "rhs, message",
     [
         ({"u": np.zeros(3)}, "u has the shape"),
         ({"z": []}, "z has values of 0 pairs: expected 1"),
@@ -153,9 +153,9 @@ def test_sensitivities_are_those_of_the_solution():
         ({"q": np.full((0, 3), 1.0), "z": [np.full((6, 2), np.nan)]}, "z is not finite"),
     ],
 )
-def test_invalid_right_hand_sides_are_refused(rhs, words):
+def test_invalid_right_hand_sides_are_refused(rhs, message):
     problem = pressed_blocks(**MESH).problem
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(ValueError, match=message):
         problem.linear_solve(fm.LinearVector(**rhs))
 
 

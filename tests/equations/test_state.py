@@ -18,14 +18,17 @@ NOT_SHOWN = {"offset", "c_n", "reference", "force_decided", "load_time", "start_
 
 @pytest.mark.parametrize("kind", [State, InterfaceState])
 def test_states_are_frozen(kind):
-    state = pressed_blocks(n_upper=3, n_lower=4).problem.state()
-    state = state if kind is State else state.interfaces[0]
+    problem = pressed_blocks(n_upper=3, n_lower=4).problem
+    state = problem.state() if kind is State else problem.state().interfaces[0]
     for field in fields(state):
         with pytest.raises(AttributeError):
             setattr(state, field.name, None)
         value = getattr(state, field.name)
         if isinstance(value, np.ndarray):
             assert not value.flags.writeable, field.name
+    if kind is State:
+        positions = problem.state().accepted_positions
+        assert not positions.x.flags.writeable and not positions.places.flags.writeable
 
 
 @pytest.mark.parametrize("name", sorted(PARTS - NOT_SHOWN))

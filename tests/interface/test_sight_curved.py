@@ -112,7 +112,7 @@ def test_deep_overlap_is_reported_with_the_search_radius():
     pair = "lower/top", "upper/bottom"
     scene = Scene(grids, [pair], fixed)
     scene.problem.newton = fm.NewtonOptions(max_iterations=1)
-    words = r"'lower/top' overlaps 'upper/bottom' by \d+\.\d facets; .* up to .* thick"
+    message = r"'lower/top' overlaps 'upper/bottom' by \d+\.\d facets; .* up to .* thick"
     try:
         scene.problem.solve()
     except fm.NotConvergedError:
@@ -121,8 +121,8 @@ def test_deep_overlap_is_reported_with_the_search_radius():
     contact = scene.contact
     contact.evaluate(scene.u.x.array, scene.problem.equations.linearization)
     contact.change(active=contact.covered)
-    assert re.search(words, describe_overlap(contact))
-    assert re.search(words, scene.problem.equations.diagnose())
+    assert re.search(message, describe_overlap(contact))
+    assert re.search(message, scene.problem.equations.diagnose())
     (certificate,) = scene.problem.certificate().pairs
     (said,) = (v for v in certificate.violations() if "overlap" in v)
     assert re.search(r"at \(.*\), in facets; partners are searched up to", said)

@@ -21,8 +21,8 @@ def fitted(geometry="axisymmetric"):
     data = mapped_grids.mesh([shaft, hub])
     u = fem.Function(fm.vector_space(data.mesh, 1))
     pull = fem.Constant(data.mesh, 0.0)
-    held = [("shaft/left", 0.0, 0), ("hub/top", 0.0, 1), ("shaft/top", pull, 1)]
-    bcs = [fm.dirichlet(u.function_space, data, *condition) for condition in held]
+    conditions = [("shaft/left", 0.0, 0), ("hub/top", 0.0, 1), ("shaft/top", pull, 1)]
+    bcs = [fm.dirichlet(u.function_space, data, *condition) for condition in conditions]
     law = fm.Coulomb(0.2)
     pair = fm.ContactPair(data, "hub/left", "shaft/right", law=law, initial_gap=-0.02)
     problem = fm.ContactProblem(

@@ -137,7 +137,7 @@ def test_colour_scale_follows_the_sign_and_given_limits(field, options, cmap, lo
 
 @pytest.mark.each
 @pytest.mark.parametrize(
-    "options, words",
+    "options, message",
     [
         ({}, "path=None: expected the name of a file, or axes as ax"),
         ({"path": "a", "limits": (1.0, 0.0)}, "limits=.*: expected two increasing numbers"),
@@ -145,8 +145,8 @@ def test_colour_scale_follows_the_sign_and_given_limits(field, options, cmap, lo
         ({"path": "a", "units": "mm"}, "units='mm': expected those of length and stress"),
     ],
 )
-def test_plot_refuses_arguments_on_all_ranks(options, words):
+def test_plot_refuses_arguments_on_all_ranks(options, message):
     scene = pressed()
-    with pytest.raises((ValueError, fm.MortarError), match=words):
+    with pytest.raises((ValueError, fm.MortarError), match=message):
         plot(scene.problem, **options)
     COMM.barrier()  # hangs if a rank has left

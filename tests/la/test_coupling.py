@@ -136,5 +136,7 @@ def test_pairs_of_nodes_are_numbered_by_facet_and_master_node(degree):
     slave, master = np.repeat(o.facet_nodes[:, -1], 2), np.tile([0, 3], len(first))
     numbers = _faced(o, slave, master)
     assert np.array_equal(numbers % count, master)
-    held = [nodes[first == i // count] for nodes, i in ((o.facet_nodes, n) for n in numbers)]
-    assert all(len(facet) == 1 and node in facet for facet, node in zip(held, slave, strict=True))
+    on_facet = [nodes[first == i // count] for nodes, i in ((o.facet_nodes, n) for n in numbers)]
+    assert all(
+        len(facet) == 1 and node in facet for facet, node in zip(on_facet, slave, strict=True)
+    )

@@ -20,11 +20,11 @@ ONE_ROW = np.zeros((40, 40))
 ONE_ROW[7] = RANDOM.random(40)
 
 
-def dense(values):
+def dense(values, bsize=2):
     starts = np.arange(0, values.size + 1, len(values), dtype=PETSc.IntType)
     columns = np.tile(np.arange(len(values), dtype=PETSc.IntType), len(values))
     csr = starts, columns, values.ravel()
-    return PETSc.Mat().createAIJ(values.shape, bsize=2, csr=csr, comm=MPI.COMM_SELF)
+    return PETSc.Mat().createAIJ(values.shape, bsize=bsize, csr=csr, comm=MPI.COMM_SELF)
 
 
 @pytest.fixture
@@ -44,9 +44,10 @@ def factorizations(monkeypatch):
 def solved_with_factors_of(change, factorizations, **options):
     """Relative residual with a changed matrix, and direct solves, after one with ``BASE``."""
     few, b, M = LinearSolver(MPI.COMM_SELF, "lag_", SMALL, lambda: None), RANDOM.random(40), None
-    M = dense(BASE)
+    bsize = options.get("bsize", 2)
+    M = dense(BASE, bsize)
     few.solve(M, b)
-    M.axpy(1.0, dense(change))
+    M.axpy(1.0, dense(change, bsize))
     few.same_step, few.forcing = options.get("same_step", True), options.get("forcing", 1e-8)
     x = few.solve(M, b, transpose=options.get("transpose", False))
     A = (BASE + change).T if options.get("transpose") else BASE + change
@@ -60,6 +61,14 @@ def solved_with_factors_of(change, factorizations, **options):
 def test_changed_row_needs_no_factorization(factorizations):
     residual, count = solved_with_factors_of(ONE_ROW, factorizations)
     assert (residual < 1e-8, count) == (True, 0)
+
+
+@pytest.mark.parametrize("bsize", [1, 2])
+def test_earlier_factors_serve_as_preconditioner(bsize, factorizations):
+    """Factors of the present matrix would leave rounding errors only."""
+    change = 0.2 * np.random.default_rng(5).random((40, 40))
+    residual, count = solved_with_factors_of(change, factorizations, bsize=bsize)
+    assert 1e-13 < residual < 1e-8 and count == 0
 
 
 @pytest.mark.parametrize(

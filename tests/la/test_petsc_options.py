@@ -22,8 +22,8 @@ def solved_with(options, **more):
 
 def test_misspelt_petsc_option_is_reported_once():
     problem = solved_with({"ksp_rtoll": 1e-3, "mat_mumps_icntl_7": 2})
-    words = "did not use the option 'test_ksp_rtoll': misspelt"
-    assert sum(words in note for note in problem.solve().notes) == 1
+    message = "did not use the option 'test_ksp_rtoll': misspelt"
+    assert sum(message in note for note in problem.solve().notes) == 1
     assert not any("did not use" in note for note in problem.solve().notes)
 
 
@@ -65,30 +65,30 @@ def test_preconditioner_needs_no_options_that_undo_those_of_mumps(preconditioner
 
 
 @pytest.mark.parametrize(
-    "options, words",
+    "options, message",
     [
         ({"ksp_type": "gmress"}, "KSP type gmress"),
         ({"ksp_type": "gmres", "ksp_rtol": "tiny"}, "tiny has no numeric"),
     ],
 )
-def test_invalid_petsc_value_is_named(options, words):
-    with refused(fm.MortarError, f"PETSc rejected an option 'test_...': .*{words}"):
+def test_invalid_petsc_value_is_named(options, message):
+    with refused(fm.MortarError, f"PETSc rejected an option 'test_...': .*{message}"):
         solved_with(options)
 
 
 def test_linear_solver_that_stops_too_early_is_not_called_singular():
     problem = solved_with({"ksp_type": "gmres", "pc_type": "jacobi", "ksp_rtol": 1e-3})
-    words = (
+    message = (
         r"stopped too early: PETSc's reason 2 \(CONVERGED_RTOL\), reduce the tolerance .*ksp_rtol"
     )
-    with refused(fm.NotConvergedError, f"^(?!.*singular).*{words}"):
+    with refused(fm.NotConvergedError, f"^(?!.*singular).*{message}"):
         problem.solve()
 
 
 def test_linear_solver_that_does_not_converge_is_not_called_singular():
     problem = solved_with({"ksp_type": "gmres", "pc_type": "jacobi", "ksp_max_it": 3})
-    words = r"did not converge: PETSc's reason -3 \(DIVERGED_MAX_IT\)"
-    with refused(fm.NotConvergedError, f"^(?!.*singular).*{words}"):
+    message = r"did not converge: PETSc's reason -3 \(DIVERGED_MAX_IT\)"
+    with refused(fm.NotConvergedError, f"^(?!.*singular).*{message}"):
         problem.solve()
 
 

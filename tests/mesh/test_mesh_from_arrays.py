@@ -109,7 +109,7 @@ def test_cell_flags_and_a_constant_third_coordinate_are_accepted():
 
 @pytest.mark.each
 @pytest.mark.parametrize(
-    "changed, words",
+    "changed, message",
     [
         ({"points": [(0, 0, 0), (1, 0, 1)]}, "z varies by 1"),
         ({"points": [(0, np.nan)]}, "coordinates of 1 points are not finite, e.g. of point 0"),
@@ -140,9 +140,9 @@ def test_cell_flags_and_a_constant_third_coordinate_are_accepted():
         ),
     ],
 )
-def test_invalid_arrays_are_refused_on_all_ranks(changed, words):
+def test_invalid_arrays_are_refused_on_all_ranks(changed, message):
     given = {**SQUARES, **changed}
-    with refused(fm.MeshError, words):
+    with refused(fm.MeshError, message):
         fm.mesh_from_arrays(**given if COMM.rank == 0 else dict.fromkeys(given))
 
 

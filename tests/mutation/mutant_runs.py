@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from operator import or_
 from pathlib import Path
@@ -20,6 +20,7 @@ from mutation.mutant_changes import PACKAGE, Mutant
 from mutation.mutant_lines import cpu, file_of
 
 START = 8.0  # CPU seconds of a process of pytest before its first test, on a slow machine
+COMPILATION = 60.0  # CPU seconds in which all kernels are compiled, on a slow machine
 # Number of tests of a compiled function, which take about ten seconds without JIT.
 INTERPRETED = 30
 # CPU time over that of the tests [1] above which a process is considered to hang.
@@ -28,11 +29,15 @@ PATIENCE = 6.0
 
 @dataclass
 class Run:
-    """A temporary copy of the checkout, in which tests are run."""
+    """A temporary copy of the checkout for running tests; ``see`` returns the map of lines."""
 
     folder: Path
-    seen: dict
+    see: Callable[[], dict]
     budget: float
+
+    @functools.cached_property
+    def seen(self) -> dict:
+        return self.see()
 
     def pytest(self, tests, allowed, *, ranks=1, jit=True, cache=None) -> tuple[str, str]:
         """(outcome, first test that failed); ``allowed`` is the CPU time of each rank [s]."""
@@ -52,7 +57,7 @@ class Run:
             )  # fmt: skip
         except subprocess.TimeoutExpired:
             return "hangs", ""
-        if ended.returncode == 0 or ended.returncode == 5:  # 5: no test was left to run
+        if ended.returncode in (0, 4, 5):  # 4, 5: there is no such test, or none is left to run
             return "survived", ""
         words = ("FAILED ", "ERROR ")
         failed = [line for line in ended.stdout.splitlines() if line.startswith(words)]
@@ -82,16 +87,30 @@ class Run:
 
     def judge(self, mutant: Mutant) -> dict:
         """Apply the mutant, run its tests, and revert it."""
+        return self.apply(mutant, self.groups(mutant), self.cache_without(mutant.path))
+
+    def repeat(self, mutant: Mutant, entry: dict) -> dict:
+        """As ``judge``, by the test of an earlier log first; known survivors are not run."""
+        if entry.get("survives"):
+            return self.apply(mutant, [], None)
+        if entry.get("by"):
+            test = entry["by"].removeprefix("FAILED ").removeprefix("ERROR ").split(" - ")[0]
+            result = self.apply(mutant, [([(test, COMPILATION)], entry.get("options", {}))], None)
+            if result["outcome"] != "survived":
+                return result
+        return self.judge(mutant)
+
+    def apply(self, mutant: Mutant, groups: Iterable, cache: Path | None) -> dict:
+        """Result of a mutant by groups of tests, with an own cache of numba if one is given."""
         begin, file = cpu(), self.folder / mutant.path
         old, stamps = file.read_text(), file.stat()
-        cache = self.cache_without(mutant.path)
         file.write_text(mutant.text)
-        outcome, by = "survived", ""
+        outcome, by, options = "survived", "", {}
         try:
-            for group, options in self.groups(mutant):
+            for group, options in groups:
                 names, allowed = [name for name, _ in group], START + sum(s for _, s in group)
                 if cache and options.get("jit", True):
-                    allowed += 60.0  # kernels are compiled again
+                    allowed += COMPILATION
                 outcome, by = self.pytest(names, allowed, cache=cache, **options)
                 if outcome == "killed" or (outcome != "survived" and options.get("jit", True)):
                     break
@@ -100,8 +119,9 @@ class Run:
             os.utime(file, ns=(stamps.st_atime_ns, stamps.st_mtime_ns))
             if cache:
                 shutil.rmtree(cache)
-        result = {**asdict(mutant), "outcome": outcome, "by": by, "seconds": cpu() - begin}
-        return {name: value for name, value in result.items() if name != "text"}
+        result = {**asdict(mutant), "outcome": outcome, "by": by, "options": options}
+        del result["text"]
+        return {**result, "seconds": cpu() - begin}
 
     def groups(self, mutant: Mutant):
         """Groups of tests, one after the other, with options of ``pytest``."""

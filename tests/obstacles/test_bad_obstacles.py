@@ -61,7 +61,7 @@ def test_distance_that_is_not_finite_is_refused_with_its_point(what, at_once):
 
 @pytest.mark.each
 @pytest.mark.parametrize(
-    "spoil, words",
+    "spoil, message",
     [
         (lambda x, phi, g, H: None, "returned NoneType; expected three arrays"),
         (lambda x, phi, g, H: (phi, g), "returned tuple; expected three arrays"),
@@ -70,8 +70,8 @@ def test_distance_that_is_not_finite_is_refused_with_its_point(what, at_once):
         (lambda x, phi, g, H: (phi.astype(str), g, H), "expected real numbers"),
     ],
 )
-def test_invalid_distance_is_refused(spoil, words):
-    with refused(ValueError, words):
+def test_invalid_distance_is_refused(spoil, message):
+    with refused(ValueError, message):
         on_obstacle(Floor(spoil).obstacle)
 
 
@@ -94,7 +94,7 @@ def test_gradient_of_another_distance_is_a_violation_or_a_remark(angle, message)
 
     problem = on_obstacle(Floor(turned).obstacle)
     report = problem.solve(accept_violations=True)
-    violations = [words for words in report.certificate.violations() if "gradient" in words]
+    violations = [text for text in report.certificate.violations() if "gradient" in text]
     assert bool(violations) == (message is not None)
     if message is None:
         assert any("turned by 0.6 degrees" in note for note in report.notes)
@@ -177,7 +177,7 @@ def test_distance_that_is_not_finite_in_an_iteration_raises_with_the_record():
 
 @pytest.mark.each
 @pytest.mark.parametrize(
-    "what, value, words",
+    "what, value, message",
     [
         ("place", (0.0, np.nan, 0.0), r"place of obstacle 'plane' is \[.*nan.*3 finite numbers"),
         ("place", (np.inf, 0.0, 0.0), "place of obstacle 'plane'.*3 finite numbers"),
@@ -192,12 +192,12 @@ def test_distance_that_is_not_finite_in_an_iteration_raises_with_the_record():
         ("pivot", (np.nan, 0.0), "pivot of obstacle 'plane'.*2 finite numbers"),
     ],
 )
-def test_invalid_place_load_or_pivot_is_refused(what, value, words):
+def test_invalid_place_load_or_pivot_is_refused(what, value, message):
     obstacle = fm.Plane((0.0, 1.0), (0.0, 1.0))
     problem, kept = on_obstacle(obstacle), getattr(obstacle, what)
     setattr(obstacle, what, np.array(value))
     finite = np.array(value).dtype.kind == "f" and len(value) == len(kept)
-    with refused(NotFiniteError if finite else fm.MortarError, words):
+    with refused(NotFiniteError if finite else fm.MortarError, message):
         problem.solve()
     setattr(obstacle, what, kept)
     assert problem.solve().converged
@@ -228,7 +228,7 @@ def test_deep_obstacle_that_faces_the_body_is_an_interference():
 
 @pytest.mark.each
 @pytest.mark.parametrize(
-    "points, words",
+    "points, message",
     [
         ([(0, 0), (1, 1), (1, 0), (0, 1)], r"intersects itself: edges from \(0, 0\) to \(1, 1\)"),
         ([(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)], "intersects itself"),
@@ -238,8 +238,8 @@ def test_deep_obstacle_that_faces_the_body_is_an_interference():
         ("abc", "points='abc': expected real numbers"),
     ],
 )
-def test_self_intersecting_polygon_is_refused(points, words):
-    with pytest.raises(ValueError, match=words):
+def test_self_intersecting_polygon_is_refused(points, message):
+    with pytest.raises(ValueError, match=message):
         fm.Polygon(points, 0.02)
 
 
@@ -266,7 +266,7 @@ def test_simple_polygons_and_splines_are_accepted():
 
 @pytest.mark.each
 @pytest.mark.parametrize(
-    "make, words",
+    "make, message",
     [
         (lambda: fm.Circle((0, 0), "1"), "radius='1': expected a positive length"),
         (lambda: fm.Circle((0, 0), 1.0, inside="no"), "inside='no': expected True or False"),
@@ -282,8 +282,8 @@ def test_simple_polygons_and_splines_are_accepted():
         (lambda: fm.SignedDistance(3.0), "function=3.0: expected a function of points"),
     ],
 )
-def test_invalid_obstacle_is_refused(make, words):
-    with pytest.raises(ValueError, match=words):
+def test_invalid_obstacle_is_refused(make, message):
+    with pytest.raises(ValueError, match=message):
         make()
 
 

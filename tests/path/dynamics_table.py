@@ -33,8 +33,8 @@ def colliding_rings() -> None:
             active += made.problem.contacts[0].pressure.max() > 0.0
         x, y, turn = np.abs(changes).max(axis=0)
         lost = motion.energies().total / energy - 1.0
-        words = f"momentum {max(x, y):.0e}, angular {turn:.0e}, energy {lost:+.1e}"
-        row(f"rings, mu {mu or 0}, {active} steps in contact", words)
+        text = f"momentum {max(x, y):.0e}, angular {turn:.0e}, energy {lost:+.1e}"
+        row(f"rings, mu {mu or 0}, {active} steps in contact", text)
 
 
 def bounces() -> None:
@@ -53,9 +53,9 @@ def bounces() -> None:
         impacts = np.count_nonzero(np.diff(np.array(active, int)) > 0)
         errors = np.abs(np.array(totals) / totals[0] - 1.0)
         flight = np.convolve(active, np.ones(9), "same") == 0.0
-        words = f"largest error of energy {errors.max():.1e}, at the end {errors[-1]:.0e}, "
-        words += f"in flight (median) {np.median(errors[flight]):.0e}"
-        row(f"{impacts} bounces, step {dt}", words)
+        text = f"largest error of energy {errors.max():.1e}, at the end {errors[-1]:.0e}, "
+        text += f"in flight (median) {np.median(errors[flight]):.0e}"
+        row(f"{impacts} bounces, step {dt}", text)
 
 
 def stick_slip() -> None:

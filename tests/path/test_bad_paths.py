@@ -11,7 +11,7 @@ import fenics_mortar as fm
 
 @pytest.mark.each
 @pytest.mark.parametrize(
-    "options, more, words",
+    "options, more, message",
     [
         (
             0.1,
@@ -28,14 +28,14 @@ import fenics_mortar as fm
         (None, {"problem": None}, "problem=None: expected a ContactProblem"),
     ],
 )
-def test_invalid_path_is_refused(options, more, words):
+def test_invalid_path_is_refused(options, more, message):
     given = {
         "problem": small_blocks().problem,
         "set_loads": lambda time: None,
         "options": options or fm.SteppingOptions(0.5),
         **more,
     }
-    with refused(ValueError, words):
+    with refused(ValueError, message):
         fm.follow_path(**given)
 
 

@@ -68,14 +68,14 @@ ENDS = {
 @pytest.mark.serial
 @pytest.mark.parametrize("end", ENDS)
 def test_reason_for_the_end_of_a_path_is_reported(end):
-    scene, last, words = ENDS[end]
+    scene, last, message = ENDS[end]
     at = posed(scene)
     steps = fm.SteppingOptions(1.0 / scene.steps)
     assert fm.follow_path(at.problem, at.set_loads, steps, stop=last).dead_end == ""
     short = fm.SteppingOptions(2e-3, smallest=2e-3)
-    with pytest.raises(fm.NotConvergedError, match=words) as error:
+    with pytest.raises(fm.NotConvergedError, match=message) as error:
         fm.follow_path(at.problem, at.set_loads, short, start=last)
-    assert words in error.value.report.dead_end
+    assert message in error.value.report.dead_end
     assert error.value.report.num_cuts == 1
 
 

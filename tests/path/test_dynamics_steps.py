@@ -167,13 +167,13 @@ def test_the_tangent_is_exact():
 
 def test_invalid_arguments_are_refused():
     made = free_block()
-    for options, words in (
+    for options, message in (
         ({"scheme": "newmark"}, "scheme='newmark': expected one of"),
         ({"rho_inf": 1.5}, "expected a number from 0 to 1"),
         ({"velocity": 1.0}, "expected a Velocity"),
         ({"energy": 1.0}, "expected a UFL form"),
     ):
-        with pytest.raises(ValueError, match=words):
+        with pytest.raises(ValueError, match=message):
             fm.Dynamics(made.problem, 1.0, **options)
     for density in (0.0, np.nan, "steel"):
         with pytest.raises(ValueError, match="density"):

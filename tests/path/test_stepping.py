@@ -202,8 +202,8 @@ def test_error_of_a_function_of_the_user_on_one_rank_raises_on_all(name):
             fail(time)
 
     kind = KeyError if guilty else fm.MortarError
-    words = "no such load" if guilty else f"{name} raised on rank {comm.size - 1}: KeyError"
-    with pytest.raises(kind, match=words):
+    message = "no such load" if guilty else f"{name} raised on rank {comm.size - 1}: KeyError"
+    with pytest.raises(kind, match=message):
         options = fm.SteppingOptions(step=0.25)
         fm.follow_path(
             scene.problem, set_loads, options, on_step=fail if name == "on_step" else None

@@ -22,8 +22,8 @@ def test_the_same_two_sides_paired_both_ways_are_refused(kinds):
     sides = ("slave", "master"), ("master", "slave")
     pairs = [kind(data, *names) for kind, names in zip(kinds, sides, strict=True)]
     tied = fm.TiedPair in kinds
-    words = "cannot be tied" if tied else "same two surfaces with exchanged roles"
-    with refused(fm.SurfaceError if tied else fm.MortarError, words):
+    message = "cannot be tied" if tied else "same two surfaces with exchanged roles"
+    with refused(fm.SurfaceError if tied else fm.MortarError, message):
         problem_on(data, pairs)
 
 
@@ -49,7 +49,7 @@ def test_sum_of_forces_is_checked_without_pairs():
     u.x.array[: 6 if COMM.rank == 0 else 0] += 0.05
     u.x.scatter_forward()
     problem.equations.evaluate(start=False)
-    assert any("balance" in words for words in problem.certificate().violations())
+    assert any("balance" in message for message in problem.certificate().violations())
 
 
 @pytest.mark.parametrize("value, component", [((0.1, 0.0), None), (0.1, 0)])
@@ -59,10 +59,10 @@ def test_contradicting_conditions_are_reported_once(value, component):
     V = u.function_space
     bcs = [*bcs_of(data, V), fm.dirichlet(V, data, "base", value, component)]
     problem = problem_on(data, u=u, bcs=bcs)
-    words = "conditions 0 and 2 prescribe different values of the same component at 5 nodes"
-    (note,) = (note for note in problem.solve().notes if words in note)
+    message = "conditions 0 and 2 prescribe different values of the same component at 5 nodes"
+    (note,) = (note for note in problem.solve().notes if message in note)
     assert "the later one, is used" in note
-    assert not any(words in note for note in problem.solve().notes)
+    assert not any(message in note for note in problem.solve().notes)
 
 
 def test_agreeing_conditions_are_not_reported():
@@ -75,7 +75,7 @@ def test_agreeing_conditions_are_not_reported():
 
 @pytest.mark.each
 @pytest.mark.parametrize(
-    "boundary, value, component, words",
+    "boundary, value, component, message",
     [
         ("base", "zero", None, "prescribed value is 'zero'; expected numbers"),
         ("base", (1j, 0.0), None, "prescribed value is .*; expected numbers"),
@@ -86,14 +86,14 @@ def test_agreeing_conditions_are_not_reported():
         (True, (0.0, 0.0), None, "no boundary True"),
     ],
 )
-def test_invalid_condition_is_refused(boundary, value, component, words):
+def test_invalid_condition_is_refused(boundary, value, component, message):
     data = blocks_of_arrays()
-    with refused_words(fm.MeshError, words):
+    with refused_words(fm.MeshError, message):
         fm.dirichlet(fm.vector_space(data.mesh, 1), data, boundary, value, component)
 
 
 @pytest.mark.parametrize(
-    "call, words",
+    "call, message",
     [
         (
             lambda d, V: fm.dirichlet(V, None, "base", (0.0, 0.0)),
@@ -120,15 +120,15 @@ def test_invalid_condition_is_refused(boundary, value, component, words):
         (lambda d, V: fm.plot(None, "a"), "problem=None: expected a ContactProblem"),
     ],
 )
-def test_argument_of_a_wrong_type_is_refused(call, words):
+def test_argument_of_a_wrong_type_is_refused(call, message):
     data = blocks_of_arrays()
-    with refused_words(ValueError, words):
+    with refused_words(ValueError, message):
         call(data, fm.vector_space(data.mesh, 1))
 
 
 @pytest.mark.each
 @pytest.mark.parametrize(
-    "options, words",
+    "options, message",
     [
         ({"petsc_options": {3: 1}}, "petsc_options with 3: expected a name such as 'ksp_rtol'"),
         ({"petsc_options": {"-ksp_rtol": 1}}, "petsc_options with '-ksp_rtol': expected a name"),
@@ -137,8 +137,8 @@ def test_argument_of_a_wrong_type_is_refused(call, words):
         ({"adequacy": fm.AdequacyCheck}, "adequacy=.*: expected an instance of AdequacyCheck"),
     ],
 )
-def test_option_of_a_wrong_type_is_refused(options, words):
-    with refused(ValueError, words):
+def test_option_of_a_wrong_type_is_refused(options, message):
+    with refused(ValueError, message):
         problem_on(blocks_of_arrays(), **options)
 
 
@@ -149,8 +149,8 @@ def test_numbers_of_a_form_that_are_not_finite_are_refused(number):
     v = ufl.TestFunction(u.function_space)
     load = ufl.inner(ufl.as_vector((number, 0.0)), v) * ufl.ds
     residual = internal(u, linear_elastic(u, 100.0, 0.3)) - load
-    words = f"the residual contains the number {number} in an integral over the boundary"
-    with refused(ValueError, words):
+    message = f"the residual contains the number {number} in an integral over the boundary"
+    with refused(ValueError, message):
         fm.ContactProblem(residual, u, [], petsc_options_prefix="test_numbers_")
 
 
@@ -204,7 +204,7 @@ def tool_of(**more):
 
 @pytest.mark.each
 @pytest.mark.parametrize(
-    "more, kind, words",
+    "more, kind, message",
     [
         ({"obstacle": lambda d, u: None}, ValueError, "obstacle=None: expected a rigid obstacle"),
         ({"u": lambda d, u: None}, ValueError, "u=None: expected a function of dolfinx"),
@@ -226,6 +226,6 @@ def tool_of(**more):
         ),
     ],
 )
-def test_tool_of_a_wrong_type_is_refused(more, kind, words):
-    with refused_words(kind, words):
+def test_tool_of_a_wrong_type_is_refused(more, kind, message):
+    with refused_words(kind, message):
         tool_of(**more)

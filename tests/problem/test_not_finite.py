@@ -173,12 +173,12 @@ def test_distance_that_raises_on_one_rank_raises_on_all():
     problem.solve()
     last = COMM.size - 1
     fails += [True] if COMM.rank == last else []
-    kind, words = (
+    kind, message = (
         (ZeroDivisionError, "^no distance here")
         if COMM.rank == last
         else (fm.MortarError, f"distance of 'lid' raised on rank {last}: ZeroDivisionError: no dis")
     )
-    with pytest.raises(kind, match=words):
+    with pytest.raises(kind, match=message):
         problem.solve()
     fails.clear()
     assert problem.solve().converged

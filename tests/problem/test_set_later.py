@@ -32,7 +32,7 @@ def test_option_of_a_pair_that_is_set_after_the_problem_is_refused(name, value):
 
 
 @pytest.mark.parametrize(
-    "name, value, words",
+    "name, value, message",
     [
         ("discretization", fm.Discretization(c_n=-1.0), "c_n=-1.0"),
         ("discretization", fm.Discretization(basis="cubic"), "basis='cubic'"),
@@ -40,11 +40,11 @@ def test_option_of_a_pair_that_is_set_after_the_problem_is_refused(name, value):
         ("law", None, "law=None"),
     ],
 )
-def test_option_of_a_pair_that_is_set_before_the_problem_is_checked(name, value, words):
+def test_option_of_a_pair_that_is_set_before_the_problem_is_checked(name, value, message):
     data = blocks_of_arrays()
     pair = fm.ContactPair(data, "slave", "master")
     setattr(pair, name, value)
-    with refused(ValueError, words):
+    with refused(ValueError, message):
         problem_on(data, [pair])
 
 

@@ -45,6 +45,7 @@ def test_motion_towards_a_body_is_not_slip():
         problem.solve()
         contact = problem.equations.contacts[0]
         assert contact.total_force == pytest.approx((-0.1, 1.0), abs=1e-8)
+        assert problem.equations.springs.max_motion() == 0.0  # no springs are left
         places.append(contact.slave.gather(problem.equations.bulk.u.x.array)[:, 0].mean())
     assert places[0] - places[1] > 0.1 * 0.1  # fall times slope; more at the bottom if it tilts
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Proximal point method: initial states of its solves, and elongation of the springs."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from small_scenes import pushed_block
@@ -8,7 +10,7 @@ from small_scenes import pushed_block
 import fenics_mortar as fm
 from fenics_mortar.equations import solver
 from fenics_mortar.rigid import proximal
-from fenics_mortar.rigid.springs import over_contact
+from fenics_mortar.rigid.springs import over_contact, slides
 
 
 class Scripted:
@@ -93,3 +95,12 @@ def test_springs_without_contact_are_reported():
     assert over_contact(1.0, 4.0) == 0.25
     assert over_contact(0.0, 0.0) == 0.0
     assert over_contact(1e-9, 0.0) == np.inf
+
+
+@pytest.mark.parametrize(("own", "expected"), [([0], True), ([0, 1], False), ([3], False)])
+def test_a_body_slides_if_no_node_of_its_own_sticks(own, expected):
+    """Nodes 0 and 2 slide, 1 sticks, 3 is open; the others belong to another body."""
+    contact = SimpleNamespace(
+        sliding=np.array([True, False, True, False]), sticking=np.arange(4) == 1
+    )
+    assert slides([(contact, np.isin(np.arange(4), own))]) == expected

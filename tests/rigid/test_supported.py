@@ -134,8 +134,8 @@ def test_sticking_corner_beyond_the_friction_cone_is_a_violation():
     scene = ladder(np.arctan(0.7 / 0.8), 0.4, base="body", on_corner=True)
     assert scene.verdict(0)[0].factor < 1.0
     scene.set(weight=1.0)
-    words = r"a corner of the slave sticks at .* above the friction limit.* take 'ground/top' as"
-    with pytest.raises(fm.NotConvergedError, match=words) as caught:
+    message = r"a corner of the slave sticks at .* above the friction limit.* take 'ground/top' as"
+    with pytest.raises(fm.NotConvergedError, match=message) as caught:
         scene.problem.solve()
     (certificate, _) = caught.value.report.certificate.pairs
     thrust, weight = scene.force(0)

@@ -101,8 +101,8 @@ def fitted(law, bend=0.0):
     data.mesh.geometry.x[:, :2] += bend * shift("revolution", *data.mesh.geometry.x[:, :2].T)
     u = fem.Function(fm.vector_space(data.mesh, 1))
     pull, E = fem.Constant(data.mesh, 0.0), fem.Constant(data.mesh, 100.0)
-    held = [("shaft/left", 0.0, 0), ("hub/top", 0.0, 1), ("shaft/top", pull, 1)]
-    bcs = [fm.dirichlet(u.function_space, data, *condition) for condition in held]
+    conditions = [("shaft/left", 0.0, 0), ("hub/top", 0.0, 1), ("shaft/top", pull, 1)]
+    bcs = [fm.dirichlet(u.function_space, data, *condition) for condition in conditions]
     pair = fm.ContactPair(data, "hub/left", "shaft/right", law=law, initial_gap=-0.02)
     problem = fm.ContactProblem(
         revolved.internal(u, revolved.neo_hookean(u, E, 0.3)), u, [pair],

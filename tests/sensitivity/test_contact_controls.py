@@ -20,6 +20,7 @@ from fenics_mortar.sensitivity.controls import (
     ObstacleShape,
     Offset,
 )
+from fenics_mortar.sensitivity.pair_vectors import check_exact
 from fenics_mortar.sensitivity.positions import ContactPositions
 
 comm = MPI.COMM_WORLD
@@ -195,6 +196,24 @@ def test_adhesion_of_open_nodes():
     assert (slopes[0] != 0.0).all() and (slopes[1] == 0.0).all()
 
 
+def test_steep_adhesion_of_open_nodes_is_refused_with_small_sliding():
+    """Its derivative is left out of the tangent; that of closed nodes is not needed."""
+    problem, lift = columns(Fading(0.3), sliding="small")
+    (contact,) = problem.equations.contacts
+    for height in (-0.05, 0.05):
+        lift.value, contact.pair.law.pull = height, 2.0
+        problem.solve(accept_violations=True)
+        contact.pair.law.pull = 1000.0
+        problem.equations.evaluate_operators()
+        assert contact.now.decreases_fast.any()
+        assert contact.attracted.any() == (height > 0.0)
+        if height < 0.0:
+            check_exact(contact)
+        else:
+            with pytest.raises(fm.MortarError, match="adhesion that decreases fast"):
+                check_exact(contact)
+
+
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("inside", [False, True])
 @pytest.mark.parametrize("law", [fm.Frictionless(), fm.Coulomb(0.3)], ids=["smooth", "rough"])
@@ -229,8 +248,9 @@ def test_points_of_a_spline(law):
 
 
 def test_obstacles_without_that_shape_and_small_sliding_are_refused():
-    with pytest.raises(ValueError, match="shape parameter"):
-        ObstacleShape(fm.Circle((0.0, 0.0), 1.0), "points").check()
+    for name in ("points", ["radius"]):
+        with pytest.raises(ValueError, match="shape parameter=.*: expected one of radius"):
+            ObstacleShape(fm.Circle((0.0, 0.0), 1.0), name).check()
     with pytest.raises(ValueError, match="has no parameter"):
         fm.Plane((0.0, 0.0), (0.0, 1.0)).set_shape("radius", np.array(1.0))
 

@@ -271,17 +271,17 @@ def test_gradient_prints_a_line_for_each_control():
 
 
 @pytest.mark.parametrize(
-    "objective, control, words",
+    "objective, control, message",
     [
         ("force", "E", "objective 'force'"),
         (sensitivity.TotalForce(2, (1.0, 0.0)), "E", "pair 2: expected a number from 0 to 0"),
         (FORCE, sensitivity.Offset(1), "pair 1: expected a number from 0 to 0"),
     ],
 )
-def test_invalid_objective_or_pair_is_refused(objective, control, words):
+def test_invalid_objective_or_pair_is_refused(objective, control, message):
     scene = blocks()
     scene.solve()
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(ValueError, match=message):
         fm.gradient(objective, scene.controls.get(control, control), scene.problem)
 
 

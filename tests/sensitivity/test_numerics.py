@@ -2,6 +2,7 @@
 """Derivatives by the choices of the numerics: offsets by faceting, weights, residual left."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -91,6 +92,9 @@ def test_bulges_of_a_circle(degree):
     assert np.allclose(mean_bulges(slave)[bottom], expected, rtol=1e-2)
     assert np.abs(mean_bulges(contact.master)).max() < 1e-12
     assert np.allclose(offset_by_faceting(contact), mean_bulges(slave), atol=1e-12)
+    met = SimpleNamespace(x=slave.X, m=slave.X)  # each node meets one with its own bulge
+    itself = SimpleNamespace(slave=slave, master=slave, operators=met)
+    assert np.allclose(offset_by_faceting(itself), 2.0 * mean_bulges(slave), atol=1e-12)
 
 
 def test_solve_reports_numerical_sensitivities():
@@ -100,8 +104,8 @@ def test_solve_reports_numerical_sensitivities():
     scene.move(SLIDE[1])
     before = scene.problem.solve(sensitivity=Numerics(FORCE)).sensitivity
     assert before.value == pytest.approx(FORCE.value(scene.problem), rel=1e-12)
-    words = str(before)
-    assert "| pair 0: factor of c_n | " in words and words.count("\n") == 7
+    text = str(before)
+    assert "| pair 0: factor of c_n | " in text and text.count("\n") == 7
     height = 1e-6  # a nodal offset changes the force by its derivative
     (contact,) = scene.problem.equations.contacts
     contact.offset = contact.offset + height

@@ -76,12 +76,13 @@ def test_numbers_of_quantities_and_functions_of_steps():
             fm.gradient(sensitivity.MeanGap(0, nodes), MU, problem)
     with refused(ValueError, "slave nodes 0 to 4"):
         fm.gradient(sensitivity.MeanGap(0, [7]), MU, problem)
-    for wrong, words in (
+    for wrong, message in (
         (None, "expected a function"),
         (lambda values: 1.0, "expected a function"),
+        (lambda values: (1.0, values, values), "expected a function"),
         (lambda values: (np.nan, values), "not finite"),
     ):
-        with refused_words(ValueError, words):
+        with refused_words(ValueError, message):
             fm.gradient(FORCE, MU, problem, over_steps=wrong)
     with refused(ValueError, "no such obstacle"):
         place = sensitivity.ObstaclePlace(fm.Circle((0.0, 0.0), 1.0))

@@ -30,8 +30,8 @@ def test_wedge_by_friction():
     plane = fm.Plane((0.0, 0.0), (-np.sin(angle), np.cos(angle)))
     problem, along = block_on(plane, law=fm.Coulomb(mu), angle=angle, weight=weight)
     path = fm.RecordedPath(problem)
-    for travel in (0.05, 0.1):
-        along.value = travel
+    for shift in (0.05, 0.1):
+        along.value = shift
         problem.solve()
         path.record()
     friction, slope, W = LawParameter(0, "mu"), np.tan(angle), 0.5 * weight

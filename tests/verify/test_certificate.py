@@ -11,7 +11,7 @@ from scenes import internal, neo_hookean, pressed_blocks, read, rectangles, rota
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.verify.corners import end_pressure
+from fenics_mortar.verify.corners import end_pressure, mean_friction
 from meshes import indenter_on_block, mapped_grids, two_blocks
 
 
@@ -288,6 +288,13 @@ def test_pressure_beside_a_clamped_end_is_compared_with_that_farther_away():
     assert end_pressure(contact, np.array([0.0, 0.1, 2.0, 1.0, 2.0, 2.0])) == {}
 
 
+def test_mean_friction_is_that_of_nodes_under_pressure_in_any_unit():
+    limit, pressure = np.array([0.3, 0.0, 0.1, 0.2]), np.array([1.0, 2.0, -1.0, 0.5])
+    for unit in (1e-6, 1.0, 1e6):
+        assert mean_friction(unit * limit, unit * pressure) == pytest.approx(0.5 / 1.5)
+    assert mean_friction(limit, -np.abs(pressure)) == 0.0
+
+
 def along(places, nodes, steps):
     """Numbers of the places ``steps`` away from nodes of a line, -1 beyond its ends."""
     there = np.add.outer(nodes, np.array(steps))
@@ -329,6 +336,6 @@ def test_resultant_beyond_the_end_of_the_master_is_reported(even, basis):
     assert certificate.outside == pytest.approx(max(0.4 - centre, 0.0) / 0.25, abs=1e-9)
     assert certificate.outside == pytest.approx(0.0 if even else 0.6, abs=1e-9)
     remarks = [
-        words for words in certificate.remarks() if "0.60 facets outside of the part" in words
+        message for message in certificate.remarks() if "0.60 facets outside of the part" in message
     ]
     assert len(remarks) == (not even)

@@ -195,6 +195,11 @@ def test_sliding_shear_below_the_friction_limit_is_estimated():
     move_upper(problem, (0.01, 0.0))
     wrong = problem.estimate()
     assert wrong.parts["slip"] == pytest.approx(np.sqrt(0.3 * 3.0 * 0.01), rel=1e-9)
+    z, found = contact.z.copy(), []
+    for shear in (0.9, -0.9):  # the limit, against the slip and along it
+        contact.change(z=z + shear * contact.operators.tau)
+        found.append(problem.estimate().parts["slip"])
+    assert sorted(found) == pytest.approx([0.0, np.sqrt(2.0 * 0.9 * 0.01)], rel=1e-9, abs=EXACT)
 
 
 def test_estimate_does_not_depend_on_the_ranks():

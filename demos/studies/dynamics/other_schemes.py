@@ -75,23 +75,23 @@ class NodalReturn(ImplicitContact):
     comes nearest, after which the gap has no rate.
     """
 
-    _owed: np.ndarray | None = None
+    _deficit: np.ndarray | None = None
 
     def _advance(self, dt: float, forces: Any) -> Any:
         inertia, gap = self._inertia, self._gaps()[0]
-        owed = np.zeros_like(gap) if self._owed is None else self._owed
+        deficit = np.zeros_like(gap) if self._deficit is None else self._deficit
         done = super()._advance(dt, forces)
         contact = self.problem.equations.contacts[0]
         after, rows, over_mass = self._gaps()
         pressure = 0.5 * np.einsum("jc,jc->j", contact.z, contact.operators.n)
-        self._owed = owed = owed + pressure * (gap - after)
+        self._deficit = deficit = deficit + pressure * (gap - after)
         velocity = inertia.rates.velocity
-        for j in np.flatnonzero((pressure > 0.0) | (np.abs(owed) > 0.0)):
+        for j in np.flatnonzero((pressure > 0.0) | (np.abs(deficit) > 0.0)):
             power, square = float(rows[j] @ velocity), float(rows[j] @ over_mass[j])
-            inside = power**2 + 2.0 * square * owed[j]
+            inside = power**2 + 2.0 * square * deficit[j]
             root = math.sqrt(inside) if inside > 0.0 else 0.0
             t = (math.copysign(root, power) - power) / square
             velocity = velocity + t * over_mass[j]
-            owed[j] -= t * power + 0.5 * t**2 * square
+            deficit[j] -= t * power + 0.5 * t**2 * square
         inertia.rates = replace(inertia.rates, velocity=velocity)
         return done

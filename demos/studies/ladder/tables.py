@@ -31,9 +31,9 @@ def table(rows: list[Row]) -> str:
             lines.append(f"{start} {row.name} | {row.reason[:60]} |" + " |" * 12)
             continue
         pairs = [percent(kind[name]) for name in QUANTITIES for kind in (row.true, row.estimate)]
-        said, is_so = row.verdict
-        words = ["enough" if said else "not enough", "yes" if said == is_so else "NO"]
-        cells = [*pairs, *(words if row.has_estimate else ("", ""))]
+        answer, is_so = row.verdict
+        verdict = ["enough" if answer else "not enough", "yes" if answer == is_so else "NO"]
+        cells = [*pairs, *(verdict if row.has_estimate else ("", ""))]
         seconds = [f"{s:.2f}" for s in (row.setup, row.seconds)]
         check = "" if np.isnan(row.check) else f"{row.check:.2f}"
         cells += [str(row.dofs), *seconds, check, str(row.iterations)]
@@ -69,7 +69,7 @@ def summary(rows: list[Row]) -> str:
                 cells += [f"{max(factors):.1f}"]
             out = [r.is_hidden(n) for r in mine for n in QUANTITIES if r.factor(n) > 3]
             cells += [f"{sum(out)} of {len(out)}" if out else ""]
-            cells += [str(sum(said == is_so for said, is_so in (r.verdict for r in mine)))]
+            cells += [str(sum(answer == is_so for answer, is_so in (r.verdict for r in mine)))]
             lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 

@@ -74,13 +74,13 @@ forward = comm.allreduce(time.process_time() - start, MPI.MAX)
 forces = [fm.sensitivity.TotalForce(0, direction) for direction in np.eye(2)]
 controls = [E, load, *([] if small else [fm.sensitivity.LawParameter(0, "mu")])]
 misfit = fm.sensitivity.least_squares(np.zeros((20, 2)))
-for words in ("first, with compilation", "second"):
+for run in ("first, with compilation", "second"):
     start = time.process_time()
     gradient = fm.gradient(forces, controls, path, over_steps=misfit)
     backward = comm.allreduce(time.process_time() - start, MPI.MAX)
     if comm.rank == 0:
         print(
             f"{problem.equations.bulk.r.getSize()} unknowns, {iterations} iterations in 20 steps: "
-            f"{forward:.2f} s; {words} gradient {backward:.2f} s, {backward / forward:.2f} of that"
+            f"{forward:.2f} s; {run} gradient {backward:.2f} s, {backward / forward:.2f} of that"
         )
 # -

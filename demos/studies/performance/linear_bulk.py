@@ -87,7 +87,7 @@ slid = [[measure(*each, displacement) for each in problems] for displacement in 
 
 u, w = (problem.equations.bulk.u.x.array for problem, _ in problems)
 difference = comm.allreduce(float(np.abs(u - w).max()), MPI.MAX)
-size = problems[0][0].bulk.V.dofmap.index_map.size_global * 2
+size = problems[0][0].equations.bulk.V.dofmap.index_map.size_global * 2
 if comm.rank == 0:
     print(f"{size} dofs, {comm.size} ranks; the two end {difference:.1e} apart\n")
     print("| path | to press [s] | iterations | a slide [s] | 100 slides [s] | peak [GiB] |")

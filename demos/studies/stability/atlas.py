@@ -53,12 +53,12 @@ class Worker:
         paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
         # hides the ranks of the calling process from the worker
         hidden = ("OMPI_COMM", "OMPI_MCA_ess", "PMIX", "PMI_")
-        self._words = tempfile.TemporaryFile()
+        self._errors = tempfile.TemporaryFile()
         self._process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=self._words,
+            stderr=self._errors,
             env={k: v for k, v in os.environ.items() if not k.startswith(hidden)}
             | {"PYTHONPATH": os.pathsep.join(paths)},
             start_new_session=True,
@@ -104,8 +104,8 @@ class Worker:
 
     def _last(self) -> str:
         """The last line that the process wrote to its standard error."""
-        self._words.seek(0)
-        return (self._words.read().decode(errors="replace").strip().splitlines() or [""])[-1]
+        self._errors.seek(0)
+        return (self._errors.read().decode(errors="replace").strip().splitlines() or [""])[-1]
 
     def stop(self) -> None:
         """Terminate the process and its child processes."""

@@ -117,7 +117,7 @@ def draw_panel(axes: Any, families: Sequence[Family], cells: Cells, rows: int) -
         axes.text(-2.6, row + 0.62, family.title, fontsize=7.5, weight="bold", va="center")
         for value in map(str, family.values):
             row += 1
-            axes.text(-0.1, row + 0.5, words(value), fontsize=7, ha="right", va="center")
+            axes.text(-0.1, row + 0.5, label_of(value), fontsize=7, ha="right", va="center")
             for column, method in enumerate(methods):
                 draw_cell(axes, column, row, cells.get((family.name, value, method)))
         row += 1
@@ -130,7 +130,7 @@ def draw_panel(axes: Any, families: Sequence[Family], cells: Cells, rows: int) -
     axes.spines[:].set_visible(False)
 
 
-def words(value: str) -> str:
+def label_of(value: str) -> str:
     """A value as text."""
     try:
         number = float(value)
@@ -237,7 +237,7 @@ def remedy_table(cells: Cells) -> str:
     for name, remedy in REMEDIES.items():
         place = remedy.scene, remedy.value
         with_it, without_it = (cells.get((*place, m)) for m in (remedy.beside, name))
-        scene = f"{FAMILIES[remedy.scene].title}: {words(remedy.value)}"
+        scene = f"{FAMILIES[remedy.scene].title}: {label_of(remedy.value)}"
         row = [remedy.title, scene, entry(with_it), entry(without_it)]
         row.append(short(without_it["reason"]) if without_it else "")
         lines.append(f"| {' | '.join(row)} |")
@@ -257,11 +257,11 @@ def family_table(family: Family, cells: Cells) -> str:
             cell = cells.get((family.name, value, name))
             row.append(entry(cell))
             if cell and cell["state"] in BAD:
-                where = f"{words(value)} by {method.title}"
+                where = f"{label_of(value)} by {method.title}"
                 length = 400 if cell["state"] == "dead end" else 220
                 reason = f"{cell['state']}: {short(cell['reason'], length)}"
                 reasons.setdefault(reason, []).append(where)
-        lines.append(f"| {words(value)} | {' | '.join(row)} |")
+        lines.append(f"| {label_of(value)} | {' | '.join(row)} |")
     lines += ["", *(f"- {', '.join(where)}: {reason}" for reason, where in reasons.items())]
     return "\n".join(lines).rstrip()
 

@@ -55,7 +55,7 @@ def _ring(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], Any]]:
         turn = np.array([[c, s], [-s, c]])
         data = mesh([Grid("ring", unit * shape @ turn)], order=order)
 
-        def held(side: float) -> Any:
+        def ends(side: float) -> Any:
             def where(x: Any) -> Any:
                 own = x[:2].T @ turn.T / unit
                 far = np.hypot(*own.T) > 1.0 - 1e-3
@@ -65,7 +65,7 @@ def _ring(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], Any]]:
 
         pair = fm.ContactPair(data, *names, law=fm.Coulomb(mu) if mu else None)
         motion = unit * np.array([slide, -push]) @ turn
-        return _problem(data, order, nu, [pair], (held(-1.0), held(1.0)), motion)
+        return _problem(data, order, nu, [pair], (ends(-1.0), ends(1.0)), motion)
 
     def solve() -> Any:
         every = [*ENDS, "ring/top", "ring/bottom"]
@@ -97,10 +97,10 @@ def _comb(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], Any]]:
     def solve() -> Any:
         forces, reports, problems = [], [], []
         for steps in (10, 20):
-            data, held, height = honeycomb(2, wall, wobble, along=4, seed=seed)
+            data, ends, height = honeycomb(2, wall, wobble, along=4, seed=seed)
             pair = fm.ContactPair(data, "comb/walls", law=fm.Coulomb(mu))
             motion = np.array([0.0, -part * height])
-            problem, load = _problem(data, 1, 0.3, [pair], held, motion)
+            problem, load = _problem(data, 1, 0.3, [pair], ends, motion)
             reports += follow(problem, load, steps)
             problems.append(problem)
             forces.append(_sizes(problem))
@@ -169,9 +169,9 @@ def _distance(x: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _problem(
-    data: fm.MeshData, degree: int, nu: float, pairs: list[Any], held: tuple[Any, Any], motion: Any
+    data: fm.MeshData, degree: int, nu: float, pairs: list[Any], ends: tuple[Any, Any], motion: Any
 ) -> tuple[fm.ContactProblem, Callable[[float], None]]:
-    """A neo-Hookean body with E = 1, fixed where ``held[0]`` marks it and moved at ``held[1]``."""
+    """A neo-Hookean body with E = 1, fixed where ``ends[0]`` marks it and moved at ``ends[1]``."""
     V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V), ufl.TestFunction(V)
     dx = ufl.dx(metadata={"quadrature_degree": 2 * degree + 2})
@@ -179,7 +179,7 @@ def _problem(
     fixed, moved = (fem.Constant(data.mesh, (0.0, 0.0)) for _ in range(2))
     bcs = [
         fem.dirichletbc(value, fem.locate_dofs_geometrical(V, where), V)
-        for value, where in zip((fixed, moved), held)
+        for value, where in zip((fixed, moved), ends)
     ]
     problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="itself_")
 

@@ -53,10 +53,10 @@ def _cylinders(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], A
             for name, n, h, y in zip(("low", "high"), counts, heights, (0.0, heights[0]))
         ]  # fmt: skip
         data = mesh(grids, cell=cell, order=degree)
-        held = [("low/bottom", 1, 0.0), ("high/top", 1, -push)]
-        held += [] if hole else [("low/left", 0, 0.0), ("high/left", 0, 0.0)]
+        conditions = [("low/bottom", 1, 0.0), ("high/top", 1, -push)]
+        conditions += [] if hole else [("low/left", 0, 0.0), ("high/left", 0, 0.0)]
         pair = fm.ContactPair(data, "high/bottom", "low/top")
-        problem, load = _problem(data, degree, E, nus, held, [pair])
+        problem, load = _problem(data, degree, E, nus, conditions, [pair])
         reports = follow(problem, load, 2)
         stress = push / unit / (heights / E).sum()
         expected = stress / (1.0 + nus[0] * stress / E[0]) ** 2
@@ -68,7 +68,7 @@ def _cylinders(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], A
 
 
 def _tubes(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], Any]]:
-    """Two tubes with an interference, held along the axis: Lame's pressure of plane strain."""
+    """Two tubes with an interference, fixed along the axis: Lame's pressure of plane strain."""
     unit = size(rng, 1e-3, 1e3)
     radii = np.cumsum([1.0, rng.uniform(0.3, 0.6), rng.uniform(0.3, 0.6)])
     contrast, nus = size(rng, 0.2, 5.0), rng.uniform(0.0, 0.4, 2)
@@ -84,10 +84,10 @@ def _tubes(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], Any]]
             for name, n, a, b in zip(names, rows, radii, radii[1:])
         ]
         data = mesh(grids, order=2)
-        held = [(f"{name}/{side}", 1, 0.0) for name in names for side in ("bottom", "top")]
+        conditions = [(f"{name}/{side}", 1, 0.0) for name in names for side in ("bottom", "top")]
         sides = ["inner/right", "outer/left"][:: 1 if slave_inside else -1]
         pair = fm.ContactPair(data, *sides, initial_gap=-fit * unit)
-        problem, load = _problem(data, 2, E, nus, held, [pair])
+        problem, load = _problem(data, 2, E, nus, conditions, [pair])
         reports = follow(problem, load, 1)
         a, b, c = radii
         ring = E / (1.0 - nus**2), nus / (1.0 - nus)
@@ -103,9 +103,14 @@ def _tubes(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], Any]]
 
 
 def _problem(
-    data: fm.MeshData, degree: int, E: Any, nus: Any, held: list[Any], pairs: list[fm.ContactPair]
+    data: fm.MeshData,
+    degree: int,
+    E: Any,
+    nus: Any,
+    conditions: list[Any],
+    pairs: list[fm.ContactPair],
 ) -> tuple[fm.ContactProblem, Callable[[float], None]]:
-    """A linear elastic problem; ``held``: boundary, component, value at time 1."""
+    """A linear elastic problem; ``conditions``: boundary, component, value at time 1."""
     V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V), ufl.TestFunction(V)
     r, residual = ufl.SpatialCoordinate(data.mesh)[0], 0
@@ -119,17 +124,17 @@ def _problem(
         stress = 2.0 * mu * strain + lmbda * trace * ufl.Identity(2)
         hoop = 2.0 * mu * u[0] / r + lmbda * trace
         residual += 2.0 * np.pi * (ufl.inner(stress, test) * r + hoop * v[0]) * dx(tag)
-    constants = [fem.Constant(data.mesh, 0.0) for _ in held]
+    constants = [fem.Constant(data.mesh, 0.0) for _ in conditions]
     bcs = [
         fm.dirichlet(V, data, name, constant, component=component)
-        for (name, component, _), constant in zip(held, constants)
+        for (name, component, _), constant in zip(conditions, constants)
     ]
     problem = fm.ContactProblem(
         residual, u, pairs, bcs=bcs, petsc_options_prefix="revolved_", geometry="axisymmetric"
     )
 
     def load(time: float) -> None:
-        for constant, (_, _, value) in zip(constants, held):
+        for constant, (_, _, value) in zip(constants, conditions):
             constant.value = time * value
 
     return problem, load

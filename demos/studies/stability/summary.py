@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from demos.studies.stability.picture import CUT, END, FAILED, WRONG
 
 HERE = Path(__file__).parent
-# Columns of the table in atlas.md, their colours and words
+# Columns of the table in atlas.md, their colours and labels
 OUTCOMES = {
     "converged": ("#4f8fc4", "converged"),
     "cut": (CUT, "converged after load steps were cut"),
@@ -40,9 +40,9 @@ def draw_summary(counts: dict[str, dict[str, int]]) -> Figure:
     totals = np.array([sum(outcomes.values()) for outcomes in counts.values()])
     names = [f"{method} ({total})" for method, total in zip(counts, totals, strict=True)]
     left = np.zeros(len(counts))
-    for outcome, (colour, words) in OUTCOMES.items():
+    for outcome, (colour, outcome_label) in OUTCOMES.items():
         share = 100.0 * np.array([outcomes[outcome] for outcomes in counts.values()]) / totals
-        axes.barh(names, share, left=left, color=colour, label=words, height=0.75)
+        axes.barh(names, share, left=left, color=colour, label=outcome_label, height=0.75)
         left += share
     axes.invert_yaxis()
     axes.set(xlim=(0.0, 100.0), xlabel="share of the scenes that a method applies to [%]")

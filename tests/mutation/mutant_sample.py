@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Mutants of earlier code, at their places in the present code."""
+"""Mutants of earlier code, found again in the present code."""
 
 from __future__ import annotations
 
@@ -9,28 +9,31 @@ from pathlib import Path
 
 from mutation.mutant_changes import PACKAGE, Changes, Mutant, changed
 
-# Similarity of the changed lines [1] above which the code is the same but for names.
-ALIKE = 0.75
+# Similarities of the changed lines [1] above which the code is the same but for names, and above
+# which it has moved to another file.
+ALIKE, MOVED = 0.75, 0.95
 
 
-def read_sample(folder: Path, log: Path) -> tuple[list[Mutant], list[dict]]:
-    """Mutants of a log (lines of JSON) in the package in ``folder``, and those without a place."""
-    mutants, gone = [], []
-    for line in log.read_text().splitlines():
-        entry = json.loads(line)
-        mutant = place(folder, entry)
-        if mutant is None:
-            gone.append(entry)
-        else:
-            mutants.append(mutant)
-    return mutants, gone
+def read_sample(folder: Path, log: Path) -> list[tuple[Mutant | None, dict]]:
+    """Entries of a log (lines of JSON), each with its mutant of the package in ``folder``."""
+    entries = [json.loads(line) for line in log.read_text().splitlines()]
+    return [(find_change(folder, entry), entry) for entry in entries]
 
 
-def place(folder: Path, entry: dict) -> Mutant | None:
-    """The change of the same kind whose lines are most similar, in this file or one of its name."""
+def find_change(folder: Path, entry: dict) -> Mutant | None:
+    """The change of the same kind whose lines are most similar, in this file or else in any."""
     same = folder / entry["path"]
-    files = [same] if same.exists() else sorted((folder / PACKAGE).rglob(same.name))
-    alike, change = ALIKE, None
+    found = most_similar([same], entry, ALIKE) if same.exists() else None
+    found = found or most_similar(sorted((folder / PACKAGE).rglob("*.py")), entry, MOVED)
+    if found is None:
+        return None
+    file, *others = found
+    return changed(file.relative_to(folder), *others)
+
+
+def most_similar(files: list[Path], entry: dict, alike: float) -> tuple | None:
+    """Arguments of ``changed``; None if no change is more similar than ``alike``."""
+    change = None
     for file in files:
         text = file.read_text()
         for node, span, kind, new, function in Changes(text).found:
@@ -38,10 +41,7 @@ def place(folder: Path, entry: dict) -> Mutant | None:
                 now = similarity(entry, text, span, new, node.lineno)
                 if now > alike:
                     alike, change = now, (file, text, node, span, kind, new, function)
-    if change is None:
-        return None
-    file, *others = change
-    return changed(file.relative_to(folder), *others)
+    return change
 
 
 def similarity(entry: dict, text: str, span: tuple[int, int], new: str, line: int) -> float:

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: MIT
+"""Programs that measure run to their end, at their smallest sizes."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+# Module in demos/studies with arguments.
+PROGRAMS = [
+    "performance.linear_bulk 400",
+    "performance.multigrid 1 0",
+    "performance.newton 400",
+    "performance.ranks 400",
+]
+
+
+@pytest.mark.serial
+@pytest.mark.long
+@pytest.mark.each
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_program_of_performance_runs(program, tmp_path):
+    name, *arguments = program.split()
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    ended = subprocess.run(
+        [sys.executable, "-m", f"demos.studies.{name}", *arguments], cwd=tmp_path,
+        env=environment, capture_output=True, text=True, timeout=240,
+    )  # fmt: skip
+    assert ended.returncode == 0, ended.stderr[-2000:]
+    assert "|" in ended.stdout or "faster" in ended.stdout
