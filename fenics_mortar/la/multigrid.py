@@ -105,6 +105,7 @@ class ContactPreconditioner:
 
     def setUp(self, pc: PETSc.PC) -> None:
         """Prepare for the present matrix and active sets, as PETSc calls it."""
+        self._bulk.free_garbage()  # vectors of the last set-up
         A, _ = pc.getOperators()
         self._strip.factor(A)
         nodes = [self._active(contact) for contact in self._contacts]

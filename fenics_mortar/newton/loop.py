@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
@@ -146,7 +147,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
                 equations.seconds(),
             )
         )
-        if not np.isfinite([status.residual, status.force]).all():
+        if not math.isfinite(status.residual + status.force):
             raise _failure(equations, report, f"iteration {number}: the residual is not finite")
         if not any(_failed_tests(status, step, report.force, options)):
             report.converged = True

@@ -33,6 +33,7 @@ def check_solved(problem: ContactProblem) -> None:
         e.bulk.assemble_residual()
         if e.floating.bodies:
             e.floating.add_spring_forces()
+        e.residual.begin()
         residual = e.residual.measure()
     tolerance = e.newton.residual_tolerance
     allowed = SOLVED_FACTOR * max(tolerance * e.residual.force, e.residual.attainable)

@@ -6,11 +6,11 @@
     ngsolve/bin/python -m demos.studies.accuracy.peer_ngsolve
 
 ``ContactBoundary`` integrates the energy of the overlap over the slave surface, as in NGSolve's
-tutorial on contact. Newton's method and the direct solver are NGSolve's own; bodies start from a
-translation, as there. Pairs of points are found before Newton's method, twice where the deformed
-surfaces are in contact: once leaves errors of several percent, updates in each iteration do not
-converge. The user chooses penalty and quadrature; a penalty ten times smaller or larger makes the
-pressure of Hertz worse.
+tutorial on contact. Newton's method is NGSolve's own, factors are those of MKL's Pardiso; bodies
+start from a translation, as in the tutorial. Pairs of points are found before Newton's method,
+twice where the deformed surfaces are in contact: once, the force of ironing is off by 3 % instead
+of 1.7 %; in each iteration, Newton's method does not converge. The user chooses penalty and
+quadrature: the pressure of Hertz is worse with a penalty of 1 or 100 instead of 20.
 """
 
 from __future__ import annotations

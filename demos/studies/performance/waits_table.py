@@ -73,7 +73,8 @@ def commands(options: argparse.Namespace) -> dict[str, tuple[list[str], dict[str
         found[BEFORE] = ([sys.executable, *what, *sizes], there, folder)
     if options.peers:
         for code in PEERS:
-            command = [options.peers, "-m", f"{MODULES}.waits_peer", code.lower(), *sizes]
+            command = [options.peers, "-m", f"{MODULES}.waits_peer", code.lower()]
+            command += options.peer_sizes.split() if options.peer_sizes else sizes
             found[code] = (command, here, ROOT)
     return found
 
@@ -158,6 +159,7 @@ def main() -> None:
     parser.add_argument("--against", help="folder of another checkout")
     parser.add_argument("--script", help="script to run there instead of its waits")
     parser.add_argument("--peers", help="interpreter with the other codes")
+    parser.add_argument("--peer-sizes", help='sizes of the other codes, "50 0.0037", if not all')
     parser.add_argument("--redraw", action="store_true", help="measure nothing")
     options = parser.parse_args()
     RESULTS.mkdir(parents=True, exist_ok=True)
