@@ -10,7 +10,7 @@ guess and model are chosen by ``problem`` and ``solver``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -91,6 +91,7 @@ class ContactEquations:
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
         system: The linear system; has to be set before the first ``advance``.
         evaluated: Evaluation with ``start=True`` that the next one need not repeat, or ``None``.
+        adequacy: An ``AdequacyCheck`` that follows each solve, or ``None``.
         reduced_tangent: Returns solves by factors of a linear bulk, or ``None`` (collective).
 
     Raises:
@@ -128,6 +129,7 @@ class ContactEquations:
         self._shortest_facet: float = min(lengths, default=0.0)
         self._loose: list[FloatingBody] = []
         self.evaluated: Evaluated | None = None
+        self.adequacy: Any = None
         self.reduced_tangent: Callable[[], Tangent | None] = no_tangent
 
     def add_inertia(self, inertia: Inertia) -> None:

@@ -28,7 +28,7 @@ def check_solved(problem: ContactProblem) -> None:
         raise MortarError(
             "the present state is not the result of a solve: record a state after solve()"
         )
-    with restored_if_interrupted(e, problem.adequacy):
+    with restored_if_interrupted(e):
         e.evaluate_operators()
         e.bulk.assemble_residual()
         if e.floating.bodies:
