@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 import sensitivity_scenes as scenes
 from friction_scenes import block_on
+from scenes import TIGHT, internal, neo_hookean, read, rectangles
 from test_adhesion import Sticky, columns
 
+from dolfinx import fem
+
 import fenics_mortar as fm
+from fenics_mortar.contact.laws import STICK
 from fenics_mortar.contact.nodal import Row, row_of
 from fenics_mortar.interface.mortar import EXACT, Linearization
 from fenics_mortar.sensitivity.controls import (
@@ -322,3 +326,52 @@ def test_positions_need_finite_sliding():
     scene, _, _ = scenes.two_steps(fm.Frictionless(), pair={"sliding": "small"})
     with pytest.raises(fm.MortarError, match="undeformed mesh"):
         ContactPositions(scene.problem)
+
+
+def test_normal_at_a_symmetry_plane_does_not_depend_on_the_shape():
+    """The circle is not symmetric itself, so that its own normal there would change."""
+    circle = fm.Circle((0.1, -1.5), 1.52)
+    data = read(rectangles, size=0.25, block=(0.0, 0.0, 1.0, 0.5))
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, "block/top", (0.0, 0.0))]
+    bcs.append(fm.dirichlet(V, data, "block/left", 0.0, component=0))
+    pair = fm.ContactPair(data, "block/bottom", circle)
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 100.0, 0.3)), u, [pair], bcs=bcs, petsc_options_prefix="test_",
+        newton=TIGHT,
+    )  # fmt: skip
+    problem.solve()
+    scenes.exact(problem)
+    (contact,) = problem.equations.contacts
+    on_plane = np.isfinite(contact.plane_normals[:, 0])
+    assert on_plane.sum() == 1 and contact.active[on_plane].all()
+    check(problem, ObstacleShape(circle, "radius"), step=0.1)
+
+
+class Glue(fm.Law):
+    """Elastic resistance to slip, with a row of sticking nodes that depends on a parameter."""
+
+    parameters = ("resistance",)
+    resistance = 5.0
+
+    def branch(self, node, before):
+        return np.full_like(before, STICK)
+
+    def tangential(self, node, branch):
+        k = self.resistance
+        return Row(node.z_tau + k * node.slip, by_slip=k * np.ones_like(node.slip), by_z_tau=1.0)
+
+    def friction_limit(self, pressure):
+        return np.full_like(pressure, np.inf)
+
+
+def test_rows_of_redundant_sticks_do_not_depend_on_the_law():
+    scene, _, _ = scenes.two_steps(Glue())
+    problem, contact = scene.problem, scene.contact
+    first = np.flatnonzero(contact.sticking)[0]
+    contact.change(redundant=np.arange(contact.slave.num_nodes) == first)
+    problem.equations.evaluate_operators()
+    change = LawParameter(0, "resistance").jvp(problem, np.array(1.0)).z[0]
+    assert not change[first].any() and change[contact.sticking].any()
+    check(problem, LawParameter(0, "resistance"))
