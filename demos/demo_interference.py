@@ -90,7 +90,7 @@ result = minimize(misfit, np.ones(z.size), jac=True, method="L-BFGS-B", options=
 # +
 found, error = 1e3 * lame * p0 * result.x, np.abs(pressures[-1] / target - 1).max()
 middle = np.abs(found / (1e3 * lame * target) - 1)[np.abs(z) < length / 8].max()
-if problem.comm.rank == 0:
+if data.mesh.comm.rank == 0:
     print(f"{len(pressures)} solves: largest relative error of the pressure {error:.1e}")
     print(f"in the middle {found[z.size // 2]:.2f} um, by Lame {1e3 * lame * p0:.2f} um")
     Path("results").mkdir(exist_ok=True)

@@ -96,7 +96,7 @@ s, found = np.linspace(0, 1, 400)[:-1], points(result.x)[12:, 1] / unit
 plane = (1 + s) * np.log(1 + s) + (1 - s) * np.log(1 - s)
 error = np.abs(found - np.interp(at / a, s, plane))[at < a].max()
 uneven = np.abs(pressures[-1] - 1)[nodes < 0.99 * a].max()
-if problem.comm.rank == 0:
+if data.mesh.comm.rank == 0:
     print(f"{len(pressures)} solves: profile within {error:.1e}, pressure within {uneven:.1e}")
     Path("results").mkdir(exist_ok=True)
     left, right = (figure := Figure((9, 3.4), layout="constrained")).subplots(1, 2)

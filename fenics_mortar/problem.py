@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The contact problem: UFL residual, Dirichlet conditions, contact pairs.
-
-The class has more than 20 methods: one for each operation of users on a problem.
-"""
+"""The contact problem: UFL residual, Dirichlet conditions, contact pairs."""
 
 from __future__ import annotations
 
@@ -10,12 +7,10 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.view import PairView
@@ -79,7 +74,7 @@ class ContactProblem:
 
     Attributes:
         equations: All equations and their state, for research: bodies, contacts with surfaces and
-            operators, driven obstacles, the linear system.
+            operators, driven obstacles, the linear system, ``newton`` (options, may be set).
 
     Raises:
         MortarError: On all ranks, if the mesh, a surface or PETSc is unsuitable.
@@ -138,16 +133,11 @@ class ContactProblem:
             self.equations, petsc_options_prefix, petsc_options, algorithm, solver, linear_bulk
         )
         self._continuation = Continuation(self.equations)
-        self._present = PresentState(self.equations, self._solver, adequacy)
+        self._present = PresentState(self.equations, self._solver)
         self._inputs = Inputs(self.equations.bulk, self.equations.contacts, self.obstacles)
-        self._adequacy = adequacy
+        self.equations.adequacy = adequacy
         if adequacy is not None:
             adequacy.prepare(self)
-
-    @property
-    def comm(self) -> MPI.Comm:
-        """Communicator of the mesh."""
-        return self.equations.comm
 
     @property
     def contacts(self) -> tuple[PairView, ...]:
@@ -173,15 +163,6 @@ class ContactProblem:
         check_number("time", time, "a finite number", np.isfinite)
         for contact in self.equations.contacts:
             contact.change(load_time=float(time))
-
-    @property
-    def newton(self) -> NewtonOptions:
-        """Tolerances and limits of Newton's method; may be set."""
-        return self.equations.newton
-
-    @newton.setter
-    def newton(self, options: NewtonOptions) -> None:
-        self.equations.newton = options
 
     def solve(
         self, *, accept_violations: bool = False, predict: bool = True, sensitivity: Any = None
@@ -215,16 +196,17 @@ class ContactProblem:
         self._present.renew_if_interrupted()
         self.equations.bulk.input_data.check()
         remarks = self._inputs.check(
-            self.newton, sensitivity, accept_violations=accept_violations, predict=predict
+            self.equations.newton, sensitivity, accept_violations=accept_violations, predict=predict
         )
-        with restored_if_interrupted(self.equations, self._adequacy):
-            report = None if self._adequacy is None else self._adequacy.solve_cheaper()
+        with restored_if_interrupted(self.equations):
+            adequacy = self.equations.adequacy
+            report = None if adequacy is None else adequacy.solve_cheaper()
             if report is None:
                 solve = partial(self._solver.solve, remarks, accept_violations=accept_violations)
-                predict &= self._adequacy is None and not self.newton.tentative
+                predict &= adequacy is None and not self.equations.newton.tentative
                 report = self._continuation.solve(solve, guess=predict)
-            if self._adequacy is not None:
-                report.adequacy = self._adequacy.assess(self)
+            if adequacy is not None:
+                report.adequacy = adequacy.assess(self)
             if sensitivity is not None:
                 report.sensitivity = sensitivity.of(self)
             return report
@@ -259,7 +241,7 @@ class ContactProblem:
     def variant(self, *, residual: Any | None = None, **pair_options: Any) -> ContactProblem:
         """Another model of this problem, with its ``u``, conditions and obstacles (collective).
 
-        The two problems share the displacement; ``adopt`` transfers a state.
+        The two problems share the displacement.
 
         Args:
             residual: UFL form that replaces the present one.
@@ -274,18 +256,6 @@ class ContactProblem:
             pairs = setup.pairs_with(pair_options, self.equations.contacts)
             form = {} if residual is None else {"residual": residual, "jacobian": None}
             return ContactProblem(**{**self._given, "pairs": pairs, **form})
-
-    def adopt(self, other: ContactProblem) -> None:
-        """Adopt the present state of ``other``, a variant of this problem (collective)."""
-        for contact, theirs in zip(self.equations.contacts, other.equations.contacts, strict=True):
-            if isinstance(contact, Contact) and isinstance(theirs, Contact):
-                contact.adopt(theirs)
-        self.restore(other.state())
-
-    @property
-    def adequacy(self) -> Any:
-        """The ``AdequacyCheck`` that follows each solve, or ``None``."""
-        return self._adequacy
 
     def certificate(self) -> Certificate:
         """Measure balance with the present loads, signs, penetration and crossings (collective)."""

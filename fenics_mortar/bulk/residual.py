@@ -49,6 +49,7 @@ class Bulk:
 
     Attributes:
         V: Space of the displacement alone.
+        values: Values of ``u`` in its own memory, ghosts included, shape (local dofs,) [length].
         residual: The form.
         data: Constants and functions of residual and tangent without the displacement.
         cells: The cells of this rank.
@@ -58,6 +59,7 @@ class Bulk:
         stiffness: Force of a displacement of one, once ``set_units`` has been called [stress].
         input_data: Values that the user may change between solves: prescribed values, constants,
             functions.
+        num_dofs: Number N of dofs on all ranks.
         K: Tangent without boundary conditions, shape (N, N) [stress].
         r: Residual without contact forces and boundary conditions, shape (N,) [stress length].
         num_patterns: Number of matrices created for ``K`` so far.
@@ -78,6 +80,7 @@ class Bulk:
         space: DisplacementSpace,
     ) -> None:
         self.u, self.V, self.bcs, self.space = u, space.V, list(bcs), space
+        self.values: Array = u.x.array
         self.comm: MPI.Comm = self.V.mesh.comm
         self.prescribed = mark_prescribed(space, u, bcs)
         self.is_linear, self.residual = False, residual
@@ -99,7 +102,7 @@ class Bulk:
         self._blocks: NodeBlocks | None = None  # of K on one rank
         self.r: PETSc.Vec = compat.create_vector(space.whole)
         self.cells = Cells(self.V)
-        self.num_owned, self.first = space.num_owned, space.first
+        self.num_owned, self.first, self.num_dofs = space.num_owned, space.first, self.r.getSize()
         self.units, self.to_force = np.ones((2, self.num_owned))
         self.stiffness = 0.0
 
@@ -193,12 +196,15 @@ class Bulk:
         self.K.setDiagonal(diagonal)
         self._K_is_whole = False
 
+    def prescribed_values(self) -> Array:
+        """Prescribed values of ``prescribed_dofs``, shape (k,) [length] (local)."""
+        values = self.values.copy()
+        compat.set_prescribed(values, self.bcs)
+        return values[self.prescribed_dofs]
+
     def distance_to_prescribed(self) -> Array:
         """Prescribed minus present values of ``prescribed_dofs``, shape (k,) [length] (local)."""
-        u = self.u.x.array
-        values = u.copy()
-        compat.set_prescribed(values, self.bcs)
-        return values[self.prescribed_dofs] - u[self.prescribed_dofs]
+        return self.prescribed_values() - self.values[self.prescribed_dofs]
 
     def move(self, step: Array, fraction: float = 1.0) -> float:
         """Add the largest fraction of a displacement increment that no cell limits (collective).
@@ -211,13 +217,14 @@ class Bulk:
             The added fraction [1]: the largest of ``fraction``, ``fraction`` / 2, ... for which
             every cell keeps at least ``MIN_AREA_RATIO`` of its present area at every node.
         """
-        u = self.u.x.array
-        start, smallest = u.copy(), MIN_FRACTION * fraction
-        before = self.positions()
+        u, smallest = self.values, MIN_FRACTION * fraction
+        start, before = u.copy(), self.positions()
         u[: self.num_owned] += step
-        self.u.x.scatter_forward()
+        if self.comm.size > 1:
+            self.u.x.scatter_forward()
         increment = u - start
-        u[:] = start + fraction * increment
+        if fraction < 1.0:
+            u[:] = start + fraction * increment
 
         def is_too_large() -> bool:
             stays = self.cells.keep_area(before, self.positions(), MIN_AREA_RATIO)
@@ -230,7 +237,7 @@ class Bulk:
 
     def positions(self) -> Array:
         """Current positions of the local nodes, ghosts included, shape (n, 2) [length] (local)."""
-        return self.cells.X + self.u.x.array[self.space.dofs]
+        return self.cells.X + self.values[self.space.dofs]
 
     def set_units(self, stiffness: float) -> None:
         """Set ``units`` and ``to_force`` from ``K`` as assembled (collective).
@@ -248,8 +255,11 @@ class Bulk:
         Args:
             values: Values of the unknowns, owned ones first, shape (num_owned,) or longer.
         """
-        mine = float((np.abs(values[: self.num_owned]) / self.units).max(initial=0.0))
-        return float(self.comm.allreduce(mine, MPI.MAX))
+        sizes = np.abs(values[: self.num_owned])
+        if self.space.is_mixed:
+            sizes /= self.units
+        mine = float(sizes.max(initial=0.0))
+        return mine if self.comm.size == 1 else float(self.comm.allreduce(mine, MPI.MAX))
 
     def by_input_node(self) -> tuple[Indices, Array]:
         """Identifiers (n, k) and values (n, 2) of all nodes, see ``numbering`` (collective)."""

@@ -280,8 +280,7 @@ class Contact(Interface):
         if self.options.integration == "nodes":
             return 0
         cover = _covered_fraction(self.operators)
-        new = self._multiplier_nodes.update(self.multiplier_nodes, cover)
-        changed = int((self.multiplier_nodes != new).sum())
+        new, changed = self._multiplier_nodes.update(self.multiplier_nodes, cover)
         if changed:
             self.change(multiplier_nodes=new)
         return changed
@@ -309,7 +308,7 @@ class Contact(Interface):
         """
         self.now, changed = next_sets(self.now, start=start)
         self._state = self.now.state
-        return int(np.count_nonzero(changed))
+        return changed
 
 
 def _covered_fraction(o: MortarOperators) -> Array:

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from operator import attrgetter
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from fenics_mortar.contact.interface_fields import InterfaceFields, Sides, field
 from fenics_mortar.contact.law_calls import LawCalls
 from fenics_mortar.contact.laws import BUILT_IN, KINK, STICK, Frictionless, Nodal, Row
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
+from fenics_mortar.kernels import complementarity
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.rounding import ROUNDING
 
@@ -34,26 +36,38 @@ class ContactSides(Sides, Protocol):
     plane_normals: Array
 
 
+class Gaps(NamedTuple):
+    """Covered nodes, and their mean gaps g_j / w_j, zero elsewhere, (slave nodes,) [length]."""
+
+    covered: Flags
+    mean: Array
+
+
 class ContactFields(InterfaceFields):
     """Fields of a contact; see ``contact`` for the complementarity function and the rows.
 
     Attributes:
         closing: The gap that contact closes with its derivatives; ``None`` if it is the mean gap.
+        covered, mean_gap: See ``Gaps``.
+        covered_gap: ``closing_gap``, zero at uncovered nodes, (slave nodes,) [length].
     """
 
     sides: ContactSides
     closing: Row | None = None
+    covered: Any = property(attrgetter("gaps.covered"))
+    mean_gap: Any = property(attrgetter("gaps.mean"))
+    covered_gap: Any = property(attrgetter("gaps.mean"))
 
     @field("multiplier_nodes")
-    def covered(self) -> Flags:
-        """See ``InterfaceFields``."""
-        return self.state.multiplier_nodes & (self.operators.diagonal > ROUNDING * self.nodal_areas)
-
-    @field("multiplier_nodes")
-    def mean_gap(self) -> Array:
-        """Mean gap g_j / w_j of every covered node, zero elsewhere, (slave nodes,) [length]."""
-        o, on = self.operators, self.covered
-        return np.where(on, o.gap / np.where(on, o.weight, 1.0), 0.0)
+    def gaps(self) -> Gaps:
+        """Covered nodes and mean gaps."""
+        o, count = self.operators, len(self.state.z)
+        gaps = Gaps(np.empty(count, bool), np.empty(count))
+        complementarity.tabulate_gaps(
+            o.gap, o.weight, o.diagonal, self.nodal_areas, self.state.multiplier_nodes, ROUNDING,
+            *gaps,
+        )  # fmt: skip
+        return gaps
 
     @field("multiplier_nodes")
     def gap(self) -> Array:
@@ -111,10 +125,10 @@ class ContactFields(InterfaceFields):
     @field(*LAW_ATTRIBUTES)
     def nodal(self) -> Nodal:
         """Arguments of the contact law, arrays (slave nodes,); see ``Nodal``."""
-        stiffness = self.sides.modulus / self.nodal_lengths
+        stiffness = self.sides.foundation
         c_n = self.state.c_n * stiffness
         needs_slip = type(self.sides.pair.law) is not Frictionless
-        slip = self.slip if needs_slip else np.zeros_like(stiffness)
+        slip = self.slip if needs_slip else np.zeros(stiffness.size)
         X, time, start_instant = self.sides.slave.X, self.state.load_time, self.state.start_instant
         step = time - start_instant.time if time > start_instant.time else start_instant.step
         return Nodal(
@@ -144,20 +158,20 @@ class ContactFields(InterfaceFields):
 
         Redundant nodes stick elastically, z_tau = z_tau,old + (k / l) u; see ``redundancy``.
         """
-        state, node = self.state, self.nodal
-        follows_law = self.sides.follows_law & ~self.attracted
-        if self.sides.pair.law.bridges_gap:
+        state, node, law = self.state, self.nodal, self.sides.pair.law
+        row = Frictionless().tangential(node, state.branch)
+        if type(law) is not Frictionless:
             follows_law = self.sides.follows_law
-        law, x = self.sides.pair.law, self.operators.x
-        row = self.sides.law_calls.tangential(law, node, state.branch, follows_law, x)
-        if type(law) is not Frictionless and not follows_law.all():
-            without = Frictionless().tangential(node, state.branch)
-            row = Row(*(np.where(follows_law, a, b) for a, b in zip(row, without, strict=True)))
-        none = np.zeros_like(node.slip)
-        row = Row(*[part + none for part in row])
+            if not law.bridges_gap:
+                follows_law = follows_law & ~self.attracted
+            x = self.operators.x
+            given = self.sides.law_calls.tangential(law, node, state.branch, follows_law, x)
+            row = Row(*(np.where(follows_law, a, b) for a, b in zip(given, row, strict=True)))
+        zero = np.zeros(len(state.z))
+        row = Row(*[part + zero for part in row])
         if not state.redundant.any():
             return row
-        k, zero = node.stiffness, np.zeros_like(node.slip)
+        k = node.stiffness
         shear = (node.z_tau - state.partners.shear) / ELASTIC
         elastic = Row(shear - k * self.slip, zero, -k, zero, zero + 1.0 / ELASTIC)
         return Row(*(np.where(state.redundant, a, b) for a, b in zip(elastic, row, strict=True)))
@@ -172,7 +186,7 @@ class ContactFields(InterfaceFields):
         the next equilibrium.
         """
         (pull, by_gap), none = self.adhesion, np.zeros(len(self.state.z))
-        if not self.operators.linearization.exact:
+        if by_gap.any() and not self.operators.linearization.exact:
             by_gap = np.where(self.decreases_fast, 0.0, by_gap)
         return self.tangential_row, Row(self.z_n + pull, by_gap, none, none + 1.0, none)
 

@@ -55,6 +55,7 @@ class Interface(ABC):
         stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress],
             times the thickness.
         modulus: ``stiffness`` over the mean thickness at each slave node, (slave nodes,) [stress].
+        foundation: ``modulus`` over the node's length, (slave nodes,) [stress / length].
         may_carry: Whether a slave node ever carries a multiplier, shape (slave nodes,), bool.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, and it carries a multiplier, shape (slave nodes,), bool.
@@ -107,8 +108,10 @@ class Interface(ABC):
         self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
         count = self.slave.num_nodes
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
-        self.stiffness: Array = np.ones(count)
-        self.modulus: Array = self.stiffness / self.slave.mean_thickness
+        self.stiffness: Array
+        self.modulus: Array
+        self.foundation: Array
+        self.set_stiffness(np.ones(count))
         self.may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
         self.at_vertices: bool = pair.discretization.basis in AT_VERTICES
@@ -137,6 +140,7 @@ class Interface(ABC):
         """Set ``stiffness``, shape (slave nodes,) [stress] (local)."""
         self.stiffness = stiffness
         self.modulus = stiffness / self.slave.mean_thickness
+        self.foundation = self.modulus / self.slave.nodal_lengths
         if hasattr(self, "now"):
             self.set_operators(self.operators)
 

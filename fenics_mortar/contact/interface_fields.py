@@ -9,40 +9,49 @@ state on which it depends.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache, cached_property
+from functools import cache
 from operator import attrgetter
-from typing import Any, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.kernels import complementarity
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
-class _Field(cached_property[Any]):
+class _Field:
     """A field that is cached until one of the named attributes of the state changes."""
 
-    names: frozenset[str]
+    def __init__(self, function: Callable[[Any], Any], names: frozenset[str]) -> None:
+        self.func, self.names, self.__doc__ = function, names, function.__doc__
+
+    def __set_name__(self, _: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, fields: Any, _: type | None = None) -> Any:
+        if fields is None:
+            return self
+        value = vars(fields)[self._name] = self.func(fields)
+        return value
 
 
 def field(*names: str) -> Callable[[Callable[[Any], Any]], Any]:
     """A field that depends on the operators and on the named attributes of the state."""
-
-    def wrap(function: Callable[[Any], Any]) -> _Field:
-        made = _Field(function)
-        made.names = frozenset(names)
-        return made
-
-    return wrap
+    return lambda function: _Field(function, frozenset(names))
 
 
 @cache
-def _dependences(kind: type[InterfaceFields]) -> dict[str, frozenset[str]]:
-    """Attributes of the state that each cached field of a class depends on."""
-    of_class = {name: getattr(kind, name, None) for name in dir(kind)}
-    return {name: made.names for name, made in of_class.items() if isinstance(made, _Field)}
+def _dependent(kind: type[InterfaceFields]) -> dict[str, list[str]]:
+    """Cached fields of a class that depend on each attribute of the state."""
+    dependent: dict[str, list[str]] = {}
+    for name in dir(kind):
+        made = getattr(kind, name, None)
+        for attribute in made.names if isinstance(made, _Field) else ():
+            dependent.setdefault(attribute, []).append(name)
+    return dependent
 
 
 class Sides(Protocol):
@@ -53,8 +62,16 @@ class Sides(Protocol):
     master: Surface
     stiffness: Array
     modulus: Array
+    foundation: Array
     substitutes: tuple[Indices, Indices]
     at_vertices: bool
+
+
+class Parts(NamedTuple):
+    """Normal and tangential part of the multipliers, shape (slave nodes,) each [stress]."""
+
+    z_n: Array
+    z_tau: Array
 
 
 class InterfaceFields:
@@ -67,9 +84,12 @@ class InterfaceFields:
 
     Attributes:
         closing_gap: Gap that contact closes, nan at uncovered nodes, (slave nodes,) [length].
+        z_n, z_tau: See ``Parts``.
     """
 
     closing_gap: Any = property(attrgetter("gap"))
+    z_n: Any = property(attrgetter("parts.z_n"))
+    z_tau: Any = property(attrgetter("parts.z_tau"))
 
     def __init__(self, sides: Any, state: InterfaceState, operators: MortarOperators) -> None:
         self.sides, self.state, self.operators = sides, state, operators
@@ -78,16 +98,14 @@ class InterfaceFields:
 
     def after(self, state: InterfaceState) -> Self:
         """The fields at another state and the same operators."""
-        before, changed = vars(self.state), set()
-        for name, value in vars(state).items():
-            if value is not before[name]:
-                changed.add(name)
         kind: Any = type(self)
-        new, depend = object.__new__(kind), _dependences(kind)
-        for name, value in vars(self).items():
-            if name not in depend or changed.isdisjoint(depend[name]):
-                vars(new)[name] = value
-        new.state = state
+        before, new, dependent = vars(self.state), object.__new__(kind), _dependent(kind)
+        fields = vars(new)
+        fields.update(vars(self), state=state)
+        for attribute, value in vars(state).items():
+            if value is not before[attribute]:
+                for name in dependent.get(attribute, ()):
+                    fields.pop(name, None)
         return new
 
     @property
@@ -123,14 +141,11 @@ class InterfaceFields:
         return np.flatnonzero(self.state.active)
 
     @field("z")
-    def z_n(self) -> Array:
-        """Normal part of the multipliers, shape (slave nodes,) [stress]."""
-        return np.asarray(np.einsum("ja,ja->j", self.operators.n, self.state.z))
-
-    @field("z")
-    def z_tau(self) -> Array:
-        """Tangential part of the multipliers, shape (slave nodes,) [stress]."""
-        return np.asarray(np.einsum("ja,ja->j", self.operators.tau, self.state.z))
+    def parts(self) -> Parts:
+        """Normal and tangential part of the multipliers."""
+        parts = Parts(*np.empty((2, len(self.state.z))))
+        complementarity.split_multipliers(self.operators.n, self.state.z, *parts)
+        return parts
 
     @field("z")
     def forces(self) -> tuple[Array, Array]:

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.instant import check_memory
 from fenics_mortar.contact.laws import BUILT_IN, Array, Branches, Friction, Law, Nodal, Row
+from fenics_mortar.utils.arrays import read_only_view
 from fenics_mortar.utils.errors import NotFiniteError, format_point, leave_together
 
 Marks = npt.NDArray[np.bool_]
@@ -44,7 +45,7 @@ class LawCalls:
             return law.branch(node, before)
 
         def call() -> Branches:
-            result = law.branch(_protected(node), _read_only(before))
+            result = law.branch(_protected(node), read_only_view(before))
             (branch,) = self._numbers(law, "branch", (result,), before.size)
             self._check_finite(law, "branch", (branch,), _all_finite(node), x)
             whole = np.rint(np.nan_to_num(branch))
@@ -70,7 +71,7 @@ class LawCalls:
             return law.tangential(node, branch)
 
         def call() -> Row:
-            row = law.tangential(_protected(node), _read_only(branch))
+            row = law.tangential(_protected(node), read_only_view(branch))
             return self._row(law, "tangential", row, node, used, x)
 
         none = np.zeros(branch.size)
@@ -107,7 +108,7 @@ class LawCalls:
         """See ``Law.remember``."""
 
         def call() -> Mapping[str, Array]:
-            result = law.remember(_protected(node), _read_only(branch))
+            result = law.remember(_protected(node), read_only_view(branch))
             return check_memory(law, "remember", result, branch.size)
 
         return self._storing_errors(call, node.memory)
@@ -116,7 +117,7 @@ class LawCalls:
         """See ``Law.friction_limit``."""
         if type(law) in BUILT_IN:
             return law.friction_limit(pressure)
-        return self._limit(law, lambda: law.friction_limit(_read_only(pressure)), pressure, x)
+        return self._limit(law, lambda: law.friction_limit(read_only_view(pressure)), pressure, x)
 
     def friction_limit_at(self, law: Law, node: Nodal, x: Array) -> Array:
         """See ``Law.friction_limit_at``."""
@@ -145,7 +146,7 @@ class LawCalls:
             return law.adhesion(gap)
 
         def call() -> tuple[Array, Array]:
-            result = law.adhesion(_read_only(gap))
+            result = law.adhesion(read_only_view(gap))
             if not isinstance(result, tuple) or len(result) != 2:
                 raise ValueError(
                     f"{law!r}: adhesion returned {result!r}; expected two arrays, the adhesion and "
@@ -231,12 +232,5 @@ def _all_finite(node: Nodal) -> Marks:
 def _protected(node: Nodal) -> Nodal:
     """Read-only views of ``node``, since a user's law might write into the arrays."""
     arrays = {name: value for name, value in vars(node).items() if isinstance(value, np.ndarray)}
-    views: dict[str, Any] = {name: _read_only(values) for name, values in arrays.items()}
+    views: dict[str, Any] = {name: read_only_view(values) for name, values in arrays.items()}
     return replace(node, **views)
-
-
-def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """A read-only view, to protect the state."""
-    view = array.view()
-    view.flags.writeable = False
-    return view

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +20,8 @@ class LawFields(ContactFields):
 
     In ``nodal`` the closing gap replaces the mean gap.
     """
+
+    covered_gap: Any = property(attrgetter("nodal.gap"))
 
     @field(*LAW_ATTRIBUTES)
     def of_geometry(self) -> Nodal:
@@ -48,7 +52,7 @@ class LawFields(ContactFields):
 
     @field(*LAW_ATTRIBUTES)
     def closing_gap(self) -> Array:
-        """See ``ContactFields``."""
+        """See ``InterfaceFields``."""
         return self.fill_inside(np.where(self.covered, self.nodal.gap, np.nan))
 
     @property

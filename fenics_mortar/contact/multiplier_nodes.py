@@ -31,6 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.interface.surfaces import MIN_SHARE, Surface
+from fenics_mortar.kernels.multiplier_nodes import choose
 from fenics_mortar.utils.arrays import Array, Indices
 
 # Cosine of the angle between the normal of a slave node with one prescribed component and the free
@@ -82,7 +83,8 @@ class MultiplierNodes:
         if at_vertices:
             self.possible &= ~slave.inner
         step = slave.degree if at_vertices else 1
-        self._sides = slave.along(np.arange(slave.num_nodes), range(-step, step + 1, 2 * step)).T
+        sides = slave.along(np.arange(slave.num_nodes), range(-step, step + 1, 2 * step))
+        self._sides: Indices = np.ascontiguousarray(sides.T)
         self._changes: Indices = np.zeros(slave.num_nodes, np.int64)
 
     def begin(self) -> None:
@@ -91,17 +93,17 @@ class MultiplierNodes:
 
     def update(
         self, multiplier_nodes: npt.NDArray[np.bool_], cover: Array
-    ) -> npt.NDArray[np.bool_]:
-        """New multiplier nodes, shape (slave nodes,), bool (local).
+    ) -> tuple[npt.NDArray[np.bool_], int]:
+        """New multiplier nodes, shape (slave nodes,), bool, and number of changed nodes (local).
 
         Args:
             multiplier_nodes: Present multiplier nodes, shape (slave nodes,), bool.
             cover: Covered fraction of each node, shape (slave nodes,) [1].
         """
-        target = self.possible & ~((cover < MIN_SHARE) & self._helped(cover))
-        changed = (target != multiplier_nodes) & (self._changes < MAX_CHANGES)
-        self._changes += changed
-        return np.where(changed, target, multiplier_nodes)
+        new, _, changed = self._choose(cover, multiplier_nodes)
+        if changed:
+            self._changes += new != multiplier_nodes
+        return new, changed
 
     def undecided(self, cover: Array, active: npt.NDArray[np.bool_]) -> Indices:
         """Nodes next to active ones whose cover is close to ``MIN_SHARE`` (local).
@@ -115,16 +117,18 @@ class MultiplierNodes:
         Returns:
             Numbers of the nodes, shape (k,).
         """
-        near = self._helped(cover) & (np.abs(cover - MIN_SHARE) < UNDECIDED * MIN_SHARE)
+        _, helped, _ = self._choose(cover, active)
+        near = helped & (np.abs(cover - MIN_SHARE) < UNDECIDED * MIN_SHARE)
         beside = ((self._sides >= 0) & active[self._sides]).any(axis=0)
         return np.flatnonzero(near & beside)
 
-    def _helped(self, cover: Array) -> npt.NDArray[np.bool_]:
-        """Whether the multiplier function can be handed to a neighbour, (slave nodes,), bool."""
-        strong = self.possible & (cover > 2.0 * MIN_SHARE)
-        safe, helped = np.ones(cover.size, bool), np.zeros(cover.size, bool)
-        for neighbour in self._sides:
-            there = neighbour >= 0
-            safe &= ~there | strong[neighbour] | (cover[neighbour] == 0.0)
-            helped |= there & strong[neighbour]
-        return safe & helped
+    def _choose(
+        self, cover: Array, present: npt.NDArray[np.bool_]
+    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_], int]:
+        """New multiplier nodes, nodes whose function can be handed over, number of changes."""
+        new, helped = np.empty((2, cover.size), bool)
+        changed = choose(
+            cover, self.possible, self._sides, MIN_SHARE, present, self._changes, MAX_CHANGES, new,
+            helped,
+        )  # fmt: skip
+        return new, helped, changed

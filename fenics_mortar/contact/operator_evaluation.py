@@ -69,7 +69,7 @@ class OperatorEvaluation:
         self.sight: Sight | None = None
         self.view: View | None = None
         # of the last state and two initial guesses, also with the multiplier nodes of their cover
-        self._recent = deque[tuple[Array, Flags, Linearization, MortarOperators]](maxlen=5)
+        self._recent = deque[tuple[bytes, bytes, Linearization, MortarOperators]](maxlen=5)
 
     def limit_sight(self, outline: Outline) -> None:
         """Limit the distance of partners behind the slave by the thickness of the bodies (local).
@@ -115,16 +115,16 @@ class OperatorEvaluation:
         """As ``_integrate``, or a recent result for the same arguments (collective)."""
         if self.obstacle is not None:
             return self._integrate(x, m, multiplier_nodes, linearization, view)
-        outline_points = np.concatenate([x, m]) if view is None else view.outline[0]
-        searched = None
-        for before, nodes, terms, operators in self._recent:
-            same = terms == linearization and np.array_equal(before, outline_points)
-            if same and np.array_equal(nodes, multiplier_nodes):
+        points = (np.concatenate([x, m]) if view is None else view.outline[0]).tobytes()
+        nodes, searched = multiplier_nodes.tobytes(), None
+        for at, of_nodes, terms, operators in self._recent:
+            same = at == points and terms == linearization
+            if same and of_nodes == nodes:
                 self.view = view
                 return operators
             searched = operators if same else searched
         operators = self._integrate(x, m, multiplier_nodes, linearization, view, searched)
-        self._recent.appendleft((outline_points, multiplier_nodes, linearization, operators))
+        self._recent.appendleft((points, nodes, linearization, operators))
         return operators
 
     def evaluate_reference(self, multiplier_nodes: Flags) -> Reference:

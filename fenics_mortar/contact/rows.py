@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.fields import ContactFields
-from fenics_mortar.contact.laws import Row
 from fenics_mortar.interface.mortar import Block
+from fenics_mortar.kernels.blocks import expand_rows, linearize_law
+from fenics_mortar.kernels.complementarity import measure_rows, tabulate_frame
 from fenics_mortar.utils.arrays import Array
 
 # Weights of the rows: n k / D of gaps, nodal areas of multipliers that do not act, tau D and n D of
@@ -57,8 +58,13 @@ class InterfaceRows(ABC):
         """The linearized rows; shapes and units are those of ``Rows``."""
 
     @abstractmethod
-    def residual(self) -> Array:
-        """Left side of the nonlinear rows as forces, shape (slave nodes, 2) [stress length]."""
+    def measure(self) -> tuple[float, float]:
+        """Size of the nonlinear rows.
+
+        Returns:
+            Sum of squares of their left sides as forces [stress^2 length^2], and the largest mean
+            gap of an active node over its length [1].
+        """
 
     @abstractmethod
     def followed(self) -> Array:
@@ -86,26 +92,31 @@ class ContactRows(InterfaceRows):
         normal, idle, *laws = self.frame()
         blocks: list[Block] = []
         rhs, by_gap = -normal * o.gap[:, None], np.zeros_like(normal)
-        A_z = -idle[:, None, None] * np.eye(2)
+        A_z = np.zeros((*normal.shape, 2))
+        A_z[:, 0, 0] = A_z[:, 1, 1] = -idle
         for scaled, row in zip(laws, f.law_rows, strict=True):
             if not scaled.any():
                 continue
-            by_z = row.by_z_tau[:, None] * o.tau + row.by_z_n[:, None] * o.n
-            A_z = A_z - scaled[:, :, None] * by_z[:, None, :]
-            rhs = rhs + scaled * (row.residual - np.einsum("ja,ja->j", by_z, f.state.z))[:, None]
-            blocks += _nodal_rows(f, scaled, row)
-            by_gap = by_gap + scaled * row.by_gap[:, None]
+            slips, change = row.by_slip.any(), np.empty_like(o.dn)
+            gap_vectors = f.state.partners.gap_vectors(o) if slips else np.zeros_like(normal)
+            linearize_law(scaled, *row, o.n, o.dn, f.state.z, gap_vectors, A_z, rhs, by_gap, change)
+            j = f.sides.slave.owned[f.acts[f.sides.slave.owned]]
+            rows = 2 * j[:, None] + np.arange(2)
+            blocks.append(Block(rows, o.normal_columns()[j], change[j]))
+            if slips:
+                along = -scaled * row.by_slip[:, None]
+                blocks += [_normal_rows(block, along) for block in f.state.partners.derivative(o)]
         return Rows([*_gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
 
-    def residual(self) -> Array:
+    def measure(self) -> tuple[float, float]:
         """See ``InterfaceRows``."""
         f: ContactFields = self._interface.now
-        tangential, opening, *closing = f.law_rows
-        D = f.operators.diagonal
-        closing_gap = closing[0].residual if closing else f.mean_gap
-        gap = np.where(f.state.active, f.sides.stiffness * closing_gap, 0.0)
-        normal = np.where(f.attracted, D * opening.residual, gap)
-        return np.stack([normal, np.where(f.acts, D * tangential.residual, 0.0)], 1)
+        tangential, opening, *_ = f.law_rows
+        squares, gap = measure_rows(
+            f.covered_gap, f.nodal_lengths, f.sides.stiffness, f.operators.diagonal,
+            opening.residual, tangential.residual, f.state.active, f.attracted,
+        )  # fmt: skip
+        return squares, gap
 
     def followed(self) -> Array:
         """See ``InterfaceRows``: the normal row of an active node has -k n_j . dd_j."""
@@ -117,15 +128,16 @@ class ContactRows(InterfaceRows):
         """See ``Frame``."""
         f: ContactFields = self._interface.now
         o = f.operators
-        diagonal = np.where(f.acts, o.diagonal, f.nodal_areas)
-        closing = np.where(f.state.active, f.sides.stiffness / diagonal, 0.0)
-        idle = np.where(f.acts, 0.0, diagonal)
-        along, opening = diagonal * f.acts, diagonal * f.attracted
-        of_law = o.tau * along[:, None], o.n * opening[:, None]
+        count, k = len(o.n), f.sides.stiffness
+        (normal, along, opening), idle = np.empty((3, count, 2)), np.empty(count)
+        tabulate_frame(
+            o.n, o.diagonal, f.nodal_areas, k, f.state.active, f.attracted, normal, idle, along,
+            opening,
+        )  # fmt: skip
         if f.closing is None:
-            return o.n * closing[:, None], idle, *of_law
-        by_law = np.where(f.state.active, f.sides.stiffness, 0.0)
-        return np.zeros_like(o.n), idle, *of_law, -o.n * by_law[:, None]
+            return normal, idle, along, opening
+        by_law = np.where(f.state.active, k, 0.0)
+        return np.zeros_like(normal), idle, along, opening, -o.n * by_law[:, None]
 
     def weighted(self, frame: Frame) -> Array:
         """See ``InterfaceRows``."""
@@ -165,40 +177,19 @@ def gap_by_motions(f: ContactFields) -> Array:
 def _gap_rows(f: ContactFields, normal: Array, scaled_tau: Array) -> list[Block]:
     """Rows ``normal`` (slave nodes, 2) dg - ``scaled_tau`` d(g / w)."""
     o = f.operators
+    if not scaled_tau.any():
+        return [_normal_rows(block, normal) for block in o.gap_derivative()]
     per_weight = np.where(f.covered, 1.0 / np.where(f.covered, o.weight, 1.0), 0.0)
     along = scaled_tau * per_weight[:, None]
     blocks = [_normal_rows(block, normal - along) for block in o.gap_derivative()]
-    if along.any():
-        mean = along * (o.gap * per_weight)[:, None]
-        blocks += [_normal_rows(block, mean) for block in o.weight_derivative()]
-    return blocks
-
-
-def _nodal_rows(f: ContactFields, scaled: Array, row: Row) -> list[Block]:
-    """Rows -``scaled`` (slave nodes, 2) d(rho), without the derivative with respect to gaps.
-
-    Terms with the change of n and tau are included for the nodes owned by this rank.
-    """
-    o, slave, z, partners = f.operators, f.sides.slave, f.state.z, f.state.partners
-    j = slave.owned[f.acts[slave.owned]]
-    by_slip = scaled * row.by_slip[:, None]
-    change = row.by_z_tau[:, None] * o.tangential_derivative(z)
-    if row.by_z_n.any():
-        change = change + row.by_z_n[:, None] * o.normal_derivative(z)
-    if row.by_slip.any():
-        gap_vectors = partners.gap_vectors(o)
-        change = change + row.by_slip[:, None] * o.tangential_derivative(gap_vectors)
-    rows = 2 * j[:, None] + np.arange(2)
-    columns = o.normal_columns()[j]
-    blocks = [Block(rows, columns, -scaled[j][:, :, None] * change[j][:, None, :])]
-    if by_slip.any():
-        blocks += [_normal_rows(block, -by_slip) for block in partners.derivative(o)]
-    return blocks
+    mean = along * (o.gap * per_weight)[:, None]
+    return blocks + [_normal_rows(block, mean) for block in o.weight_derivative()]
 
 
 def _normal_rows(block: Block, direction: Array) -> Block:
     """Expand nodal rows to two rows per node along ``direction`` (slave nodes, 2)."""
-    values = np.einsum("bja,bjq->bjaq", direction[block.rows], block.values)
-    shape = len(block.rows), 2 * block.rows.shape[1]
-    rows = (2 * block.rows[:, :, None] + np.arange(2)).reshape(shape)
-    return Block(rows, block.columns, values.reshape(*shape, block.columns.shape[1]))
+    count, size = block.rows.shape
+    rows = np.empty((count, 2 * size), np.int64)
+    values = np.empty((count, 2 * size, block.columns.shape[1]))
+    expand_rows(direction, *map(np.ascontiguousarray, (block.rows, block.values)), rows, values)
+    return Block(rows, block.columns, values)

@@ -82,7 +82,7 @@ class Pairing:
 
     @cached_property
     def built(self) -> tuple[csr_array, csr_array, Array]:
-        """Result of the function, which is called once."""
+        """D [1], M [1] and start (slave nodes,) [length] from the function, called once."""
         found = self._build()
         del self._build
         return found

@@ -71,11 +71,13 @@ class TiedRows(InterfaceRows):
         inactive = np.where(f.state.active, 0.0, -diagonal)
         return Rows(blocks, inactive[:, None, None] * np.eye(2), -weight[:, None] * f.jump)
 
-    def residual(self) -> Array:
+    def measure(self) -> tuple[float, float]:
         """See ``InterfaceRows``: the jump of active nodes."""
         f: TiedFields = self._interface.now
         length = np.where(f.state.active, f.operators.weight, np.inf)
-        return (f.sides.stiffness / length)[:, None] * f.jump
+        rows = (f.sides.stiffness / length)[:, None] * f.jump
+        gaps = np.where(f.state.active, f.gap, 0.0) / f.nodal_lengths
+        return float((rows**2).sum()), float(gaps.max(initial=0.0))
 
     def followed(self) -> Array:
         """See ``InterfaceRows``; both directions are constrained."""

@@ -121,7 +121,8 @@ class Continuation:
         for a, b, c in zip(before.values, last.values, loads.values, strict=True):
             done, next_ = b - a, c - b
             parts.append((done @ done, done @ next_, next_ @ next_, a @ a + b @ b + c @ c))
-        sums = self._equations.comm.allreduce(np.array(parts).reshape(-1, 4))
+        sums = np.array(parts).reshape(-1, 4)
+        self._equations.comm.Allreduce(MPI.IN_PLACE, sums)
         sums[:, :3] *= sums[:, :3].max(axis=1, keepdims=True) > ROUNDING**2 * sums[:, 3:]
         done2, product, next2, _ = sums.T
         if before.laws != loads.laws or last.laws != loads.laws or not done2.any():

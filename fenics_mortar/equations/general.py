@@ -10,7 +10,7 @@ guess and model are chosen by ``problem`` and ``solver``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -91,6 +91,7 @@ class ContactEquations:
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
         system: The linear system; has to be set before the first ``advance``.
         evaluated: Evaluation with ``start=True`` that the next one need not repeat, or ``None``.
+        adequacy: An ``AdequacyCheck`` that follows each solve, or ``None``.
         reduced_tangent: Returns solves by factors of a linear bulk, or ``None`` (collective).
 
     Raises:
@@ -128,6 +129,7 @@ class ContactEquations:
         self._shortest_facet: float = min(lengths, default=0.0)
         self._loose: list[FloatingBody] = []
         self.evaluated: Evaluated | None = None
+        self.adequacy: Any = None
         self.reduced_tangent: Callable[[], Tangent | None] = no_tangent
 
     def add_inertia(self, inertia: Inertia) -> None:
@@ -163,35 +165,34 @@ class ContactEquations:
         if start:
             self._set_record.begin()
             self._redundancy.begin()
+            self.residual.begin()
             for contact in self.contacts:
                 contact.begin()
         changed = self.evaluate_contacts(start=start)
         residual = self.residual.measure()
         self._set_record.record(residual, changed)
-        gap, num_active, sets = 0.0, 0, b""
+        num_active, sets = 0, b""
         for c in self.contacts:
-            active = c.active
-            gaps = np.abs(c.now.closing_gap[active] / c.now.nodal_lengths[active])
-            gap = max(gap, float(gaps.max(initial=0.0)))
-            num_active += int(np.count_nonzero(active))
-            sets += np.packbits([active, c.multiplier_nodes]).tobytes()
-            sets += (active * c.branch).tobytes()
-        force, roundoff = self.residual.force, self.residual.attainable
+            num_active += int(np.count_nonzero(c.active))
+            sets += np.packbits(c.active).tobytes() + np.packbits(c.multiplier_nodes).tobytes()
+            sets += (c.active * c.branch).tobytes()
+        measured = self.residual
+        force, gap, roundoff = measured.force, measured.gap, measured.attainable
         return Status(residual, force, gap, num_active, changed, roundoff, sets)
 
     def evaluate_operators(self) -> None:
         """Evaluate the operators of all contacts."""
         for contact in self.contacts:
-            contact.evaluate(self.bulk.u.x.array, self.linearization)
+            contact.evaluate(self.bulk.values, self.linearization)
 
     def evaluate_contacts(self, *, start: bool) -> int:
         """Evaluate operators and active sets; return the number of changed nodes."""
         changed = 0
         for contact in self.contacts:
-            contact.evaluate(self.bulk.u.x.array, self.linearization)
+            contact.evaluate(self.bulk.values, self.linearization)
             handed = contact.update_multiplier_nodes()
             if handed:
-                contact.evaluate(self.bulk.u.x.array, self.linearization)
+                contact.evaluate(self.bulk.values, self.linearization)
             changed += handed + contact.update_active(start=start and not self.last_converged)
         self._redundancy.mark()
         raise_stored(self.comm, self.contacts)
@@ -239,9 +240,10 @@ class ContactEquations:
         residual = self.residual
         goal = self.newton.residual_tolerance * residual.force
         solver = self.system.solver
-        solver.forcing = forcing(self._set_record.residuals, goal)
+        sets = self._set_record
+        solver.forcing = forcing(sets.residuals, goal, residual.force, sets.num_changed)
         is_driven = bool(self.motions.obstacles and self.motions.driven.any())
-        solver.same_step = len(self._set_record.residuals) > 1 and not is_driven
+        solver.same_step = len(sets.residuals) > 1 and not is_driven
         x, motion = self.system.step(residual.distance), NO_MOTION
         if self.motions.obstacles:
             x, motion = self.motions.solve(x, self.system, self.stiffest, residual.force)
@@ -258,10 +260,10 @@ class ContactEquations:
         fraction = self.bulk.move(step)
         for contact, z in zip(self.contacts, increment.z, strict=True):
             contact.move(z, fraction, step)
+        size = self.bulk.largest(step)
         if self.motions.obstacles:
             self.motions.move(fraction * increment.motion)
-        size = max(self.bulk.largest(step), np.abs(increment.motion).max(initial=0.0))
-        self.bulk.free_garbage()
+            size = max(size, float(np.abs(increment.motion).max()))
         return self.step(size, fraction, increment.remark)
 
     def _adopt_linearized_sets(self, snap: bool) -> bool:
@@ -282,7 +284,7 @@ class ContactEquations:
             note: Remark.
         """
         moved = self.motions.largest() if self.motions.obstacles else 0.0
-        displacement = max(self.bulk.largest(self.bulk.u.x.array), moved)
+        displacement = max(self.bulk.largest(self.bulk.values), moved)
         size = max(displacement, EQUATIONS.at_rest * self._shortest_facet, TINY)
         return Step(increment / size, fraction, note)
 
@@ -291,7 +293,7 @@ class ContactEquations:
     def state(self) -> State:
         """The present state, as a value."""
         return State(
-            self.bulk.u.x.array,
+            self.bulk.values,
             tuple(contact.state for contact in self.contacts),
             self.motions.places,
             self.crossings.accepted,
@@ -306,13 +308,14 @@ class ContactEquations:
             MortarError: On all ranks, if ``state`` is not a state of this problem.
         """
         with together(self.comm, "restore"):
-            check_state(state, self.bulk.u.x.array.shape, [c.z.shape for c in self.contacts])
+            check_state(state, self.bulk.values.shape, [c.z.shape for c in self.contacts])
         self.put(state)
+        self.residual.begin()
         self.evaluate_operators()
 
     def put(self, state: State) -> None:
         """Restore a state without evaluating operators (local)."""
-        self.bulk.u.x.array[:] = state.u
+        self.bulk.values[:] = state.u
         self.motions.places = state.places
         self.crossings.restore(state.accepted_positions, state.u)
         inertia = self.bulk.inertia
@@ -327,7 +330,7 @@ class ContactEquations:
 
     def interface_motion(self, before: State) -> float:
         """Largest motion of a surface since a state, over its shortest facet [1]."""
-        change = (self.bulk.u.x.array - before.u)[: self.bulk.num_owned]
+        change = (self.bulk.values - before.u)[: self.bulk.num_owned]
         sides = [side for c in self.contacts for side in (c.slave, c.master) if side.num_nodes]
         motions = [np.hypot(*side.gather(change).T).max() / side.lengths.min() for side in sides]
         return float(max(motions, default=0.0))

@@ -31,7 +31,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.state import State
-from fenics_mortar.equations.triangles import Triangles, gathered, triangulate
+from fenics_mortar.equations.triangles import Triangles, triangulate
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import HALF_FACET
@@ -47,18 +47,14 @@ class _Side(NamedTuple):
 
 
 class _Body(NamedTuple):
-    """The local nodes of a body, and a triangulation of all its nodes.
+    """The local nodes of a body, and its local cells.
 
     Attributes:
-        dofs: Local dofs of the nodes, shape (n, 2).
-        owned_dofs: Those of the nodes owned by this rank, shape (owned, 2).
-        X: Reference positions of the nodes, shape (n, 2) [length].
-        mesh: The body's cells on all ranks, divided into triangles.
+        dofs: Local dofs of the nodes, ghosts included, shape (n, 2).
+        mesh: The body's local cells, divided into triangles.
     """
 
     dofs: Indices
-    owned_dofs: Indices
-    X: Array
     mesh: Triangles
 
 
@@ -144,7 +140,7 @@ class MovingFrame:
         return [(s.contact, s.surface, s.body) for s in self._sides if s.is_slave]
 
     def dofs_of(self, body: int) -> Indices:
-        """Local dofs of the nodes of a body, shape (nodes, 2) (collective at the first call)."""
+        """Local dofs of the nodes of a body, shape (nodes, 2) (local)."""
         return self._body(body).dofs
 
     def _shift_body(
@@ -169,18 +165,15 @@ class MovingFrame:
         Returns:
             Values at the local nodes of the body, nan where X - s is outside of it, (nodes, 2).
         """
-        b = self._body(body)
-        return b.mesh.interpolate(gathered(self._problem.comm, values[b.owned_dofs]), b.X - s)
+        dofs, mesh = self._body(body)
+        return mesh.interpolate(values[dofs], mesh.X - s)
 
     def _body(self, number: int) -> _Body:
-        """Nodes of a body and their triangulation (collective at the first call)."""
+        """Local nodes and cells of a body (local)."""
         if number not in self._bodies:
-            bulk = self._problem.bulk
+            space = self._problem.bulk.space
             mine = np.flatnonzero(self._problem.floating.labels == number)
-            X, dofs = bulk.cells.X[mine], bulk.space.dofs[mine]
-            owned = mine < bulk.space.num_nodes
-            mesh = triangulate(bulk.space, mine)
-            self._bodies[number] = _Body(dofs, dofs[owned], X, mesh)
+            self._bodies[number] = _Body(space.dofs[mine], triangulate(space, mine))
         return self._bodies[number]
 
 

@@ -32,11 +32,10 @@ class PresentState:
     Args:
         equations: The equations of the problem.
         solver: Its solver, created again after an interruption.
-        adequacy: Its ``AdequacyCheck``, or ``None``.
     """
 
-    def __init__(self, equations: ContactEquations, solver: Solver, adequacy: Any) -> None:
-        self._equations, self._solver, self._adequacy = equations, solver, adequacy
+    def __init__(self, equations: ContactEquations, solver: Solver) -> None:
+        self._equations, self._solver = equations, solver
         self._estimator: Estimator | None = None
 
     def renew_if_interrupted(self) -> None:
@@ -82,7 +81,7 @@ class PresentState:
         """See ``ContactProblem.linear_solve``."""
         self.renew_if_interrupted()
         e = self._equations
-        with restored_if_interrupted(e, self._adequacy):
+        with restored_if_interrupted(e):
             e.evaluate_operators()
             e.bulk.free_garbage()
             return linearized(e).solve(rhs, transpose=transpose)
@@ -90,5 +89,5 @@ class PresentState:
     def check_tangent(self, **options: Any) -> TangentCheck:
         """See ``ContactProblem.check_tangent``."""
         self.renew_if_interrupted()
-        with restored_if_interrupted(self._equations, self._adequacy):
+        with restored_if_interrupted(self._equations):
             return check_tangent(self._equations, **options)

@@ -12,8 +12,8 @@ with k the number of steps between the two starts. The multipliers of a slave su
 same way. Bodies along which no contact moves have S = 0. S is rounded to whole facets, since a
 shift by a fraction would smear the ends of the contact.
 
-Measured on 40 steps of ironing (``demos.studies.performance.waits``): with half a facet per step
-the iterations fall from 4.1 to 3.3 per step, with one facet from 3.7 to 3.2.
+Measured on the 50 steps of ironing of ``demos.studies.performance.waits``: with half a facet per
+step 171 iterations instead of 204, with a facet 174 instead of 184.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ prescribed dofs are converted to forces, so that one norm measures all of them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from mpi4py import MPI
@@ -18,6 +19,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.roundoff import check_equal_on_ranks, roundoff_of
+from fenics_mortar.kernels.forces import add_forces
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
@@ -39,12 +41,14 @@ class Residual:
         distance: Distance to the prescribed values, (prescribed dofs,) [length].
         force: Reference force: the largest norm of contact forces, reactions and inertia
             [stress length].
+        gap: Largest mean gap of an active node over the node's length [1].
         attainable: ``roundoff`` at that state [stress length].
     """
 
     total: Array
     distance: Array
     force: float
+    gap: float
     attainable: float
 
     def __init__(
@@ -57,30 +61,38 @@ class Residual:
     ) -> None:
         self._bulk, self._contacts = bulk, contacts
         self._floating, self._motions, self._stiffest = floating, motions, stiffest
+        self.begin()
+
+    def begin(self) -> None:
+        """Read the prescribed values, which are constant in a solve."""
+        self._prescribed = self._bulk.prescribed_values()
 
     def measure(self) -> float:
         """Norm of all residuals, with the bulk residual already assembled [stress length]."""
         bulk = self._bulk
         prescribed = bulk.prescribed_dofs
-        contact_force, rows = self.contact_force(), float((self._motions.residual() ** 2).sum())
-        rows_of_contacts = 0.0
+        rows, self.gap = 0.0, 0.0
+        if self._motions.obstacles:
+            rows += float((self._motions.residual() ** 2).sum())
         for contact in self._contacts:
-            rows_of_contacts += float((contact.rows.residual() ** 2).sum())
-        rows += rows_of_contacts
+            squares, gap = contact.rows.measure()
+            rows, self.gap = rows + squares, max(gap, self.gap)
         raise_stored(bulk.comm, self._contacts)
-        self.distance = bulk.distance_to_prescribed()
-        self.total = bulk.r.array_r[: bulk.num_owned] + contact_force
-        free = bulk.to_force * self.total
-        reactions = free[prescribed]
-        free[prescribed] = self._rows_of_prescribed(self.distance)
+        self.distance = self._prescribed - bulk.values[prescribed]
+        self.total = np.empty(bulk.num_owned)
+        free, contact, reactions = add_forces(
+            bulk.r.array_r, self.contact_force(), bulk.to_force, bulk.prescribed, self.total
+        )
+        moves = self._rows_of_prescribed(self.distance)
         inertia = np.empty(0) if bulk.inertia is None else bulk.inertia_forces()
-        forces = free @ free, contact_force @ contact_force, reactions @ reactions
-        sums = np.array([*forces, inertia @ inertia, rows, rows**2])
+        sums = np.array(
+            [free + moves @ moves, contact, reactions, inertia @ inertia, rows, rows**2]
+        )
         bulk.comm.Allreduce(MPI.IN_PLACE, sums)
         largest = sums[1:4].max()
         check_equal_on_ranks(float(sums[4]), float(sums[5]), largest, bulk.comm.size)
-        self.force, self.attainable = float(np.sqrt(largest)), self.roundoff()
-        return float(np.sqrt(sums[0] + rows))
+        self.force, self.attainable = math.sqrt(largest), self.roundoff()
+        return math.sqrt(sums[0] + rows)
 
     def of_prescribed(self) -> float:
         """Norm of the rows of prescribed dofs, a lower bound of ``measure`` [stress length]."""
@@ -93,7 +105,7 @@ class Residual:
 
     def roundoff(self) -> float:
         """Attainable accuracy of the residual, limited by roundoff [stress length]."""
-        largest, inertia = self._bulk.largest(self._bulk.u.x.array), self._bulk.inertia
+        largest, inertia = self._bulk.largest(self._bulk.values), self._bulk.inertia
         if self._motions.obstacles:
             largest = max(largest, self._motions.largest())
         stiffest = self._stiffest + (0.0 if inertia is None else inertia.stiffness)

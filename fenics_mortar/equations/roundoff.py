@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-
-import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
@@ -24,11 +23,11 @@ def roundoff_of(
         displacement: Largest displacement of bodies and obstacles [length].
         stiffness: Largest diagonal entry of the bulk tangent [stress].
     """
-    roundoff = stiffness * np.sqrt(bulk.r.getSize()) * displacement
+    roundoff = stiffness * math.sqrt(bulk.num_dofs) * displacement
     for c in contacts:
         steepest = max(stiffness, c.now.steepness)
-        roundoff += steepest * np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max()
-    return 4.0 * EPSILON * float(roundoff)
+        roundoff += steepest * math.sqrt(c.slave.num_nodes) * c.slave.largest_coordinate
+    return 4.0 * EPSILON * roundoff
 
 
 def check_equal_on_ranks(total: float, squares: float, force2: float, num_ranks: int) -> None:
@@ -44,7 +43,7 @@ def check_equal_on_ranks(total: float, squares: float, force2: float, num_ranks:
         MortarError: On all ranks, if the rows differ.
     """
     mean = total / num_ranks
-    spread = np.sqrt(max(squares / num_ranks - mean**2, 0.0))
+    spread = math.sqrt(max(squares / num_ranks - mean**2, 0.0))
     if spread > SOLVED * max(mean, force2):  # roundoff of the spread is sqrt(EPSILON) = 1.5e-8
         raise MortarError(
             "the equations of contact differ between ranks: expected the same law, distance and "

@@ -27,6 +27,7 @@ class SetRecord:
 
     Attributes:
         residuals: Norm of all residuals for each evaluation [stress length].
+        num_changed: Number of nodes that changed in the last evaluation.
         has_merged: Whether ``merge`` was called.
         opens_and_closes: Whether nodes opened and closed in the last cycle, and none changed
             between sticking and sliding.
@@ -40,14 +41,14 @@ class SetRecord:
         """Discard the data of the last solve."""
         self.residuals: list[float] = []
         self._sets: list[SetsOfPairs] = []
-        self._changed = self._calls = 0
+        self.num_changed = self._calls = 0
         self.has_merged = self.opens_and_closes = False
 
     def record(self, residual: float, changed: int) -> None:
         """Add the present sets; ``changed``: number of nodes that changed."""
         self.residuals.append(residual)
         self._sets.append([(c.active, c.branch) for c in self._contacts])
-        self._changed = changed
+        self.num_changed = changed
 
     @property
     def recent(self) -> list[SetsOfPairs]:
@@ -58,7 +59,7 @@ class SetRecord:
     def is_unsettled(self) -> bool:
         """Whether sets change although the residual does not decrease, see ``decreased``."""
         residuals = self.residuals
-        if not self._changed or len(residuals) < 2 or self._calls == EQUATIONS.max_calls:
+        if not self.num_changed or len(residuals) < 2 or self._calls == EQUATIONS.max_calls:
             return False
         return not decreased(residuals[-1], residuals[-2])
 

@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""Linear interpolation between the nodes of a body, on its cells divided into triangles."""
+"""Linear interpolation between the nodes of a body, on its cells divided into triangles.
+
+Each rank interpolates in its own cells, so that no rank stores a whole body. Only points that a
+rank does not find there are sent to the others.
+"""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.kernels.locate import box_triangles, interpolate
 from fenics_mortar.mesh.space import DisplacementSpace
@@ -27,44 +30,68 @@ DIVISIONS = {
 
 
 class Triangles(NamedTuple):
-    """Triangles between the nodes of a body, equal on all ranks.
+    """Triangles between the local nodes of a body.
 
     Attributes:
-        X: Reference positions of the nodes, shape (n, 2) [length].
+        comm: Communicator.
+        X: Reference positions of the local nodes, ghosts included, shape (n, 2) [length].
         nodes: Nodes of the triangles, shape (t, 3).
-        boxes: Tree of their boxes, see ``kernels.tree``.
+        boxes: Tree of their boxes, see ``kernels.tree``; empty without triangles.
     """
 
+    comm: MPI.Comm
     X: Array
     nodes: Indices
     boxes: Array
 
     def interpolate(self, values: Array, points: Array) -> Array:
-        """Interpolate values (n, 2) at points (p, 2), nan outside: shape (p, 2) (local)."""
-        found = np.empty((len(points), 2))
-        interpolate(points, self.boxes, self.X, self.nodes, values, found)
+        """Interpolate a field at points in the body (collective).
+
+        Args:
+            values: Values at the local nodes, shape (n, 2) [unit].
+            points: Points of this rank, mostly in its own cells, shape (p, 2) [length].
+
+        Returns:
+            Values at these points, nan outside of the body, shape (p, 2) [unit].
+        """
+        result = self._interpolate_here(values, points)
+        if self.comm.size == 1:
+            return result
+        missing = np.flatnonzero(np.isnan(result[:, 0]))
+        requests: list[Array] = self.comm.allgather(points[missing])
+        requests[self.comm.rank] = np.empty((0, 2))
+        answers = self.comm.alltoall([self._interpolate_here(values, there) for there in requests])
+        for rank, found in enumerate(answers):
+            if rank != self.comm.rank:
+                rest = np.isnan(result[missing, 0])
+                result[missing[rest]] = found[rest]
+        return result
+
+    def _interpolate_here(self, values: Array, points: Array) -> Array:
+        """Values (p, 2) at points (p, 2), nan outside of the cells of this rank (local)."""
+        found = np.full((len(points), 2), np.nan)
+        if len(self.nodes) and len(points):
+            interpolate(points, self.boxes, self.X, self.nodes, values, found)
         return found
 
 
 def triangulate(space: DisplacementSpace, mine: Indices) -> Triangles:
-    """Divide the cells of a body into triangles (collective).
+    """Divide the local cells of a body into triangles (local).
 
     Args:
         space: Nodes of the displacement.
-        mine: Local nodes of the body, ascending, shape (n,).
+        mine: Local nodes of the body, ghosts included, ascending, shape (n,).
     """
     V = space.V
-    comm, index_map, X = V.mesh.comm, V.dofmap.index_map, V.tabulate_dof_coordinates()[:, :2]
-    to_global = np.asarray(index_map.local_to_global(mine.astype(np.int32)), np.int64)
-    owned = mine < space.num_nodes
+    X = V.tabulate_dof_coordinates()[:, :2]
     number = np.full(len(X), -1)
-    number[mine] = np.searchsorted(gathered(comm, to_global[owned]), to_global)
-    cells = number[compat.dofmap(V)[: V.mesh.topology.index_map(2).size_local]]
-    cells = cells[cells[:, 0] >= 0][:, np.array(DIVISIONS[cells.shape[1]])].reshape(-1, 3)
-    X, triangles = gathered(comm, X[mine[owned]]), gathered(comm, cells)
-    return Triangles(X, triangles, box_triangles(X, triangles))
+    number[mine] = np.arange(len(mine))
+    cells = number[compat.dofmap(V)]
+    triangles = cells[cells[:, 0] >= 0][:, np.array(DIVISIONS[cells.shape[1]])].reshape(-1, 3)
+    return triangles_of(V.mesh.comm, X[mine], triangles)
 
 
-def gathered(comm: MPI.Comm, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Concatenate the rows of all ranks in their order (collective)."""
-    return values if comm.size == 1 else np.concatenate(comm.allgather(values))
+def triangles_of(comm: MPI.Comm, X: Array, nodes: Indices) -> Triangles:
+    """Triangles between nodes at ``X`` (n, 2) [length], their ``nodes`` (t, 3) (local)."""
+    boxes = box_triangles(X, nodes) if len(nodes) else np.empty((0, 4))
+    return Triangles(comm, X, nodes, boxes)

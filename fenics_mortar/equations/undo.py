@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.la.options import drop_added_options
@@ -24,14 +24,14 @@ class Snapshot:
 
     Args:
         equations: The equations of the problem.
-        adequacy: The ``AdequacyCheck`` of the problem, or ``None``.
     """
 
-    def __init__(self, equations: ContactEquations, adequacy: Any) -> None:
+    def __init__(self, equations: ContactEquations) -> None:
         self._equations, self._state, self._depth = equations, equations.state(), clock.depth
         self._operators = [contact.operators for contact in equations.contacts]
         self._springs = equations.floating.springs, equations.motions.springs
-        self._revert_adequacy = adequacy.snapshot() if adequacy is not None else None
+        adequacy = equations.adequacy
+        self._revert_adequacy = None if adequacy is None else adequacy.snapshot()
 
     def revert(self, *, renew: bool) -> None:
         """Restore the snapshot; ``renew``: create matrices and solvers again in the next solve."""
@@ -48,9 +48,9 @@ class Snapshot:
 
 
 @contextmanager
-def restored_if_interrupted(equations: ContactEquations, adequacy: Any) -> Iterator[None]:
+def restored_if_interrupted(equations: ContactEquations) -> Iterator[None]:
     """Context that restores a problem if any exception but a ``MortarError`` is raised."""
-    before = Snapshot(equations, adequacy)
+    before = Snapshot(equations)
     try:
         yield
     except MortarError as error:

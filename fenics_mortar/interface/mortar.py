@@ -36,7 +36,9 @@ import numpy as np
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import projection
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.kernels.blocks import weigh_derivatives
+from fenics_mortar.kernels.forces import add_contact_forces
+from fenics_mortar.utils.arrays import Array, Indices, read_only_view
 
 
 class Block(NamedTuple):
@@ -158,15 +160,20 @@ class MortarOperators:
             Arrays (slave nodes, 2) and (master nodes, 2) [stress length].
         """
         count, s = len(self.x), self.segments
-        on_slave = np.einsum("ejk,ejc->ekc", self.D, z[self.facet_nodes])
-        on_master = -np.einsum("sjl,sjc->slc", self.M, z[s.slave])
-        nodes = np.concatenate([self.facet_nodes.ravel(), count + s.master.ravel()])
-        forces = np.concatenate([on_slave.reshape(-1, 2), on_master.reshape(-1, 2)])
-        both = np.empty((count + len(self.m), 2))
-        for c in range(2):
-            both[:, c] = np.bincount(nodes, forces[:, c], len(both))
-        self.slave.comm.Allreduce(MPI.IN_PLACE, both)
-        return both[:count], both[count:]
+        forces = np.zeros((count + len(self.m), 2))
+        on_slave, on_master = forces[:count], forces[count:]
+        add_contact_forces(
+            self.D,
+            self.M,
+            read_only_view(z),
+            self.facet_nodes,
+            s.slave,
+            s.master,
+            on_slave,
+            on_master,
+        )
+        self.slave.comm.Allreduce(MPI.IN_PLACE, forces)
+        return on_slave, on_master
 
     def reaction(self, z: Array) -> tuple[Array, Array]:
         """Points of the master and forces there, each (master nodes, 2) (collective).
@@ -200,20 +207,21 @@ class MortarOperators:
         Rows and columns are displacement dofs.
         """
         s = self.segments
-        values = np.einsum("sjkq,sjc->skcq", self.dD, z[s.slave])
         rows = self.slave.dofs[s.slave].reshape(len(s.slave), 2 * s.slave.shape[1])
-        return Block(rows, self.columns, values.reshape(*rows.shape, self.dD.shape[3]))
+        values = np.empty((*rows.shape, self.dD.shape[3]))
+        weigh_derivatives(self.dD, np.arange(len(rows)), s.slave, read_only_view(z), 1.0, values)
+        return Block(rows, self.columns, values)
 
     def master_force_derivative(self, z: Array) -> Block:
         """Blocks of -d(M^T z)/dd [stress] at fixed ``z`` (slave nodes, 2).
 
         Rows and columns are displacement dofs.
         """
-        s = self.segments
-        i, k = s.pairs[:, 0], s.pairs[:, 1]
-        values = -np.einsum("pjlq,pjc->plcq", self.dM, z[s.slave[i]])
+        i, k = np.ascontiguousarray(self.segments.pairs.T)
         rows = self.master_dofs[i]
-        return Block(rows, self.columns[k], values.reshape(*rows.shape, self.dM.shape[3]))
+        values = np.empty((*rows.shape, self.dM.shape[3]))
+        weigh_derivatives(self.dM, i, self.segments.slave, read_only_view(z), -1.0, values)
+        return Block(rows, self.columns[k], values)
 
     def weight_derivative(self) -> list[Block]:
         """Blocks of dw/dd [1], w = row sums of D; rows: slave nodes, columns: displacement dofs."""

@@ -50,7 +50,9 @@ class CellField:
             midpoint = ReferenceCell(compat.cell_name(V.mesh)).midpoint
             self._compiled = compat.create_expression(expression, midpoint)
 
-        try_together(problem.comm, True, compile_it, f"field {name!r} cannot be evaluated")
+        try_together(
+            problem.equations.comm, True, compile_it, f"field {name!r} cannot be evaluated"
+        )
 
     def evaluate(self) -> Array:
         """Values [unit of the field], shape (owned cells,) and that of the expression (local)."""
@@ -66,7 +68,7 @@ def check_name(problem: ContactProblem, name: Any) -> None:
         MortarError: On all ranks.
     """
     message = f"field {name!r} cannot be evaluated"
-    try_together(problem.comm, True, lambda: _check_name(name), message)
+    try_together(problem.equations.comm, True, lambda: _check_name(name), message)
 
 
 def _check_name(name: Any) -> None:

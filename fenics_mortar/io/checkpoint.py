@@ -58,12 +58,12 @@ def save_state(problem: ContactProblem, path: str | Path) -> None:
         MortarError: On all ranks, if the file cannot be written; an older file is kept.
     """
     file = _state_file(problem, path)
-    make_folder(problem.comm, file.parent)
-    data, first = _arrays_of(problem), problem.comm.rank == 0
-    if problem.adequacy is not None:
-        data |= problem.adequacy.saved_data(problem)
+    make_folder(problem.equations.comm, file.parent)
+    data, first = _arrays_of(problem), problem.equations.comm.rank == 0
+    if problem.equations.adequacy is not None:
+        data |= problem.equations.adequacy.saved_data(problem)
     write = partial(write_whole, file, partial(_write_arrays, data))
-    try_together(problem.comm, first, write, f"cannot write '{file}'")
+    try_together(problem.equations.comm, first, write, f"cannot write '{file}'")
 
 
 def load_state(problem: ContactProblem, path: str | Path) -> None:
@@ -78,9 +78,9 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
             or is incomplete.
     """
     file = _state_file(problem, path)
-    first, message = problem.comm.rank == 0, f"cannot read '{file}'"
-    data = try_together(problem.comm, first, partial(_read_arrays, file), message)
-    data = problem.comm.bcast(data)
+    first, message = problem.equations.comm.rank == 0, f"cannot read '{file}'"
+    data = try_together(problem.equations.comm, first, partial(_read_arrays, file), message)
+    data = problem.equations.comm.bcast(data)
     wrong = next(_misfits(data, _arrays_of(problem)), "")
     if wrong:
         raise MortarError(f"'{file}' {wrong}")
@@ -100,8 +100,8 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
     here = problem.state()
     problem.restore(replace(here, places=data["places"], converged=bool(data["converged"])))
     problem.accept()
-    if problem.adequacy is not None:
-        problem.adequacy.restore_data(problem, data)
+    if problem.equations.adequacy is not None:
+        problem.equations.adequacy.restore_data(problem, data)
 
 
 def _arrays_of(problem: ContactProblem) -> Arrays:
@@ -161,7 +161,7 @@ def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
 def _state_file(problem: ContactProblem, path: str | Path) -> Path:
     """Path with the suffix .npz, which numpy requires; reject other objects (collective)."""
     check_problem(problem)
-    stem = without_suffix(problem.comm, path, ".npz")
+    stem = without_suffix(problem.equations.comm, path, ".npz")
     return stem.with_name(f"{stem.name}.npz")
 
 

@@ -80,7 +80,7 @@ class ResultsWriter:
     ) -> None:
         """Compile the fields and create the folder (collective)."""
         check_problem(problem)
-        self._problem, comm = problem, problem.comm
+        self._problem, comm = problem, problem.equations.comm
         with together(comm, "ResultsWriter"):
             check_kind("path", path, (str, Path), "the name of a file")
             if fields is not None:
@@ -116,7 +116,7 @@ class ResultsWriter:
             ValueError: On all ranks, if ``time`` is not a finite number.
         """
         problem = self._problem
-        with together(problem.comm, "write"):
+        with together(problem.equations.comm, "write"):
             check_number("time", time, "a finite number", np.isfinite)
         u, dofs = problem.equations.bulk.u.x.array, problem.equations.bulk.space.dofs
         cell_data = {name: pad(field.evaluate()) for name, field in self._fields.items()}

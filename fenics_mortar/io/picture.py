@@ -69,7 +69,7 @@ def plot(
             is given.
     """
     check_problem(problem)
-    comm = problem.comm
+    comm = problem.equations.comm
     with together(comm, "plot"):
         _check(path, scale, units, limits, ax, first=comm.rank == 0)
     field = None if stress is None else CellField(problem, stress, label, rank=0)

@@ -24,19 +24,19 @@ def tabulate_areas(x, cells, gradients, areas):
 
 @kernel
 def keep_area(before, after, cells, gradients, undeformed, fraction):
-    """Whether every cell keeps a fraction of its area at each of its nodes in a motion.
+    """Whether every cell keeps a fraction of its area at some of its nodes in a motion.
 
     Args:
         before: Positions of all nodes, shape (n, 2) [length].
         after: Positions after the motion, shape (n, 2) [length].
         cells: Nodes of each cell, shape (cells, k).
-        gradients: See ``tabulate_areas``.
-        undeformed: Areas in the reference state, nan at nodes that are not examined, (cells, k)
+        gradients: See ``tabulate_areas``, at p nodes of each cell, shape (p, k, 2) [1].
+        undeformed: Areas in the reference state, nan where they are not examined, (cells, p)
             [length^2].
         fraction: Smallest area after over that before, which counts as zero if negative [1].
     """
     for e in range(cells.shape[0]):
-        for a in range(cells.shape[1]):
+        for a in range(gradients.shape[0]):
             ratio = _area(before, cells, gradients, e, a) / undeformed[e, a]
             allowed = fraction * (0.0 if ratio < 0.0 else ratio)
             if _area(after, cells, gradients, e, a) / undeformed[e, a] < allowed:

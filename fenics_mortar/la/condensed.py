@@ -41,7 +41,8 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.la.sparse import BlockMatrix, SomeRows, add_blocks
+from fenics_mortar.kernels.blocks import gather_forces
+from fenics_mortar.la.sparse import BlockMatrix, Entries, SomeRows, add_blocks, flatten
 from fenics_mortar.la.system import LinearSystem, components
 from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import Array, Indices
@@ -69,6 +70,9 @@ class CondensedSystem(LinearSystem):
         size, mine = bulk.num_owned, 2 * self.num_multipliers
         touched = [side.dofs.ravel() for c in contacts for side in (c.slave, c.master)]
         self._rows = SomeRows(np.concatenate([np.empty(0, np.int64), *touched]), bulk.first, size)
+        self._rows_of_sides = [
+            [self._rows.number(side.dofs) for side in (c.slave, c.master)] for c in contacts
+        ]
         self._R = BlockMatrix(self.comm, self._rows.local.size, mine)
         self._slave_K: Any = None
         dofs = np.empty((self.num_multipliers, 2), np.int64)
@@ -85,17 +89,16 @@ class CondensedSystem(LinearSystem):
         """Add K_c + R K_S + C to K (collective)."""
         laws = [contact.rows.linearized() for contact in self.contacts]
         inverses = [self._inverse(contact) for contact in self.contacts]
-        R_blocks = self._R_blocks(laws, inverses)
+        entries = self._R_entries(laws, inverses)
         if self._update_pattern():
-            self._extend_pattern(R_blocks)
+            self._extend_pattern(entries)
         K = self.bulk.tangent_to_change()
         add_blocks(K, self.force_derivative())
-        R = self._R.assemble(R_blocks)
+        R = self._R.assemble_entries(*entries)
         self._slave_K = K.createSubMatrix(self._slave_rows, None, self._slave_K)
         product = R.matMult(self._slave_K)
-        self._rows.add(product, K)
+        add_blocks(K, self._C_blocks(laws), self._rows, product)
         product.destroy()
-        add_blocks(K, self._C_blocks(laws))
         self.matrix = K
         self._collect_rows(laws, inverses)
         self._prescribe_rows(self.matrix, self.bulk.first)
@@ -108,7 +111,7 @@ class CondensedSystem(LinearSystem):
             A_z[local] = law.A_z.diagonal(axis1=1, axis2=2)[owned]
         self._Z, self._A_z, self._law_rhs = Z.ravel(), A_z.ravel(), rhs.ravel()
 
-    def _extend_pattern(self, R_blocks: Sequence[Block]) -> None:
+    def _extend_pattern(self, R_entries: Entries) -> None:
         """Extend the pattern of K by zeros for possible contact (collective)."""
         different = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
         rows, size = self._rows, self.bulk.num_owned
@@ -119,7 +122,8 @@ class CondensedSystem(LinearSystem):
         slave_K = self.bulk.K.createSubMatrix(self._slave_rows)
         of_small = small.createSubMatrix(PETSc.IS().createGeneral(of_slave, self.comm))
         slave_K.axpy(1.0, of_small, different)
-        R = self._R.assemble([*R_blocks, *rows.renumbered(self._R_zeros())])
+        zeros_of_R = flatten(rows.renumbered(self._R_zeros()))
+        R = self._R.assemble_entries(*map(np.append, R_entries, zeros_of_R))
         product = R.matMult(slave_K)
         small.axpy(1.0, product, different)
         zeros = rows.zeros(small, size)
@@ -138,17 +142,21 @@ class CondensedSystem(LinearSystem):
             blocks += [Block(dofs[rows], columns, values) for rows, columns, values in law.blocks]
         return blocks
 
-    def _R_blocks(self, laws: Sequence[Rows], inverses: Sequence[Array]) -> list[Block]:
+    def _R_entries(self, laws: Sequence[Rows], inverses: Sequence[Array]) -> Entries:
         """R = -B^T Z - A_z Z in rows of contact nodes; columns are numbers of multipliers."""
-        blocks = []
-        for (contact, z_number, owned, _), law, Z in zip(
-            self._numbered, laws, inverses, strict=True
+        operators = [contact.operators for contact in self.contacts]
+        size = 4 * self.num_multipliers + sum(2 * (o.D.size + o.M.size) for o in operators)
+        i, j = np.empty((2, size), PETSc.IntType)
+        v, end = np.empty(size), 0
+        for (contact, z_number, owned, _), (on_slave, on_master), o, law, Z in zip(
+            self._numbered, self._rows_of_sides, operators, laws, inverses, strict=True
         ):
-            blocks += self._weighted_forces(contact, z_number, -Z)
-            mine = owned[contact.acts[owned]]
-            values = -law.A_z[mine] * Z[mine][:, None, :]
-            blocks.append(Block(contact.slave.dofs[mine], components(z_number[mine, None]), values))
-        return list(self._rows.renumbered(blocks))
+            s = o.segments
+            end += gather_forces(
+                o.D, o.facet_nodes, on_slave, o.M, s.slave, s.master, on_master, Z, law.A_z, owned,
+                contact.acts, z_number, i[end:], j[end:], v[end:],
+            )  # fmt: skip
+        return i[:end], j[:end], v[:end]
 
     def _weighted_forces(self, contact: Interface, z_number: Indices, weight: Array) -> list[Block]:
         """B^T with columns scaled by ``weight`` (slave nodes, 2) and numbered by ``z_number``."""

@@ -14,10 +14,10 @@ rotations.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.interface.mortar import Block, MortarOperators
-from fenics_mortar.utils.arrays import Indices
+from fenics_mortar.kernels.coupling import are_known
+from fenics_mortar.utils.arrays import Flags, Indices
 
 # Number of master facets in the pattern on either side of the partners of a slave facet, and of
 # slave facets on either side of contact [facets]: sliding in a Newton iteration rarely exceeds it.
@@ -34,8 +34,7 @@ class Coupling:
 
     def __init__(self, o: MortarOperators, faced: tuple[Indices, Indices]) -> None:
         self._slave, self._master = o.slave, o.master
-        everywhere = np.ones(o.slave.num_nodes, bool)
-        self._near_pairs = np.union1d(_near_pairs(o, MARGIN, everywhere), _faced(o, *faced))
+        self._near_pairs = np.union1d(_near_pairs(o, MARGIN), _faced(o, *faced))
         facet, partner = np.divmod(self._near_pairs, o.master.num_nodes + 1)
         meets = partner < o.master.num_nodes
         self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
@@ -44,7 +43,7 @@ class Coupling:
         self,
         o: MortarOperators,
         faced: tuple[Indices, Indices],
-        acting: npt.NDArray[np.bool_],
+        acting: Flags,
     ) -> bool:
         """Whether the pattern contains all couplings of a state.
 
@@ -54,12 +53,14 @@ class Coupling:
             acting: Slave nodes whose multipliers act; others do not contribute, (slave nodes,),
                 bool.
         """
+        s = o.segments
+        if not are_known(self._near_pairs, s.slave, s.master, acting, o.master.num_nodes):
+            return False
+        if not faced[0].size:
+            return True
         slips = acting[faced[0]]
-        pairs = np.concatenate(
-            [_near_pairs(o, 0, acting), _faced(o, *(side[slips] for side in faced))]
-        )
-        inside = np.append(self._near_pairs, -1)[np.searchsorted(self._near_pairs, pairs)] == pairs
-        return bool(inside.all())
+        pairs = _faced(o, *(side[slips] for side in faced))
+        return bool(np.isin(pairs, self._near_pairs).all())
 
     def derivative_pattern(self) -> Block:
         """Zeros at all possible derivatives of contact forces and gaps, in displacement dofs."""
@@ -96,21 +97,16 @@ class Coupling:
         return dofs, np.concatenate([carriers.ravel(), carrier])
 
 
-def _near_pairs(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indices:
-    """Numbers of pairs of a slave facet with any of ``slaves`` and a master node it faces.
+def _near_pairs(o: MortarOperators, margin: int) -> Indices:
+    """Numbers of pairs of a slave facet and a master node within ``margin`` of those it faces.
 
     A pair (first node i of the facet, master node k) has the number i (master nodes + 1) + k. Each
     facet also has a pair with k = master nodes, since a rigid obstacle has no nodes.
     """
     s, degree, none = o.segments, o.master.degree, o.master.num_nodes
-    counts = slaves[s.slave].any(axis=1)
-    slave, master = s.slave[counts, 0], s.master[counts]
-    if margin:
-        slave, master = _with_next_facets(o, margin, slave, master)
+    slave, master = _with_next_facets(o, margin, s.slave[:, 0], s.master)
     masters = np.full((len(slave), 1), none)
-    if none and not margin:
-        masters = np.hstack([masters, master])
-    elif none:
+    if none:
         near = o.master.along(master[:, 0], range(-margin * degree, (margin + 1) * degree + 1))
         masters = np.hstack([masters, near])
     pairs = slave[:, None] * (none + 1) + masters

@@ -95,6 +95,7 @@ class LinearSolver:
         self._pivots = (
             options.get("pc_factor_mat_solver_type") != SMALL["pc_factor_mat_solver_type"]
         )
+        self._allowed = LINEAR_TOLERANCE if self._pivots else WITHOUT_PIVOTING
         self._begin_anew()
         self.ksp = PETSc.KSP().create(self._comm)
         self.ksp.setOptionsPrefix(self._prefix)
@@ -173,6 +174,7 @@ class LinearSolver:
         """
         if not self._is_direct:
             self.ksp.setTolerances(rtol=max(self.forcing, self._finest))
+            self._allowed = max(LINEAR_TOLERANCE, 2.0 * self.forcing)
         elif self._may_lag(matrix) and not transpose:
             found = self._solve_with_last_factors(matrix, rhs)
             if found is not None:
@@ -250,12 +252,10 @@ class LinearSolver:
             solution.axpy(1.0, correction)
             relative = _defect(multiply, rhs, solution, defect) / size
         reason = self.ksp.getConvergedReason()
-        allowed = LINEAR_TOLERANCE if self._pivots else WITHOUT_PIVOTING
-        if reason >= 0 and relative <= allowed:
+        if reason >= 0 and relative <= self._allowed:
             return solution, ""
-        return solution, (
-            f", {self._describe(reason)}, relative residual {relative:.1e} (allowed {allowed:g})"
-        )
+        size_of_rest = f"relative residual {relative:.1e} (allowed {self._allowed:g})"
+        return solution, f", {self._describe(reason)}, {size_of_rest}"
 
     def _blocks_of(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """The matrix stored in blocks of the two dofs of a node, if its rows come in such pairs.

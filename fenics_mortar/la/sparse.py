@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.interface.mortar import Block
+from fenics_mortar.kernels.blocks import pack_rows, pack_sparse
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.rounding import SUM_ROUNDING
@@ -37,6 +38,9 @@ _get_array, _restore_array = _petsc.MatDenseGetArrayRead, _petsc.MatDenseRestore
 _get_array.argtypes = _restore_array.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
 _destroy = _petsc.MatDestroy
 _destroy.argtypes = [ctypes.c_void_p]
+
+# Rows, columns and values of entries, shape (n,) each.
+Entries = tuple[npt.NDArray, npt.NDArray, npt.NDArray]
 
 
 class BlockMatrix:
@@ -63,7 +67,16 @@ class BlockMatrix:
 
     def assemble(self, blocks: Iterable[Block]) -> PETSc.Mat:
         """Sum the blocks into the matrix and return it."""
-        i, j, v = flatten(blocks)
+        return self.assemble_entries(*flatten(blocks))
+
+    def assemble_entries(self, i: npt.NDArray, j: npt.NDArray, v: npt.NDArray) -> PETSc.Mat:
+        """Sum entries into the matrix and return it.
+
+        Args:
+            i: Rows, shape (entries,), of PETSc's type of integers.
+            j: Columns, of that shape and type.
+            v: Values, shape (entries,).
+        """
         same = False
         if self._pattern is not None:
             before, after = self._pattern
@@ -97,14 +110,16 @@ class SomeRows:
 
     Attributes:
         numbers: Numbers in the small matrix of the rows owned by this rank.
-        local: Local numbers of these rows in the large matrix, ascending.
+        owned: Numbers of these rows in the large matrix, ascending.
+        local: ``owned`` as local numbers.
     """
 
     def __init__(self, rows: Indices, first: int, num_owned: int) -> None:
         self._rows = np.unique(rows)
         start, end = np.searchsorted(self._rows, (first, first + num_owned))
         self.numbers: Indices = np.arange(start, end)
-        self.local: Indices = self._rows[start:end] - first
+        self.owned: Indices = self._rows[start:end]
+        self.local: Indices = self.owned - first
 
     def number(self, rows: Indices) -> Indices:
         """Numbers of ``rows`` (n,) in the small matrix, shape (n,); -1 stays -1 (local)."""
@@ -113,18 +128,6 @@ class SomeRows:
     def renumbered(self, blocks: Iterable[Block]) -> list[Block]:
         """Blocks of the large matrix with the row numbers of the small one."""
         return [Block(self.number(rows), columns, values) for rows, columns, values in blocks]
-
-    def add(self, small: PETSc.Mat, large: PETSc.Mat) -> None:
-        """Add the small matrix to existing entries of the large one, in place (collective).
-
-        Zeros are dropped: they need no entries.
-        """
-        rows = (self.local + large.getOwnershipRange()[0]).astype(PETSc.IntType)
-        starts, columns, values = small.getValuesCSR()
-        used = values != 0.0
-        starts = np.append(0, np.cumsum(used))[starts].astype(PETSc.IntType)
-        large.setValuesIJV(starts, columns[used], values[used], PETSc.InsertMode.ADD_VALUES, rows)
-        large.assemble()
 
     def zeros(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:
         """Large matrix of ``num_owned`` rows with zeros at the entries of the small one."""
@@ -135,25 +138,46 @@ class SomeRows:
         return PETSc.Mat().createAIJ(((num_owned, None),) * 2, csr=csr, comm=small.comm)
 
 
-def add_blocks(matrix: PETSc.Mat, blocks: Iterable[Block]) -> None:
-    """Add blocks to existing entries of a matrix, in place (collective).
+def add_blocks(
+    matrix: PETSc.Mat,
+    blocks: Iterable[Block],
+    some: SomeRows | None = None,
+    small: PETSc.Mat | None = None,
+) -> None:
+    """Add blocks, and a matrix of some rows, to existing entries of a matrix (collective).
 
-    Any rank may add to any row; negative indices and blocks of zeros are dropped. The cost is
+    Any rank may add blocks to any row; negative indices and zeros are dropped. The cost is
     independent of the size of the matrix.
+
+    Args:
+        matrix: The matrix, changed in place.
+        blocks: The blocks.
+        some: The rows of ``small`` in the matrix.
+        small: A matrix of these rows.
     """
-    for block in blocks:
-        used = block.values.any(axis=(1, 2))
-        rows, columns, values = block.rows[used], block.columns[used], block.values[used]
-        each = np.repeat(columns, rows.shape[1], axis=0)
-        starts = np.arange(rows.size + 1, dtype=PETSc.IntType) * PETSc.IntType(each.shape[1])
-        numbers = rows.ravel().astype(PETSc.IntType)
-        matrix.setValuesIJV(
-            starts, each.astype(PETSc.IntType), values, PETSc.InsertMode.ADD_VALUES, numbers
-        )
+    given = list(blocks)
+    num_rows = sum(block.rows.size for block in given)
+    num_entries = sum(block.values.size for block in given)
+    if some is not None and small is not None:
+        sparse = small.getValuesCSR()
+        num_rows, num_entries = num_rows + some.owned.size, num_entries + sparse[1].size
+    rows, starts, columns = (
+        np.empty(size, PETSc.IntType) for size in (num_rows, num_rows + 1, num_entries)
+    )
+    values, counts = np.empty(num_entries), np.zeros(2, np.int64)
+    starts[0] = 0
+    for block in given:
+        pack_rows(*map(np.ascontiguousarray, block), counts, rows, starts, columns, values)
+    if some is not None and small is not None:
+        pack_sparse(some.owned, *sparse, counts, rows, starts, columns, values)
+    row, entry = counts
+    matrix.setValuesIJV(
+        starts[: row + 1], columns[:entry], values[:entry], PETSc.InsertMode.ADD_VALUES, rows[:row]
+    )
     matrix.assemble()
 
 
-def flatten(blocks: Iterable[Block]) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
+def flatten(blocks: Iterable[Block]) -> Entries:
     """Row, column and value of every entry of the blocks, (entries,) each."""
     i, j, v = [], [], []
     for rows, columns, values in blocks:

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Factorization of the rows and columns of a matrix in a strip along the contact surfaces."""
+"""Factorization of the rows and columns of a matrix in a strip along the contact surfaces.
+
+A solution in the strip is zero elsewhere, except at prescribed dofs: its product with the matrix
+differs from zero only in the rows next to these dofs. The product uses a copy of these entries
+instead of the whole matrix.
+"""
 
 from __future__ import annotations
 
@@ -40,17 +45,25 @@ class Strip:
         surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
         self._rows = np.append(dofs_near(bulk, surfaces, LAYERS), rows)
         self.num_rows = bulk.comm.allreduce(self._rows.size)
+        self._solved = np.union1d(self._rows, self._prescribed)
+        dofs = self._solved[self._solved < bulk.num_owned]
+        self._touched = np.append(_with_neighbours(bulk, dofs, 1), rows)
         self._matrix: Any = None
         self._factors: Any = None
+        self._columns: Any = None
 
     def factor(self, A: PETSc.Mat) -> None:
         """Factor the strip of ``A``, whose pattern may have changed."""
         if self._matrix is not None:
             self._factors.destroy()
             self._matrix.destroy()
-        rows = (self._rows + A.getOwnershipRange()[0]).astype(PETSc.IntType)
-        whole = PETSc.IS().createGeneral(rows, self._comm)
+            self._columns.destroy()
+        whole, solved, touched = (
+            self._numbers_in(A, rows) for rows in (self._rows, self._solved, self._touched)
+        )
         self._matrix = A.createSubMatrix(whole, whole)
+        self._columns = A.createSubMatrix(touched, solved)
+        self._on_solved, self._on_touched = self._columns.createVecs()
         self._factors = PETSc.PC().create(self._comm)
         self._factors.setOptionsPrefix(self._prefix)
         self._factors.setFromOptions()
@@ -74,13 +87,43 @@ class Strip:
         apply(self._b, self._x)
         x.array[self._rows] = self._x.array_r
 
+    def subtract_product(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        """Subtract A x from ``b`` for a solution ``x`` of ``solve``.
+
+        Args:
+            x: The solution, zero outside of the strip and of prescribed dofs.
+            b: Vector of the whole matrix; changed.
+        """
+        self._on_solved.array[:] = x.array_r[self._solved]
+        self._columns.mult(self._on_solved, self._on_touched)
+        b.array[self._touched] -= self._on_touched.array_r
+
+    def subtract_transposed(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        """Subtract A^T x from ``b`` in the rows that ``solve`` uses.
+
+        Args:
+            x: Any vector.
+            b: Vector of the whole matrix; changed.
+        """
+        self._on_touched.array[:] = x.array_r[self._touched]
+        self._columns.multTranspose(self._on_touched, self._on_solved)
+        b.array[self._solved] -= self._on_solved.array_r
+
+    def _numbers_in(self, A: PETSc.Mat, rows: Indices) -> PETSc.IS:
+        """Global numbers of local rows."""
+        first, _ = A.getOwnershipRange()
+        return PETSc.IS().createGeneral((rows + first).astype(PETSc.IntType), self._comm)
+
 
 def dofs_near(bulk: Bulk, surfaces: Sequence[Surface], layers: int) -> Indices:
     """Owned dofs, shape (n,), within ``layers`` of cells of the surfaces (collective)."""
-    dofs = [np.empty(0, np.int64), *(s.local_dofs.ravel() + bulk.first for s in surfaces)]
-    found = PETSc.IS().createGeneral(
-        np.unique(np.concatenate(dofs)).astype(PETSc.IntType), PETSc.COMM_SELF
-    )
+    dofs = [np.empty(0, np.int64), *(surface.local_dofs.ravel() for surface in surfaces)]
+    return _with_neighbours(bulk, np.unique(np.concatenate(dofs)), layers)
+
+
+def _with_neighbours(bulk: Bulk, dofs: Indices, layers: int) -> Indices:
+    """Owned dofs, shape (n,), within ``layers`` of cells of owned ones (collective)."""
+    found = PETSc.IS().createGeneral((dofs + bulk.first).astype(PETSc.IntType), PETSc.COMM_SELF)
     bulk.K.increaseOverlap(found, layers)
     everywhere = np.unique(np.concatenate(bulk.comm.allgather(found.indices)))
     mine = (everywhere >= bulk.first) & (everywhere < bulk.first + bulk.num_owned)

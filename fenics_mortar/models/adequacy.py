@@ -128,7 +128,7 @@ class AdequacyCheck:
             "elastic_obstacles": len(self._elastic),
             "finite_strain": self._finite_strain is not None,
         }  # fmt: skip
-        check_same_texts(problem.comm, "AdequacyCheck", given)
+        check_same_texts(problem.equations.comm, "AdequacyCheck", given)
         if self._has_hierarchy:
             self._hierarchy = ModelHierarchy(
                 problem, self._tolerance, self._quantity, self._discretisation

@@ -38,6 +38,7 @@ from fenics_mortar.models.model_error import (
     sliding_little,
 )
 from fenics_mortar.models.options import MODELS
+from fenics_mortar.models.variant import adopt
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
@@ -121,7 +122,7 @@ class ModelHierarchy:
         problem, start = self._problem, self._problem.state()
         self.used, self._has_estimated = None, False
         while self._model is not None:
-            self._model.problem.adopt(problem)
+            adopt(self._model.problem, problem)
             with suppressed_failures():
                 report = self._model.problem.solve()
                 solved = self._model.problem.state()
@@ -182,7 +183,7 @@ class ModelHierarchy:
             if isinstance(contact, Contact):
                 contact.restore_reference(reference, mine.multiplier_nodes)
         if on_model:
-            model.adopt(self._problem)
+            adopt(model, self._problem)
             model.accept()
             here = self._problem.state()
             self._problem.restore(model.state().with_settings_of(here))

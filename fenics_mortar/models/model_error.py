@@ -29,6 +29,7 @@ from fenics_mortar.contact.laws import Stick
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.models.options import MODELS
+from fenics_mortar.models.variant import adopt
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
@@ -88,7 +89,7 @@ def correct(problem: ContactProblem, *richer: ContactProblem) -> Errors:
     errors = dict.fromkeys(QUANTITIES, 0.0)
     try:
         for model in richer:
-            model.adopt(last)
+            adopt(model, last)
             errors = take_steps(problem, cheap, model)
             last = model
     except RaisedElsewhereError:
@@ -179,13 +180,13 @@ def strained(problem: ContactProblem, u: Array) -> Array:
     X = space.V.tabulate_dof_coordinates()[: space.num_nodes, :2]
     labels = problem.equations.floating.labels[: space.num_nodes]
     x = X + u[space.owned_dofs]
-    for label in range(problem.comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1):
+    for label in range(problem.equations.comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1):
         mine = labels == label
         sums = np.concatenate([[mine.sum()], X[mine].sum(axis=0), x[mine].sum(axis=0)])
-        count, *means = problem.comm.allreduce(sums)
+        count, *means = problem.equations.comm.allreduce(sums)
         before, now = np.split(np.array(means) / max(count, 1), 2)
         dX, dx = X[mine] - before, x[mine] - now
-        along, across = problem.comm.allreduce(
+        along, across = problem.equations.comm.allreduce(
             np.array([(dX * dx).sum(), (dX[:, 0] * dx[:, 1] - dX[:, 1] * dx[:, 0]).sum()])
         )
         cosine, sine = np.array([along, across]) / (np.hypot(along, across) or 1.0)
@@ -208,7 +209,7 @@ def largest_strain(problem: ContactProblem) -> tuple[float, float]:
     if bulk.space.is_axisymmetric:
         strains = np.maximum(strains, np.abs(bulk.cells.hoop_strains(bulk.positions())))
     mine = np.array([np.abs(values).max(initial=0.0) for values in (rotation, strains)])
-    problem.comm.Allreduce(MPI.IN_PLACE, mine, MPI.MAX)
+    problem.equations.comm.Allreduce(MPI.IN_PLACE, mine, MPI.MAX)
     return float(mine[0]), float(mine[1])
 
 

@@ -35,7 +35,7 @@ class AlternateDamping:
         Raises:
             NotConvergedError: On all ranks, if both fail.
         """
-        problem, options = self._problem, self._problem.newton
+        problem, options = self._problem, self._problem.equations.newton
         if not self._has_choice or options.damped or options.tentative:
             return problem.solve(accept_violations=True, predict=False)
         start = problem.state()
@@ -50,10 +50,10 @@ class AlternateDamping:
 
     def _solve(self, options: NewtonOptions) -> NewtonReport:
         try:
-            self._problem.newton = replace(options, line_search=self._damps_first)
+            self._problem.equations.newton = replace(options, line_search=self._damps_first)
             return self._problem.solve(accept_violations=True, predict=False)
         finally:
-            self._problem.newton = options
+            self._problem.equations.newton = options
 
 
 def _has_own_law(contact: Any) -> bool:

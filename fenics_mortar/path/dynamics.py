@@ -109,7 +109,7 @@ class Dynamics:
         energy: Any | None = None,
     ) -> None:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
-        with together(problem.comm, "Dynamics"):
+        with together(problem.equations.comm, "Dynamics"):
             check_dynamics(problem, density, scheme, rho_inf, velocity, energy)
         check_dynamics_on_ranks(problem, density, scheme, rho_inf, velocity, energy)
         self.problem, equations = problem, problem.equations
@@ -146,9 +146,9 @@ class Dynamics:
             MortarError: On all ranks, if an obstacle is driven by forces: it has no mass.
             ValueError: If ``dt`` is not positive, or too short for the present time.
         """
-        with together(self.problem.comm, "step"):
+        with together(self.problem.equations.comm, "step"):
             check_step(dt, self.time)
-        with restored_if_interrupted(self.problem.equations, None):
+        with restored_if_interrupted(self.problem.equations):
             self._begin()
             return self._advance(dt, forces_of(self.problem))[0]
 
@@ -278,10 +278,10 @@ class Dynamics:
         Note:
             Rank 0 logs each step and each cut, see ``progress``.
         """
-        with together(self.problem.comm, "run"):
+        with together(self.problem.equations.comm, "run"):
             check_run(stop, options, set_loads, tolerance, on_step, self.time)
         given = {"stop": stop, "options": options, "tolerance": tolerance}
-        check_same_texts(self.problem.comm, "run", given)
+        check_same_texts(self.problem.equations.comm, "run", given)
         self._begin()
         return Motion(self, self._advance, options, tolerance).run(stop, set_loads, on_step)
 
@@ -311,7 +311,7 @@ class Dynamics:
         kinetic = 0.5 * inertia.product(v, v)
         strain = float("nan")
         if self._energy is not None:
-            strain = self.problem.comm.allreduce(float(fem.assemble_scalar(self._energy)))
+            strain = self.problem.equations.comm.allreduce(float(fem.assemble_scalar(self._energy)))
         return Energies(kinetic, strain, inertia.momentum(self._positions(), v))
 
     def momentum(self, dt: float = 0.0) -> Array:

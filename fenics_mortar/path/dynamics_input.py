@@ -39,7 +39,7 @@ def check_dynamics(
     _check_density(density, mesh)
     _check_energy(energy, mesh)
     _check_velocity(velocity, problem)
-    if problem.adequacy is not None:
+    if problem.equations.adequacy is not None:
         raise ValueError("problem has an AdequacyCheck, whose cheaper models have no inertia")
     if problem.equations.bulk.inertia is not None:
         raise ValueError("problem has inertia already, from another Dynamics: set up a new problem")
@@ -58,9 +58,9 @@ def check_dynamics_on_ranks(
         "scheme": scheme, "rho_inf": rho_inf, "velocity": velocity is not None,
         "energy": energy is not None, "density": density if is_number else "a UFL expression",
     }  # fmt: skip
-    check_same_texts(problem.comm, "Dynamics", given)
+    check_same_texts(problem.equations.comm, "Dynamics", given)
     constants = [] if is_number else extract_constants(density)
-    check_same(problem.comm, [("a constant of density", c.value) for c in constants])
+    check_same(problem.equations.comm, [("a constant of density", c.value) for c in constants])
 
 
 def _check_density(density: Any, mesh: Any) -> None:
@@ -124,7 +124,7 @@ class DensityValues:
         """
         pairs = zip(self._values, self._present(), strict=True)
         changed = not all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
-        if problem.comm.allreduce(int(changed)):
+        if problem.equations.comm.allreduce(int(changed)):
             raise MortarError(
                 "the density has changed since Dynamics(...), whose masses are constant: set up a "
                 "new problem, and give its Dynamics the velocity"
@@ -155,7 +155,7 @@ def check_rates(problem: ContactProblem) -> None:
     velocity = problem.equations.bulk.inertia.velocity
     velocity.x.scatter_forward()
     bad = int(np.count_nonzero(~np.isfinite(velocity.x.array)))
-    if problem.comm.allreduce(bad):
+    if problem.equations.comm.allreduce(bad):
         raise MortarError("the velocity of Dynamics is not finite")
 
 

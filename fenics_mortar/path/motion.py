@@ -67,16 +67,18 @@ class Motion:
         bodies, problem, options = self._bodies, self._bodies.problem, self._options
         report = DynamicsReport(bodies.energies())
         size, forces = options.step, forces_of(problem)
-        shown = Progress(problem.comm, bodies.time, stop)
+        shown = Progress(problem.equations.comm, bodies.time, stop)
         while stop - bodies.time > ROUNDING * options.smallest:
             start = bodies.time
             dt = min(size, stop - start)
             dt = stop - start if stop - start - dt < ROUNDING * dt else dt
-            before = Snapshot(problem.equations, None)
+            before = Snapshot(problem.equations)
             accepted = problem.state()
             try:
                 if set_loads is not None:
-                    call_together(problem.comm, "set_loads", partial(set_loads, start + dt))
+                    call_together(
+                        problem.equations.comm, "set_loads", partial(set_loads, start + dt)
+                    )
                 newton, after, work = self._advance(dt, forces)
                 error = self._error(accepted, dt, newton)
             except NotConvergedError as failure:
@@ -98,7 +100,9 @@ class Motion:
             report.failures = []
             size = self._next_size(size, error)
             if on_step is not None:
-                call_together(problem.comm, "on_step", partial(on_step, bodies.time, newton))
+                call_together(
+                    problem.equations.comm, "on_step", partial(on_step, bodies.time, newton)
+                )
         return report
 
     def _error(self, accepted: State, dt: float, newton: NewtonReport) -> float:

@@ -87,26 +87,26 @@ def follow_path(
             logging.getLogger("fenics_mortar").setLevel(logging.INFO)
     """
     check_kind("problem", problem, ContactProblem, "a ContactProblem")
-    with together(problem.comm, "follow_path"):
+    with together(problem.equations.comm, "follow_path"):
         _check_path(set_loads, options, start, stop, on_step)
         check_bar(progress)
     given = {"options": options, "start": start, "stop": stop, "on_step": on_step is not None}
-    check_same_texts(problem.comm, "follow_path", given)
+    check_same_texts(problem.equations.comm, "follow_path", given)
     path, time, step = PathReport(), start, options.step
     start_clock(problem.equations.contacts, start)
     largest = options.largest or options.step
     predictor = Predictor(problem.equations, start)
     forces, last = (
         forces_of(problem),
-        _LastStep(start, Snapshot(problem.equations, problem.adequacy)),
+        _LastStep(start, Snapshot(problem.equations)),
     )
     solver = AlternateDamping(problem)
 
     def load(time: float) -> None:
         problem.time = time
-        call_together(problem.comm, "set_loads", partial(set_loads, time))
+        call_together(problem.equations.comm, "set_loads", partial(set_loads, time))
 
-    with _kept(last), Progress(problem.comm, start, stop, bar=progress) as shown:
+    with _kept(last), Progress(problem.equations.comm, start, stop, bar=progress) as shown:
         while time < stop:
             step = min(step, stop - time)
             if stop - time - step < ROUNDING * step:
@@ -135,12 +135,12 @@ def follow_path(
             before_forces, forces = forces, forces_of(problem)
             work = work_of(problem, accepted, predictor.last, before_forces, forces)
             time = stop if step == stop - time else time + step
-            last.reached = time, Snapshot(problem.equations, problem.adequacy)
+            last.reached = time, Snapshot(problem.equations)
             path.steps.append(PathStep(time, step, report, path.failures, work))
             path.failures = []
             shown.accept(time, report)
             if on_step is not None:
-                call_together(problem.comm, "on_step", partial(on_step, time, report))
+                call_together(problem.equations.comm, "on_step", partial(on_step, time, report))
             if report.num_iterations <= options.easy:
                 step = min(options.growth * step, largest)
     path.finished = True

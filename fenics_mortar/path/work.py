@@ -82,12 +82,12 @@ def work_of(
     r, contact, on_obstacles, shear, shear_on_obstacles = means
     du, prescribed = (end.u - start.u)[: r.size], problem.equations.bulk.prescribed_dofs
     supports = (r + contact)[prescribed] @ du[prescribed]
-    work = problem.comm.allreduce(np.array([r @ du, supports, contact @ du, shear @ du]))
+    work = problem.equations.comm.allreduce(np.array([r @ du, supports, contact @ du, shear @ du]))
     moved = end.places - start.places
     work[1:3] += (on_obstacles * moved).sum()
     work[3] += (shear_on_obstacles * moved).sum()
     dofs = problem.equations.bulk.space.owned_dofs
     sizes = np.linalg.norm(contact[dofs], axis=1) @ np.linalg.norm(du[dofs], axis=1)
-    largest = problem.comm.allreduce(float(sizes)) + np.abs(on_obstacles * moved).sum()
+    largest = problem.equations.comm.allreduce(float(sizes)) + np.abs(on_obstacles * moved).sum()
     of_bulk, of_supports, of_contact, of_friction = map(float, work)
     return Work(of_bulk, of_supports, of_contact, of_friction, float(largest))

@@ -50,7 +50,7 @@ class Simulation:
         self, problem: ContactProblem, run: Callable[[], Any], objectives: Any, controls: Any
     ) -> None:
         self._problem, self._run, self._objectives = problem, run, objectives
-        with together(problem.comm, "Simulation"):
+        with together(problem.equations.comm, "Simulation"):
             self.controls, self._made = as_list(controls), controls_of(problem, controls)
         self._last: tuple[list[Array], RecordedPath] | None = None
 
@@ -85,7 +85,7 @@ class Simulation:
 
     def _path(self, values: tuple[npt.ArrayLike, ...]) -> RecordedPath:
         """The path for these values, solved again if they have changed (collective)."""
-        given, comm = [np.array(value, float) for value in values], self._problem.comm
+        given, comm = [np.array(value, float) for value in values], self._problem.equations.comm
         with together(comm, "Simulation"):
             shapes = [control.get(self._problem).shape for control in self._made]
             if [value.shape for value in given] != shapes:

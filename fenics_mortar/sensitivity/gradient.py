@@ -148,7 +148,7 @@ def gradient(
     """
     path = recorded(path)
     problem = path.problem
-    with together(problem.comm, "gradient"):
+    with together(problem.equations.comm, "gradient"):
         quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
     check_dependence(problem, quantities, made)
     with path.visited():

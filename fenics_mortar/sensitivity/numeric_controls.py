@@ -80,7 +80,7 @@ class RemainingResidual(Control):
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
         """See ``Control``; ``before`` is not used."""
-        return np.array(-self._residual(problem).dot(y, problem.comm))
+        return np.array(-self._residual(problem).dot(y, problem.equations.comm))
 
     def _residual(self, problem: ContactProblem) -> LinearVector:
         """Residuals of all equations at the present state (collective)."""

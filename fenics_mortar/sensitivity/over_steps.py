@@ -98,7 +98,7 @@ def evaluate(
         path.go_to(number)
         before = path.before(number)
         values[number] = [quantity.value(problem, before) for quantity in quantities]
-    with together(problem.comm, "over_steps"):
+    with together(problem.equations.comm, "over_steps"):
         value, weights = _called(over_steps, values)
         if np.ndim(value) or weights.shape != shape:
             raise ValueError(

@@ -145,7 +145,7 @@ class RecordedPath:
         self.problem, self._data = problem, Data(problem, also)
         self.start: State | None = problem.state()
         self.steps: list[RecordedStep] = []
-        self._checkpoints = Checkpoints(problem.comm, every, folder)
+        self._checkpoints = Checkpoints(problem.equations.comm, every, folder)
         self._linearization = problem.equations.linearization
 
     def record(self, *arguments: Any) -> None:
@@ -239,7 +239,7 @@ class RecordedPath:
     def visited(self) -> Iterator[None]:
         """Context of visits to steps, with exact derivatives; changes are reverted at the end."""
         equations = self.problem.equations
-        present, before = self.present(), Snapshot(equations, self.problem.adequacy)
+        present, before = self.present(), Snapshot(equations)
         residual, linearization = equations.bulk.r.array_r.copy(), equations.linearization
         self._linearization = linearization
         equations.linearization, renew = EXACT, True

@@ -98,7 +98,7 @@ def check_dependence(
         "quantities": [_described(quantity) for quantity in quantities],
         "controls": [f"{type(control).__name__} {control.name}" for control in controls],
     }
-    check_same_texts(problem.comm, "gradient", given)
+    check_same_texts(problem.equations.comm, "gradient", given)
     for control in controls:
         occurs = getattr(control, "occurs", True)
         tests = (getattr(quantity, "depends_on", lambda _: False) for quantity in quantities)
@@ -128,7 +128,11 @@ def dot(problem: ContactProblem, control: Control, one: Array, other: Array) -> 
     replicated.
     """
     mine = float(np.vdot(one, other))
-    return problem.comm.allreduce(mine) if getattr(control, "is_distributed", False) else mine
+    return (
+        problem.equations.comm.allreduce(mine)
+        if getattr(control, "is_distributed", False)
+        else mine
+    )
 
 
 def _control_of(problem: ContactProblem, control: Any) -> Control:

@@ -28,11 +28,12 @@ def check_solved(problem: ContactProblem) -> None:
         raise MortarError(
             "the present state is not the result of a solve: record a state after solve()"
         )
-    with restored_if_interrupted(e, problem.adequacy):
+    with restored_if_interrupted(e):
         e.evaluate_operators()
         e.bulk.assemble_residual()
         if e.floating.bodies:
             e.floating.add_spring_forces()
+        e.residual.begin()
         residual = e.residual.measure()
     tolerance = e.newton.residual_tolerance
     allowed = SOLVED_FACTOR * max(tolerance * e.residual.force, e.residual.attainable)

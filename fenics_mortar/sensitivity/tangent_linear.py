@@ -99,7 +99,7 @@ def tangent_linear(
     """
     path = recorded(path)
     problem = path.problem
-    with together(problem.comm, "tangent_linear"):
+    with together(problem.equations.comm, "tangent_linear"):
         quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
         as_they_are = not (isinstance(controls, Sequence) or _is_list(directions))
         given = [directions] if as_they_are else as_list(directions)
@@ -170,10 +170,10 @@ def _forwards(
         states.append(linearize(problem).solve(combine(terms)))
         dh = memory.along(dh, states[-1], earlier, [memory.along_control(c, dm) for c, dm in pairs])
         for i, quantity in enumerate(quantities):
-            change = quantity.gradient(problem, before).dot(states[-1], problem.comm)
+            change = quantity.gradient(problem, before).dot(states[-1], problem.equations.comm)
             by_before = quantity.by_before(problem, before) if states[:-1] else None
             if by_before is not None:
-                change += by_before.dot(earlier, problem.comm)
+                change += by_before.dot(earlier, problem.equations.comm)
             for control, dm in pairs:
                 by_control = np.zeros_like(dm) + explicit(problem, quantity, control, before)
                 change += dot(problem, control, by_control, dm)

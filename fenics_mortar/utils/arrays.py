@@ -39,6 +39,13 @@ class Value:
         return new
 
 
+def read_only_view(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """A read-only view of an array (local)."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
 def protected(value: Any) -> Any:
     """A read-only copy of a writable array, and any other value itself (local)."""
     if isinstance(value, np.ndarray) and value.flags.writeable:

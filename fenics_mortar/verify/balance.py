@@ -49,8 +49,9 @@ def balance_of_bodies(
     body = labels[: len(dofs)]
     num_bodies = comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1
     components = total[dofs].T[1:] if bulk.space.is_axisymmetric else total[dofs].T
-    sums = [np.bincount(body, component, num_bodies) for component in components]
-    defects, size = comm.allreduce(np.array(sums)), comm.allreduce(float(np.abs(r[dofs]).sum()))
+    defects = np.array([np.bincount(body, component, num_bodies) for component in components])
+    comm.Allreduce(MPI.IN_PLACE, defects)
+    size = comm.allreduce(float(np.abs(r[dofs]).sum()))
     motion = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
     stiffness = max((float(c.stiffness.max()) for c in contacts), default=bulk.stiffness)
     extent = max((float(np.ptp(c.slave.X, axis=0).max()) for c in contacts), default=0.0)

@@ -12,7 +12,7 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.utils.arrays import Indices
+from fenics_mortar.utils.arrays import Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.limits import LIMITS
@@ -53,18 +53,26 @@ def count_unpaired(bulk: Bulk, contact: Contact, labels: Indices, paired: Indice
         bulk: The bodies.
         contact: The pair.
         labels: Body of each local node, shape (local nodes,).
-        paired: Global numbers of the nodes with a partner in any pair.
+        paired: Global numbers of the nodes with a partner in any pair, ascending.
     """
     o = contact.operators
     mine = bulk.space.spread(labels)
     found = 0
     for surface, x in ((contact.slave, o.x), (contact.master, o.m)):
-        alone = ~np.isin(surface.nodes, paired)
+        alone = ~_among(surface.nodes, paired)
         own = surface.gather(mine)[:, 0]
         inside = bulk.cells.inside_other_body(bulk.positions(), x[alone], own[alone], labels)
         found += int(inside.sum())
     if contact.obstacle is not None:
         phi = contact.on_obstacle.phi - contact.now.offset
         deep = phi < -HALF_FACET * contact.slave.nodal_lengths
-        found += int((deep & ~np.isin(contact.slave.nodes, paired)).sum())
+        found += int((deep & ~_among(contact.slave.nodes, paired)).sum())
     return found
+
+
+def _among(nodes: Indices, ascending: Indices) -> Flags:
+    """Whether ``nodes`` (n,) are among the numbers ``ascending`` (m,), shape (n,), bool (local)."""
+    if not ascending.size:
+        return np.zeros(nodes.size, bool)
+    at = np.minimum(np.searchsorted(ascending, nodes), ascending.size - 1)
+    return np.asarray(ascending[at] == nodes)

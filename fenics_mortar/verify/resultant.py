@@ -53,7 +53,8 @@ def _beyond(contact: Contact, nodes: Indices, forces: Array) -> tuple[float, str
     marked[nodes] = True
     touched = marked[s.slave].any(axis=1)
     first, last = o.x[s.slave[touched, 0]], o.x[s.slave[touched, -1]]
-    along = contact.slave.comm.allreduce((last - first).sum(axis=0))
+    along = (last - first).sum(axis=0)
+    contact.slave.comm.Allreduce(MPI.IN_PLACE, along)
     size = float(np.linalg.norm(along))
     pulls = bool((forces[nodes] < 0.0).any()) or not forces[nodes].any()
     if pulls or size == 0.0:

@@ -59,7 +59,7 @@ def test_blocks_follow_changes_of_the_rows_and_otherwise_keep_factors():
 
 
 @pytest.mark.parametrize("kind, bsize, expected", [
-    ("seqaij", 2, True), ("seqaij", 1, False), ("mpiaij", 2, False), ("seqbaij", 2, False),
+    ("seqaij", 2, True), ("seqaij", 1, False), ("seqbaij", 2, False), ("mpiaij", 2, False),
 ])  # fmt: skip
 def test_rows_of_one_rank_come_in_pairs(kind, bsize, expected):
     rows = PETSc.Mat().create(PETSc.COMM_SELF)

@@ -30,7 +30,11 @@ def move_body(problem, where, new):
     """Move the nodes of the body at ``where`` (x -> bool) to ``new`` (x) directly."""
     bulk, labels = problem.equations.bulk, problem.equations.floating.labels
     x = bulk.positions()
-    found = {body for mine in problem.comm.allgather(labels[where(x)].tolist()) for body in mine}
+    found = {
+        body
+        for mine in problem.equations.comm.allgather(labels[where(x)].tolist())
+        for body in mine
+    }
     assert len(found) == 1
     mine = labels == found.pop()
     bulk.u.x.array[bulk.space.dofs[mine]] += (new(x) - x)[mine]

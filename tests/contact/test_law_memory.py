@@ -88,14 +88,14 @@ def test_failed_step_leaves_time_and_memory():
     for scene in (one, other):
         drive(scene, [1])
     before, state = one.contact.state.accepted_instant, one.problem.state()
-    one.problem.newton = replace(one.problem.newton, max_iterations=1)
+    one.problem.equations.newton = replace(one.problem.equations.newton, max_iterations=1)
     one.problem.time, one.loads["push"].value[0] = 0.7, 0.08
     with pytest.raises(fm.NotConvergedError):
         one.problem.solve(predict=False)
     assert one.contact.state.accepted_instant is before
     one.problem.restore(state)
     assert one.problem.time == 0.5
-    one.problem.newton = other.problem.newton
+    one.problem.equations.newton = other.problem.equations.newton
     for scene in (one, other):
         drive(scene, [2])
     assert (memory(one)["theta"] == memory(other)["theta"]).all()
@@ -110,7 +110,7 @@ def test_law_receives_the_steps_of_a_path():
     def loads(scene, time):
         scene.loads["push"].value[:] = 0.05 * (time - 3.0), -0.03
 
-    path.problem.newton = replace(path.problem.newton, max_iterations=12)
+    path.problem.equations.newton = replace(path.problem.equations.newton, max_iterations=12)
     fm.follow_path(
         path.problem, lambda t: loads(path, t), fm.SteppingOptions(step=0.5, predict=False),
         start=3.0, stop=5.0,

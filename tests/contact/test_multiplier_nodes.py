@@ -34,6 +34,7 @@ def test_function_is_handed_over_to_a_covered_neighbour(cover, carry):
     nodes = MultiplierNodes(
         line(), np.tile([0.0, 1.0], (COUNT, 1)), np.ones((COUNT, 2)), at_vertices=False
     )
-    found = nodes.update(np.ones(COUNT, bool), MIN_SHARE * np.array(cover))
+    found, changed = nodes.update(np.ones(COUNT, bool), MIN_SHARE * np.array(cover))
     used = np.array(cover) > 0.0
     assert (found[used] == np.array(carry, bool)[used]).all()
+    assert changed == (~found).sum()

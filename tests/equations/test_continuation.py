@@ -104,11 +104,11 @@ def test_states_and_laws_set_by_the_user_are_not_extrapolated():
 def test_step_cut_by_the_user_continues_the_path():
     """After a failed guess the next step has no guess; the following one has a guess."""
     starts, states = pressed_twice()
-    here, options = starts.problem.state(), starts.problem.newton
-    starts.problem.newton = replace(options, max_iterations=1, residual_tolerance=1e-15)
+    here, options = starts.problem.state(), starts.problem.equations.newton
+    starts.problem.equations.newton = replace(options, max_iterations=1, residual_tolerance=1e-15)
     with pytest.raises(fm.NotConvergedError):
         starts.solve(0.0, -0.15)
-    starts.problem.newton = options
+    starts.problem.equations.newton = options
     starts.problem.restore(here)
     assert np.array_equal(starts.solve(0.0, -0.125)[0], states[1])
     cut = starts.state()

@@ -43,7 +43,7 @@ def test_exceeded_iterations_name_failed_tests_and_can_be_continued():
     report = failure(scene.problem)
     assert report.num_iterations == 1
     assert_nothing_lost(scene.problem, report)
-    scene.problem.newton = fm.NewtonOptions()
+    scene.problem.equations.newton = fm.NewtonOptions()
     assert scene.problem.solve().converged
 
 

@@ -79,7 +79,7 @@ def test_restored_state_is_bitwise_identical(pair):
     contact.c_n = 1e-3
     push.value[:] = (0.04, -0.05)
     problem.solve()
-    problem.newton = fm.NewtonOptions(max_iterations=1)
+    problem.equations.newton = fm.NewtonOptions(max_iterations=1)
     push.value[:] = (0.0, -0.2)
     with pytest.raises(fm.NotConvergedError):
         problem.solve()

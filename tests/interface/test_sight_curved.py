@@ -111,7 +111,7 @@ def test_deep_overlap_is_reported_with_the_search_radius():
     fixed = [(at(1, -1.0), None), (at(1, 0.55), None)]
     pair = "lower/top", "upper/bottom"
     scene = Scene(grids, [pair], fixed)
-    scene.problem.newton = fm.NewtonOptions(max_iterations=1)
+    scene.problem.equations.newton = fm.NewtonOptions(max_iterations=1)
     message = r"'lower/top' overlaps 'upper/bottom' by \d+\.\d facets; .* up to .* thick"
     try:
         scene.problem.solve()

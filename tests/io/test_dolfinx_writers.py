@@ -18,7 +18,9 @@ def solved(degree):
 
 def test_xdmf_takes_displacements_of_degree_1(shared_path):
     scene = solved(1)
-    with dolfinx.io.XDMFFile(scene.problem.comm, str(shared_path / "u.xdmf"), "w") as file:
+    with dolfinx.io.XDMFFile(
+        scene.problem.equations.comm, str(shared_path / "u.xdmf"), "w"
+    ) as file:
         file.write_mesh(scene.u.function_space.mesh)
         for time in (0.5, 1.0):
             file.write_function(scene.u, time)
@@ -29,6 +31,8 @@ def test_xdmf_takes_displacements_of_degree_1(shared_path):
 @pytest.mark.skipif(not hasattr(dolfinx.io, "VTXWriter"), reason="dolfinx has no ADIOS2")
 def test_vtx_takes_displacements_of_degree_2(shared_path):
     scene = solved(2)
-    with dolfinx.io.VTXWriter(scene.problem.comm, str(shared_path / "u.bp"), [scene.u]) as file:
+    with dolfinx.io.VTXWriter(
+        scene.problem.equations.comm, str(shared_path / "u.bp"), [scene.u]
+    ) as file:
         file.write(0.5)
     assert list((shared_path / "u.bp").iterdir())

@@ -52,7 +52,7 @@ def test_rows_are_added_where_they_belong():
     blocks = [everywhere(last, last - 1, 3.0), everywhere(2, 2, 5.0), everywhere(-1, 2, 7.0)]
     some, small = with_rows(large, [last, 2, last], blocks)
     assert small.getSize() == (2, last + 1)
-    some.add(small, large)
+    add_blocks(large, [], some, small)
     before[last, last - 1] += 3.0
     before[2, 2] += 5.0
     assert np.abs(dense(large) - before).max() < 1e-14
@@ -81,7 +81,7 @@ def test_zeros_are_at_the_entries_of_the_small_matrix():
     before, entries = dense(large), large.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
     large.axpy(1.0, room, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     assert large.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"] == entries + 1
-    some.add(small, large)
+    add_blocks(large, [], some, small)
     before[0, last] = 4.0
     assert np.abs(dense(large) - before).max() < 1e-14
 
@@ -91,7 +91,7 @@ def test_entry_outside_of_the_pattern_raises():
     large = tridiagonal()
     some, small = with_rows(large, [0], [everywhere(0, OWNED - 1, 4.0)])
     with pytest.raises(PETSc.Error):
-        some.add(small, large)
+        add_blocks(large, [], some, small)
 
 
 def test_tangent_of_slave_nodes_is_taken_from_K_in_place_while_the_pattern_stays():

@@ -105,7 +105,7 @@ def test_a_bouncing_block_keeps_its_energy_over_ten_impacts():
     levels, active = [], []
 
     def note(time, report):
-        levels.append(made.problem.comm.allreduce(fem.assemble_scalar(potential)))
+        levels.append(made.problem.equations.comm.allreduce(fem.assemble_scalar(potential)))
         active.append(report.iterations[-1].num_active > 0)
 
     velocities = {"block": (0.0, -0.5, 0.0)}

@@ -54,7 +54,7 @@ def test_a_density_that_changes_later_is_refused(kind):
     motion.step(0.01)
     if kind == "constant":
         density.value = 2.0 * RHO
-    elif made.problem.comm.rank == 0:
+    elif made.problem.equations.comm.rank == 0:
         density.x.array[:] = 2.0 * RHO
     with refused(fm.MortarError, "density has changed since Dynamics"):
         motion.step(0.01)

@@ -123,7 +123,7 @@ def test_failed_step_is_reverted():
     made.set_velocity(motion, {"upper": (0.0, -1.0, 0.0)})
     motion.step(0.01)
     before = made.problem.state()
-    made.problem.newton = fm.NewtonOptions(max_iterations=1)
+    made.problem.equations.newton = fm.NewtonOptions(max_iterations=1)
     with pytest.raises(fm.NotConvergedError):
         motion.step(0.1)
     after = made.problem.state()

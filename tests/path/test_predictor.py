@@ -215,18 +215,18 @@ def test_guess_extrapolates_the_last_two_states():
 def test_rejected_guess_is_reverted_and_made_less_often():
     """Tentative solves fail: results are those without guesses."""
     problem, predictor, press = blocks_with_two_states()
-    options, starts, tentative = problem.newton, [], []
+    options, starts, tentative = problem.equations.newton, [], []
 
     def solve():
         starts.append(problem.state())
-        tentative.append(problem.newton.tentative)
+        tentative.append(problem.equations.newton.tentative)
         report = problem.solve()
         if tentative[-1]:
             raise fm.NotConvergedError("no good", report)
         return report
 
     last, report = predictor.last, press(3.0, solve)
-    assert tentative == [True, False] and problem.newton == options
+    assert tentative == [True, False] and problem.equations.newton == options
     assert np.array_equal(starts[1].u, last.u) and np.array_equal(
         starts[1].interfaces[0].z, last.interfaces[0].z
     )
@@ -242,7 +242,9 @@ def test_rejected_guess_is_reverted_and_made_less_often():
 @pytest.mark.once
 def test_failure_from_both_initial_guesses_reports_both():
     problem, _, press = blocks_with_two_states()
-    problem.newton = replace(problem.newton, max_iterations=2, residual_tolerance=1e-14)
+    problem.equations.newton = replace(
+        problem.equations.newton, max_iterations=2, residual_tolerance=1e-14
+    )
     with pytest.raises(fm.NotConvergedError, match="not converged in 2") as failure:
         press(4.0)
     assert failure.value.report.num_iterations > 2

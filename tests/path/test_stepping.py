@@ -300,7 +300,7 @@ def test_steep_law_of_the_user_is_solved_by_damped_steps(law, most):
     path = fm.follow_path(scene.problem, set_loads, fm.SteppingOptions(step=0.25), stop=2.0)
     assert path.num_iterations < most and path.num_cuts < 8
     assert any("restarted with damped steps" in n for s in path.steps for n in s.report.notes)
-    assert not scene.problem.newton.line_search
+    assert not scene.problem.equations.newton.line_search
     force = scene.contact.total_force
     assert 0.9 * law.kinetic < abs(force[0] / force[1]) < 1.02 * law.static
 

@@ -63,7 +63,7 @@ def everything(problem):
     options = PETSc.Options("test_").getAll()
     of = problem.equations
     springs = [id(each.springs) for each in (of.floating, of.motions)]  # frozen values
-    return state, contacts, options, problem.newton, springs, clock.depth
+    return state, contacts, options, problem.equations.newton, springs, clock.depth
 
 
 def are_equal(one, other):
@@ -193,7 +193,7 @@ def test_a_model_hierarchy_may_be_interrupted_anywhere(check):
     push[1] = -0.02
     problem.solve()
     push[:] = (0.02, -0.03)
-    start = problem.adequacy.snapshot()
+    start = problem.equations.adequacy.snapshot()
     interrupt_at_random(problem, lambda: (start(), problem.solve()), seed=1, times=6)
 
 

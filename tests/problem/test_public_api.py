@@ -35,6 +35,12 @@ def test_public_names_are_few():
     assert len(fm.__all__) <= 50  # with the results of a pair and the state, for annotations
 
 
+def test_public_names_of_a_problem_are_few_and_documented():
+    names = [name for name in dir(fm.ContactProblem) if not name.startswith("_")]
+    assert "equations:" in inspect.getdoc(fm.ContactProblem) and len(names) <= 15
+    assert all(inspect.getdoc(getattr(fm.ContactProblem, name)) for name in names)
+
+
 RESULTS = [
     "AdequacyReport",
     "Certificate",

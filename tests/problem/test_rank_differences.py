@@ -99,7 +99,7 @@ def test_pairs_conditions_and_forms_that_differ_on_one_rank_are_refused():
 def test_option_that_is_set_later_and_differs_on_one_rank_is_refused(what):
     scene = small_blocks()
     if what == "newton":
-        scene.problem.newton = fm.NewtonOptions(max_iterations=either(30, 1))
+        scene.problem.equations.newton = fm.NewtonOptions(max_iterations=either(30, 1))
     else:
         scene.contact.c_n = either(1e-3, 1e-2)
     with refused(fm.MortarError, f"{what}.* is .* on rank 0 and .* on rank"):

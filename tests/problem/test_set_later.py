@@ -100,6 +100,6 @@ def test_fraction_of_the_error_to_mark_is_checked(part):
 @pytest.mark.parametrize("newton", [None, {"max_iterations": 3}, fm.NewtonOptions])
 def test_invalid_newton_options_are_refused(newton):
     scene = small_blocks()
-    scene.problem.newton = newton
+    scene.problem.equations.newton = newton
     with refused(ValueError, "newton=.*: expected an instance of NewtonOptions"):
         scene.problem.solve()

@@ -247,7 +247,7 @@ def main(words):
         scene, sizes = make()
         row = row_of(scene, sizes, contact=contact)
         bad += bool(row.weak) or row.apart > 1e-10
-        if scene.problem.comm.rank == 0:
+        if scene.problem.equations.comm.rank == 0:
             print(f"| {name} | {row.pairs} | {row.apart:.0e} | {row.slope:.2f} | {row.rounding} |")
             for weak in row.weak:
                 print("  weak:", *weak)

@@ -65,6 +65,20 @@ def test_laws(law, parameter, degree):
     check(scene, QUANTITIES["function"], names, sizes, step=STEP)
 
 
+def test_law_that_changes_between_the_steps():
+    """Each step is linearized with the law of its own solve."""
+    law = fm.Coulomb(0.3)
+    scene = blocks(law, places=SLIDE[:3:2])
+    move = scene.move
+
+    def move_and_wear(place):
+        law.mu = 0.1 + 0.1 * abs(place[0])
+        move(place)
+
+    scene.move = move_and_wear
+    check(scene, TotalForce(0, (1.0, 0.3)), ["E"], [10.0], over_steps=total, step=STEP)
+
+
 @pytest.mark.once
 @pytest.mark.parametrize("slip", ["partners", "operators"])
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])

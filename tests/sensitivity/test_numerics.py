@@ -60,8 +60,10 @@ def test_residual_left_is_the_error_of_the_objective(on):
         else:
             circle = fm.Circle((0.52, 1.8), 0.8)
             scene = obstacle_on_block(circle, fm.Coulomb(0.3), places=ROLL[:1], **inexact)
-        scene.problem.newton = replace(
-            scene.problem.newton, residual_tolerance=tolerance, increment_tolerance=tolerance
+        scene.problem.equations.newton = replace(
+            scene.problem.equations.newton,
+            residual_tolerance=tolerance,
+            increment_tolerance=tolerance,
         )
         report = by_numerics(FORCE, scene.solve())
         values.append(report.value)

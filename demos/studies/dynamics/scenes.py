@@ -60,7 +60,7 @@ class Scene:
         """Mean displacement along x (0) or y (1) of all bodies [length]."""
         one = fem.Constant(self.data.mesh, 1.0)
         forms = (fem.form(f * ufl.dx) for f in (self.u[component], one))
-        value, area = (self.problem.comm.allreduce(fem.assemble_scalar(f)) for f in forms)
+        value, area = (self.problem.equations.comm.allreduce(fem.assemble_scalar(f)) for f in forms)
         return value / area
 
     def set_velocity(self, motion: fm.Dynamics, velocities: dict[str, Sequence[float]]) -> None:

@@ -94,11 +94,11 @@ def set_prescribed(values: Array, bcs: list[Any]) -> None:
 
     ``fem.set_bc`` of an array became ``DirichletBC.set``; 0.9 has both and deprecates the first.
     """
-    for bc in bcs:
-        if hasattr(bc, "set"):
+    if all(hasattr(bc, "set") for bc in bcs):
+        for bc in bcs:
             bc.set(values)
-        else:
-            fem.set_bc(values, [bc])
+    else:
+        fem.set_bc(values, bcs)
 
 
 def prescribed_value(bc: Any) -> Array:

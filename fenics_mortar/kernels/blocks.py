@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: MIT
+"""Dense blocks of sparse matrices: rows of the contact law, derivatives of forces, entries."""
+
+from fenics_mortar.kernels import kernel
+
+
+@kernel
+def expand_rows(directions, nodes, values, rows, expanded):
+    """Expand one row per node to two rows along a direction.
+
+    Args:
+        directions: Direction at each node, shape (n, 2).
+        nodes: Nodes of the rows, shape (b, r).
+        values: Blocks, shape (b, r, c).
+        rows: Numbers 2 j + component, shape (b, 2 r); filled.
+        expanded: Blocks, shape (b, 2 r, c); filled.
+    """
+    for b in range(values.shape[0]):
+        for r in range(values.shape[1]):
+            j = nodes[b, r]
+            for a in range(2):
+                rows[b, 2 * r + a] = 2 * j + a
+                for q in range(values.shape[2]):
+                    expanded[b, 2 * r + a, q] = directions[j, a] * values[b, r, q]
+
+
+@kernel
+def weigh_derivatives(dX, which, nodes, z, sign, values):
+    """Derivatives of the forces X^T z on the nodes of segments, at fixed z.
+
+    Args:
+        dX: Derivatives of D or M of each segment or pair of segments, shape (p, K, K, c) [1].
+        which: Segment whose multipliers act, shape (p,).
+        nodes: Slave nodes of each segment, shape (n, K).
+        z: Multipliers, shape (slave nodes, 2) [stress].
+        sign: Factor of the result [1].
+        values: Rows 2 k + component for node k of the segment, shape (p, 2 K, c) [stress]; filled.
+    """
+    for p in range(dX.shape[0]):
+        for k in range(dX.shape[2]):
+            for a in range(2):
+                for q in range(dX.shape[3]):
+                    total = 0.0
+                    for j in range(dX.shape[1]):
+                        total += dX[p, j, k, q] * z[nodes[which[p], j], a]
+                    values[p, 2 * k + a, q] = sign * total
+
+
+@kernel
+def linearize_law(
+    scaled, rho, rho_gap, rho_slip, rho_n, rho_tau, n, dn, z, gap_vectors, A_z, rhs, by_gap, change
+):
+    """Add a linearized row of the contact law, -``scaled`` times rho, at all slave nodes.
+
+    Derivatives with respect to gaps follow from ``by_gap``; ``change`` has those due to the
+    rotation of n and tau, with d(tau . v) = v_y dn_x - v_x dn_y.
+
+    Args:
+        scaled: Weighted directions of the row, shape (n, 2) [length].
+        rho: Residual of the law, shape (n,) [stress].
+        rho_gap: Its derivative by the gap, shape (n,).
+        rho_slip: Its derivative by the slip, shape (n,).
+        rho_n: Its derivative by z_n, shape (n,).
+        rho_tau: Its derivative by z_tau, shape (n,).
+        n: Normals, shape (n, 2).
+        dn: Their derivatives, shape (n, 2, c) [1 / length].
+        z: Multipliers, shape (n, 2) [stress].
+        gap_vectors: Gap vectors, whose tangential part is the slip, shape (n, 2) [length].
+        A_z: Derivatives by z, shape (n, 2, 2); changed.
+        rhs: Right-hand sides, shape (n, 2); changed.
+        by_gap: Derivatives by the gap, with the sign of rho, shape (n, 2); changed.
+        change: Derivatives by positions, shape (n, 2, c); filled.
+    """
+    for j in range(n.shape[0]):
+        x = rho_tau[j] * -n[j, 1] + rho_n[j] * n[j, 0]
+        y = rho_tau[j] * n[j, 0] + rho_n[j] * n[j, 1]
+        constant = rho[j] - (x * z[j, 0] + y * z[j, 1])
+        along_x = rho_tau[j] * z[j, 1] + rho_n[j] * z[j, 0] + rho_slip[j] * gap_vectors[j, 1]
+        along_y = -rho_tau[j] * z[j, 0] + rho_n[j] * z[j, 1] - rho_slip[j] * gap_vectors[j, 0]
+        for a in range(2):
+            A_z[j, a, 0] -= scaled[j, a] * x
+            A_z[j, a, 1] -= scaled[j, a] * y
+            rhs[j, a] += scaled[j, a] * constant
+            by_gap[j, a] += scaled[j, a] * rho_gap[j]
+            for q in range(dn.shape[2]):
+                rotation = along_x * dn[j, 0, q] + along_y * dn[j, 1, q]
+                change[j, a, q] = -scaled[j, a] * rotation
+
+
+@kernel
+def gather_forces(
+    D, facets, slave_rows, M, slave, master, master_rows, Z, A_z, owned, acts, numbers, i, j, v
+):
+    """Gather the entries of -B^T Z - A_z Z; return their number.
+
+    Entries of B^T Z that are zero are left out.
+
+    Args:
+        D: Slave matrices of facets, shape (f, K, K) [length].
+        facets: Slave nodes of the facets, shape (f, K).
+        slave_rows: Rows of the slave nodes' dofs, shape (slave nodes, 2).
+        M: Master matrices of segments, shape (n, K, K) [length].
+        slave: Slave nodes of the segments, shape (n, K).
+        master: Master nodes of the segments, shape (n, K).
+        master_rows: Rows of the master nodes' dofs, shape (master nodes, 2).
+        Z: Diagonal of Z, zero where no multiplier acts, shape (slave nodes, 2) [1 / length].
+        A_z: Shape (slave nodes, 2, 2) [length].
+        owned: Slave nodes owned by this rank, shape (k,).
+        acts: Whether a multiplier acts, shape (slave nodes,), bool.
+        numbers: Numbers of the multipliers, shape (slave nodes,).
+        i: Rows of the entries, shape (2 D.size + 2 M.size + 4 k,); filled.
+        j: Columns of the entries, of that shape; filled.
+        v: Values of the entries, of that shape; filled.
+    """
+    count = 0
+    for e in range(D.shape[0]):
+        for p in range(D.shape[1]):
+            for k in range(D.shape[2]):
+                for c in range(2):
+                    value = D[e, p, k] * Z[facets[e, p], c]
+                    if value != 0.0:
+                        i[count] = slave_rows[facets[e, k], c]
+                        j[count] = 2 * numbers[facets[e, p]] + c
+                        v[count] = -value
+                        count += 1
+    for s in range(M.shape[0]):
+        for p in range(M.shape[1]):
+            for l in range(M.shape[2]):
+                for c in range(2):
+                    value = M[s, p, l] * Z[slave[s, p], c]
+                    if value != 0.0:
+                        i[count] = master_rows[master[s, l], c]
+                        j[count] = 2 * numbers[slave[s, p]] + c
+                        v[count] = value
+                        count += 1
+    for p in owned:
+        if acts[p]:
+            for a in range(2):
+                for c in range(2):
+                    i[count], j[count] = slave_rows[p, a], 2 * numbers[p] + c
+                    v[count] = -A_z[p, a, c] * Z[p, c]
+                    count += 1
+    return count
+
+
+@kernel
+def pack_rows(rows, columns, values, counts, packed_rows, starts, packed_columns, packed_values):
+    """Append the nonzero entries of blocks to a list of sparse rows.
+
+    Rows without entries are dropped, as are rows and columns of -1.
+
+    Args:
+        rows: Shape (b, r).
+        columns: Shape (b, c).
+        values: Shape (b, r, c).
+        counts: Numbers of rows and entries so far, shape (2,); increased.
+        packed_rows: Number of each row in the matrix; filled.
+        starts: Entries of row p are starts[p]:starts[p + 1], the first start is set; filled.
+        packed_columns: Columns of the entries; filled.
+        packed_values: Values of the entries; filled.
+    """
+    row, entry = counts
+    for b in range(values.shape[0]):
+        for r in range(values.shape[1]):
+            if rows[b, r] >= 0:
+                for c in range(values.shape[2]):
+                    if values[b, r, c] != 0.0 and columns[b, c] >= 0:
+                        packed_columns[entry] = columns[b, c]
+                        packed_values[entry] = values[b, r, c]
+                        entry += 1
+                if entry > starts[row]:
+                    packed_rows[row] = rows[b, r]
+                    row += 1
+                    starts[row] = entry
+    counts[0], counts[1] = row, entry
+
+
+@kernel
+def pack_sparse(numbers, offsets, columns, values, counts, packed_rows, starts, packed_columns,
+                packed_values):  # fmt: skip
+    """As ``pack_rows``, for a sparse matrix.
+
+    Args:
+        numbers: Number of each row, shape (r,).
+        offsets: Entries of row p are offsets[p]:offsets[p + 1], shape (r + 1,).
+        columns: Columns of the entries.
+        values: Values of the entries.
+        counts: See ``pack_rows``.
+        packed_rows: See ``pack_rows``.
+        starts: See ``pack_rows``.
+        packed_columns: See ``pack_rows``.
+        packed_values: See ``pack_rows``.
+    """
+    row, entry = counts
+    for r in range(numbers.shape[0]):
+        for e in range(offsets[r], offsets[r + 1]):
+            if values[e] != 0.0:
+                packed_columns[entry] = columns[e]
+                packed_values[entry] = values[e]
+                entry += 1
+        if entry > starts[row]:
+            packed_rows[row] = numbers[r]
+            row += 1
+            starts[row] = entry
+    counts[0], counts[1] = row, entry

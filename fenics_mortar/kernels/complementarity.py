@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: MIT
+"""Nodal fields of a contact, its active set and its residual, node by node.
+
+==========  ==========================================================================
+symbol      meaning, at slave node j
+==========  ==========================================================================
+g, w        weighted gap and weight; the mean gap is g / w
+D           diagonal entry of D
+z_n, z_tau  normal and tangential part of the multiplier, with tau = (-n_y, n_x)
+a           adhesion at the mean gap, zero without one
+==========  ==========================================================================
+"""
+
+import numpy as np
+
+from fenics_mortar.kernels import kernel
+
+
+@kernel
+def tabulate_gaps(g, w, diagonal, areas, carries, least, covered, mean):
+    """Find the covered nodes and their mean gaps.
+
+    Args:
+        g: Weighted gaps, shape (n,) [length^2].
+        w: Weights, shape (n,) [length].
+        diagonal: Diagonal entries of D, shape (n,) [length].
+        areas: Nodal areas, shape (n,) [length].
+        carries: Whether a node carries a multiplier, shape (n,), bool.
+        least: Smallest diagonal entry over the nodal area of a covered node [1].
+        covered: Whether a node carries a multiplier and has a partner, (n,), bool; filled.
+        mean: Mean gaps, zero at other nodes, shape (n,) [length]; filled.
+    """
+    for j in range(g.shape[0]):
+        covered[j] = carries[j] and diagonal[j] > least * areas[j]
+        mean[j] = g[j] / w[j] if covered[j] else 0.0
+
+
+@kernel
+def split_multipliers(n, z, z_n, z_tau):
+    """Fill z_n and z_tau (n,) [stress] from normals and multipliers (n, 2)."""
+    for j in range(z.shape[0]):
+        z_n[j] = n[j, 0] * z[j, 0] + n[j, 1] * z[j, 1]
+        z_tau[j] = n[j, 0] * z[j, 1] - n[j, 1] * z[j, 0]
+
+
+@kernel
+def update_sets(
+    gap, covered, z_n, z, n, a, attracted, keeps_shear, c_n, modulus, foundation, lengths, touching,
+    x, digits, before, active, new,
+):  # fmt: skip
+    """Update the active set, and the multipliers of open nodes by the law.
+
+    Nodes with z_n + a > c_n (k / l) g are active; z_n + a = 0 at open nodes under adhesion. A node
+    is unchanged if both terms are rounding, of the modulus k or of the largest coordinate.
+
+    Args:
+        gap: Gap that contact closes, zero at uncovered nodes, shape (n,) [length].
+        covered: Whether a node carries a multiplier and has a partner, shape (n,), bool.
+        z_n: Normal part of the multipliers, shape (n,) [stress].
+        z: Multipliers, shape (n, 2) [stress].
+        n: Normals, shape (n, 2).
+        a: Adhesion, shape (n,) [stress].
+        attracted: Open nodes under adhesion, shape (n,), bool.
+        keeps_shear: Whether such nodes keep z_tau.
+        c_n: Weight of the gap [1].
+        modulus: Stiffness k of the bulk, shape (n,) [stress].
+        foundation: k / l, shape (n,) [stress / length].
+        lengths: Lengths l of the nodes, shape (n,) [length].
+        touching: Gap over l up to which nodes are active in any case [1].
+        x: Positions of the nodes, shape (n, 2) [length].
+        digits: Rounding [1].
+        before: Last active set, shape (n,), bool.
+        active: Shape (n,), bool; filled.
+        new: Multipliers: z of active nodes, else -a n and possibly z_tau tau, (n, 2); filled.
+
+    Returns:
+        Whether the active set changes, and whether multipliers do.
+    """
+    largest = np.abs(x).max()
+    resets = moves = False
+    for j in range(gap.shape[0]):
+        push = 0.0 if attracted[j] else z_n[j] + a[j]
+        closes = push - c_n * foundation[j] * gap[j] > 0.0
+        if abs(push) <= digits * modulus[j] and abs(gap[j]) <= digits * largest:
+            closes = before[j]
+        active[j] = covered[j] and (closes or gap[j] <= touching * lengths[j])
+        resets = resets or active[j] != before[j]
+        shear = 0.0
+        if attracted[j] and keeps_shear:
+            shear = n[j, 0] * z[j, 1] - n[j, 1] * z[j, 0]
+        new[j, 0] = z[j, 0] if active[j] else -a[j] * n[j, 0] - shear * n[j, 1]
+        new[j, 1] = z[j, 1] if active[j] else -a[j] * n[j, 1] + shear * n[j, 0]
+        moves = moves or new[j, 0] != z[j, 0] or new[j, 1] != z[j, 1]
+    return resets, moves
+
+
+@kernel
+def measure_rows(gap, lengths, stiffness, diagonal, opening, tangential, active, attracted):
+    """Measure the normal and tangential rows of a contact as forces.
+
+    The rows are k g of active nodes, D (z_n + a) of open nodes under adhesion, and D rho of both.
+
+    Args:
+        gap: Gap that contact closes, shape (n,) [length].
+        lengths: Lengths of the nodes, shape (n,) [length].
+        stiffness: Stiffness k of the bulk, shape (n,) [stress].
+        diagonal: Diagonal entries of D, shape (n,) [length].
+        opening: z_n + a, shape (n,) [stress].
+        tangential: Residual rho of the law, shape (n,) [stress].
+        active: Active set, shape (n,), bool.
+        attracted: Open nodes under adhesion, shape (n,), bool.
+
+    Returns:
+        Sum of the squares of all rows [stress^2 length^2], and the largest gap of an active node
+        over its length [1].
+    """
+    squares = largest = 0.0
+    for j in range(gap.shape[0]):
+        if active[j]:
+            squares += (stiffness[j] * gap[j]) ** 2
+            largest = max(largest, abs(gap[j]) / lengths[j])
+        elif attracted[j]:
+            squares += (diagonal[j] * opening[j]) ** 2
+        if active[j] or attracted[j]:
+            squares += (diagonal[j] * tangential[j]) ** 2
+    return squares, largest
+
+
+@kernel
+def tabulate_frame(n, diagonal, areas, stiffness, active, attracted, normal, idle, along, opening):
+    """Fill the weights of the rows of a contact, zero at nodes without such a row.
+
+    Args:
+        n: Normals, shape (n, 2).
+        diagonal: Diagonal entries of D, shape (n,) [length].
+        areas: Nodal areas, shape (n,) [length].
+        stiffness: Stiffness k of the bulk, shape (n,) [stress].
+        active: Active set, shape (n,), bool.
+        attracted: Open nodes under adhesion, shape (n,), bool.
+        normal: n k / D of gaps, shape (n, 2) [stress / length]; filled.
+        idle: Nodal areas of multipliers that do not act, shape (n,) [length]; filled.
+        along: tau D of the law, shape (n, 2) [length]; filled.
+        opening: n D of open nodes under adhesion, shape (n, 2) [length]; filled.
+    """
+    for j in range(n.shape[0]):
+        acts = diagonal[j] if active[j] or attracted[j] else 0.0
+        opens = diagonal[j] if attracted[j] else 0.0
+        closes = stiffness[j] / diagonal[j] if active[j] else 0.0
+        idle[j] = 0.0 if active[j] or attracted[j] else areas[j]
+        for a in range(2):
+            normal[j, a], opening[j, a] = closes * n[j, a], opens * n[j, a]
+        along[j, 0], along[j, 1] = -acts * n[j, 1], acts * n[j, 0]

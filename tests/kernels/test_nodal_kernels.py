@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: MIT
+"""Kernels of nodal fields, sets, forces and blocks, against numpy and against their definition."""
+
+import numpy as np
+import pytest
+
+from fenics_mortar.kernels import blocks, complementarity, coupling, forces, multiplier_nodes
+
+RNG = np.random.default_rng(3)
+N = 5  # slave nodes
+
+
+def unit_normals():
+    angle = RNG.uniform(0.0, 6.0, N)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def tangents(n):
+    return np.stack([-n[:, 1], n[:, 0]], axis=1)
+
+
+def test_gaps_are_means_of_covered_nodes():
+    diagonal, carries = np.array([1.0, 1.0, 1e-12]), np.array([True, False, True])
+    covered, mean = np.empty(3, bool), np.empty(3)
+    complementarity.tabulate_gaps(
+        np.array([2.0, 3.0, 4.0]), np.full(3, 4.0), diagonal, np.ones(3), carries, 1e-9, covered,
+        mean,
+    )  # fmt: skip
+    assert covered.tolist() == [True, False, False] and mean.tolist() == [0.5, 0.0, 0.0]
+
+
+def test_multipliers_are_split_along_normal_and_tangent():
+    n, z = unit_normals(), RNG.normal(size=(N, 2))
+    z_n, z_tau = np.empty((2, N))
+    complementarity.split_multipliers(n, z, z_n, z_tau)
+    assert np.abs(z_n[:, None] * n + z_tau[:, None] * tangents(n) - z).max() < 1e-14
+
+
+@pytest.mark.parametrize("gap, z_n, a, before, covered, active", [
+    (0.1, 1.0, 0.0, False, True, True),  # 1 > 5 * 0.1
+    (0.3, 1.0, 0.0, True, True, False),
+    (0.1, 1.0, 0.0, True, False, False),
+    (1e-14, 1e-14, 0.0, True, True, True),  # both are rounding: unchanged
+    (1e-14, 1e-14, 0.0, False, True, False),
+    (0.3, -2.0, 2.0, False, True, False),  # adhesion, open
+    (-0.1, -2.0, 2.0, False, True, True),  # adhesion, overlapping
+    (-0.1, -2.0, 1.0, True, True, False),  # pulled off: -1 < -0.5
+])  # fmt: skip
+def test_active_set(gap, z_n, a, before, covered, active):
+    """One node with c_n = 1, modulus 5 and length 1; normal along y."""
+    n, new, found = np.array([[0.0, 1.0]]), np.empty((1, 2)), np.empty(1, bool)
+    z = np.array([[0.5, z_n]])
+    attracted = np.array([a > 0.0 and not before])
+    resets, moves = complementarity.update_sets(
+        np.array([gap]), np.array([covered]), np.array([z_n]), z, n, np.array([a]), attracted,
+        True, 1.0, np.array([5.0]), np.array([5.0]), np.ones(1), -np.inf, np.ones((1, 2)), 1e-12,
+        np.array([before]), found, new,
+    )  # fmt: skip
+    assert found[0] == active and resets == (active != before)
+    expected = z[0] if active else [0.5 * attracted[0], -a]
+    assert new[0].tolist() == pytest.approx(expected) and moves == (new != z).any()
+
+
+def test_touching_nodes_are_active_at_the_start():
+    n, new, active = np.array([[0.0, 1.0]] * 2), np.empty((2, 2)), np.empty(2, bool)
+    none, one = np.zeros(2), np.ones(2)
+    complementarity.update_sets(
+        np.array([0.01, 0.02]), one > 0.0, none, np.zeros((2, 2)), n, none, one < 0.0, False, 1.0,
+        one, one, one, 0.015, n, 1e-12, one < 0.0, active, new,
+    )  # fmt: skip
+    assert active.tolist() == [True, False]
+
+
+def test_frame_and_size_of_rows():
+    """An active node, an open one under adhesion, an idle one."""
+    n, diagonal, areas = unit_normals()[:3], np.array([2.0, 3.0, 4.0]), np.array([5.0, 6.0, 7.0])
+    active, attracted = np.array([True, False, False]), np.array([False, True, False])
+    (normal, along, opening), idle = np.empty((3, 3, 2)), np.empty(3)
+    complementarity.tabulate_frame(
+        n, diagonal, areas, np.full(3, 8.0), active, attracted, normal, idle, along, opening
+    )
+    assert np.abs(normal - np.array([[4.0], [0.0], [0.0]]) * n).max() < 1e-14
+    assert np.abs(along - np.array([[2.0], [3.0], [0.0]]) * tangents(n)).max() < 1e-14
+    assert np.abs(opening - np.array([[0.0], [3.0], [0.0]]) * n).max() < 1e-14
+    assert idle.tolist() == [0.0, 0.0, 7.0]
+    squares, largest = complementarity.measure_rows(
+        np.array([-0.5, 1.0, 2.0]), np.full(3, 0.25), np.full(3, 8.0), diagonal, np.full(3, 0.1),
+        np.full(3, 10.0), active, attracted,
+    )  # fmt: skip
+    assert squares == pytest.approx(4.0**2 + 20.0**2 + 0.3**2 + 30.0**2) and largest == 2.0
+
+
+def test_multiplier_nodes_stay_after_many_changes():
+    """The first node has little cover, and its neighbour much."""
+    cover, sides = np.array([0.01, 1.0]), np.array([[-1, 0], [1, -1]])
+    new, helped = np.empty((2, 2), bool)
+    for changes, count in ((0, 1), (4, 0)):
+        changed = multiplier_nodes.choose(
+            cover, np.ones(2, bool), sides, 0.05, np.ones(2, bool), np.array([changes, 0]), 4, new,
+            helped,
+        )  # fmt: skip
+        assert changed == count and new.tolist() == [not count, True]
+    assert helped.tolist() == [True, False]
+
+
+def test_forces_are_products_with_D_and_M():
+    facets, slave, master = np.array([[0, 1], [1, 2]]), np.array([[0, 1]]), np.array([[1, 0]])
+    D, M, z = RNG.normal(size=(2, 2, 2)), RNG.normal(size=(1, 2, 2)), RNG.normal(size=(3, 2))
+    on_slave, on_master = np.zeros((3, 2)), np.zeros((2, 2))
+    forces.add_contact_forces(D, M, z, facets, slave, master, on_slave, on_master)
+    expected = np.zeros((3, 2))
+    np.add.at(expected, facets, np.einsum("ejk,ejc->ekc", D, z[facets]))
+    assert np.abs(on_slave - expected).max() < 1e-14
+    assert np.abs(on_master[[1, 0]] + M[0].T @ z[:2]).max() < 1e-14
+
+
+def test_forces_are_summed_and_measured():
+    bulk, contact, prescribed = RNG.normal(size=6), RNG.normal(size=4), np.arange(6) % 2 == 1
+    factors, total = np.array([1.0, 2.0, 3.0, 4.0]), np.empty(4)
+    free, on_contact, reactions = forces.add_forces(bulk, contact, factors, prescribed, total)
+    assert np.abs(total - (bulk[:4] + contact)).max() == 0.0
+    squares = (factors * total) ** 2
+    assert free == pytest.approx(squares[::2].sum())
+    assert reactions == pytest.approx(squares[1::2].sum())
+    assert on_contact == pytest.approx(contact @ contact)
+
+
+def test_rows_are_expanded_and_derivatives_weighed():
+    nodes, values, directions = (
+        np.array([[0, 2], [2, 1]]),
+        RNG.normal(size=(2, 2, 3)),
+        unit_normals(),
+    )
+    rows, expanded = np.empty((2, 4), np.int64), np.empty((2, 4, 3))
+    blocks.expand_rows(directions, nodes, values, rows, expanded)
+    assert rows.tolist() == [[0, 1, 4, 5], [4, 5, 2, 3]]
+    expected = np.einsum("bja,bjq->bjaq", directions[nodes], values).reshape(2, 4, 3)
+    assert np.abs(expanded - expected).max() < 1e-14
+    dX, which, z = RNG.normal(size=(3, 2, 2, 6)), np.array([0, 1, 0]), RNG.normal(size=(N, 2))
+    weighed = np.empty((3, 4, 6))
+    blocks.weigh_derivatives(dX, which, nodes, z, -2.0, weighed)
+    expected = -2.0 * np.einsum("pjkq,pjc->pkcq", dX, z[nodes[which]]).reshape(3, 4, 6)
+    assert np.abs(weighed - expected).max() < 1e-14
+
+
+def test_linearized_law_is_the_derivative_of_the_law():
+    """Of rho = u z_n + g z_tau + z_n z_tau, u = tau . v, by complex step in normals and in z."""
+    n, z, v, gap = unit_normals(), *RNG.normal(size=(2, N, 2)), RNG.normal(size=N)
+    dn, scaled = RNG.normal(size=(N, 2, 6)), RNG.normal(size=(N, 2))
+
+    def parts(n, z):
+        tau = np.stack([-n[:, 1], n[:, 0]], axis=1)
+        return [(a * b).sum(axis=1) for a, b in ((tau, v), (n, z), (tau, z))]
+
+    def rho(n, z):
+        u, z_n, z_tau = parts(n, z)
+        return u * z_n + gap * z_tau + z_n * z_tau
+
+    u, z_n, z_tau = parts(n, z)
+    row = rho(n, z), z_tau, z_n, u + z_tau, gap + z_n
+    A_z, rhs, by_gap, change = np.zeros((N, 2, 2)), *np.zeros((2, N, 2)), np.empty((N, 2, 6))
+    blocks.linearize_law(scaled, *row, n, dn, z, v, A_z, rhs, by_gap, change)
+    for q in range(6):
+        derivative = np.imag(rho(n + 1e-30j * dn[:, :, q], z)) / 1e-30
+        assert np.abs(change[:, :, q] + scaled * derivative[:, None]).max() < 1e-13
+    for c in range(2):
+        derivative = np.imag(rho(n, z + 1e-30j * np.eye(2)[c])) / 1e-30
+        assert np.abs(A_z[:, :, c] + scaled * derivative[:, None]).max() < 1e-13
+    at_z = scaled * row[0][:, None] + np.einsum("jac,jc->ja", A_z, z)
+    assert np.abs(rhs - at_z).max() < 1e-13
+    assert np.abs(by_gap - scaled * z_tau[:, None]).max() < 1e-14
+
+
+def test_entries_of_condensed_forces():
+    """-B^T Z - A_z Z of two nodes on one facet, of which one acts, with one master node each."""
+    D, M = np.array([[[2.0, 0.0], [0.0, 3.0]]]), np.array([[[1.0, 0.5], [0.0, 2.0]]])
+    facets, numbers, acts = np.array([[0, 1]]), np.array([1, 0]), np.array([True, False])
+    Z, A_z = np.array([[0.5, 0.25], [0.0, 0.0]]), np.arange(8.0).reshape(2, 2, 2)
+    slave_rows, master_rows = np.arange(4).reshape(2, 2), 4 + np.arange(4).reshape(2, 2)
+    i, j = np.empty((2, 24), np.int32)
+    v = np.empty(24)
+    count = blocks.gather_forces(
+        D, facets, slave_rows, M, facets, facets, master_rows, Z, A_z, np.arange(2), acts, numbers,
+        i, j, v,
+    )  # fmt: skip
+    found, expected = np.zeros((8, 4)), np.zeros((8, 4))
+    np.add.at(found, (i[:count], j[:count]), v[:count])
+    for c in range(2):
+        expected[c, 2 + c] = -D[0, 0, 0] * Z[0, c]
+        expected[[4 + c, 6 + c], 2 + c] = M[0, 0] * Z[0, c]
+    expected[:2, 2:] -= A_z[0] * Z[0]
+    assert np.abs(found - expected).max() < 1e-15
+    assert count == 2 + 4 + 4
+
+
+def test_blocks_and_sparse_rows_are_packed():
+    rows, columns = np.array([[7, -1, 8]]), np.array([[2, -1, 3]])
+    values = np.array([[[1.0, 2.0, 0.0], [3.0, 4.0, 5.0], [0.0, 6.0, 0.0]]])
+    numbers, starts, places = np.empty(9, int), np.zeros(10, int), np.empty(9, int)
+    counts, packed = np.zeros(2, np.int64), np.empty(9)
+    blocks.pack_rows(rows, columns, values, counts, numbers, starts, places, packed)
+    assert counts.tolist() == [1, 1]  # the last row has a value in column -1 only
+    offsets = np.array([0, 1, 3])
+    blocks.pack_sparse(
+        np.array([4, 5]), offsets, np.array([1, 2, 6]), np.array([0.0, 7.0, 8.0]), counts, numbers,
+        starts, places, packed,
+    )  # fmt: skip
+    assert counts.tolist() == [2, 3] and numbers[:2].tolist() == [7, 5]
+    assert starts[:3].tolist() == [0, 1, 3] and places[:3].tolist() == [2, 2, 6]
+    assert packed[:3].tolist() == [1.0, 7.0, 8.0]
+
+
+def test_only_acting_multipliers_need_room_in_the_pattern():
+    known = np.array([0 * 4 + 1, 0 * 4 + 2, 0 * 4 + 3])  # facet of node 0 with master nodes 1, 2
+    slave, master = np.array([[0, 1], [1, 2]]), np.array([[1, 2], [2, 0]])
+    acting = np.array([True, False, False])
+    assert coupling.are_known(known, slave, master, acting, 3)
+    assert not coupling.are_known(known, slave, master, ~acting, 3)
+    assert not coupling.are_known(known[:0], slave, master, acting, 3)

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: MIT
+"""The strip along contact surfaces: products of its solutions, and reuse of the cycle."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from scenes import pressed_blocks
+
+comm = MPI.COMM_WORLD
+MESH = {"n_upper": 12, "n_lower": 20, "layers_upper": 12, "layers_lower": 12}
+
+
+def solved(**problem):
+    """Multigrid and matrix after a solve."""
+    scene = pressed_blocks(problem={"solver": "iterative", **problem}, **MESH)
+    scene.loads["push"].value[1] = -0.05
+    scene.problem.solve()
+    system = scene.problem.equations.system
+    return system.solver.multigrid, system.matrix, scene
+
+
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+def test_products_with_solutions_of_the_strip_need_only_its_neighbourhood(algorithm):
+    multigrid, A, _ = solved(algorithm=algorithm)
+    strip = multigrid._strip
+    strip.factor(A)
+    assert strip._columns.getInfo(True)["nz_used"] < 0.7 * A.getInfo(True)["nz_used"]
+    b, x = A.createVecLeft(), A.createVecRight()
+    first, end = A.getOwnershipRange()
+    b.array[:] = np.cos(np.arange(first, end) ** 2.0)
+    strip.solve(b, x)
+    whole, rest = A.createVecLeft(), b.copy()
+    A.mult(x, whole)
+    strip.subtract_product(x, rest)
+    assert (b - whole - rest).norm() < 1e-12 * b.norm()
+    A.multTranspose(b, whole)
+    b.copy(rest)
+    strip.subtract_transposed(b, rest)
+    left = (b - whole - rest).array_r[strip._solved]
+    assert np.abs(left).max(initial=0.0) < 1e-12 * whole.norm()
+
+
+def test_cycle_is_kept_while_a_small_share_of_the_active_nodes_changes():
+    multigrid, _, scene = solved()
+    active = scene.problem.equations.contacts[0].active
+    assert active.sum() >= 10
+    multigrid._excess, multigrid._sets = 0.0, [active.copy()]
+    multigrid._sets[0][np.flatnonzero(active)[:2]] = False
+    assert not multigrid._is_outdated()
+    multigrid._sets[0][:] = False
+    assert multigrid._is_outdated()
