@@ -117,7 +117,7 @@ def table(rows: Sequence[Row]) -> str:
         cells += ["-"] * 4 if seconds is None else [f"{seconds:.2f}", f"{iterations:.0f}"]
         if seconds is not None:
             cells += [off(value, right[name]) for value, name in zip(values, NUMBERS[2:])]
-        lines.append([*cells, row["linear solver"].split(" (predicted")[0]])
+        lines.append([*cells, row["linear solver"].split(" (")[0]])
     head = "scene | unknowns | code | CPU [s] | iterations | force off [%] | pressure off [%]"
     return markdown(f"{head} | solver", 3, lines)
 
