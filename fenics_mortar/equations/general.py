@@ -240,10 +240,9 @@ class ContactEquations:
         residual = self.residual
         goal = self.newton.residual_tolerance * residual.force
         solver = self.system.solver
-        sets = self._set_record
-        solver.forcing = forcing(sets.residuals, goal, residual.force, sets.num_changed)
+        solver.forcing = forcing(self._set_record.residuals, goal)
         is_driven = bool(self.motions.obstacles and self.motions.driven.any())
-        solver.same_step = len(sets.residuals) > 1 and not is_driven
+        solver.same_step = len(self._set_record.residuals) > 1 and not is_driven
         x, motion = self.system.step(residual.distance), NO_MOTION
         if self.motions.obstacles:
             x, motion = self.motions.solve(x, self.system, self.stiffest, residual.force)

@@ -163,6 +163,8 @@ class Predictor:
             best = (np.inf, None, here)
         if self._evaluated is not best[2]:
             self._residual_at(best[2])
+        if problem.floating.bodies or problem.motions.obstacles:
+            problem.put(best[2])  # with its own sets, on which rigid moves before the solve depend
         return best[1]
 
     def _find_guesses(self, step: float) -> list[tuple[_Kind, State]]:

@@ -54,12 +54,6 @@ def test_results_are_those_of_the_direct_solver(slave, degree, pair):
     assert largest(z[0] - z[1]) < 1e-8 * largest(z[0])
 
 
-@pytest.fixture
-def five_digits(monkeypatch):
-    """Linear solves to five digits: from three, eight are extrapolated with errors of a fifth."""
-    monkeypatch.setattr("fenics_mortar.equations.general.forcing", lambda *_: 5e-6)
-
-
 def pressed(k, upper, lower, inclination, basis="dual"):
     """Linear iterations for eight digits, mean of three; k facets along the slave."""
     mesh = {"n_upper": k, "n_lower": 2 * k, "layers_upper": k, "layers_lower": k}
@@ -92,7 +86,6 @@ def pressed(k, upper, lower, inclination, basis="dual"):
 
 
 @pytest.mark.once
-@pytest.mark.usefixtures("five_digits")
 @pytest.mark.parametrize(
     "upper, lower, inclination, basis",
     [

@@ -47,9 +47,9 @@ def test_estimates_are_within_a_factor_of_the_true_error(push, strain, sliding):
 def test_check_changes_neither_state_nor_later_steps():
     problem, _ = blocks((0.05, -0.1), sliding="small")
     alone, _ = blocks((0.05, -0.1), sliding="small")
-    alone._adequacy = None
+    alone.equations.adequacy = None
     before = problem.state()
-    problem._adequacy.assess(problem)
+    problem.equations.adequacy.assess(problem)
     after = problem.state()
     assert np.array_equal(before.u, after.u) and np.array_equal(
         before.interfaces[0].z, after.interfaces[0].z

@@ -112,7 +112,7 @@ def test_mesh_error_and_model_error_are_separate():
 def test_hierarchy_continues_after_a_failed_model(monkeypatch):
     """A cheap model without solution has no effect."""
     (full, push, _), (problem, same_push, _) = hierarchy_path(), hierarchy_path(tolerance=0.5)
-    hierarchy = problem._adequacy._hierarchy
+    hierarchy = problem.equations.adequacy._hierarchy
     models = [hierarchy._model, *hierarchy._models]
     hierarchy._models = iter(models[1:])
     assert len(models) == 2

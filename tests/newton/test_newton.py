@@ -7,15 +7,7 @@ import numpy as np
 import pytest
 
 import fenics_mortar as fm
-from fenics_mortar.newton.loop import (
-    MAX_FORCING,
-    UNSETTLED_FORCING,
-    Status,
-    Step,
-    forcing,
-    period_of,
-    solve,
-)
+from fenics_mortar.newton.loop import MAX_FORCING, Status, Step, forcing, period_of, solve
 from fenics_mortar.newton.report import Iteration, NewtonReport, merge_repeated
 from fenics_mortar.rigid import proximal
 
@@ -165,24 +157,6 @@ def test_table_is_markdown_with_a_row_per_iteration():
 def test_forcing_term_is_valid_for_all_residuals(residuals, goal):
     """Without loads all residuals are zero; contact may begin between two iterations."""
     assert 0.0 < forcing(residuals, goal) <= MAX_FORCING
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize(
-    "residuals, force, num_changed, expected",
-    [
-        ([1e3, 1.0], 2.0, 50, UNSETTLED_FORCING),  # the next iteration changes the sets again
-        ([1e3, 1.0], 1e-3, 50, MAX_FORCING),  # accurate forces, though the residual is larger
-        ([1e3, 1.0], 1e-1, 50, 0.1 * UNSETTLED_FORCING),
-        ([2.0, 1.0], 2.0, 2, 2.0 * MAX_FORCING),  # sets may settle
-        ([2e-2, 1e-2], 1.0, 2, 100.0 * MAX_FORCING),
-        ([1.0, 1e-4], 1.0, 0, 1e-9),  # second order
-    ],
-)
-def test_linear_tolerance_depends_on_the_sets_and_on_forces(
-    residuals, force, num_changed, expected
-):
-    assert forcing(residuals, 1e-12, force, num_changed) == pytest.approx(expected)
 
 
 class Springs:
