@@ -69,14 +69,10 @@ def run(n):
     u, v, r = fem.Function(V), ufl.TestFunction(V), ufl.SpatialCoordinate(data.mesh)[0]
     stress = strain(u, r) + nu / (1 - 2 * nu) * ufl.tr(strain(u, r)) * ufl.Identity(3)
     residual = 2 * np.pi * r * E / (1 + nu) * ufl.inner(stress, strain(v, r)) * ufl.dx(degree=3)
-    conditions = (
-        (["ball/left", "flat/left"], 0.0, 0),
-        ("ball/top", push, 1),
-        ("flat/bottom", 0.0, 1),
-    )
+    given = (["ball/left", "flat/left"], 0.0, 0), ("ball/top", push, 1), ("flat/bottom", 0.0, 1)
     pair = fm.ContactPair(data, "ball/bottom", "flat/top", sliding="small")
     options = {"geometry": "axisymmetric", "petsc_options_prefix": "ball_"}
-    options["bcs"] = [fm.dirichlet(V, data, *condition) for condition in conditions]
+    options["bcs"] = [fm.dirichlet(V, data, *condition) for condition in given]
     problem = fm.ContactProblem(residual, u, [pair], **options)
     contact, r, rows = problem.contacts[0], problem.contacts[0].positions[:, 0], []
     for push.value in np.linspace(-0.0004, -0.0008, 9):

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from demos.studies.accuracy.peer import given
+from demos.studies.accuracy.peer import given_hertz
 from demos.studies.accuracy.posed import ELEMENTS, Choice
 from demos.studies.accuracy.report import cost, rate, rate_beside
 from demos.studies.accuracy.scenes_exact import HALF_SIDE, hertz
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.serial
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_arrays_define_the_problem(element):
     posed = hertz(8, Choice(element))
-    problem = given(posed)
+    problem = given_hertz(posed)
     corners = 3 if element[0] == "P" else 4
     x = problem.x[problem.cells[:, :corners]]
     following = np.roll(x, -1, axis=1)

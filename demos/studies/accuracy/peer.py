@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from demos.studies.accuracy.norms import bulk_errors, contact_errors
-from demos.studies.accuracy.posed import Choice
+from demos.studies.accuracy.posed import Choice, Posed
 from demos.studies.accuracy.report import SIZES, Row, peer_table, write
 from demos.studies.accuracy.scenes_exact import hertz
 from demos.studies.common import lame
@@ -133,6 +133,14 @@ def given(problem: Any, body: np.ndarray, E: float, nu: float, **options: Any) -
     )
 
 
+def given_hertz(posed: Posed) -> Given:
+    """Arrays of a posed problem of Hertz."""
+    mu, lmbda = posed.lame
+    body = posed.data.cell_tags.find(posed.data.body_tag(posed.slave))
+    nu = lmbda / (2 * (lmbda + mu))
+    return given(posed.problem, body, 2 * mu * (1 + nu), nu)
+
+
 def prescribed(problem: Any) -> np.ndarray:
     """Present prescribed values, shape (n, 2) [length], 0 where there are none."""
     bulk = problem.equations.bulk
@@ -152,10 +160,7 @@ def areas(problem: Given) -> np.ndarray:
 def measure(name: str, pose: Pose, n: int, element: str, graded: bool, repeats: int) -> Row:
     """Pose and solve ``repeats`` times after a warm-up; errors, median seconds of the processor."""
     posed = hertz(n, Choice(element), graded=graded)
-    mu, lmbda = posed.lame
-    body = posed.data.cell_tags.find(posed.data.body_tag(posed.slave))
-    nu = lmbda / (2 * (lmbda + mu))
-    problem = given(posed.problem, body, 2 * mu * (1 + nu), nu)
+    problem = given_hertz(posed)
     answer, seconds = pose(problem)(problem.values), []
     for _ in range(repeats):
         begin = time.process_time()
