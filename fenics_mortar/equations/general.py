@@ -24,7 +24,6 @@ from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
-from fenics_mortar.equations.evaluated import Evaluated
 from fenics_mortar.equations.linearized import Tangent
 from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.options import EQUATIONS
@@ -90,7 +89,6 @@ class ContactEquations:
         last_converged: Whether the last solve ended in the present state.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
         system: The linear system; has to be set before the first ``advance``.
-        evaluated: Evaluation with ``start=True`` that the next one need not repeat, or ``None``.
         adequacy: An ``AdequacyCheck`` that follows each solve, or ``None``.
         reduced_tangent: Returns solves by factors of a linear bulk, or ``None`` (collective).
 
@@ -128,7 +126,6 @@ class ContactEquations:
         lengths = [float(contact.slave.lengths.min()) for contact in contacts]
         self._shortest_facet: float = min(lengths, default=0.0)
         self._loose: list[FloatingBody] = []
-        self.evaluated: Evaluated | None = None
         self.adequacy: Any = None
         self.reduced_tangent: Callable[[], Tangent | None] = no_tangent
 
@@ -152,9 +149,6 @@ class ContactEquations:
 
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
-        evaluated, self.evaluated = self.evaluated, None
-        if start and evaluated is not None and evaluated.is_of(self.state(), self.comm):
-            return evaluated.status
         self.bulk.assemble_residual()
         if self.floating.bodies:
             self.floating.add_spring_forces()

@@ -15,13 +15,6 @@ class EquationOptions:
         same_direction: Two changes are considered equal if they differ by at most this fraction of
             their size [1], or by 30 degrees for equal sizes. Applied to motions of the contacts on
             a body, and to loads of two solves.
-        same_phase: Largest distance of a motion of contact from whole facets [facet lengths] after
-            which a step is repeated: the measured centre of a contact varies by a tenth of a facet
-            from step to step. If no step begins as near, contact is extrapolated.
-        recent_steps: Number of last steps of which one may be repeated, and of states that are
-            kept for it: with four, four fifths of all sliding speeds repeat a place on the facets.
-        max_losses: Number of lost comparisons in a row after which a kind of guess is compared only
-            every eighth step; the pause doubles from the second one on.
         max_guess_iterations: Number of iterations after which a guess is abandoned: more than any
             guess saves.
         max_residual_left: Largest ratio of the residual after the first iteration from linear
@@ -47,9 +40,6 @@ class EquationOptions:
 
     longest: float = 2.0
     same_direction: float = 0.5
-    same_phase: float = 0.15
-    recent_steps: int = 4
-    max_losses: int = 5
     max_guess_iterations: int = 8
     max_residual_left: float = 0.4
     at_rest: float = 1e-8

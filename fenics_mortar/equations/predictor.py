@@ -7,8 +7,7 @@ contact moves along a body by half a facet or more per step, in a frame that mov
 iteration. On straight parts of a path, linear extrapolation saves about one iteration per step;
 quadratic extrapolation does not save more, since states have kinks where nodes pass facets. If
 contact slides by whole facets with friction, linear extrapolation fails, and the moving frame saves
-two to seven iterations. If contact has moved by whole facets since the start of an earlier step,
-this step is repeated instead, see ``repeated_step``: one iteration fewer.
+two to seven iterations.
 
 The extrapolation is rejected if its residual is larger than at the last state, as where the path
 turns. It is abandoned if the first iteration from linear extrapolation hardly reduces the residual,
@@ -22,50 +21,41 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.steps import begin_step
-from fenics_mortar.equations.evaluated import Evaluated
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.moving_frame import MovingFrame
 from fenics_mortar.equations.options import EQUATIONS
-from fenics_mortar.equations.repeated_step import Point, repeat_step
 from fenics_mortar.equations.state import State
 from fenics_mortar.newton.report import NewtonReport, then_solve
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import NotConvergedError
+
+
+class Point(NamedTuple):
+    """An accepted state of the path, its time, and the positions of contacts on bodies."""
+
+    time: float
+    state: State
+    contact_centres: Array
 
 
 @dataclass
 class _Kind:
-    """A kind of guess: residual allowed after its first iteration [1], steps to be paused.
-
-    Attributes:
-        losses: Number of successive comparisons that another kind won.
-        waits: Number of steps in which it is not compared with another kind.
-    """
+    """A kind of guess: residual allowed after its first iteration [1], steps to be paused."""
 
     max_left: float
     pause: int = 0
     left: int = 0
-    losses: int = 0
-    waits: int = 0
 
     def failed(self) -> None:
         """Pause for twice as many steps as the last time."""
         self.left = self.pause = max(2 * self.pause, 1)
-
-    def compared(self, *, won: bool) -> None:
-        """Wait after two losses in a row for one step, then for two, four, at most eight."""
-        self.losses = 0 if won else min(self.losses + 1, EQUATIONS.max_losses)
-        self.waits = 2 ** (self.losses - 2) if self.losses > 1 else 0
-
-    def is_skipped(self) -> bool:
-        """Whether the kind is not compared in this step."""
-        self.waits = max(self.waits - 1, -1)
-        return self.waits >= 0
 
 
 class Predictor:
@@ -80,13 +70,12 @@ class Predictor:
         self._problem = problem
         self._frame = MovingFrame(problem)
         self.begin(time)
-        self._repeated = _Kind(np.inf)
         self._line, self._moving = _Kind(EQUATIONS.max_residual_left), _Kind(np.inf)
         self._used: _Kind | None = None
 
     def begin(self, time: float) -> None:
         """Set the present state as the first one of a path, at a time (collective)."""
-        self._path = deque([self._point(time)], maxlen=EQUATIONS.recent_steps + 1)
+        self._path = deque([self._point(time)], maxlen=2)
 
     @property
     def time(self) -> float:
@@ -119,13 +108,10 @@ class Predictor:
         """
         here = self._problem.state()
         kind = self._go_to_guess(time, here) if guesses else None
-        for other in (self._line, self._moving, self._repeated):
+        for other in (self._line, self._moving):
             other.left = max(other.left - (other is not kind), 0)
         self._used = kind or self._used
-        try:
-            report = solve() if kind is None else self._solve_from_guess(kind, here, solve)
-        finally:
-            self._problem.evaluated = None
+        report = solve() if kind is None else self._solve_from_guess(kind, here, solve)
         if not guesses:
             self._path = deque([self._path[-1]], self._path.maxlen)
         self._path.append(self._point(time))
@@ -137,7 +123,7 @@ class Predictor:
         In the guess floating bodies have to be supported by contact, and pairs under pressure have
         to remain under pressure; otherwise the solve would move bodies and obstacles rigidly before
         the first iteration. The present state is evaluated only if its distance from the prescribed
-        values does not exclude it. The last evaluation is that of the state returned to.
+        values does not exclude it.
         """
         problem = self._problem
         if len(self._path) < 2 or not problem.floating.supported_by_contact:
@@ -149,53 +135,43 @@ class Predictor:
         presses, smallest = self._under_pressure(), problem.residual.of_prescribed()
         found = list[tuple[float, _Kind, State]]()
         for kind, guess in guesses:
-            if found and kind.is_skipped():
-                continue
             places = np.where(problem.motions.driven, guess.places, here.places)
             guess = replace(guess, places=places).with_settings_of(here)
             guessed = self._residual_at(guess)
             if not (presses & ~self._under_pressure()).any():
                 found.append((guessed, kind, guess))
         best = min(found, key=itemgetter(0), default=(np.inf, None, here))
-        for _, kind, _ in found if len(found) > 1 else ():
-            kind.compared(won=kind is best[1])
         if best[0] >= smallest and best[0] >= self._residual_at(here):
             best = (np.inf, None, here)
-        if self._evaluated is not best[2]:
-            self._residual_at(best[2])
-        if problem.floating.bodies or problem.motions.obstacles:
-            problem.put(best[2])  # with its own sets, on which rigid moves before the solve depend
+        # with its own sets, on which rigid moves before the solve depend
+        go = problem.put if self._evaluated is best[2] else problem.restore
+        go(best[2])
         return best[1]
 
     def _find_guesses(self, step: float) -> list[tuple[_Kind, State]]:
-        """Guesses for a step of this length, except paused kinds; the last used kind is first."""
+        """Guesses for a step of this length, except paused kinds; the last used kind is last."""
         before, last = self._path[-2], self._path[-1]
         ratio, guesses = step / (last.time - before.time), list[tuple[_Kind, State | None]]()
         if not self._line.left:
             guesses.append((self._line, last.state.towards(before.state, -ratio)))
-        repeated = None if self._repeated.left else repeat_step(self._frame, self._path, step)
-        if repeated is not None:
-            guesses.append((self._repeated, repeated))
-        elif not self._moving.left:
+        if not self._moving.left:
             moved = last.contact_centres - before.contact_centres
             guess = self._frame.guess(last.state, before.state, moved, ratio)
             guesses.append((self._moving, guess))
         found = [(kind, guess) for kind, guess in guesses if guess is not None]
-        return sorted(found, key=lambda each: each[0] is not self._used)
+        return sorted(found, key=lambda each: each[0] is self._used)
 
     def _residual_at(self, state: State) -> float:
-        """Set a state and evaluate it; its residual, inf for inverted cells [stress length]."""
+        """Set and evaluate a state; its residual, inf for inverted cells [stress length]."""
         problem, self._evaluated = self._problem, state
         problem.put(state)
         for contact in problem.contacts:
             contact.start_step()
         if problem.bulk.inverted_cells()[0]:
             problem.evaluate_operators()
-            problem.evaluated = None
             return np.inf
-        status = problem.evaluate(start=True)
-        problem.evaluated = Evaluated(problem.state(), status)
-        return status.residual if np.isfinite(status.residual) else np.inf
+        residual = problem.evaluate(start=True).residual
+        return residual if np.isfinite(residual) else np.inf
 
     def _under_pressure(self) -> npt.NDArray[np.bool_]:
         """Marks of pairs under pressure, shape (contacts,), bool (local)."""

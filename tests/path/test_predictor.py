@@ -13,7 +13,6 @@ from test_stepping import MESH, ironing
 import fenics_mortar as fm
 from fenics_mortar.equations.moving_frame import MovingFrame
 from fenics_mortar.equations.predictor import Predictor
-from fenics_mortar.equations.repeated_step import Point, repeat_step
 
 FACET = 1 / 3  # of the block under the tool
 ROUGH = fm.Coulomb(0.1)
@@ -53,46 +52,6 @@ def test_sliding_by_facets_takes_fewer_iterations(law, facets):
     assert np.median(counts(guessed)[5:]) <= 5
     z, exact = (problem.equations.contacts[0].z for problem in (other, one))
     assert np.abs(z - exact).max() < 1e-8 * np.abs(exact).max()
-
-
-@pytest.mark.once
-@pytest.mark.serial
-def test_sliding_by_half_facets_repeats_every_second_step():
-    """Each step repeats the increment of the last step but one, a facet behind."""
-
-    def scene():
-        problem, set_loads = ironing()
-        half = FACET / 2
-        return problem, lambda step: set_loads(step / 3 if step <= 3 else 1 + (step - 3) * half)
-
-    (plain, one), (guessed, other) = paths(scene, 1.0, stop=15.0)
-    first = np.array([step.report.residuals[0] / step.report.force for step in guessed.steps])
-    # by extrapolation 4.8 iterations from 0.54
-    assert counts(guessed)[9:].mean() < 4.2 < counts(plain)[9:].mean()
-    assert np.median(first[9:]) < 0.3
-    z, exact = (problem.equations.contacts[0].z for problem in (other, one))
-    assert np.abs(z - exact).max() < 1e-8 * np.abs(exact).max()
-
-
-@pytest.mark.once
-def test_newton_begins_with_the_evaluation_of_its_guess(monkeypatch):
-    """Where prescribed values exclude the last state, one evaluation is that of the guess."""
-    problem, _, press = blocks_with_two_states()
-    equations, calls = problem.equations, []
-    assemble = equations.bulk.assemble_residual
-    monkeypatch.setattr(
-        equations.bulk, "assemble_residual", lambda: (calls.append(None), assemble())
-    )
-    report = press(3.0)
-    assert len(calls) == 1 + report.num_iterations
-    residual = report.residuals[0]
-    other, _, press = blocks_with_two_states()
-
-    def solve():
-        other.equations.evaluated = None  # evaluated again, with the same result
-        return other.solve()
-
-    assert press(3.0, solve).residuals[0] == pytest.approx(residual, rel=1e-9)
 
 
 def travelling(columns, degree):
@@ -140,34 +99,6 @@ def test_states_move_with_the_contact(degree):
     assert np.abs((guess.interfaces[0].z - right.interfaces[0].z)[inside]).max() < 1e-10
     assert frame.guess(last, before, 0.1 * moved, 2.0) is None
     assert frame.guess(last, before, np.nan * moved, 2.0) is None
-
-
-@pytest.mark.parametrize("degree", [1, 2])
-def test_step_is_repeated_after_whole_facets(degree):
-    """Waves that travel half a column per step: the increment of the last step but one."""
-    scene, s, state, (X, dofs, lower) = travelling(8, degree)
-    contact, frame = scene.contact, MovingFrame(scene.problem.equations)
-    on_slave = np.array([side.is_slave for side in frame._sides])[:, None]
-
-    def point(number, motion=0.5, time=None):
-        centres = np.where(on_slave, motion * number * s, 0.02 * number * s)
-        return Point(number if time is None else time, state(0.5 * number), centres)
-
-    path = [point(k) for k in range(4)]
-    guess, right, last = repeat_step(frame, path, 1.0), state(2.0), path[-1].state
-    inside, outside = (X[:, 0] - contact.slave.X[:, 0].min()) / s[0] > 1.1, lower
-    assert np.abs((guess.u - right.u)[dofs[lower & inside]]).max(initial=0.0) < 1e-10
-    change = path[2].state.u - path[1].state.u
-    outside = lower & ((X[:, 0] - contact.slave.X[:, 0].min()) / s[0] < 0.9)
-    for stays in (~lower, outside):
-        assert np.array_equal(guess.u[dofs[stays]], (last.u + change)[dofs[stays]])
-    on_surface = (contact.slave.X[:, 0] - contact.slave.X[:, 0].min()) / s[0] > 1.1
-    z, exact = guess.interfaces[0].z[on_surface], right.interfaces[0].z[on_surface]
-    assert np.abs(z - exact).max() < 1e-10
-    assert repeat_step(frame, path, 0.5) is None
-    assert repeat_step(frame, path[:2], 1.0) is None
-    assert repeat_step(frame, [point(k, motion=0.3) for k in range(3)], 1.0) is None
-    assert repeat_step(frame, [*path[:2], point(2, time=2.5), point(3, time=3.5)], 1.0) is None
 
 
 @pytest.mark.once
