@@ -168,10 +168,6 @@ class Bulk:
         self.num_patterns, self._num_growths = self.num_patterns + 1, 0
         self._K_includes_mass = False
 
-    def inertia_forces(self) -> Array:
-        """Inertia forces at the present displacement, (owned dofs,), in statics (0,) [force]."""
-        return np.empty(0) if self.inertia is None else self.inertia.forces(self.u.x.array)
-
     def free_garbage(self) -> None:
         """Free unreferenced PETSc objects, also those made from ``r`` and ``K`` (collective)."""
         garbage.free_garbage(self.comm, self.r, self.K)

@@ -84,7 +84,8 @@ class Residual:
             bulk.r.array_r, self.contact_force(), bulk.to_force, bulk.prescribed, self.total
         )
         moves = self._rows_of_prescribed(self.distance)
-        inertia = np.empty(0) if bulk.inertia is None else bulk.inertia_forces()
+        u = bulk.u.x.array
+        inertia = np.empty(0) if bulk.inertia is None else bulk.inertia.forces(u)
         sums = np.array(
             [free + moves @ moves, contact, reactions, inertia @ inertia, rows, rows**2]
         )
