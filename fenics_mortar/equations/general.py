@@ -234,7 +234,9 @@ class ContactEquations:
         residual = self.residual
         goal = self.newton.residual_tolerance * residual.force
         solver = self.system.solver
-        solver.forcing = forcing(self._set_record.residuals, goal)
+        may_be_loose = solver.multigrid is not None and self._set_record.num_changed
+        force = residual.force if may_be_loose else 0.0
+        solver.forcing = forcing(self._set_record.residuals, goal, force)
         is_driven = bool(self.motions.obstacles and self.motions.driven.any())
         solver.same_step = len(self._set_record.residuals) > 1 and not is_driven
         x, motion = self.system.step(residual.distance), NO_MOTION

@@ -17,6 +17,7 @@ from fenics_mortar.kernels.locate import box_triangles, interpolate
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.rounding import TINY
 
 # Triangles between the nodes of a cell, by the number of nodes; for their order see ``bulk.cells``.
 DIVISIONS = {
@@ -92,6 +93,21 @@ def triangulate(space: DisplacementSpace, mine: Indices) -> Triangles:
 
 
 def triangles_of(comm: MPI.Comm, X: Array, nodes: Indices) -> Triangles:
-    """Triangles between nodes at ``X`` (n, 2) [length], their ``nodes`` (t, 3) (local)."""
-    boxes = box_triangles(X, nodes) if len(nodes) else np.empty((0, 4))
-    return Triangles(comm, X, nodes, boxes)
+    """Triangles between nodes at ``X`` (n, 2) [length], their ``nodes`` (t, 3) (local).
+
+    A search takes O(log t) only if neighbours in the order are neighbours in space: triangles are
+    sorted along a Morton curve.
+    """
+    if not len(nodes):
+        return Triangles(comm, X, nodes, np.empty((0, 4)))
+    nodes = nodes[np.argsort(_morton_codes(X[nodes].mean(axis=1)), kind="stable")]
+    return Triangles(comm, X, nodes, box_triangles(X, nodes))
+
+
+def _morton_codes(points: Array) -> Indices:
+    """Numbers of points (n, 2) [length] along a Morton curve, (n,), int (local)."""
+    corner, size = points.min(axis=0), max(np.ptp(points, axis=0).max(), TINY)
+    codes = ((points - corner) / size * (2**16 - 1)).astype(np.int64)
+    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
+        codes = (codes | (codes << shift)) & mask  # a zero bit before each bit
+    return codes[:, 0] | (codes[:, 1] << 1)

@@ -59,16 +59,17 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.axes import quarter_turns, sliding_nodes, turned_axes
 from fenics_mortar.la.sparse import BlockMatrix, is_symmetric
 from fenics_mortar.la.strip import Strip, dofs_near
+from fenics_mortar.la.touching import touching_tangent
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import TINY
 
 # Excess iterations, so far and expected, after which the cycle is rebuilt. A new cycle costs as
 # much as ten to fifteen iterations but is used in several solves.
 MAX_EXCESS = 5
-# Excess iterations per solve of a cycle made for a different active set, over the share of active
+# Excess iterations per digit of a cycle made for a different active set, over the share of active
 # nodes that have changed since [1]. The cycle for the first three nodes in contact needs 7 to 15
 # more iterations for five digits with about a hundred active nodes, however many of them change.
-EXCESS_OF_OTHER_SET = 10
+EXCESS_OF_OTHER_SET = 2
 # Stiffness of motions outside the range of T over that of the node [1]: affects only the coarse
 # grids of the cycle, which would be too stiff with a large value.
 IDLE_STIFFNESS = 1e-2
@@ -102,6 +103,7 @@ class ContactPreconditioner:
         self._prefix = f"{prefix}cycle_"
         self._cycle: Any = None
         self._best, self._excess, self._sets = 0.0, 0.0, list[Flags]()
+        self.tolerance = 1e-5
 
     def setUp(self, pc: PETSc.PC) -> None:
         """Prepare for the present matrix and active sets, as PETSc calls it."""
@@ -128,7 +130,8 @@ class ContactPreconditioner:
         now = [contact.active for contact in self._contacts]
         changed = sum(int((a != b).sum()) for a, b in zip(now, self._sets, strict=True))
         share = changed / max(sum(int(active.sum()) for active in now), 1)
-        return self._excess + EXCESS_OF_OTHER_SET * share > MAX_EXCESS
+        expected = EXCESS_OF_OTHER_SET * share * -np.log10(self.tolerance)
+        return self._excess + expected > MAX_EXCESS
 
     def postSolve(self, pc: PETSc.PC, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Record the number of iterations of a solve, as PETSc calls it."""
@@ -161,15 +164,14 @@ class ContactPreconditioner:
 
     def _touching_tangent(self, A: PETSc.Mat) -> PETSc.Mat:
         """R^T L A T R."""
-        T_R, L_T_R = (self._turned(part.mat) for part in (self._motion, self._equations))
         first, _ = A.getOwnershipRange()
         dofs = PETSc.IS().createStride(self._bulk.num_owned, first, 1, comm=self._bulk.comm)
         tangent = A if self._condensed else A.createSubMatrix(dofs, dofs)
-        product = tangent.matMult(T_R)
-        B = L_T_R.transposeMatMult(product)
-        for matrix in (T_R, L_T_R, product, *([] if tangent is A else [tangent])):
-            matrix.destroy()
-        B.setBlockSize(self._bulk.space.block_size)  # large products on several ranks lose it
+        tangents = self._axes[self._bulk.space.owned_dofs[:, 0], :, 0]
+        transforms = self._motion.mat, self._equations.mat
+        B = touching_tangent(tangent, self._strip.dofs, *transforms, tangents)
+        if tangent is not A:
+            tangent.destroy()
         return B
 
     def _separate_sliding_bodies(self, B: PETSc.Mat) -> None:
@@ -181,12 +183,6 @@ class ContactPreconditioner:
                 master = contact.master.local_dofs[free, axis] + self._bulk.first
                 _leave_out(B, master, slave[:, axis])
                 _leave_out(B, slave[:, axis], master)
-
-    def _turned(self, transform: PETSc.Mat) -> PETSc.Mat:
-        """(1 + transform) R."""
-        whole = transform.matMult(self._R.mat)
-        whole.axpy(1.0, self._R.mat, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        return whole
 
     def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """One application, as PETSc calls it."""
@@ -293,8 +289,11 @@ def _nodes_near(bulk: Bulk, surface: Surface) -> Indices:
 
 
 def _leave_out(B: PETSc.Mat, rows: Indices, columns: Indices) -> None:
-    """Set entries in these rows and columns to zero: global numbers of those this rank owns."""
-    owned = [part.astype(PETSc.IntType) for part in (rows, columns)]
+    """Set entries in these rows and columns to zero: global numbers of those this rank owns.
+
+    PETSc needs ascending numbers: with others ``createSubMatrix`` fails on some ranks only.
+    """
+    owned = [np.sort(part).astype(PETSc.IntType) for part in (rows, columns)]
     block = B.createSubMatrix(*(PETSc.IS().createGeneral(numbers, B.comm) for numbers in owned))
     starts, numbers, values = block.getValuesCSR()
     everywhere = np.concatenate(B.comm.tompi4py().allgather(owned[1]))

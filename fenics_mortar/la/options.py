@@ -40,12 +40,12 @@ CYCLE = {
     "ksp_rtol": 1e-9,
     "ksp_max_it": 500,
     "pc_type": "hypre",
-    "pc_hypre_boomeramg_coarsen_type": "HMIS",
+    "pc_hypre_boomeramg_coarsen_type": "PMIS",
     "pc_hypre_boomeramg_interp_type": "ext+i",
     "pc_hypre_boomeramg_relax_type_down": "l1-Gauss-Seidel",
     "pc_hypre_boomeramg_relax_type_up": "backward-l1-Gauss-Seidel",
     "pc_hypre_boomeramg_no_CF": None,
-    "pc_hypre_boomeramg_strong_threshold": 0.5,
+    "pc_hypre_boomeramg_strong_threshold": 0.35,
     "pc_hypre_boomeramg_P_max": 4,
 }
 # The strip along the contact surfaces. Each rank factorizes all of it: this takes little time, and

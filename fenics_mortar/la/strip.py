@@ -34,6 +34,7 @@ class Strip:
         multipliers: Number of rows of multipliers after those of dofs; all are in the strip.
 
     Attributes:
+        dofs: Owned dofs of the strip, shape (n,).
         num_rows: Rows of the strip, summed over all ranks.
     """
 
@@ -43,7 +44,8 @@ class Strip:
         self._prefix, self._prescribed, self._comm = prefix, bulk.prescribed_dofs, bulk.comm
         rows = np.arange(bulk.num_owned, bulk.num_owned + multipliers)
         surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
-        self._rows = np.append(dofs_near(bulk, surfaces, LAYERS), rows)
+        self.dofs = dofs_near(bulk, surfaces, LAYERS)
+        self._rows = np.append(self.dofs, rows)
         self.num_rows = bulk.comm.allreduce(self._rows.size)
         self._solved = np.union1d(self._rows, self._prescribed)
         dofs = self._solved[self._solved < bulk.num_owned]

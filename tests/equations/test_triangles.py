@@ -97,3 +97,15 @@ def test_rank_without_cells_of_the_body_takes_part():
         X, cells = X[:0], cells[:0]
     found = carried(X, cells, np.array([0.1, 0.1]))
     assert found.shape == X.shape
+
+
+def test_boxes_are_small_if_neighbours_in_the_order_are_far_apart():
+    """Boxes of eight successive triangles; in the given order each covers most of the square."""
+    X, cells = square("triangle", 1, notch=False)
+    shuffled = np.random.default_rng(1).permutation(cells)
+    tree = triangles_of(comm, X, shuffled).boxes
+    leaves = len(tree) // 2
+    boxes = tree[leaves // 8 : leaves // 4]
+    boxes = boxes[np.isfinite(boxes).all(axis=1)]
+    areas = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1)
+    assert areas.mean() < 10 * 8 / (2 * N**2)

@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 
 import fenics_mortar as fm
-from fenics_mortar.newton.loop import MAX_FORCING, Status, Step, forcing, period_of, solve
+from fenics_mortar.newton.loop import (
+    FORCE_LEFT,
+    LOOSE_FORCING,
+    MAX_FORCING,
+    Status,
+    Step,
+    forcing,
+    period_of,
+    solve,
+)
 from fenics_mortar.newton.report import Iteration, NewtonReport, merge_repeated
 from fenics_mortar.rigid import proximal
 
@@ -157,6 +166,18 @@ def test_table_is_markdown_with_a_row_per_iteration():
 def test_forcing_term_is_valid_for_all_residuals(residuals, goal):
     """Without loads all residuals are zero; contact may begin between two iterations."""
     assert 0.0 < forcing(residuals, goal) <= MAX_FORCING
+    assert 0.0 < forcing(residuals, goal, force=2.0) <= LOOSE_FORCING
+
+
+@pytest.mark.serial
+def test_linear_residual_is_small_beside_the_reference_force():
+    """A prescribed motion dominates the first residual: a fraction of it exceeds all forces."""
+    first = forcing([1e6], 1e-10, force=1.0)
+    assert first == MAX_FORCING
+    further = forcing([1e6, 100.0, 50.0], 1e-10, force=1.0)
+    assert 50.0 * further == pytest.approx(FORCE_LEFT)
+    assert forcing([1e6, 1.0, 0.5], 1e-10, force=1.0) == LOOSE_FORCING
+    assert forcing([1e6, 1.0, 0.5], 1e-10) == MAX_FORCING
 
 
 class Springs:

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: MIT
+"""The tangent of bodies that remain in contact: the product of its five matrices."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from scenes import pressed_blocks
+
+import fenics_mortar as fm
+from fenics_mortar.la import multigrid
+
+comm = MPI.COMM_WORLD
+ADD = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 5, "layers_lower": 5}
+
+
+def checked(monkeypatch):
+    """Errors of the products of all cycles that are made from now on."""
+    errors, compute = [], multigrid.touching_tangent
+
+    def compared(A, near, motion, equations, tangents):
+        B = compute(A, near, motion, equations, tangents)
+        R = PETSc.Mat().createAIJ(A.getSizes(), nnz=2, comm=comm)
+        first, end = A.getOwnershipRange()
+        for i, t in zip(range(first, end, 2), tangents, strict=True):
+            R.setValues([i, i + 1], [i, i + 1], [t[0], -t[1], t[1], t[0]])
+        R.assemble()
+        T_R, L_T_R = motion.matMult(R), equations.matMult(R)
+        for matrix in (T_R, L_T_R):
+            matrix.axpy(1.0, R, ADD)
+        product = L_T_R.transposeMatMult(A.matMult(T_R))
+        size = product.norm()
+        product.axpy(-1.0, B, ADD)
+        errors.append(product.norm() / size)
+        return B
+
+    monkeypatch.setattr(multigrid, "touching_tangent", compared)
+    return errors
+
+
+@pytest.mark.parametrize(
+    "degree, basis, algorithm",
+    [(1, "dual", "condensed"), (2, "dual", "condensed"), (2, "dual", "saddle"),
+     (1, "standard", "saddle")],
+)  # fmt: skip
+def test_tangent_is_the_product_of_its_matrices(monkeypatch, degree, basis, algorithm):
+    errors = checked(monkeypatch)
+    problem = {"solver": "iterative", "algorithm": algorithm}
+    pair = {"basis": basis, "law": fm.Coulomb(0.3)}
+    scene = pressed_blocks(
+        degree=degree, pair=pair, problem=problem, offset=1.4, inclination=0.3, **MESH
+    )
+    scene.loads["push"].value[:] = (0.02, -0.05)
+    scene.problem.solve()
+    assert errors and max(errors) < 1e-15
+
+
+def test_rows_and_columns_may_be_given_in_any_order():
+    """PETSc's ``createSubMatrix`` fails on some ranks if columns of other ranks do not ascend."""
+    n, size = 6, comm.size
+    A = PETSc.Mat().createAIJ(((n, None), (n, None)), nnz=(n, n * size), comm=comm)
+    first = n * comm.rank
+    for i in range(first, first + n):
+        A.setValues([i], range(n * size), np.ones(n * size))
+    A.assemble()
+    rows, columns = first + np.array([4, 1]), first + np.array([5, 0, 3])
+    multigrid._leave_out(A, rows, columns)
+    expected = np.ones((n, n * size))
+    everywhere = np.concatenate(comm.allgather(columns))
+    expected[np.ix_(rows - first, everywhere)] = 0.0
+    assert (A[first : first + n, :] == expected).all()
