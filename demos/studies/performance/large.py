@@ -90,5 +90,11 @@ for depth in DEPTHS:
 show(f"| all | | | {iterations} | {clock:.1f} | {cpu:.1f} |\n")
 whole = sum(phases.values())
 show(", ".join(f"{phase} {100 * seconds / whole:.1f} %" for phase, seconds in phases.items()))
-show(f"peak {peak():.2f} GiB")
+memory = peak()
+show(f"peak {memory:.2f} GiB")
+if comm.rank == 0:
+    MEASURED.parent.mkdir(exist_ok=True)
+    with MEASURED.open("a") as file:
+        row = SOLVER, comm.size, size_of(problem), cpu / iterations, memory
+        csv.writer(file).writerow(row)
 # -
