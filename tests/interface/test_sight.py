@@ -54,12 +54,14 @@ class Scene:
         """Prescribe the motion of the condition with this number."""
         self.moved[number].x.array.reshape(-1, 2)[:] = x, y
 
-    def follow(self, way, steps):
-        """Follow ``way``, positions (k, 2) of the second condition at equal times."""
-        times = np.linspace(0.0, 1.0, len(way))
+    def follow(self, positions, steps):
+        """Move the second condition through ``positions`` (k, 2) at equal intervals of time."""
+        times = np.linspace(0.0, 1.0, len(positions))
 
         def set_loads(time):
-            self.move(1, *(np.interp(time, times, component) for component in np.transpose(way)))
+            self.move(
+                1, *(np.interp(time, times, component) for component in np.transpose(positions))
+            )
 
         return fm.follow_path(self.problem, set_loads, fm.SteppingOptions(1.0 / steps))
 

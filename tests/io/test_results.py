@@ -29,7 +29,7 @@ KINDS = {
     ("quad", 1): "quad",
     ("quad", 2): "quad9",
 }
-HELD = ("lower/bottom", "upper/top")
+FIXED = ("lower/bottom", "upper/top")
 SMALL = {"n_upper": 4, "n_lower": 6, "layers_upper": 4, "layers_lower": 3, "gap": 0.01}
 
 

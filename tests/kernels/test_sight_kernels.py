@@ -33,8 +33,8 @@ def box(low, high, width=1.0):
 
 def length(where, shape, x=0.4, down=False, own=0):
     """Length inside from a height, up or down."""
-    way = np.array([0.0, -1.0 if down else 1.0])
-    return length_inside(np.array([x, where]), way, shape, own, LEAST)
+    direction = np.array([0.0, -1.0 if down else 1.0])
+    return length_inside(np.array([x, where]), direction, shape, own, LEAST)
 
 
 def test_length_of_a_line_ends_at_the_body():

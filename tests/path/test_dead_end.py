@@ -22,14 +22,14 @@ def posed(scene):
     return pose_problem(scene, MPI.COMM_WORLD, pair={}, problem={})
 
 
-def cantilevers(way):
+def cantilevers(motion):
     """One is pushed past another: their tips separate at 0.551 of the displacement."""
     left = block(8, 1, width=1.0, height=0.1, corner=(-1.0, -0.1))
     right = block(7, 1, width=1.0, height=0.1, corner=(-0.05, 0.0))
     return Scene(
         bodies=[Body(Grid("left", left)), Body(Grid("right", right))],
         pairs=[("left/top", "right/bottom")],
-        supports=[Support(["left/left"]), Support(["right/right"], way)],
+        supports=[Support(["left/left"]), Support(["right/right"], motion)],
         steps=10,
     )
 

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 from array_meshes import blocks_of_arrays, problem_on
-from refusal import refused, refused_words
+from refusal import refused, refused_with_address
 from small_scenes import small_blocks
 from spoilt_law import rubbing_blocks
 
@@ -83,7 +83,7 @@ def test_state_of_another_problem_is_refused_and_nothing_changes():
 
 
 def test_variant_by_an_unknown_option_is_refused():
-    with refused_words(ValueError, "slidin='small': expected one of .*sliding"):
+    with refused_with_address(ValueError, "slidin='small': expected one of .*sliding"):
         small_blocks().problem.variant(slidin="small")
 
 

@@ -113,7 +113,7 @@ class Row:
     """Result of a scene; ``weak`` are the pairs with a slope below 1.9."""
 
     pairs: int = 0
-    apart: float = 0.0
+    difference: float = 0.0
     slope: float = np.inf
     rounding: int = 0
     weak: list = field(default_factory=list)
@@ -142,7 +142,9 @@ def row_of(scene, sizes, *, contact=True):
             parts = gradient.by_step[number]
             sums[i] = sum(abs(dot(scene.problem, control, abs(p), abs(direction))) for p in parts)
             found = dot(scene.problem, control, sum(parts), direction)
-            row.apart = max(row.apart, abs(found - tangent[i]) / (sums[i] + 1e-3 * units[i]))
+            row.difference = max(
+                row.difference, abs(found - tangent[i]) / (sums[i] + 1e-3 * units[i])
+            )
         rounding = 1e-11 * (len(path.steps) * np.maximum(units, abs(start)) + sums)
         slopes = slopes_of(scene, name, direction, several, start, tangent, rounding)
         row.pairs += len(several)
@@ -246,7 +248,7 @@ def main(words):
             continue
         scene, sizes = make()
         row = row_of(scene, sizes, contact=contact)
-        bad += bool(row.weak) or row.apart > 1e-10
+        bad += bool(row.weak) or row.difference > 1e-10
         if scene.problem.equations.comm.rank == 0:
             print(f"| {name} | {row.pairs} | {row.apart:.0e} | {row.slope:.2f} | {row.rounding} |")
             for weak in row.weak:

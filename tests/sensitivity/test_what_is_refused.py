@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 from one_rank import either, raised_on_the_last_rank, several_ranks
-from refusal import refused, refused_words
+from refusal import refused, refused_with_address
 from scenes import internal, neo_hookean
 from small_scenes import small_blocks
 
@@ -82,7 +82,7 @@ def test_numbers_of_quantities_and_functions_of_steps():
         (lambda values: (1.0, values, values), "expected a function"),
         (lambda values: (np.nan, values), "not finite"),
     ):
-        with refused_words(ValueError, message):
+        with refused_with_address(ValueError, message):
             fm.gradient(FORCE, MU, problem, over_steps=wrong)
     with refused(ValueError, "no such obstacle"):
         place = sensitivity.ObstaclePlace(fm.Circle((0.0, 0.0), 1.0))

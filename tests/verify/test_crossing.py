@@ -103,12 +103,12 @@ def test_self_crossing_of_an_unpaired_outline_is_reported():
     floor = mapped_grids.block(6, 2, width=2.0, height=0.3, corner=(-1.0, -0.92))
     data = read(mapped_grids.build, grids=[Grid("clip", shape), Grid("floor", floor)])
     V = fm.vector_space(data.mesh, 1)
-    u, apart = fem.Function(V), [fem.Constant(data.mesh, (x, 0.0)) for x in (0.2, -0.2)]
+    u, openings = fem.Function(V), [fem.Constant(data.mesh, (x, 0.0)) for x in (0.2, -0.2)]
     bcs = [fm.dirichlet(V, data, "floor/bottom", (0.0, 0.0))]
-    bcs += [fm.dirichlet(V, data, f"clip/{e}", c) for e, c in zip(("left", "right"), apart)]
+    bcs += [fm.dirichlet(V, data, f"clip/{e}", c) for e, c in zip(("left", "right"), openings)]
     problem = problem_of(data, [fm.ContactPair(data, "clip/bottom", "floor/top")], bcs, u)
     assert is_silent(problem.solve(accept_violations=True))
-    for value, constant in zip((0.9, -0.9), apart, strict=True):
+    for value, constant in zip((0.9, -0.9), openings, strict=True):
         constant.value[0] = value
     report = problem.solve(accept_violations=True)
     assert messages_with(report, "body 'clip' crosses itself") or messages_with(
