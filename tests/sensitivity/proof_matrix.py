@@ -136,7 +136,7 @@ def row_of(scene, sizes, *, contact=True):
     by_all = [fm.gradient(J, controls, path, over_steps=se.total) for J in several]
     for number, (name, control, direction) in enumerate(zip(names, made, along, strict=True)):
         given = [controls[number]], [direction], path
-        tangent = fm.tangent_linear(several, *given, over_steps=se.total).derivatives.sum(axis=0)
+        tangent = se.tangent_linear(several, *given, over_steps=se.total).derivatives.sum(axis=0)
         sums = np.zeros(len(several))
         for i, gradient in enumerate(by_all):
             parts = gradient.by_step[number]

@@ -30,7 +30,7 @@ def pressed(law=None):
 def test_a_state_of_other_loads_is_no_solution(changed):
     """Its derivatives would be wrong without indication, also those of a path recorded late."""
     scene = pressed()
-    path = fm.RecordedPath(scene.problem)
+    path = sensitivity.RecordedPath(scene.problem)
     path.record()
     if changed == "displacement":
         scene.u.x.array[:] *= 1.01
@@ -98,7 +98,9 @@ def test_arguments_of_one_rank():
     with raised_on_the_last_rank(ValueError, "the number of a pair"):
         fm.gradient(sensitivity.TotalForce(either(0, -1), (0.0, 1.0)), MU, problem)
     with raised_on_the_last_rank(ValueError, "the number of a pair"):
-        fm.tangent_linear(FORCE, sensitivity.LawParameter(either(0, -1), "mu"), 1.0, problem)
+        sensitivity.tangent_linear(
+            FORCE, sensitivity.LawParameter(either(0, -1), "mu"), 1.0, problem
+        )
     with refused(fm.MortarError, "quantities is", "all ranks need the same"):
         fm.gradient(sensitivity.TotalForce(0, either((0.0, 1.0), (1.0, 0.0))), MU, problem)
     assert fm.gradient(FORCE, MU, problem).value > 0.0
