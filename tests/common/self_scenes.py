@@ -181,7 +181,7 @@ def tube(pairs: Any, *, columns: int = 40, upright: bool = True, **options: Any)
 
 
 def flattened_tube(law: Any, *, steps: int = 20) -> tuple[Driven, Any]:
-    """A tube pressed flat between two planes, its inside in contact with itself; and the path."""
+    """A tube pressed flat between two planes until its inside touches itself, and the path."""
     planes = fm.Plane((0.0, 1.0), (0.0, -1.0)), fm.Plane((0.0, -1.0), (0.0, 1.0))
     names = {"top": "tube/inside", "bottom": "tube/outside"}
     shape = sector(64, 3, radii=(0.85, 1.0))

@@ -108,7 +108,7 @@ def num_prescribed(contact):
 @pytest.mark.once
 @pytest.mark.parametrize("upright", [True, False])
 def test_tube_pinched_until_its_inside_touches(upright):
-    """With the tube on its side, the roles change in the middle of the contact."""
+    """If the tube lies on its side, roles change in the middle of the contact."""
     pinched = tube(with_itself("tube/inside"), upright=upright)
     displacement = np.array([0.0, 0.88]) if upright else np.array([0.88, 0.0])
     pinched.move(12, high=-displacement, low=displacement)

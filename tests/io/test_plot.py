@@ -48,7 +48,7 @@ def test_plot_refuses_what_is_not_a_scalar(shared_path):
 
 
 def test_plot_shows_every_cell_once(shared_path, monkeypatch):
-    """Also on several ranks, where ghost cells must not be drawn twice."""
+    """Ghost cells of several ranks must not be drawn twice."""
     from fenics_mortar.io import picture
 
     drawn = []

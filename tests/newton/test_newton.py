@@ -182,7 +182,7 @@ class Springs:
 
 
 def test_record_of_a_failed_solve_with_springs_has_all_iterations(monkeypatch):
-    """It converges with springs, not without, and not with springs again."""
+    """The solve converges with springs, fails without them, and fails with springs again."""
     iteration = Iteration(1.0, 0.0, 0.0, 1.0, 0, 0, {})
     outcomes = iter([(5, True), (30, False), (7, False)])
 

@@ -24,7 +24,7 @@ import fenics_mortar as fm
     ],
 )
 def test_option_of_a_pair_that_is_set_after_the_problem_is_refused(name, value):
-    """It would have no effect, or an incomplete one."""
+    """Such a change would have no effect, or only a partial one."""
     scene = rubbing_blocks(fm.Coulomb(0.3))
     setattr(scene.contact.pair, name, value)
     with refused(fm.MortarError, f"{name} of ContactPair.* was set after .* new problem"):

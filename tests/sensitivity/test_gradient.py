@@ -199,7 +199,7 @@ def test_state_and_values_are_restored():
 
 
 def test_steps_contribute_the_derivatives_by_their_own_values():
-    """By the position of one step alone: the tangent-linear direction of that step."""
+    """Tangent-linear derivatives with respect to the position in one step only."""
     scene = blocks(fm.Coulomb(0.3), places=SLIDE[:3])
     path, push = scene.solve(), scene.controls["place"]
     gradient = fm.gradient(FORCE, push, path)

@@ -28,7 +28,7 @@ def pressed(law=None):
 
 @pytest.mark.parametrize("changed", ["displacement", "load", "law"])
 def test_a_state_of_other_loads_is_no_solution(changed):
-    """Its derivatives would be wrong without indication, also those of a path recorded late."""
+    """Derivatives would be silently wrong, as would those of a path that is recorded too late."""
     scene = pressed()
     path = sensitivity.RecordedPath(scene.problem)
     path.record()
@@ -93,7 +93,7 @@ def test_numbers_of_quantities_and_functions_of_steps():
 
 @several_ranks
 def test_arguments_of_one_rank():
-    """Its constructor raised there alone, and the other ranks waited in the next call."""
+    """The constructor raised on one rank only, and the others waited in the next call."""
     problem = pressed().problem
     with raised_on_the_last_rank(ValueError, "the number of a pair"):
         fm.gradient(sensitivity.TotalForce(either(0, -1), (0.0, 1.0)), MU, problem)

@@ -241,7 +241,7 @@ def test_prescribed_values_are_set_on_ghosts_too(component):
 
 @pytest.mark.serial
 def test_form_compiler_logs_nothing_and_leaves_the_root_logger_alone(tmp_path):
-    """In an empty cache, where everything is compiled."""
+    """The cache is empty, so that everything is compiled."""
     code = """
 import logging
 from mpi4py import MPI
