@@ -78,7 +78,7 @@ def assert_equal_tables(found, right):
 @pytest.mark.each
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("cell", CELLS)
-def test_bulk_files_hold_displacement_and_fields_of_every_step(shared_path, cell, degree):
+def test_bulk_files_contain_displacement_and_fields_of_every_step(shared_path, cell, degree):
     scene = pressed(cell, degree=degree)
     u, grad = scene.u, ufl.grad(scene.u)
     fields = {

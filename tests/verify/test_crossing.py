@@ -152,7 +152,7 @@ def test_passage_through_a_plate_is_reported(thickness, size):
     assert not report.certificate.crossings
     violations = "; ".join(messages_with(report, "went through body"))
     assert "nodes of 'block/" in violations
-    assert "in by 'plate/top' and out by" in violations
+    assert "entering at 'plate/top' and leaving at" in violations
     (height,) = re.findall(r"nodes of 'block/[^;]* one at \([^;]*?, (.*?)\) ended", violations)
     assert float(height) < -0.5  # present position of the node, below the plate
     report = problem.solve()  # it is beyond; no further passage

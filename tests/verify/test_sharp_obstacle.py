@@ -39,7 +39,7 @@ def test_block_on_a_tip_beside_its_centre_is_not_balanced(mu):
 
 
 @pytest.mark.parametrize("middle", [0.0, 0.03])
-def test_tips_do_not_hold_a_block_without_friction(middle):
+def test_tips_do_not_support_a_block_sideways_without_friction(middle):
     """The tips resisted a sideways force of 5 % of the weight, although without friction."""
     tips = tip(middle - 0.335, middle + 0.335)
     for pull in (0.0, 0.05):

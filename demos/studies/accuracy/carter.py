@@ -53,12 +53,12 @@ from demos.studies.accuracy.report import FOLDER, markdown
 from meshes.mapped_grids import Grid
 
 # Lengths over the half-width of the contact, stresses over E*
-R, FRICTION, PART = 1000.0, 0.3, 0.5  # Q by mu P
+R, FRICTION, PART = 1000.0, 0.3, 0.5  # Q over mu P
 FORCE = np.pi / (4 * R)
 FINE, SIZE, GROWTH = 3.5, 1000.0, 1.4
 DISTANCE = 4.0  # from -DISTANCE / 2 on
 FIXED = ("bottom", "left", "right")
-FACETS = (4, 8, 16, 32)  # by the half-width
+FACETS = (4, 8, 16, 32)  # over the half-width
 STEPS, SIZES = (0.25, 0.5, 1.0, 2.0), (50.0, 200.0, SIZE)
 
 

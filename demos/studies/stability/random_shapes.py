@@ -53,7 +53,7 @@ def shape_case(family: str, seed: int) -> ShapeCase:
 
 
 def _placed(rng: np.random.Generator, case: ShapeCase) -> ShapeCase:
-    """Turn, move and scale a scene; guides need directions along the axes."""
+    """Rotate, translate and scale a scene; guides need directions along the axes."""
     placement = draw_placement(
         rng, guided=any(prescribed.component is not None for prescribed in case.prescribed)
     )

@@ -90,7 +90,7 @@ def _loaded(rng: np.random.Generator, case: SupportedCase) -> SupportedCase:
 
 
 def _placed(rng: np.random.Generator, case: SupportedCase) -> SupportedCase:
-    """Turn, move and scale a scene; guides need directions along the axes."""
+    """Rotate, translate and scale a scene; guides need directions along the axes."""
     placement = draw_placement(
         rng, guided=any(prescribed.component is not None for prescribed in case.prescribed)
     )
