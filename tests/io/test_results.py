@@ -307,7 +307,7 @@ def test_path_of_rank_0_is_used(shared_path):
     assert not (shared_path / "rank1.pvd").exists()
 
 
-def test_table_shows_forces_that_cancel_and_push_the_bodies_apart():
+def test_table_shows_opposite_forces_that_separate_the_bodies():
     scene = pressed()
     scene.problem.solve()
     table = contact_table(scene.problem)

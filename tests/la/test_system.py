@@ -270,7 +270,7 @@ def test_petsc_options_of_the_prefix_reach_the_solver():
 
 @pytest.mark.once
 @pytest.mark.serial
-def test_deleted_problems_release_their_memory():
+def test_deleted_problems_free_their_memory():
     """Matrices and factors of one problem take 5 MB here; memory in use hardly grows."""
 
     def solve_and_forget():

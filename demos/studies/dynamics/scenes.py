@@ -170,7 +170,7 @@ def oscillator(
     """
     grid = Grid("block", block(2, 3, width=1.0, height=1.0))
     plane = fm.Plane((0.0, 0.0), (0.0, 1.0))
-    options = {"held": [("block/top", 1, -pressure / modulus)], "law": law, **options}
+    options = {"prescribed": [("block/top", 1, -pressure / modulus)], "law": law, **options}
     made = scene(
         [grid], [("block/bottom", plane)], modulus=modulus, nu=0.0, is_linear=True, **options
     )
