@@ -192,7 +192,7 @@ def test_thickness_of_tied_bodies_is_their_sum(coated):
 @pytest.mark.parametrize("slave", ["left", "right"])
 @pytest.mark.parametrize("outlines", [False, True])
 def test_beam_passes_a_beam(slave, outlines):
-    """Aside, down and back by little more than both are thick: it rests below, unloaded."""
+    """A detour aside, down by slightly more than both thicknesses, and back: unloaded below."""
     body = whole if outlines else Grid
     grids = [
         body("left", block(10, 1, width=1.0, height=0.1, corner=(-1.0, -0.1))),

@@ -160,7 +160,7 @@ def test_forcing_term_is_valid_for_all_residuals(residuals, goal):
 
 
 class Springs:
-    """Equations with springs, in name only."""
+    """Equations whose springs have no effect."""
 
     def __init__(self):
         self.springs = self

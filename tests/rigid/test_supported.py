@@ -36,7 +36,7 @@ def stays(scene, most=None):
 
 
 def gives_way(scene):
-    """The last step has no solution by limit analysis and by the package's message."""
+    """The last step has no solution according to limit analysis and to the package's message."""
     last = len(scene.path) - 1
     verdict, _ = scene.verdict(last)
     assert not verdict.feasible or verdict.factor < 1.0

@@ -24,7 +24,7 @@ from fenics_mortar.verify.estimate import ErrorEstimate
 from fenics_mortar.verify.tractions import interface_tractions
 from meshes import two_blocks
 
-# Blocks of unlike material with rollers on the left and below, free on the right
+# Blocks of different materials with rollers on the left and below, free on the right
 MESH = {"n_upper": 3, "n_lower": 5, "layers_upper": 2, "layers_lower": 3}
 # rounding by the number of dofs, the root of tiny squares included
 EXACT = 1e-7
