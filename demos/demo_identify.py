@@ -62,7 +62,7 @@ mu = fm.sensitivity.LawParameter(0, "mu")
 def misfit(parameters):  # and its derivatives by E / 100 and mu
     E.value, law.mu = 100 * parameters[0], parameters[1]
     problem.restore(unloaded)
-    path = fm.RecordedPath(problem)
+    path = fm.sensitivity.RecordedPath(problem)
     for slide in slides:
         push.value[:] = (slide, -0.02)
         problem.solve(predict=False)

@@ -63,20 +63,20 @@ problem = fm.ContactProblem(residual, u, [contact], bcs=bcs, petsc_options_prefi
 
 
 # +
-def move(way):
-    tool.value[:] = (max(way - 1.0, 0.0), -min(way, 1.0))
+def move(distance):
+    tool.value[:] = (max(distance - 1.0, 0.0), -min(distance, 1.0))
 
 
-def keep(way, report):
-    rows.append((way, *problem.equations.contacts[0].total_force, report.num_iterations))
-    if np.isclose(way, 6.0):
+def keep(distance, report):
+    rows.append((distance, *problem.equations.contacts[0].total_force, report.num_iterations))
+    if np.isclose(distance, 6.0):
         shown = {"label": "vertical compression [MPa]", "units": ("mm", "MPa")}
         fm.plot(problem, "results/ironing.png", stress=-(P * F.T / J)[1, 1], **shown)
 
 
 rows, options = [], fm.SteppingOptions(step)
 path = fm.follow_path(problem, move, options, stop=11.0, on_step=keep)
-way, H, V, iterations = np.abs(rows).T
+distance, H, V, iterations = np.abs(rows).T
 # -
 
 # ## Comparison
@@ -86,11 +86,11 @@ way, H, V, iterations = np.abs(rows).T
 # +
 positions = (1.0, 1.0, 6.0, 6.0)
 bands = (267.9, 332.0), (55.0, 71.0), (337.4, 421.0), (102.1, 188.8)
-found = [np.interp(x, way, force) for x, force in zip(positions, (V, H, V, H))]
+found = [np.interp(x, distance, force) for x, force in zip(positions, (V, H, V, H))]
 if comm.rank == 0:
     print(f"V, H: {np.round(found, 1)} N/mm; iterations a step: {np.median(iterations):g}")
     np.savetxt(f"results/ironing_{n:03.0f}.txt", np.abs(rows))
-    axes = Figure((7, 3.5), layout="tight").add_subplot(xlabel="way [mm]")
+    axes = Figure((7, 3.5), layout="tight").add_subplot(xlabel="distance [mm]")
     axes.set(ylabel="force [N/mm]", title="Shallow ironing: vertical (V) and horizontal (H) force")
     axes.vlines(positions, *np.transpose(bands), color="lightgray", lw=8, label="published")
     for file, line in zip(sorted(Path("results").glob("ironing_*.txt")), ("--", "-", ":")):
@@ -104,4 +104,4 @@ if comm.rank == 0:
 # ## Check
 
 assert all(low < force < high for force, (low, high) in zip(found, bands))
-assert path.num_cuts == 0 and np.median(iterations[way > 1.0]) <= 5
+assert path.num_cuts == 0 and np.median(iterations[distance > 1.0]) <= 5

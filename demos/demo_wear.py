@@ -3,9 +3,10 @@
 # This demo changes the shape of a surface from step to step, by `contact.offset`.
 #
 # ## Problem
-# A ring with a soft lining, a = 60 mm < r < b = 110 mm, is pressed on a turning disk by a force P.
-# By Archard's law it wears by the depth k p s, where s = 2 pi r is the sliding distance of a turn.
-# Handbooks have two formulas for the torque of a clutch. For a new one, with uniform pressure,
+# A ring with a soft lining, a = 60 mm < r < b = 110 mm, is pressed on a rotating disk by a force P.
+# By Archard's law it wears by the depth k p s, where s = 2 pi r is the sliding distance of one
+# revolution. Handbooks have two formulas for the torque of a clutch. For a new one, with uniform
+# pressure,
 #
 # T = 2/3 mu P (b^3 - a^3) / (b^2 - a^2),
 #
@@ -70,8 +71,8 @@ problem = fm.ContactProblem(residual, u, [pair], **options)
 # -
 
 # ## Wear
-# After each 100 turns the worn depth is removed from the surface. With many more turns per step the
-# pressure would oscillate between points that are worn too much and too little.
+# After every 100 revolutions the worn depth is removed from the surface. With many more in a step,
+# the pressure would oscillate between points that are worn too much and too little.
 
 # +
 contact, pressures, torques = problem.contacts[0], [], []

@@ -2,7 +2,7 @@
 """Mortar contact of deformable bodies at finite deformation for FEniCSx, in 2D.
 
 Apart from the public names, ``laws`` has base classes and helpers of contact laws, and
-``sensitivity`` has the controls and quantities of derivatives.
+``sensitivity`` has recorded paths, controls and quantities of derivatives.
 """
 
 if __name__ != "fenics_mortar":
@@ -42,8 +42,6 @@ from fenics_mortar.path.report import PathReport
 from fenics_mortar.path.stepping import follow_path
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.gradient import gradient
-from fenics_mortar.sensitivity.path_record import RecordedPath
-from fenics_mortar.sensitivity.tangent_linear import tangent_linear
 from fenics_mortar.utils.compat import mixed_space, vector_space
 from fenics_mortar.utils.errors import MeshError, MortarError, NotConvergedError, SurfaceError
 from fenics_mortar.verify.certificate import Certificate
@@ -81,7 +79,6 @@ __all__ = [
     "PathReport",
     "Plane",
     "Polygon",
-    "RecordedPath",
     "ResultsWriter",
     "SignedDistance",
     "Spline",
@@ -102,6 +99,5 @@ __all__ = [
     "plot",
     "read_gmsh",
     "save_state",
-    "tangent_linear",
     "vector_space",
 ]

@@ -22,7 +22,7 @@ from mpi4py import MPI  # noqa: E402
 import pytest  # noqa: E402
 from rank_failures import RankFailures  # noqa: E402
 
-# Without JIT a kernel takes a hundred times as long: one in this number of a test's cases is run.
+# Without JIT a kernel takes a hundred times as long: one of this many cases of a test is run.
 ONE_OF = 20
 # Cases of a test function in the short run; 0, as in a plain pytest: all, with the long tests.
 # Tests marked once are left out of the short run if it has one case, and on several ranks.

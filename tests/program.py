@@ -5,7 +5,7 @@
     /usr/bin/python3 tests/program.py dynamics_table          motions with known solutions
     /usr/bin/python3 tests/program.py self_contact_table      bodies that touch themselves
     /usr/bin/python3 tests/program.py supported_table [name]  supported by friction or adhesion
-    mpirun.openmpi -n 2 /usr/bin/python3 tests/program.py proof_matrix [words]  derivatives
+    mpirun.openmpi -n 2 /usr/bin/python3 tests/program.py proof_matrix [parts]  derivatives
 
 Each prints a table.
 """

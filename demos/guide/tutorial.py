@@ -1,7 +1,8 @@
 # # Step 1: two blocks
 #
-# The tutorial needs a dolfinx user and an hour. It is one script in five steps, of more than 350
-# lines, because each step uses the functions and objects of the steps before it. You will
+# The tutorial takes about an hour and assumes experience with dolfinx. It is one script in five
+# steps, of more than 350 lines, because each step uses functions and objects of the previous ones.
+# You will
 #
 # 1. press two elastic blocks together,
 # 2. give them finite strain and follow a load path in adaptive steps,
@@ -222,8 +223,8 @@ if comm.rank == 0:
 # force at the end [N/mm]: [0.617 23.666]
 # ```
 #
-# Few iterations are the effect of the exact tangent. Newton's method converges quadratically: the
-# number of correct digits doubles in each of the last iterations.
+# The number of iterations is small because the tangent is exact. Newton's method converges
+# quadratically: the number of correct digits doubles in each of the last iterations.
 
 if comm.rank == 0:
     last = path.steps[-1].report
@@ -309,11 +310,11 @@ if comm.rank == 0:
 # ![Shear force over time: it grows until all nodes slide](../pictures/tutorial_3_forces.png)
 #
 # `fm.Tresca(stress)` limits the shear by a constant, and a law may also have adhesion; step 5
-# writes one.
+# shows how to write a law.
 
 # # Step 4: was the model enough, is the mesh fine enough?
 #
-# Two questions belong to each result. Both have an answer that costs little beside the solve.
+# Each result raises two questions. The answers cost little compared with the solve.
 #
 # ## The model
 #
@@ -448,7 +449,7 @@ if comm.rank == 0:
 #
 # ## Are the derivatives right?
 #
-# `check_tangent` compares each derivative with differences of what it differentiates. A correct
+# `check_tangent` compares each derivative with differences of the function itself. A correct
 # derivative leaves a remainder of second order: halve the step, and the remainder falls to a
 # quarter.
 
@@ -489,7 +490,7 @@ if comm.rank == 0:
 # `linear_solve` solves with the converged tangent, or its transpose. The change of the solution
 # by a force on the bodies is one solve; the gradient of one number with respect to many
 # parameters is one transposed solve. Here: the displacement of the upper block's middle per unit
-# force on it, by both.
+# force on it, in both ways.
 
 # +
 dofs = fem.locate_dofs_geometrical(

@@ -140,8 +140,9 @@ class Fluxes:
         self._mesh.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
         if largest[0] > ROUNDING * largest[1]:
             raise MortarError(
-                "no error can be estimated with the gradient of another test function than that of "
-                "the displacement; expected constraints without it, e.g. (div(u) - p / kappa) * q"
+                "the error cannot be estimated: the residual has the gradient of a test function "
+                "other than that of the displacement; expected constraints such as "
+                "(div(u) - p / kappa) * q"
             )
 
     def moduli(self) -> tuple[Array, Array]:
@@ -210,14 +211,14 @@ def _integrands(residual: Any) -> tuple[dict[Subdomain, Any], dict[Subdomain, An
         )
         if kind not in found or number == "otherwise":
             raise MortarError(
-                f"no error can be estimated with an integral of kind {kind!r} over {number!r}; "
-                "expected integrals over cells and boundary"
+                f"the error cannot be estimated: the residual has an integral of kind {kind!r} "
+                f"over {number!r}; expected integrals over cells and boundary"
             )
         if number == "everywhere":
             tags = None
         elif not hasattr(tags, "find"):
             raise MortarError(
-                f"no error can be estimated with an integral over part {number} without MeshTags"
+                f"the error cannot be estimated: an integral over part {number} has no MeshTags"
             )
         group = found[kind]
         integrand, key = integral.integrand(), (number, tags)

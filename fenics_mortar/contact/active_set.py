@@ -35,21 +35,21 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, int]:
         z = np.where(presses[:, None], force / np.where(presses, o.weight, 1.0)[:, None], z)
     if z is not state.z:
         f = f.after(state.replaced(z=z, force_decided=None))
-    law, active, new = f.sides.pair.law, np.empty(len(o.n), bool), np.empty((len(o.n), 2))
+    law, active, new = f.interface.pair.law, np.empty(len(o.n), bool), np.empty((len(o.n), 2))
     resets, moves = complementarity.update_sets(
         f.covered_gap, f.covered, f.z_n, f.state.z, o.n, f.adhesion[0], f.attracted,
-        bool(law.bridges_gap), float(state.c_n), f.sides.modulus, f.sides.foundation,
+        bool(law.bridges_gap), float(state.c_n), f.interface.modulus, f.interface.foundation,
         f.nodal_lengths, KINK if start else -np.inf, o.x, LAST_DIGITS, before.active, active, new,
     )  # fmt: skip
     changes = {"active": active} if resets else {}
     if changes or moves:
         f = f.after(f.state.replaced(z=new, **changes))
-    branch = f.sides.law_calls.branch(law, f.nodal, before.branch, o.x)
+    branch = f.interface.law_calls.branch(law, f.nodal, before.branch, o.x)
     branched = branch != before.branch
     if branched.any():
         f = f.after(f.state.replaced(branch=branch))
     elif not resets:
         return f, 0
     ruled = f.acts if law.bridges_gap else active
-    changed = (active != before.active) | (ruled & f.sides.follows_law & branched)
+    changed = (active != before.active) | (ruled & f.interface.follows_law & branched)
     return f, int(np.count_nonzero(changed))

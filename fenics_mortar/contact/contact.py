@@ -191,7 +191,7 @@ class Contact(Interface):
             c_n=other.c_n,
             reference=other.state.reference or self.state.reference,
         )
-        self.evaluation.view = other.evaluation.view or self.evaluation.view
+        self.evaluation.behind = other.evaluation.behind or self.evaluation.behind
 
     def begin(self) -> None:
         """Reset the counts of multiplier changes and the forces of the last solve."""

@@ -29,7 +29,7 @@ def change_along(
     Returns:
         Shape (slave nodes,), equal on all ranks.
     """
-    sides = f.sides.slave, f.sides.master
+    sides = f.interface.slave, f.interface.master
     dofs = np.concatenate([side.dofs_of(np.arange(side.num_nodes)) for side in sides])
     values = np.concatenate([on_slave.ravel(), on_master.ravel()])
     order = np.argsort(dofs)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from fenics_mortar.contact.interface_fields import InterfaceFields, Sides, field
+from fenics_mortar.contact.interface_fields import InterfaceConstants, InterfaceFields, field
 from fenics_mortar.contact.law_calls import LawCalls
 from fenics_mortar.contact.laws import BUILT_IN, KINK, STICK, Frictionless, Nodal, Row
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
@@ -27,7 +27,7 @@ ELASTIC = 1e3
 MAX_SOFTENING = 0.5
 
 
-class ContactSides(Sides, Protocol):
+class ContactInterface(InterfaceConstants, Protocol):
     """Constants of a contact that its fields depend on."""
 
     law_calls: LawCalls
@@ -52,7 +52,7 @@ class ContactFields(InterfaceFields):
         covered_gap: ``closing_gap``, zero at uncovered nodes, (slave nodes,) [length].
     """
 
-    sides: ContactSides
+    interface: ContactInterface
     closing: Row | None = None
     covered: Any = property(attrgetter("gaps.covered"))
     mean_gap: Any = property(attrgetter("gaps.mean"))
@@ -80,11 +80,13 @@ class ContactFields(InterfaceFields):
 
         Continued linearly to negative gaps [stress, stress / length].
         """
-        law, on, none = self.sides.pair.law, self.covered, np.zeros(len(self.state.z))
+        law, on, none = self.interface.pair.law, self.covered, np.zeros(len(self.state.z))
         if type(law) in BUILT_IN or not law.has_adhesion:
             return none, none
         gap = self.mean_gap
-        pull, by_gap = self.sides.law_calls.adhesion(law, np.maximum(gap, 0.0), self.operators.x)
+        pull, by_gap = self.interface.law_calls.adhesion(
+            law, np.maximum(gap, 0.0), self.operators.x
+        )
         pull = pull + by_gap * np.minimum(gap, 0.0)
         return np.where(on, pull, 0.0), np.where(on, by_gap, 0.0)
 
@@ -100,13 +102,15 @@ class ContactFields(InterfaceFields):
 
     def friction_limit(self, pressure: Array) -> Array:
         """Friction limits at pressures (slave nodes,) [stress]."""
-        law = self.sides.pair.law
-        return self.sides.law_calls.friction_limit(law, pressure, self.operators.x)
+        law = self.interface.pair.law
+        return self.interface.law_calls.friction_limit(law, pressure, self.operators.x)
 
     def closed_adhesion(self) -> Array:
         """Adhesion of closed gaps, shape (slave nodes,) [stress]."""
         none = np.zeros(len(self.state.z))
-        return self.sides.law_calls.adhesion(self.sides.pair.law, none, self.sides.slave.X)[0]
+        return self.interface.law_calls.adhesion(
+            self.interface.pair.law, none, self.interface.slave.X
+        )[0]
 
     @property
     def tension(self) -> Array:
@@ -119,32 +123,36 @@ class ContactFields(InterfaceFields):
 
         Zero on symmetry planes, where the mesh has partners on one side only.
         """
-        on_plane = np.isfinite(self.sides.plane_normals[:, 0])
+        on_plane = np.isfinite(self.interface.plane_normals[:, 0])
         return np.where(on_plane, 0.0, self.state.partners.slip(self.operators))
 
     @field(*LAW_ATTRIBUTES)
     def nodal(self) -> Nodal:
         """Arguments of the contact law, arrays (slave nodes,); see ``Nodal``."""
-        stiffness = self.sides.foundation
+        stiffness = self.interface.foundation
         c_n = self.state.c_n * stiffness
-        needs_slip = type(self.sides.pair.law) is not Frictionless
+        needs_slip = type(self.interface.pair.law) is not Frictionless
         slip = self.slip if needs_slip else np.zeros(stiffness.size)
-        X, time, start_instant = self.sides.slave.X, self.state.load_time, self.state.start_instant
+        X, time, start_instant = (
+            self.interface.slave.X,
+            self.state.load_time,
+            self.state.start_instant,
+        )
         step = time - start_instant.time if time > start_instant.time else start_instant.step
         return Nodal(
             self.mean_gap, slip, self.z_n, self.z_tau, stiffness, c_n, X, self.operators.x, time,
-            step, start_instant.memory, self.sides.parameters,
+            step, start_instant.memory, self.interface.parameters,
         )  # fmt: skip
 
     @property
     def sticking(self) -> Flags:
         """See ``InterfaceFields``."""
-        return self.state.active & (self.state.branch == STICK) & self.sides.follows_law
+        return self.state.active & (self.state.branch == STICK) & self.interface.follows_law
 
     @property
     def sliding(self) -> Flags:
         """Whether an active node slides against friction, shape (slave nodes,), bool."""
-        follows_law = self.sides.follows_law & (self.friction_limit(self.pressure) > 0.0)
+        follows_law = self.interface.follows_law & (self.friction_limit(self.pressure) > 0.0)
         return self.state.active & (self.state.branch != STICK) & follows_law
 
     @property
@@ -158,14 +166,14 @@ class ContactFields(InterfaceFields):
 
         Redundant nodes stick elastically, z_tau = z_tau,old + (k / l) u; see ``redundancy``.
         """
-        state, node, law = self.state, self.nodal, self.sides.pair.law
+        state, node, law = self.state, self.nodal, self.interface.pair.law
         row = Frictionless().tangential(node, state.branch)
         if type(law) is not Frictionless:
-            follows_law = self.sides.follows_law
+            follows_law = self.interface.follows_law
             if not law.bridges_gap:
                 follows_law = follows_law & ~self.attracted
             x = self.operators.x
-            given = self.sides.law_calls.tangential(law, node, state.branch, follows_law, x)
+            given = self.interface.law_calls.tangential(law, node, state.branch, follows_law, x)
             row = Row(*(np.where(follows_law, a, b) for a, b in zip(given, row, strict=True)))
         zero = np.zeros(len(state.z))
         row = Row(*[part + zero for part in row])
@@ -194,12 +202,12 @@ class ContactFields(InterfaceFields):
     def decreases_fast(self) -> Flags:
         """Nodes where adhesion drops faster than elastic forces grow, (slave nodes,), bool."""
         slope = self.operators.diagonal * np.abs(self.adhesion[1])
-        return slope > MAX_SOFTENING * self.sides.stiffness
+        return slope > MAX_SOFTENING * self.interface.stiffness
 
     @property
     def steepness(self) -> float:
         """See ``InterfaceFields``; zero for laws of the package."""
-        if type(self.sides.pair.law) in BUILT_IN:
+        if type(self.interface.pair.law) in BUILT_IN:
             return 0.0
         force = self.operators.diagonal * np.abs(self.tangential_row.by_slip)
         return float(force[self.state.active].max(initial=0.0))
@@ -218,8 +226,8 @@ class ContactFields(InterfaceFields):
             at p and 2 p, an upper bound of a concave limit outside of [p, 2 p]; mu is inf without a
             limit. The third array is the adhesion of a closed gap [stress].
         """
-        sides = self.sides
-        follows_law = sides.follows_law
+        interface = self.interface
+        follows_law = interface.follows_law
         ones = np.ones(len(self.state.z))
         at, beyond = (self.friction_limit(factor * pressure * ones) for factor in (1.0, 2.0))
         unlimited = np.isinf(at + beyond)

@@ -54,7 +54,7 @@ def _dependent(kind: type[InterfaceFields]) -> dict[str, list[str]]:
     return dependent
 
 
-class Sides(Protocol):
+class InterfaceConstants(Protocol):
     """Constants of an interface that its fields depend on."""
 
     pair: Any
@@ -78,7 +78,7 @@ class InterfaceFields:
     """Fields of all interfaces.
 
     Args:
-        sides: The interface.
+        interface: The interface.
         state: Its state.
         operators: D, M, gap and normals at the last evaluated displacement.
 
@@ -91,10 +91,10 @@ class InterfaceFields:
     z_n: Any = property(attrgetter("parts.z_n"))
     z_tau: Any = property(attrgetter("parts.z_tau"))
 
-    def __init__(self, sides: Any, state: InterfaceState, operators: MortarOperators) -> None:
-        self.sides, self.state, self.operators = sides, state, operators
-        self.nodal_lengths: Array = sides.slave.nodal_lengths
-        self.nodal_areas: Array = sides.slave.nodal_areas
+    def __init__(self, interface: Any, state: InterfaceState, operators: MortarOperators) -> None:
+        self.interface, self.state, self.operators = interface, state, operators
+        self.nodal_lengths: Array = interface.slave.nodal_lengths
+        self.nodal_areas: Array = interface.slave.nodal_areas
 
     def after(self, state: InterfaceState) -> Self:
         """The fields at another state and the same operators."""
@@ -116,7 +116,7 @@ class InterfaceFields:
     @property
     def has_partner(self) -> Flags:
         """Whether facets at a slave node are at least partly covered, (slave nodes,), bool."""
-        covered, (alone, others) = self.operators.cover > 0.0, self.sides.substitutes
+        covered, (alone, others) = self.operators.cover > 0.0, self.interface.substitutes
         covered[alone] = covered[others]
         return covered
 
@@ -193,10 +193,10 @@ class InterfaceFields:
         Only if multipliers are at vertices only. Nodes without weight get the values of their
         substitutes. ``values`` (slave nodes,) [any unit] are changed in place and returned.
         """
-        alone, others = self.sides.substitutes
+        alone, others = self.interface.substitutes
         if alone.size:
             values[alone] = values[others]
-        if self.sides.at_vertices:
-            facets = self.sides.slave.facets
+        if self.interface.at_vertices:
+            facets = self.interface.slave.facets
             values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
         return values

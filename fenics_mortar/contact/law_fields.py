@@ -31,17 +31,17 @@ class LawFields(ContactFields):
     @field(*LAW_ATTRIBUTES)
     def closing(self) -> Row | None:
         """See ``ContactFields``; the mean gap at uncovered nodes, no slip on symmetry planes."""
-        law, node = self.sides.pair.law, self.of_geometry
+        law, node = self.interface.pair.law, self.of_geometry
         if not law.has_closing_gap:
             return None
         on, x = self.covered, self.operators.x
-        row = self._without_slip_on_planes(self.sides.law_calls.closing_gap(law, node, on, x))
+        row = self._without_slip_on_planes(self.interface.law_calls.closing_gap(law, node, on, x))
         plain = Row(node.gap, 1.0, 0.0, 0.0, 0.0)
         return Row(*(np.where(on, a, b) for a, b in zip(row, plain, strict=True)))
 
     def _without_slip_on_planes(self, row: Row) -> Row:
         """The row with zero slip on symmetry planes."""
-        on_plane = np.isfinite(self.sides.plane_normals[:, 0])
+        on_plane = np.isfinite(self.interface.plane_normals[:, 0])
         return row._replace(by_slip=np.where(on_plane, 0.0, row.by_slip))
 
     @field(*LAW_ATTRIBUTES)
@@ -63,11 +63,11 @@ class LawFields(ContactFields):
     @field(*LAW_ATTRIBUTES)
     def pull(self) -> Row:
         """Adhesion at closing gaps, extrapolated linearly to negative ones, each (slave nodes,)."""
-        law, node, none = self.sides.pair.law, self.nodal, np.zeros(len(self.state.z))
+        law, node, none = self.interface.pair.law, self.nodal, np.zeros(len(self.state.z))
         if not law.has_adhesion:
             return Row(none, none, none, none, none)
         opened = replace(node, gap=np.maximum(node.gap, 0.0))
-        row = self.sides.law_calls.adhesion_at(law, opened, self.covered, self.operators.x)
+        row = self.interface.law_calls.adhesion_at(law, opened, self.covered, self.operators.x)
         row = self._without_slip_on_planes(row)
         row = row._replace(residual=row.residual + row.by_gap * np.minimum(node.gap, 0.0))
         return Row(*(np.where(self.covered, values, 0.0) for values in row))
@@ -103,12 +103,14 @@ class LawFields(ContactFields):
     def friction_limit(self, pressure: Array) -> Array:
         """See ``ContactFields``; at closed gaps."""
         node = replace(self.nodal, z_n=pressure, gap=np.zeros_like(pressure))
-        return self.sides.law_calls.friction_limit_at(self.sides.pair.law, node, self.operators.x)
+        return self.interface.law_calls.friction_limit_at(
+            self.interface.pair.law, node, self.operators.x
+        )
 
     def closed_adhesion(self) -> Array:
         """See ``ContactFields``."""
-        law, none = self.sides.pair.law, np.zeros(len(self.state.z))
+        law, none = self.interface.pair.law, np.zeros(len(self.state.z))
         if not law.has_adhesion:
             return none
         node, x = replace(self.nodal, gap=none), self.operators.x
-        return self.sides.law_calls.adhesion_at(law, node, self.covered, x).residual
+        return self.interface.law_calls.adhesion_at(law, node, self.covered, x).residual

@@ -83,8 +83,8 @@ class MultiplierNodes:
         if at_vertices:
             self.possible &= ~slave.inner
         step = slave.degree if at_vertices else 1
-        sides = slave.along(np.arange(slave.num_nodes), range(-step, step + 1, 2 * step))
-        self._sides: Indices = np.ascontiguousarray(sides.T)
+        neighbours = slave.along(np.arange(slave.num_nodes), range(-step, step + 1, 2 * step))
+        self._neighbours: Indices = np.ascontiguousarray(neighbours.T)
         self._changes: Indices = np.zeros(slave.num_nodes, np.int64)
 
     def begin(self) -> None:
@@ -119,7 +119,7 @@ class MultiplierNodes:
         """
         _, helped, _ = self._choose(cover, active)
         near = helped & (np.abs(cover - MIN_SHARE) < UNDECIDED * MIN_SHARE)
-        beside = ((self._sides >= 0) & active[self._sides]).any(axis=0)
+        beside = ((self._neighbours >= 0) & active[self._neighbours]).any(axis=0)
         return np.flatnonzero(near & beside)
 
     def _choose(
@@ -128,7 +128,7 @@ class MultiplierNodes:
         """New multiplier nodes, nodes whose function can be handed over, number of changes."""
         new, helped = np.empty((2, cover.size), bool)
         changed = choose(
-            cover, self.possible, self._sides, MIN_SHARE, present, self._changes, MAX_CHANGES, new,
-            helped,
+            cover, self.possible, self._neighbours, MIN_SHARE, present, self._changes, MAX_CHANGES,
+            new, helped,
         )  # fmt: skip
         return new, helped, changed

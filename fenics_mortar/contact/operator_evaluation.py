@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.interface.behind import View
+from fenics_mortar.interface.behind import BodiesBehind
 from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import evaluate_obstacle
@@ -67,7 +67,7 @@ class OperatorEvaluation:
         self.obstacle, self.arm, self.planes = obstacle, arm, planes
         self.options, self.small = options, small
         self.sight: Sight | None = None
-        self.view: View | None = None
+        self.behind: BodiesBehind | None = None
         # of the last state and two initial guesses, also with the multiplier nodes of their cover
         self._recent = deque[tuple[bytes, bytes, Linearization, MortarOperators]](maxlen=5)
 
@@ -97,9 +97,9 @@ class OperatorEvaluation:
         Returns:
             The operators, and those of the undeformed mesh if sliding is small.
         """
-        view, x, m = self._positions_at(u)
+        behind, x, m = self._positions_at(u)
         if not self.small:
-            return self._at(x, m, state.multiplier_nodes, linearization, view), None
+            return self._at(x, m, state.multiplier_nodes, linearization, behind), None
         kept = state.reference
         if kept is None or not np.array_equal(kept.multiplier_nodes, state.multiplier_nodes):
             kept = self.evaluate_reference(state.multiplier_nodes)
@@ -110,20 +110,20 @@ class OperatorEvaluation:
 
     def _at(
         self, x: Array, m: Array, multiplier_nodes: Flags, linearization: Linearization,
-        view: View | None,
+        behind: BodiesBehind | None,
     ) -> MortarOperators:  # fmt: skip
         """As ``_integrate``, or a recent result for the same arguments (collective)."""
         if self.obstacle is not None:
-            return self._integrate(x, m, multiplier_nodes, linearization, view)
-        points = (np.concatenate([x, m]) if view is None else view.outline[0]).tobytes()
+            return self._integrate(x, m, multiplier_nodes, linearization, behind)
+        points = (np.concatenate([x, m]) if behind is None else behind.outline[0]).tobytes()
         nodes, searched = multiplier_nodes.tobytes(), None
         for at, of_nodes, terms, operators in self._recent:
             same = at == points and terms == linearization
             if same and of_nodes == nodes:
-                self.view = view
+                self.behind = behind
                 return operators
             searched = operators if same else searched
-        operators = self._integrate(x, m, multiplier_nodes, linearization, view, searched)
+        operators = self._integrate(x, m, multiplier_nodes, linearization, behind, searched)
         self._recent.appendleft((points, nodes, linearization, operators))
         return operators
 
@@ -133,8 +133,8 @@ class OperatorEvaluation:
         Args:
             multiplier_nodes: Whether a slave node carries a multiplier, (slave nodes,), bool.
         """
-        view, X, X_master = self._positions_at(None)
-        operators = self._integrate(X, X_master, multiplier_nodes, LINEARIZATIONS["frozen"], view)
+        behind, X, X_master = self._positions_at(None)
+        operators = self._integrate(X, X_master, multiplier_nodes, LINEARIZATIONS["frozen"], behind)
         place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
         return Reference(operators.freeze(), multiplier_nodes, place)
 
@@ -165,18 +165,18 @@ class OperatorEvaluation:
             return o.segments
         return find_segments(
             self.slave, self.master, o.x, o.n, o.m, facets=o.segments.facets,
-            radius=self.options.radius, min_cosine=self.options.min_cosine, view=self.view,
+            radius=self.options.radius, min_cosine=self.options.min_cosine, behind=self.behind,
         )  # fmt: skip
 
-    def _positions_at(self, u: Array | None) -> tuple[View | None, Array, Array]:
-        """View and positions of slave and master at ``u``, or undeformed (collective)."""
+    def _positions_at(self, u: Array | None) -> tuple[BodiesBehind | None, Array, Array]:
+        """Bodies behind the slave; positions of both sides, undeformed for None (collective)."""
         sides = self.slave, self.master
         if self.sight is not None:
-            view, *moved = self.sight.view_at(u)
+            behind, *moved = self.sight.behind_at(u)
         else:
-            view, moved = None, [0.0 * side.X if u is None else side.gather(u) for side in sides]
+            behind, moved = None, [0.0 * side.X if u is None else side.gather(u) for side in sides]
         x, m = (side.X + change for side, change in zip(sides, moved, strict=True))
-        return view, x, m
+        return behind, x, m
 
     def _integrate(
         self,
@@ -184,18 +184,18 @@ class OperatorEvaluation:
         m: Array,
         multiplier_nodes: Flags,
         linearization: Linearization,
-        view: View | None,
+        behind: BodiesBehind | None,
         searched: MortarOperators | None = None,
     ) -> MortarOperators:
         """Operators with slave nodes at ``x`` and master nodes at ``m`` (collective).
 
         ``searched``: see ``evaluate_mortar``.
         """
-        self.view = view
+        self.behind = behind
         if self.obstacle is None:
             return evaluate_mortar(
                 self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,
-                linearization, view, searched,
+                linearization, behind, searched,
             )  # fmt: skip
         return evaluate_obstacle(
             self.slave, self.master, self.obstacle, self.arm, x, multiplier_nodes, self.planes,

@@ -89,22 +89,22 @@ class ContactRows(InterfaceRows):
         """See ``InterfaceRows``."""
         f: ContactFields = self._interface.now
         o = f.operators
-        normal, idle, *laws = self.frame()
+        normal, idle, *weights = self.frame()
         blocks: list[Block] = []
         rhs, by_gap = -normal * o.gap[:, None], np.zeros_like(normal)
         A_z = np.zeros((*normal.shape, 2))
         A_z[:, 0, 0] = A_z[:, 1, 1] = -idle
-        for scaled, row in zip(laws, f.law_rows, strict=True):
-            if not scaled.any():
+        for weight, row in zip(weights, f.law_rows, strict=True):
+            if not weight.any():
                 continue
             slips, change = row.by_slip.any(), np.empty_like(o.dn)
             gap_vectors = f.state.partners.gap_vectors(o) if slips else np.zeros_like(normal)
-            linearize_law(scaled, *row, o.n, o.dn, f.state.z, gap_vectors, A_z, rhs, by_gap, change)
-            j = f.sides.slave.owned[f.acts[f.sides.slave.owned]]
+            linearize_law(weight, *row, o.n, o.dn, f.state.z, gap_vectors, A_z, rhs, by_gap, change)
+            j = f.interface.slave.owned[f.acts[f.interface.slave.owned]]
             rows = 2 * j[:, None] + np.arange(2)
             blocks.append(Block(rows, o.normal_columns()[j], change[j]))
             if slips:
-                along = -scaled * row.by_slip[:, None]
+                along = -weight * row.by_slip[:, None]
                 blocks += [_normal_rows(block, along) for block in f.state.partners.derivative(o)]
         return Rows([*_gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
 
@@ -113,7 +113,7 @@ class ContactRows(InterfaceRows):
         f: ContactFields = self._interface.now
         tangential, opening, *_ = f.law_rows
         squares, gap = measure_rows(
-            f.covered_gap, f.nodal_lengths, f.sides.stiffness, f.operators.diagonal,
+            f.covered_gap, f.nodal_lengths, f.interface.stiffness, f.operators.diagonal,
             opening.residual, tangential.residual, f.state.active, f.attracted,
         )  # fmt: skip
         return squares, gap
@@ -128,7 +128,7 @@ class ContactRows(InterfaceRows):
         """See ``Frame``."""
         f: ContactFields = self._interface.now
         o = f.operators
-        count, k = len(o.n), f.sides.stiffness
+        count, k = len(o.n), f.interface.stiffness
         (normal, along, opening), idle = np.empty((3, count, 2)), np.empty(count)
         tabulate_frame(
             o.n, o.diagonal, f.nodal_areas, k, f.state.active, f.attracted, normal, idle, along,
@@ -142,29 +142,29 @@ class ContactRows(InterfaceRows):
     def weighted(self, frame: Frame) -> Array:
         """See ``InterfaceRows``."""
         f: ContactFields = self._interface.now
-        normal, idle, *laws = frame
+        normal, idle, *weights = frame
         rows = normal * f.operators.gap[:, None] - idle[:, None] * f.state.z
-        for scaled, row in zip(laws, f.law_rows, strict=True):
-            rows = rows - scaled * row.residual[:, None]
+        for weight, row in zip(weights, f.law_rows, strict=True):
+            rows = rows - weight * row.residual[:, None]
         return rows
 
     def by_motions(self) -> Array:
         """Derivative of the rows with respect to obstacle motions, (slave nodes, 2, 3) [stress]."""
         f: ContactFields = self._interface.now
         o, z = f.on_obstacle, f.state.z
-        normal, _, *laws = self.frame()
+        normal, _, *weights = self.frame()
         shear = z[:, 1:] * o.dn_dq[:, 0] - z[:, :1] * o.dn_dq[:, 1]
         pressure = np.einsum("ja,jam->jm", z, o.dn_dq)
         slip = f.state.partners.derivative_by_motions(o)
         rows = np.einsum("ja,jm->jam", normal, o.dgap_dq)
-        for scaled, row in zip(laws, f.law_rows, strict=True):
+        for weight, row in zip(weights, f.law_rows, strict=True):
             change = (
                 row.by_z_tau[:, None] * shear
                 + row.by_z_n[:, None] * pressure
                 + row.by_slip[:, None] * slip
                 + row.by_gap[:, None] * gap_by_motions(f)
             )
-            rows = rows - np.einsum("ja,jm->jam", scaled, change)
+            rows = rows - np.einsum("ja,jm->jam", weight, change)
         return rows
 
 

@@ -75,7 +75,7 @@ class TiedRows(InterfaceRows):
         """See ``InterfaceRows``: the jump of active nodes."""
         f: TiedFields = self._interface.now
         length = np.where(f.state.active, f.operators.weight, np.inf)
-        rows = (f.sides.stiffness / length)[:, None] * f.jump
+        rows = (f.interface.stiffness / length)[:, None] * f.jump
         gaps = np.where(f.state.active, f.gap, 0.0) / f.nodal_lengths
         return float((rows**2).sum()), float(gaps.max(initial=0.0))
 
@@ -87,7 +87,7 @@ class TiedRows(InterfaceRows):
         """See ``InterfaceRows``."""
         f: TiedFields = self._interface.now
         diagonal = np.where(f.state.active, f.operators.diagonal, f.nodal_areas)
-        return diagonal, np.where(f.state.active, f.sides.stiffness / diagonal, 0.0)
+        return diagonal, np.where(f.state.active, f.interface.stiffness / diagonal, 0.0)
 
     def weighted(self, frame: Frame) -> Array:
         """See ``InterfaceRows``."""

@@ -10,7 +10,7 @@ import numpy as np
 from fenics_mortar.utils.arrays import Array, Indices
 
 
-class View(NamedTuple):
+class BodiesBehind(NamedTuple):
     """Bodies behind the facets of a slave surface: arguments of the kernels.
 
     Attributes:
@@ -26,13 +26,13 @@ class View(NamedTuple):
     master_bodies: Indices
     outline: tuple[Array, Indices, Indices]
 
-    def of(self, facets: Indices) -> View:
-        """The view of the slave facets with the numbers ``facets`` (k,)."""
+    def of(self, facets: Indices) -> BodiesBehind:
+        """The bodies behind the slave facets with the numbers ``facets`` (k,)."""
         return self._replace(safe=self.safe[facets], slave_bodies=self.slave_bodies[facets])
 
 
-def open_view(num_facets: int) -> View:
-    """A view without limits."""
+def nothing_behind(num_facets: int) -> BodiesBehind:
+    """No bodies behind ``num_facets`` slave facets: no limits of the search."""
     none: Indices = np.empty(0, np.int64)
     outline = np.empty((0, 2)), np.empty((0, 2), np.int64), none
-    return View(np.full(num_facets, np.inf), none, none, outline)
+    return BodiesBehind(np.full(num_facets, np.inf), none, none, outline)

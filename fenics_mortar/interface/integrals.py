@@ -8,7 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.behind import View
+from fenics_mortar.interface.behind import BodiesBehind
 from fenics_mortar.interface.corners import links_at_corners
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
@@ -58,7 +58,7 @@ def evaluate_mortar(
     prescribed_normals: Array,
     options: MortarOptions,
     linearization: Linearization,
-    view: View | None = None,
+    behind: BodiesBehind | None = None,
     searched: MortarOperators | None = None,
 ) -> MortarOperators:
     """Evaluate the mortar operators at current positions (collective).
@@ -74,7 +74,7 @@ def evaluate_mortar(
             where none is prescribed.
         options: Discretization.
         linearization: Derivatives to evaluate; the others are zero.
-        view: Limits of the search behind the slave facets at these positions.
+        behind: Limits of the search behind the slave facets at these positions.
         searched: Operators at the same positions and with the same linearization, but other
             multiplier nodes: their normals and segments are used if the facets are equal.
 
@@ -105,7 +105,7 @@ def evaluate_mortar(
             min_cosine=options.min_cosine,
             integration=options.integration,
             points=options.points,
-            view=view,
+            behind=behind,
         )
     D, dD, M, dM, gap, dgap, cover = _integrate(
         slave, s, (x, n, dn, m), multiplier_nodes, options, linearization.segments

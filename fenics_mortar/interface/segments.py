@@ -24,7 +24,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.behind import View, open_view
+from fenics_mortar.interface.behind import BodiesBehind, nothing_behind
 from fenics_mortar.interface.measures import POINTS
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import search
@@ -95,7 +95,7 @@ def find_segments(
     min_cosine: float,
     integration: Integration = "segments",
     points: int = POINTS,
-    view: View | None = None,
+    behind: BodiesBehind | None = None,
 ) -> Segments:
     """Find the segments of the given slave facets.
 
@@ -110,7 +110,7 @@ def find_segments(
         min_cosine: Smallest cosine between the slave's normal and the reversed master's [1].
         integration: Kind of segments; see above.
         points: Gauss points per segment, with "elements" per slave facet.
-        view: Limits of the search behind the slave facets; none by default.
+        behind: Limits of the search behind the slave facets; none by default.
 
     Returns:
         The segments. Of overlapping segments only the nearest is kept. With "elements" a facet with
@@ -122,17 +122,17 @@ def find_segments(
         Local: no communication.
     """
     geometry, nodes = (x, n, m), slave.facets[facets]
-    view = open_view(facets.size) if view is None else view.of(facets)
+    behind = nothing_behind(facets.size) if behind is None else behind.of(facets)
     search_for, limits = (geometry, nodes, master.facets, radius), (min_cosine, ROUNDING)
     if integration == "segments":
         roles = slave.roles.of(facets) if slave.roles else None
-        sight = (view[:3], view.outline, ROUNDING)
+        sight = (behind[:3], behind.outline, ROUNDING)
         offsets, masters, branches = _intersections((*search_for, *sight, limits, roles), points)
     else:
         rule = facet_rule(integration, nodes.shape[1], points)
         min_points = nodes.shape[1] if integration == "elements" else 1
         offsets, masters, branches = _runs(
-            (*search_for, (*view, ROUNDING), limits), *rule, min_points=min_points
+            (*search_for, (*behind, ROUNDING), limits), *rule, min_points=min_points
         )
     counts = np.diff(offsets)
     owner = np.repeat(np.arange(facets.size), counts)

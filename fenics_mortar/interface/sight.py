@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fenics_mortar.interface.behind import View
+from fenics_mortar.interface.behind import BodiesBehind
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.sight import tabulate_lengths
@@ -59,16 +59,18 @@ class Sight:
     def _arrays(self, x: Array) -> tuple[Array, Indices, Indices]:
         return x, self.outline.segments, self._segment_bodies
 
-    def view_at(self, u: Array | None) -> tuple[View, Array, Array]:
-        """The view at a displacement (collective).
+    def behind_at(self, u: Array | None) -> tuple[BodiesBehind, Array, Array]:
+        """The bodies behind the slave at a displacement (collective).
 
         Args:
             u: Displacement, shape (local dofs,) [length]; None for the undeformed state.
 
         Returns:
-            The view, and the displacements of slave and master nodes, each (nodes, 2) [length].
+            The bodies, and displacements of slave and master nodes, each (nodes, 2) [length].
         """
         X = self.outline.X
         moved = np.zeros_like(X) if u is None else self.outline.gather(u)
-        view = View(self._safe, self._slave_bodies, self._master_bodies, self._arrays(X + moved))
-        return view, moved[self._of_slave], moved[self._of_master]
+        behind = BodiesBehind(
+            self._safe, self._slave_bodies, self._master_bodies, self._arrays(X + moved)
+        )
+        return behind, moved[self._of_slave], moved[self._of_master]

@@ -5,13 +5,13 @@ from fenics_mortar.kernels import kernel
 
 
 @kernel
-def choose(cover, possible, sides, share, present, changes, most, new, helped):
+def choose(cover, possible, neighbours, share, present, changes, most, new, helped):
     """Choose the multiplier nodes; return the number of changed nodes.
 
     Args:
         cover: Covered fraction of each node, shape (n,) [1].
         possible: Whether a node may carry a multiplier, shape (n,), bool.
-        sides: The neighbours of each node, -1 for none, shape (2, n).
+        neighbours: Those of each node along the surface, -1 for none, shape (2, n).
         share: Cover below which a node hands its function to a neighbour [1].
         present: Present multiplier nodes, shape (n,), bool.
         changes: Number of changes of each node so far, shape (n,).
@@ -23,8 +23,8 @@ def choose(cover, possible, sides, share, present, changes, most, new, helped):
     count = 0
     for j in range(cover.shape[0]):
         found, safe = False, True
-        for side in range(sides.shape[0]):
-            k = sides[side, j]
+        for side in range(neighbours.shape[0]):
+            k = neighbours[side, j]
             if k >= 0:
                 is_strong = possible[k] and cover[k] > 2.0 * share
                 found = found or is_strong

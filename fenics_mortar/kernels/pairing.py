@@ -90,14 +90,14 @@ def gap_if_facing(y, xi, shapes, min_cosine):
 
 
 @kernel
-def is_hidden(y, N, xi, depth, view, facets):
+def is_hidden(y, N, xi, depth, behind, facets):
     """Whether a partner at ``depth`` [length] behind the slave surface is rejected, see ``sight``.
 
-    ``view`` = (safe depths (f,) [length] and bodies (f,) of the slave facets, bodies of the master
-    facets, outline, fraction of a facet that is rounding [1]), see ``sight``; ``facets`` = (slave
-    facet, master facet).
+    ``behind`` = (safe depths (f,) [length] and bodies (f,) of the slave facets, bodies of the
+    master facets, outline, fraction of a facet that is rounding [1]), see ``sight``; ``facets`` =
+    (slave facet, master facet).
     """
-    _, slave_bodies, master_bodies, outline, rounding = view
+    _, slave_bodies, master_bodies, outline, rounding = behind
     last = 2 * N.shape[1] - 2
     length = np.sqrt((y[last] - y[0]) ** 2 + (y[last + 1] - y[1]) ** 2)
     bodies = slave_bodies[facets[0]], master_bodies[facets[1]]
@@ -178,7 +178,7 @@ def is_next(master_facets, one, other):
 
 @kernel
 def facet_segments(
-    geometry, slave, master_facets, hits, radius, limits, found, view=None, number=0, roles=None
+    geometry, slave, master_facets, hits, radius, limits, found, behind=None, number=0, roles=None
 ):
     """Fill ``found`` with the segments of one slave facet; return their number.
 
@@ -190,8 +190,8 @@ def facet_segments(
         radius: Largest distance along the normal [length].
         limits: (smallest cosine [1], length in xi that is rounding [1]).
         found: Rows as in ``keep_nearest``, shape (h, 7) or longer; filled.
-        view: As in ``is_hidden``; None skips the test.
-        number: Number of the slave facet in ``view`` and ``roles``.
+        behind: As in ``is_hidden``; None skips the test.
+        number: Number of the slave facet in ``behind`` and ``roles``.
         roles: As in ``roles.keep_masters``, if slave and master are one surface.
     """
     x, n, m = geometry
@@ -199,8 +199,8 @@ def facet_segments(
     y, N, L = np.empty(6 * slave.size), np.empty((3, slave.size)), np.empty((3, slave.size))
     is_node = np.empty(2, np.bool_)
     safe = np.inf
-    if view is not None:
-        safe = view[0][number]
+    if behind is not None:
+        safe = behind[0][number]
     count = 0
     for hit in range(hits.size):
         gather(x, n, m, slave, master_facets[hits[hit]], y)
@@ -211,9 +211,9 @@ def facet_segments(
         gap = gap_if_facing(y, middle, (N, L), min_cosine)
         if not abs(gap) <= radius or gap == np.inf:
             continue
-        if view is not None:
+        if behind is not None:
             facets = number, hits[hit]
-            if -gap > safe and is_hidden(y, N, middle, -gap, view, facets):
+            if -gap > safe and is_hidden(y, N, middle, -gap, behind, facets):
                 continue
         found[count, 0], found[count, 1], found[count, 2] = abs(gap), lower, upper
         found[count, 3] = hits[hit]
@@ -263,7 +263,7 @@ def ray_hits(y, N, is_start, tolerance):
 
 @kernel
 def point_partners(
-    geometry, e, slave, master_facets, starts, hits, points, radius, view, limits, partners
+    geometry, e, slave, master_facets, starts, hits, points, radius, behind, limits, partners
 ):
     """Fill ``partners`` (p,) with the nearest master facet of each point, -1 for none; count them.
 
@@ -277,7 +277,7 @@ def point_partners(
     y, N, L = np.empty(6 * slave.size), np.empty((3, slave.size)), np.empty((3, slave.size))
     edge = x[slave[-1]] - x[slave[0]]
     tolerance = tie * np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
-    partners[:], safe = -1, view[0][e]
+    partners[:], safe = -1, behind[0][e]
     distances = np.full(points.size, np.inf)
     for hit in hits:
         gather(x, n, m, slave, master_facets[hit], y)
@@ -290,7 +290,7 @@ def point_partners(
             nearer = distance < distances[p] or (distance == distances[p] and hit < partners[p])
             if not (nearer and distance <= radius):
                 continue
-            if -gap > safe and is_hidden(y, N, points[p], -gap, view, (e, hit)):
+            if -gap > safe and is_hidden(y, N, points[p], -gap, behind, (e, hit)):
                 continue
             partners[p], distances[p] = hit, distance
     return (partners >= 0).sum()

@@ -58,7 +58,7 @@ def query_strip(boxes, controls, nodes, radius, stack, hits):
 
 
 @kernel
-def find_points(geometry, slave_facets, master_facets, radius, view, limits, points, min_points):
+def find_points(geometry, slave_facets, master_facets, radius, behind, limits, points, min_points):
     """Find partners of points on slave facets, as runs of points with the same master facet.
 
     Args:
@@ -66,7 +66,7 @@ def find_points(geometry, slave_facets, master_facets, radius, view, limits, poi
         slave_facets: Nodes of the slave facets, shape (f, K).
         master_facets: Nodes of the master facets, shape (g, K).
         radius: Largest distance along the normal [length].
-        view: As in ``pairing.is_hidden``.
+        behind: As in ``pairing.is_hidden``.
         limits: (smallest cosine [1], fraction of a slave facet within which a ray hits a master
             node [1]).
         points: Coordinates on each facet, -1 ... 1, increasing, shape (p,).
@@ -88,7 +88,17 @@ def find_points(geometry, slave_facets, master_facets, radius, view, limits, poi
         nodes = slave_facets[e]
         near = query_strip(boxes, controls, nodes, radius, stack, hits)
         paired = point_partners(
-            geometry, e, nodes, master_facets, starts, near, points, radius, view, limits, partners
+            geometry,
+            e,
+            nodes,
+            master_facets,
+            starts,
+            near,
+            points,
+            radius,
+            behind,
+            limits,
+            partners,
         )
         end = offsets[e]
         for p in range(points.size):
@@ -104,7 +114,7 @@ def find_points(geometry, slave_facets, master_facets, radius, view, limits, poi
 
 
 @kernel
-def find_segments(geometry, slave_facets, master_facets, radius, view, limits, roles=None):
+def find_segments(geometry, slave_facets, master_facets, radius, behind, limits, roles=None):
     """Find the segments of slave facets.
 
     Args:
@@ -112,7 +122,7 @@ def find_segments(geometry, slave_facets, master_facets, radius, view, limits, r
         slave_facets: Nodes of the slave facets, shape (f, K).
         master_facets: Nodes of the master facets, shape (g, K).
         radius: Largest distance along the normal [length].
-        view: As in ``pairing.is_hidden``.
+        behind: As in ``pairing.is_hidden``.
         limits: (smallest cosine of slave normal and reversed master normal [1], length in xi that
             is rounding [1]).
         roles: As in ``pairing.facet_segments``.
@@ -134,7 +144,7 @@ def find_segments(geometry, slave_facets, master_facets, radius, view, limits, r
         if near.size > found.shape[0]:
             found = np.empty((2 * near.size, 7))
         kept = facet_segments(
-            geometry, nodes, master_facets, near, radius, limits, found, view, e, roles
+            geometry, nodes, master_facets, near, radius, limits, found, behind, e, roles
         )
         start = offsets[e]
         if start + kept > rows.shape[0]:
@@ -152,11 +162,11 @@ def find_segments(geometry, slave_facets, master_facets, radius, view, limits, r
 def find_segments_within(
     geometry, slave_facets, master_facets, radius, bodies, outline, rounding, limits, roles
 ):
-    """Call ``find_segments`` with the ``view`` made of ``bodies``, ``outline`` and ``rounding``.
+    """Call ``find_segments`` with the ``behind`` made of ``bodies``, ``outline`` and ``rounding``.
 
     Entry point from Python: in each call numba determines the types of tuples of more than four
     arrays again, which takes 0.2 ms.
     """
     safe, slave_bodies, master_bodies = bodies
-    view = (safe, slave_bodies, master_bodies, outline, rounding)
-    return find_segments(geometry, slave_facets, master_facets, radius, view, limits, roles)
+    behind = (safe, slave_bodies, master_bodies, outline, rounding)
+    return find_segments(geometry, slave_facets, master_facets, radius, behind, limits, roles)

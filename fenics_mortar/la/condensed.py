@@ -87,9 +87,9 @@ class CondensedSystem(LinearSystem):
     @clock("assembly")
     def assemble(self) -> None:
         """Add K_c + R K_S + C to K (collective)."""
-        laws = [contact.rows.linearized() for contact in self.contacts]
+        pair_rows = [contact.rows.linearized() for contact in self.contacts]
         inverses = [self._inverse(contact) for contact in self.contacts]
-        entries = self._R_entries(laws, inverses)
+        entries = self._R_entries(pair_rows, inverses)
         if self._update_pattern():
             self._extend_pattern(entries)
         K = self.bulk.tangent_to_change()
@@ -97,18 +97,20 @@ class CondensedSystem(LinearSystem):
         R = self._R.assemble_entries(*entries)
         self._slave_K = K.createSubMatrix(self._slave_rows, None, self._slave_K)
         product = R.matMult(self._slave_K)
-        add_blocks(K, self._C_blocks(laws), self._rows, product)
+        add_blocks(K, self._C_blocks(pair_rows), self._rows, product)
         product.destroy()
         self.matrix = K
-        self._collect_rows(laws, inverses)
+        self._collect_rows(pair_rows, inverses)
         self._prescribe_rows(self.matrix, self.bulk.first)
 
-    def _collect_rows(self, laws: Sequence[Rows], inverses: Sequence[Array]) -> None:
+    def _collect_rows(self, pair_rows: Sequence[Rows], inverses: Sequence[Array]) -> None:
         """Diagonals of Z and A_z and right-hand sides of the multipliers owned here (local)."""
         Z, A_z, rhs = np.zeros((3, self.num_multipliers, 2))
-        for (_, _, owned, local), law, inverse in zip(self._numbered, laws, inverses, strict=True):
-            Z[local], rhs[local] = inverse[owned], law.rhs[owned]
-            A_z[local] = law.A_z.diagonal(axis1=1, axis2=2)[owned]
+        for (_, _, owned, local), rows, inverse in zip(
+            self._numbered, pair_rows, inverses, strict=True
+        ):
+            Z[local], rhs[local] = inverse[owned], rows.rhs[owned]
+            A_z[local] = rows.A_z.diagonal(axis1=1, axis2=2)[owned]
         self._Z, self._A_z, self._law_rhs = Z.ravel(), A_z.ravel(), rhs.ravel()
 
     def _extend_pattern(self, R_entries: Entries) -> None:
@@ -134,26 +136,26 @@ class CondensedSystem(LinearSystem):
         self._slave_K = None
         self.solver.reset_pattern()
 
-    def _C_blocks(self, laws: Sequence[Rows]) -> list[Block]:
+    def _C_blocks(self, pair_rows: Sequence[Rows]) -> list[Block]:
         """C in the rows of the slave's displacement."""
         blocks = []
-        for contact, law in zip(self.contacts, laws, strict=True):
+        for contact, own in zip(self.contacts, pair_rows, strict=True):
             dofs = contact.slave.dofs.ravel()
-            blocks += [Block(dofs[rows], columns, values) for rows, columns, values in law.blocks]
+            blocks += [Block(dofs[rows], columns, values) for rows, columns, values in own.blocks]
         return blocks
 
-    def _R_entries(self, laws: Sequence[Rows], inverses: Sequence[Array]) -> Entries:
+    def _R_entries(self, pair_rows: Sequence[Rows], inverses: Sequence[Array]) -> Entries:
         """R = -B^T Z - A_z Z in rows of contact nodes; columns are numbers of multipliers."""
         operators = [contact.operators for contact in self.contacts]
         size = 4 * self.num_multipliers + sum(2 * (o.D.size + o.M.size) for o in operators)
         i, j = np.empty((2, size), PETSc.IntType)
         v, end = np.empty(size), 0
-        for (contact, z_number, owned, _), (on_slave, on_master), o, law, Z in zip(
-            self._numbered, self._rows_of_sides, operators, laws, inverses, strict=True
+        for (contact, z_number, owned, _), (on_slave, on_master), o, rows, Z in zip(
+            self._numbered, self._rows_of_sides, operators, pair_rows, inverses, strict=True
         ):
             s = o.segments
             end += gather_forces(
-                o.D, o.facet_nodes, on_slave, o.M, s.slave, s.master, on_master, Z, law.A_z, owned,
+                o.D, o.facet_nodes, on_slave, o.M, s.slave, s.master, on_master, Z, rows.A_z, owned,
                 contact.acts, z_number, i[end:], j[end:], v[end:],
             )  # fmt: skip
         return i[:end], j[:end], v[:end]
@@ -219,9 +221,9 @@ class CondensedSystem(LinearSystem):
         gathered = t + _times(self._R.mat, w[self._rows.local], transpose=True)
         np.add.at(y, slave, gathered)
         forces = self._at_prescribed(y) if self._partly_prescribed else np.zeros_like(b)
-        laws = np.where(self._Z == 0.0, self._solve_left_out(b - forces), w[slave])
+        multipliers = np.where(self._Z == 0.0, self._solve_left_out(b - forces), w[slave])
         y[prescribed] = at_prescribed
-        return np.concatenate([y, laws])
+        return np.concatenate([y, multipliers])
 
     def _solve_left_out(self, h: Array) -> Array:
         """Solve the rows A_z z = h of components with Z = 0; zero for others (local)."""

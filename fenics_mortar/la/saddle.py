@@ -68,12 +68,12 @@ class SaddleSystem(LinearSystem):
 
     def _parts(self) -> Iterator[Part]:
         """Blocks of K_c, B^T, C and A_z, the last three for scaled multipliers zeta."""
-        laws = [contact.rows.linearized() for contact in self.contacts]
-        self._law_rhs = [law.rhs for law in laws]
+        pair_rows = [contact.rows.linearized() for contact in self.contacts]
+        self._law_rhs = [rows.rhs for rows in pair_rows]
         yield DOF, DOF, self.force_derivative()
         yield DOF, MULTIPLIER, self.force_blocks()
-        yield MULTIPLIER, DOF, self.law_blocks(laws)
-        yield MULTIPLIER, MULTIPLIER, self.multiplier_blocks(laws)
+        yield MULTIPLIER, DOF, self.law_blocks(pair_rows)
+        yield MULTIPLIER, MULTIPLIER, self.multiplier_blocks(pair_rows)
 
     def _zero_blocks(self) -> Iterator[Part]:
         """Zeros for possible entries of K_c, B^T and C; A_z has a fixed pattern."""

@@ -191,19 +191,19 @@ class LinearSystem(ABC):
                 j = columns // 2
                 yield Block(rows, 2 * z_number[j] + columns % 2, values * scale[j][:, None, :])
 
-    def law_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
+    def law_blocks(self, pair_rows: Sequence[Rows]) -> Iterable[Block]:
         """Blocks of C, by the rows of each contact; rows are numbers of multipliers."""
-        for z_number, law in zip(self.z_numbers, laws, strict=True):
-            for block in law.blocks:
+        for z_number, own in zip(self.z_numbers, pair_rows, strict=True):
+            for block in own.blocks:
                 rows = 2 * z_number[block.rows // 2] + block.rows % 2
                 yield Block(rows, block.columns, block.values)
 
-    def multiplier_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
+    def multiplier_blocks(self, pair_rows: Sequence[Rows]) -> Iterable[Block]:
         """Blocks of A_z for zeta, of the multipliers owned here."""
-        for (contact, z_number), law in zip(self.numbered(), laws, strict=True):
+        for (contact, z_number), own in zip(self.numbered(), pair_rows, strict=True):
             mine = contact.slave.owned
             dofs = components(z_number[mine, None])
-            yield Block(dofs, dofs, law.A_z[mine] * self.scale(contact)[mine, None, None])
+            yield Block(dofs, dofs, own.A_z[mine] * self.scale(contact)[mine, None, None])
 
     # Assembly
 

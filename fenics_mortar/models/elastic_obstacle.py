@@ -162,12 +162,12 @@ class _Touching:
     def add_tractions(self, load: Array) -> None:
         """Add the nodal forces of the tractions to ``load`` (nodes, 2), in the obstacle's frame."""
         forces = self._points.of(self._contact.z) * self._measure[:, :, None]
-        forces = forces.reshape(-1, 2) @ self._obstacle.turn
+        forces = forces.reshape(-1, 2) @ self._obstacle.rotation
         np.add.at(load, self._ends, self._shares[:, :, None] * forces[:, None])
 
     def along_normals(self, moved: Array) -> Array:
         """Displacements (nodes, 2) along slave normals at points, (points,) [length] (local)."""
-        motion = self._at_nearest(moved) @ self._obstacle.turn.T
+        motion = self._at_nearest(moved) @ self._obstacle.rotation.T
         normals = self._points.direction(self._contact.operators.n).reshape(-1, 2)
         return np.asarray((motion * normals).sum(axis=1))
 

@@ -110,8 +110,8 @@ class Obstacle(ABC):
         """
         own = self.to_own_frame(x)
         phi, gradient, hessian = self._checked(self.local(own), own)
-        turn = self.turn
-        return phi, gradient @ turn.T, turn @ hessian @ turn.T
+        rotation = self.rotation
+        return phi, gradient @ rotation.T, rotation @ hessian @ rotation.T
 
     def _checked(self, fields: Fields, x: Array) -> Fields:
         """The result of ``local`` at ``x`` (n, 2), checked."""
@@ -151,18 +151,18 @@ class Obstacle(ABC):
         return format_point(np.real(self.to_space(x[first : first + 1])[0]))
 
     @property
-    def turn(self) -> Array:
+    def rotation(self) -> Array:
         """Present rotation matrix, shape (2, 2) [1]."""
         c, s = np.cos(self.place[2]), np.sin(self.place[2])
         return np.array([[c, -s], [s, c]])
 
     def to_own_frame(self, x: Array) -> Array:
         """Points ``x`` (n, 2) [length] in space, in the obstacle's frame."""
-        return (x - self.pivot - self.place[:2]) @ self.turn + self.pivot
+        return (x - self.pivot - self.place[:2]) @ self.rotation + self.pivot
 
     def to_space(self, x: Array) -> Array:
         """Points ``x`` (n, 2) [length] of the obstacle's frame, in space."""
-        return (x - self.pivot) @ self.turn.T + self.pivot + self.place[:2]
+        return (x - self.pivot) @ self.rotation.T + self.pivot + self.place[:2]
 
     def motions(self, x: Array, arm: float) -> Array:
         """V at the points ``x`` (n, 2) [length] for a length ``arm``, shape (n, 3, 2) [1]."""

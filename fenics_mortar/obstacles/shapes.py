@@ -278,7 +278,7 @@ class Polygon(Obstacle):
         inner = corners - rounding * (normals + before) / half[:, None]
         if not ((edges_of(inner) * edges).sum(axis=1) > 0.0).all():
             raise ValueError(f"rounding={rounding}: too large for the edges of the polygon")
-        check_simple(f"polygon less its rounding={rounding:g}", inner, closed=True)
+        check_simple(f"polygon reduced by rounding={rounding:g}", inner, closed=True)
         self._corners, self._normals, self._radius = inner, normals, float(rounding)
 
     def local(self, x: Array) -> Fields:

@@ -36,8 +36,9 @@ from fenics_mortar.utils.rounding import ROUNDING
 
 # Hint used if the reason for the end of a path is not certain.
 HINT = (
-    "If smaller steps do not help, the path may turn or jump here, as where an arch snaps through "
-    "or a tip slips off an edge: prescribe another displacement, or start beyond"
+    "If smaller steps do not help, the path may have a turning point or a jump here, as where an "
+    "arch snaps through or a tip slips off an edge: prescribe another displacement, or start the "
+    "path beyond this point"
 )
 
 

@@ -3,8 +3,8 @@
 
 Input: a solved problem or a recorded path, an objective and controls. Output: the derivatives of
 the objective with respect to the controls, exact at the active sets and branches of the states: by
-the adjoint method (``fm.gradient``) or in one direction (``fm.tangent_linear``). Controls,
-quantities and functions of the values of all steps are attributes of this package.
+the adjoint method (``fm.gradient``) or in one direction (``tangent_linear``). Recorded paths,
+controls, quantities and functions of the values of all steps are attributes of this package.
 """
 
 from fenics_mortar.sensitivity.bridge import Simulation, to_autograd
@@ -16,6 +16,7 @@ from fenics_mortar.sensitivity.controls import (
     ObstacleShape,
     Offset,
 )
+from fenics_mortar.sensitivity.directional import TangentLinear, tangent_linear
 from fenics_mortar.sensitivity.gradient import Gradient
 from fenics_mortar.sensitivity.kinks import Kink
 from fenics_mortar.sensitivity.nodal_positions import NodalPositions
@@ -34,7 +35,6 @@ from fenics_mortar.sensitivity.quantities import (
     TotalForce,
     effective_length,
 )
-from fenics_mortar.sensitivity.tangent_linear import TangentLinear
 
 __all__ = [
     "ContactLength",
@@ -65,6 +65,7 @@ __all__ = [
     "effective_length",
     "last",
     "least_squares",
+    "tangent_linear",
     "to_autograd",
     "total",
 ]

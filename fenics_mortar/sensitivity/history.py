@@ -104,6 +104,7 @@ def earlier_state_of(e: ContactEquations, i: int, contact: Contact, before: Stat
         raise MortarError(
             f"the slip of {contact.pair!r} is not counted from the state before, but from one "
             f"that differs by {difference:.3g}: bodies or obstacles were moved before the solve, "
-            "or an obstacle has another shape since; accept() at the start counts slip from there"
+            "or the shape of an obstacle was changed; call accept() at the start of the path, so "
+            "that slip is counted from there"
         )
     return earlier

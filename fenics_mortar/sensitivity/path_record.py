@@ -104,7 +104,7 @@ class RecordedPath:
     Slip is counted from the state before. A path with friction must therefore be recorded without
     gaps, with one call of ``record`` after each solve::
 
-        path = fm.RecordedPath(problem)  # at the initial state of the path
+        path = fm.sensitivity.RecordedPath(problem)  # at the initial state of the path
         fm.follow_path(problem, set_loads, options, on_step=path.record)
         mu = fm.sensitivity.LawParameter(0, "mu")
         gradient = fm.gradient(fm.sensitivity.TotalForce(0, (1.0, 0.0)), [E, mu], path)

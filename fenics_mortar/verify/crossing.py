@@ -296,14 +296,14 @@ class Crossings:
         body = self._names.body(int(self._segment_bodies[entry]))
         if ends_inside:
             where = format_point(x1[node])
-            way = f"into {body}, and one at {where} ended {row[3]:.3g} below its surface"
+            how = f"into {body}, and one at {where} ended {row[3]:.3g} below its surface"
         else:
             enters, exits = self._names.segment(entry), self._names.segment(leaves)
-            way = (
-                f"through {body}, in by {enters} and out by {exits}, and "
-                f"one at {format_point(x1[node])} ended {row[3]:.3g} beyond where it went in"
+            how = (
+                f"through {body}, entering at {enters} and leaving at {exits}, and "
+                f"one at {format_point(x1[node])} ended {row[3]:.3g} from the facet of entry"
             )
-        return f"{count} {what} {way}, straight from the last accepted state: take smaller steps"
+        return f"{count} {what} {how}, straight from the last accepted state: take smaller steps"
 
     def _through_obstacles(self, x1: Array, places: Array) -> list[str]:
         """Messages on paths of slave nodes through the obstacles of their pairs."""

@@ -177,7 +177,7 @@ class _Probe:
         self._move(step)
         found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
         force = self.bulk.r.array_r[: self.bulk.num_owned].copy()
-        bulk, laws = self.bulk.to_force * force, []
+        bulk, rows = self.bulk.to_force * force, []
         for contact, z0, frame in zip(self.contacts, self.z0, self._frames, strict=True):
             o = contact.operators
             on_slave, on_master = o.force(z0)
@@ -186,13 +186,13 @@ class _Probe:
             on_slave, on_master = o.force(np.where(contact.acts[:, None], contact.z, 0.0))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
-            laws.append(contact.rows.weighted(frame)[contact.slave.owned].ravel())
+            rows.append(contact.rows.weighted(frame)[contact.slave.owned].ravel())
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
         for contact in self.contacts:  # normalized as in the system
             contact.change(z=np.where(contact.acts[:, None], contact.z, 0.0))
         pushed = self._mine(self.motions.forces().ravel())
         force = self.bulk.to_force * force
-        return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *laws, pushed])}
+        return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *rows, pushed])}
 
     def derivative(self) -> dict[str, Array]:
         """Derivatives of ``values`` at step 0 [their units], from the matrices (collective)."""

@@ -8,7 +8,7 @@ from array_meshes import blocks_of_arrays, problem_on
 
 @pytest.mark.parametrize("given, added", [(1.0, 0.25), (0.3, 0.3), (0.6, 0.3)])
 def test_a_step_that_would_turn_cells_over_is_halved(given, added):
-    """Twice the height downwards: cells keep 1 - 2 f of their area, at least a fifth."""
+    """The fraction f of this step leaves 1 - 2 f of each cell's area; a fifth is required."""
     bulk = problem_on(blocks_of_arrays()).equations.bulk
     X = bulk.space.V.tabulate_dof_coordinates()[: bulk.space.num_nodes, 1]
     step = np.zeros(bulk.num_owned)

@@ -38,7 +38,7 @@ def test_state_is_read_on_any_number_of_ranks(shared_path):
     assert np.abs(alone.u.x.array - exact.x.array).max() < 1e-13
 
 
-def test_files_hold_the_displacement_and_the_pressure(shared_path):
+def test_files_contain_the_displacement_and_the_pressure(shared_path):
     scene = blocks(partial(neo_hookean, nu=0.5), cell="triangle")
     fill(scene.u)
     scene.u.x.scatter_forward()

@@ -66,7 +66,7 @@ def test_traction_without_the_radius_is_reported():
 
 
 def test_displacement_of_the_axis_is_refused():
-    """Such a motion opens a hole along the axis, or moves matter beyond it."""
+    """A radial motion of the axis opens a hole along it, or moves material across it."""
     for motion in (0.01, -0.01):
         with refused(fm.MortarError, "nodes on the axis are moved away from it by 0.01"):
             solved(revolved, axis=motion)

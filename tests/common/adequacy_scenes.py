@@ -15,8 +15,8 @@ def blocks(push, *, strain="linear", sliding="finite", solve=True, **check):
     scene = pressed_blocks(**MESH)
     data, V, bcs = scene.data, scene.u.function_space, scene.problem.equations.bulk.bcs
     u = fem.Function(V)
-    laws = {"linear": linear_elastic, "finite": neo_hookean}
-    forms = {name: internal(u, law(u, 100.0, 0.3)) for name, law in laws.items()}
+    materials = {"linear": linear_elastic, "finite": neo_hookean}
+    forms = {name: internal(u, law(u, 100.0, 0.3)) for name, law in materials.items()}
     richer = {"finite_strain": forms["finite"]} if strain == "linear" else {}
     problem = fm.ContactProblem(
         forms[strain], u, [fm.ContactPair(data, "upper/bottom", "lower/top", sliding=sliding)],

@@ -27,7 +27,7 @@ def refused(kind, *parts):
 
 
 @contextmanager
-def refused_words(kind, message):
+def refused_with_address(kind, message):
     """As ``refused``, for a message that contains an object, whose address differs."""
     with pytest.raises(kind, match=message):
         yield

@@ -79,8 +79,8 @@ def pressed_cylinders(
     degree: int = 1,
     E: float = 100.0,
     nu: float = 0.3,
-    axis_is_held: bool = True,
-    upper_is_held: bool = True,
+    axis_is_prescribed: bool = True,
+    upper_is_prescribed: bool = True,
     **mesh: Any,
 ) -> Scene:
     """Two stacked cylinders, the lower fixed at its bottom; the upper one's top is moved."""
@@ -89,8 +89,8 @@ def pressed_cylinders(
     u = fem.Function(V)
     fixed, push = (fem.Constant(data.mesh, (0.0, 0.0)) for _ in range(2))
     bcs = [fm.dirichlet(V, data, "lower/bottom", fixed), fm.dirichlet(V, data, "upper/top", push)]
-    bcs = bcs if upper_is_held else bcs[:1]
-    if axis_is_held and not any(mesh.get("holes", ())):
+    bcs = bcs if upper_is_prescribed else bcs[:1]
+    if axis_is_prescribed and not any(mesh.get("holes", ())):
         bcs.append(on_axis(V, data, ["lower/left", "upper/left"]))
     sides = ["upper/bottom", "lower/top"]
     contact = fm.ContactPair(

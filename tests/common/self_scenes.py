@@ -137,11 +137,11 @@ def strip_in_s(pairs: Any, *, thickness: float = 0.1, gap: float = 0.1, **option
     order = options.get("order", 1)
     along, around = 12 * order, 8 * order
     line: list[np.ndarray] = [np.zeros(2)]
-    for arm, way in enumerate((1.0, -1.0, 1.0)):
-        line += [line[-1] + [way * length * k / along, 0.0] for k in range(1, along + 1)]
+    for arm, sign in enumerate((1.0, -1.0, 1.0)):
+        line += [line[-1] + [sign * length * k / along, 0.0] for k in range(1, along + 1)]
         if arm < 2:
             centre = line[-1] + [0.0, radius]
-            turn = -0.5 * np.pi + way * np.linspace(0.0, np.pi, around + 1)[1:]
+            turn = -0.5 * np.pi + sign * np.linspace(0.0, np.pi, around + 1)[1:]
             line += list(centre + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1))
     middle = np.array(line)
     tangent = np.gradient(middle, axis=0)
@@ -181,7 +181,7 @@ def tube(pairs: Any, *, columns: int = 40, upright: bool = True, **options: Any)
 
 
 def flattened_tube(law: Any, *, steps: int = 20) -> tuple[Driven, Any]:
-    """A tube pressed flat between two planes, its inside in contact with itself; and the path."""
+    """A tube pressed flat between two planes until its inside touches itself, and the path."""
     planes = fm.Plane((0.0, 1.0), (0.0, -1.0)), fm.Plane((0.0, -1.0), (0.0, 1.0))
     names = {"top": "tube/inside", "bottom": "tube/outside"}
     shape = sector(64, 3, radii=(0.85, 1.0))
@@ -193,8 +193,8 @@ def flattened_tube(law: Any, *, steps: int = 20) -> tuple[Driven, Any]:
     made = Driven([Grid("tube", shape, joined=names, closed=True)], {}, pairs)
 
     def load(time: float) -> None:
-        for plane, way in zip(planes, (-0.86, 0.86), strict=True):
-            plane.move(y=way * time)
+        for plane, shift in zip(planes, (-0.86, 0.86), strict=True):
+            plane.move(y=shift * time)
 
     options = fm.SteppingOptions(step=1.0 / steps, smallest=0.01 / steps)
     return made, fm.follow_path(made.problem, load, options)

@@ -21,7 +21,7 @@ def small_blocks(**options):
 
 
 def pushed_block(*, gap=0.0, pin=(), load=-1.0, slant=0.0, law=None, algorithm=None):
-    """Upper block under a traction, without Dirichlet conditions but those of a corner."""
+    """Upper block under a traction, whose only Dirichlet conditions are those of a corner."""
     data = read(two_blocks.build, **SMALL, gap=gap)
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)

@@ -2,7 +2,7 @@
 """Scenes of bodies supported by friction or adhesion, each with the verdict of limit analysis.
 
     python3 tests/common/supported.py               all scenes, a row for each step
-    python3 tests/common/supported.py wall tower    scenes whose names begin so
+    python3 tests/common/supported.py wall tower    scenes whose names begin with these words
 
 A scene is created in a local frame and rotated as a whole. Its loads are dead: the weight of
 bodies, a push on some of them and a torque, all distributed over the body; ``Assembly.set`` sets

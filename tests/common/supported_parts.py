@@ -44,7 +44,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Flat:
-    """A rigid plane; ``force`` drives it against its normal's back, the rest is prescribed."""
+    """A rigid plane; ``force`` drives it along its normal, its other motions are prescribed."""
 
     point: tuple[float, float]
     normal: tuple[float, float]

@@ -50,12 +50,12 @@ class Path:
     def __post_init__(self):
         self.start = self.problem.state()
 
-    def solve(self, names=(), changes=()) -> fm.RecordedPath:
+    def solve(self, names=(), changes=()) -> sensitivity.RecordedPath:
         """Solve all steps from the undeformed state with changed controls; reset the controls."""
         self.problem.restore(self.start)
         made = controls_of(self.problem, [self.controls[n] for n in names]) if names else []
         before = [control.get(self.problem) for control in made]
-        path, shift = fm.RecordedPath(self.problem), 0.0
+        path, shift = sensitivity.RecordedPath(self.problem), 0.0
         for name, control, value, change in zip(names, made, before, changes):
             if name == "place":
                 shift = change
@@ -219,7 +219,9 @@ def check(scene, objective, names, sizes, *, over_steps=last, step=1e-3, exact=1
     directions = directions_of(scene, names, sizes)
     path = scene.solve()
     gradient = fm.gradient(objective, controls, path, over_steps=over_steps)
-    tangent = fm.tangent_linear(objective, controls, directions, path, over_steps=over_steps)
+    tangent = sensitivity.tangent_linear(
+        objective, controls, directions, path, over_steps=over_steps
+    )
     made = controls_of(scene.problem, controls)
     parts = [
         dot(scene.problem, control, sum(by_step), direction)

@@ -19,7 +19,7 @@ MESH = {"n_upper": 3, "n_lower": 4, "layers_upper": 2, "layers_lower": 2}
 
 
 class Sticky(fm.Coulomb):
-    """As in the docstring of ``laws``: adhesion decreases exponentially."""
+    """Adhesion that decreases exponentially, as in the docstring of ``laws``."""
 
     def adhesion(self, gap):
         pull = STRESS * np.exp(-gap / RANGE)
@@ -116,7 +116,7 @@ def balance(gap: float, up: float, height: float) -> float:
 @pytest.mark.parametrize("law", [Sticky(0.3), Glued(0.3)])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_tangent_has_slope_two(degree, law):
-    """Pressed at one end and pulled apart at the other; then with all nodes open by force."""
+    """Pressed at one end and opened at the other; half of the nodes are set to open."""
     scene = pressed_blocks(degree=degree, pair={"law": law}, **MESH)
     push, problem, contact = scene.loads["push"], scene.problem, scene.contact
     push.value[:] = (0.0, -0.01)

@@ -105,7 +105,7 @@ def test_no_module_assigns_to_a_contact_outside_its_own():
     for path in sorted(PACKAGE.rglob("*.py")):
         found += outside(str(path.relative_to(PACKAGE)), path.read_text())
     assert found == []
-    assert {"z", "active", "offset", "c_n", "_state", "now", "view", "stiffness"} <= OF_CONTACTS
+    assert {"z", "active", "offset", "c_n", "_state", "now", "behind", "stiffness"} <= OF_CONTACTS
     assert len(OF_CONTACTS) > 60
 
 
@@ -121,7 +121,7 @@ def test_no_module_assigns_to_a_contact_outside_its_own():
         "self.contacts[0]._state = state",
         "setattr(contact, 'partners', None)",
         "object.__setattr__(state, 'z', z)",
-        "contact.evaluation.view = view",
+        "contact.evaluation.behind = behind",
         "with this as contact.now: pass",
         "del contact.now",
         "contact.offset: float = 0.0",

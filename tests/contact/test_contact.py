@@ -44,7 +44,7 @@ def test_complementarity_holds_at_each_node():
 @pytest.mark.once
 @pytest.mark.parametrize("c_n", [1e-8, 1e-5, 1.0, 1e3, 1e8])
 def test_result_does_not_depend_on_the_weight_of_the_gap(c_n):
-    """With too large a weight the set cycles: the cycle is left and recorded."""
+    """If the weight is too large, active sets cycle: the cycle is ended and recorded."""
     pressures, reports = [], []
     for value in (1e-3, c_n):
         scene = pressed_blocks(pair={"c_n": value}, gap=0.01, **MESH)

@@ -55,7 +55,7 @@ def slopes(problem, branches=None):
 )
 @pytest.mark.parametrize("degree", [1, 2])
 def test_tangent_has_slope_two(law, pair, degree):
-    """Solved sets, then all sticking, all sliding, and sliding in both directions, as set."""
+    """Solved sets; then all nodes set to stick, to slide, and to slide in both directions."""
     scene = blocks(LAWS.get(law) or Creeping(), degree=degree, pair=pair)
     drive(scene, (0.0, -0.03), (0.02, -0.04))
     for branches in (None, [0], [1], [1, 0, -1, 0]):

@@ -279,12 +279,12 @@ LAWS = {
 @pytest.mark.parametrize("name", LAWS)
 def test_all_solvers_agree(name):
     states = []
-    ways = [
+    solvers = [
         {"algorithm": "condensed", "linear_bulk": False}, {"algorithm": "saddle"},
         {"solver": "iterative"}, {"linear_bulk": True},
     ]  # fmt: skip
-    for way in ways:
-        scene = blocks(LAWS[name], material=linear_elastic, problem=way)
+    for solver in solvers:
+        scene = blocks(LAWS[name], material=linear_elastic, problem=solver)
         drive(scene, [1, 2])
         states.append((nodal(scene.problem), scene.contact.z))
     for other in states[1:]:

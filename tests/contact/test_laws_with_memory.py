@@ -27,7 +27,7 @@ LAWS = {
 
 
 @pytest.mark.parametrize("degree", [1, 2])
-def test_wear_under_a_held_top_is_implicit_euler(degree):
+def test_wear_under_a_fixed_top_is_implicit_euler(degree):
     """p' = -(E / H) wear p |v|: p decreases by the same factor in each step."""
     law = Worn(0.0, 1e-2)
     problem, push, plane = block_on_plane(law, degree=degree)

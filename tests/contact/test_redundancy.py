@@ -21,7 +21,7 @@ def test_dependent_rows_are_found_in_order():
 
 @pytest.mark.serial
 def test_only_rows_of_shared_slave_nodes_are_compared():
-    """Pair 0 has slave nodes 1 and 2 on master node 3, pair 1 slave node 3 on 1: 2 is alone."""
+    """Pair 0: slave nodes 1, 2 on master node 3; pair 1: slave node 3 on 1; node 2 occurs once."""
     pair = np.array([0, 0, 0, 0, 1, 1])
     row = np.array([0, 0, 2, 2, 0, 0])
     node = np.array([1, 3, 2, 3, 3, 1])

@@ -108,10 +108,10 @@ def num_prescribed(contact):
 @pytest.mark.once
 @pytest.mark.parametrize("upright", [True, False])
 def test_tube_pinched_until_its_inside_touches(upright):
-    """With the tube on its side, the roles change in the middle of the contact."""
+    """If the tube lies on its side, roles change in the middle of the contact."""
     pinched = tube(with_itself("tube/inside"), upright=upright)
-    way = np.array([0.0, 0.88]) if upright else np.array([0.88, 0.0])
-    pinched.move(12, high=-way, low=way)
+    displacement = np.array([0.0, 0.88]) if upright else np.array([0.88, 0.0])
+    pinched.move(12, high=-displacement, low=displacement)
     assert pinched.problem.certificate().violations() == []
     assert pinched.contact.active.any() and pinched.forces()[0] > 1.0
     assert imbalance(pinched) < 1e-12

@@ -38,10 +38,10 @@ def ring_of(sides, pair=None, law=None, **options):
     return c_ring(lambda data: [fm.ContactPair(data, *sides, law=law, **pair)], **options)
 
 
-def close(sides, way=(0.01, -0.18), **options):
+def close(sides, displacement=(0.01, -0.18), **options):
     """A ring whose ends are pressed together and along each other, two facets along."""
     ring = ring_of(sides, **options)
-    ring.move(5, high=np.array(way))
+    ring.move(5, high=np.array(displacement))
     return ring
 
 
@@ -61,8 +61,8 @@ def compare(slope=2.0, **options):
 
 
 AXISYMMETRIC = {"residual": torus, "centre": 3.0, "problem": {"geometry": "axisymmetric"}}
-LINEAR = {"residual": linear, "way": (0.005, -0.14), "problem": {"linear_bulk": True}}
-SMALL = {"pair": {"sliding": "small"}, "way": (0.005, -0.14)}
+LINEAR = {"residual": linear, "displacement": (0.005, -0.14), "problem": {"linear_bulk": True}}
+SMALL = {"pair": {"sliding": "small"}, "displacement": (0.005, -0.14)}
 CASES = {
     "axisymmetric": {"law": MU, **AXISYMMETRIC},
     "linear bulk": {"law": MU, **LINEAR},

@@ -214,7 +214,8 @@ def cornered(meshed, **options):
     return problem, move
 
 
-# Pressed; floor and wall come, both, one, the other; one goes back a bit; all is loose; at once
+# Compression; then floor and wall approach together and one by one, the floor retreats a little,
+# both are removed, and everything is applied in one step. Columns: compression, floor, wall.
 PATH = [
     (0.003, 0.0, 0.0), (0.003, 0.01, 0.01), (0.003, 0.012, 0.01), (0.003, 0.012, 0.013),
     (0.003, 0.011, 0.013), (0.0, -0.01, -0.01), (0.003, 0.01, 0.01),
@@ -226,7 +227,7 @@ PATH = [
     [(False, "finite", None), (True, "finite", None), (False, "linear", True)],
 )
 def test_corner_sticks_to_floor_and_wall(meshed, strain, linear_bulk):
-    """Two gaps fix the corner, and stick again: with obstacles the system would be singular.
+    """Two gaps and two stick constraints act on the corner: singular if both are obstacles.
 
     With deformable floor and wall it can stick to both.
     """

@@ -71,7 +71,7 @@ def test_slip_on_an_obstacle_is_relative_to_its_material():
 
 @pytest.mark.parametrize("pair", MEASURES)
 def test_entering_nodes_slip_by_the_motion_of_their_material(pair):
-    """A block slides over the edge of another: nodes that faced nothing have the rigid slip."""
+    """A block slides over the edge of another: nodes without partners have the rigid slip."""
     scene = blocks(fm.Coulomb(0.3), mesh={**MESH, "offset": 1.8, "gap": 0.1}, pair=pair)
     contact = scene.contact
     uncovered = ~contact.covered

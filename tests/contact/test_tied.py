@@ -89,7 +89,7 @@ def test_sliding_over_a_tied_joint_agrees_with_one_base(slave, system):
 @pytest.mark.once
 @pytest.mark.parametrize("slave", ["tool", "ground"])
 def test_contact_surface_may_cross_the_joint(slave):
-    """With friction, too: one curve, on which the two corners are one node."""
+    """Both halves are one curve, on which their two corners are one node; with friction."""
     problem, reports = tool_on_halves(slave=slave, law=fm.Coulomb(0.2))
     contact = problem.equations.contacts[0]
     ground = contact.master if slave == "tool" else contact.slave
@@ -114,7 +114,7 @@ def test_a_contact_surface_may_end_at_the_joint():
 
 
 def test_a_body_supported_by_a_tie_alone_does_not_float():
-    """Such a body as the upper of two blocks, pulled at its top."""
+    """The upper of two tied blocks has no Dirichlet condition; it is pulled at its top."""
     data = blocks(layers_upper=2)
 
     def law(u):

@@ -76,7 +76,7 @@ def test_rotated_rings_are_stress_free(degree, sides, algorithm):
 
 
 def test_tied_gap_does_not_rotate_with_the_bodies():
-    """It therefore strains them and causes a torque; the mesh is not moved."""
+    """A gap that is kept has a fixed direction: a rotation strains the bodies; a torque results."""
     data, turn = ring_data(1), rotation(0.8) - np.eye(2)
     pair = fm.TiedPair(data, "inner/bottom", "outer/top", gap="kept")
     problem, exact = tied(data, [pair], ["outer/bottom"], turn)

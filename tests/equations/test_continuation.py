@@ -138,7 +138,7 @@ def test_plain_loop_needs_the_iterations_of_follow_path():
 
 
 def test_bodies_with_inertia_start_from_the_last_state():
-    """Their acceleration acts as a load, too; a static state has none."""
+    """The acceleration of bodies is a load, too, which a static state does not contain."""
     starts, states = pressed_twice()
     motion = fm.Dynamics(starts.problem, 1.0)
     states = [states[-1]]

@@ -142,7 +142,7 @@ def test_multipliers_of_all_kinds(pair, options):
 
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_slave_node_on_a_symmetry_plane(algorithm):
-    """Its multiplier has a prescribed component, which condensation leaves out."""
+    """The node's multiplier has a prescribed component, which is not condensed."""
     law = test_adhesion.Sticky(0.3)
     problem, lift = test_adhesion.columns(law, algorithm=algorithm, linear_bulk=False)
     lift.value = -0.02
@@ -167,7 +167,7 @@ def test_slave_node_on_a_symmetry_plane(algorithm):
     ],
 )
 def test_linear_bulk_factored_once(pair, options):
-    """By the compliance of the contact dofs; the condensed system is not assembled."""
+    """Solves use the compliance of the contact dofs; no condensed system is assembled."""
     given = {"linear_bulk": True, "material": linear_elastic, **options}
     problem = rubbing(given.pop("algorithm", None), pair=pair, **given)
     assert problem.equations.reduced_tangent() is not None

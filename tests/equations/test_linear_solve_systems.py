@@ -33,7 +33,7 @@ def test_driven_obstacle(algorithm, kind):
 
 @pytest.mark.once
 def test_two_obstacles_on_one_body():
-    """One at rest, one driven, each with a separate border."""
+    """One obstacle at rest and one driven, each with its own border of the matrix."""
     problem, _ = test_several_masters.disk(np.pi / 3, 0.02)
     problem.solve()
     check(problem)
@@ -89,7 +89,7 @@ def test_multigrid(algorithm):
 
 
 def test_multigrid_of_tied_bodies():
-    """Its cycle is conjugate gradients with the tolerance 1e-9."""
+    """The linear solver is the conjugate gradient method with the tolerance 1e-9."""
     data = tied_scenes.blocks((5, 8), width_lower=1.2)
     options = {"solver": "iterative", "petsc_options": {"ksp_rtol": 1e-13}}
     problem, _ = tied_scenes.tied(

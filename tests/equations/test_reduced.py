@@ -87,7 +87,7 @@ def test_load_steps_need_the_same_iterations(path, scene, algorithm):
 
 @pytest.mark.once
 def test_intermediate_step_on_all_dofs_changes_nothing():
-    """Such a step adds contact terms to K, which must not be present for the next direction.
+    """A step on all dofs adds contact terms to K, which the next direction must not contain.
 
     The upper block is one cell high: contact terms are added to rows with prescribed values.
     """

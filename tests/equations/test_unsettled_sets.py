@@ -56,7 +56,7 @@ def test_sets_of_touching_thin_plates_converge(cell, mu):
 
 
 def test_no_linearized_problem_without_possible_contact():
-    """As after a hook has snapped: an error of numpy before."""
+    """No node can touch, as after a hook has snapped; this raised an error of numpy before."""
     scene = small_blocks()
     scene.loads["push"].value[1] = 1.0
     scene.problem.solve()

@@ -34,7 +34,7 @@ def test_invalid_axisymmetric_problems_are_refused(options, error):
 
 def test_a_free_axis_is_refused():
     with pytest.raises(fm.MortarError, match="nodes on the axis may move away"):
-        pressed_cylinders(axis_is_held=False)
+        pressed_cylinders(axis_is_prescribed=False)
 
 
 def test_radial_dofs_on_the_axis():

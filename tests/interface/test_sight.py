@@ -54,12 +54,14 @@ class Scene:
         """Prescribe the motion of the condition with this number."""
         self.moved[number].x.array.reshape(-1, 2)[:] = x, y
 
-    def follow(self, way, steps):
-        """Follow ``way``, positions (k, 2) of the second condition at equal times."""
-        times = np.linspace(0.0, 1.0, len(way))
+    def follow(self, positions, steps):
+        """Move the second condition through ``positions`` (k, 2) at equal intervals of time."""
+        times = np.linspace(0.0, 1.0, len(positions))
 
         def set_loads(time):
-            self.move(1, *(np.interp(time, times, component) for component in np.transpose(way)))
+            self.move(
+                1, *(np.interp(time, times, component) for component in np.transpose(positions))
+            )
 
         return fm.follow_path(self.problem, set_loads, fm.SteppingOptions(1.0 / steps))
 
@@ -89,7 +91,7 @@ def plates(outlines, slave="lower", height=0.1, degree=1, **options):
     {"sliding": "small"}, {"law": fm.Coulomb(0.3)},
 ])  # fmt: skip
 def test_plates_with_whole_outlines_agree_with_chosen_sides(options, slave):
-    """Whichever is the slave: at corners that lie flat the normal is that of the flat facet."""
+    """Equal for either slave, since a corner on a flat surface has the normal of that surface."""
     found = []
     for outlines in (True, False):
         scene = plates(outlines, slave, **options)
@@ -105,7 +107,7 @@ def test_plates_with_whole_outlines_agree_with_chosen_sides(options, slave):
 @pytest.mark.parametrize("slave", ["lower", "upper"])
 @pytest.mark.parametrize("degree, depths", [(1, [0.025, 0.05, 0.075, 0.1]), (2, [0.025, 0.05])])
 def test_thin_plates_are_pressed_deep(slave, degree, depths):
-    """To half their thickness, in steps of an eighth: about as with the sides that meet only."""
+    """Pressed to half their thickness in steps of an eighth; equal to chosen sides."""
     forces = []
     for outlines in (True, False):
         scene = plates(outlines, slave, degree=degree)
@@ -131,7 +133,7 @@ def test_facets_longer_than_plates_are_thick_have_no_partner_through_both():
 
 @pytest.mark.parametrize("slave", ["lower", "upper"])
 def test_thin_plate_is_pressed_by_more_than_its_thickness_in_one_step(slave):
-    """It penetrates a thick block from a distance: the shorter way out is backwards."""
+    """The plate starts above a thick block and ends inside: the shorter way out is backwards."""
     grids = [
         Grid("lower", block(12, 6, width=1.2, height=1.0, corner=(-0.6, -1.0))),
         Grid("upper", block(9, 1, width=0.9, height=0.05, corner=(-0.45, 0.01))),
@@ -146,7 +148,7 @@ def test_thin_plate_is_pressed_by_more_than_its_thickness_in_one_step(slave):
 
 @pytest.mark.once
 def test_search_radius_also_limits_partners_behind():
-    """With a radius below the overlap of two bodies no partner is found."""
+    """If the radius is smaller than the overlap of two bodies, no partner is found."""
     data = read(lambda: mapped_grids.build([
         Grid("lower", block(4, 4, width=1.0, height=1.0, corner=(0.0, -0.9))),
         Grid("upper", block(5, 4, width=1.0, height=1.0, corner=(0.0, 0.0))),
@@ -190,7 +192,7 @@ def test_thickness_of_tied_bodies_is_their_sum(coated):
 @pytest.mark.parametrize("slave", ["left", "right"])
 @pytest.mark.parametrize("outlines", [False, True])
 def test_beam_passes_a_beam(slave, outlines):
-    """Aside, down and back by little more than both are thick: it rests below, unloaded."""
+    """A detour aside, down by slightly more than both thicknesses, and back: unloaded below."""
     body = whole if outlines else Grid
     grids = [
         body("left", block(10, 1, width=1.0, height=0.1, corner=(-1.0, -0.1))),

@@ -35,7 +35,7 @@ def test_body_lies_on_the_left_of_each_facet(name, normal, cell):
 
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_body_lies_on_the_left_of_thin_curved_cells(cell):
-    """Of eight cells a ring, so thin that the chord of its outside lies inside of the hole."""
+    """Rings so thin that chords of the outer circle lie inside the hole."""
 
     def ring(*, cell):
         x = sector(16, 2, radii=(0.98, 1.0))

@@ -254,7 +254,7 @@ def test_a_body_free_along_the_axis_is_found_and_pressed_by_a_total_force():
 
 
 def test_a_floating_ring_is_free_along_the_axis_only():
-    scene = pressed_cylinders(holes=(0.5, 0.5), upper_is_held=False)
+    scene = pressed_cylinders(holes=(0.5, 0.5), upper_is_prescribed=False)
     (body,) = scene.problem.equations.floating.bodies
     assert np.abs(body.motions) == pytest.approx(np.array([[0.0, 1.0, 0.0]]), abs=1e-9)
     with pytest.raises(fm.MortarError, match=r"upper.* can move along \(0, 1\)"):

@@ -8,7 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import scenes
-from test_results import CELLS, HELD, pressed
+from test_results import CELLS, FIXED, pressed
 
 import ufl
 from dolfinx import fem
@@ -48,7 +48,7 @@ def test_plot_refuses_what_is_not_a_scalar(shared_path):
 
 
 def test_plot_shows_every_cell_once(shared_path, monkeypatch):
-    """Also on several ranks, where ghost cells must not be drawn twice."""
+    """Ghost cells of several ranks must not be drawn twice."""
     from fenics_mortar.io import picture
 
     drawn = []
@@ -94,12 +94,12 @@ def test_plot_draws_into_given_axes_with_units_and_writes_no_file(shared_path):
 def test_plot_names_the_masters_of_a_surface_that_meets_several():
     data = scenes.read(two_blocks.build, gap=3.0, n_lower=12, layers_lower=3)
     u = fem.Function(fm.vector_space(data.mesh, 1))
-    held = [fm.dirichlet(u.function_space, data, name, (0, 0)) for name in HELD]
+    fixed = [fm.dirichlet(u.function_space, data, name, (0, 0)) for name in FIXED]
     circles = [fm.Circle((x, 1.98), 1.0, name=f"at {x}") for x in (0.5, 1.7)]
     problem = fm.ContactProblem(
         scenes.internal(u, scenes.linear_elastic(u, 100.0, 0.3)), u,
         [fm.ContactPair(data, "lower/top", circle) for circle in circles],
-        bcs=held, petsc_options_prefix="test_",
+        bcs=fixed, petsc_options_prefix="test_",
     )  # fmt: skip
     problem.solve()
     axes = axes_of(problem)

@@ -29,7 +29,7 @@ KINDS = {
     ("quad", 1): "quad",
     ("quad", 2): "quad9",
 }
-HELD = ("lower/bottom", "upper/top")
+FIXED = ("lower/bottom", "upper/top")
 SMALL = {"n_upper": 4, "n_lower": 6, "layers_upper": 4, "layers_lower": 3, "gap": 0.01}
 
 
@@ -78,7 +78,7 @@ def assert_equal_tables(found, right):
 @pytest.mark.each
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("cell", CELLS)
-def test_bulk_files_hold_displacement_and_fields_of_every_step(shared_path, cell, degree):
+def test_bulk_files_contain_displacement_and_fields_of_every_step(shared_path, cell, degree):
     scene = pressed(cell, degree=degree)
     u, grad = scene.u, ufl.grad(scene.u)
     fields = {
@@ -131,7 +131,7 @@ def test_bulk_files_hold_displacement_and_fields_of_every_step(shared_path, cell
 
 @pytest.mark.parametrize("cell", CELLS)
 def test_functions_of_lagrange_spaces_are_written_at_nodes(shared_path, cell):
-    """Also parts of mixed functions; at midpoints of edges linear functions are averages."""
+    """Parts of mixed functions, too; linear functions are averaged at midpoints of edges."""
     scene = pressed(cell, degree=2)
     mesh = scene.data.mesh
     scalar = fem.Function(compat.scalar_space(mesh, 2))
@@ -233,7 +233,7 @@ def test_two_slaves_of_one_name_in_files_get_two_series(shared_path):
 
 
 def test_outlines_of_obstacles_move_with_them(shared_path):
-    """On the curve to rounding, closed where it is, and warped to the present place."""
+    """Points are on the curve up to rounding, moved to its present place; circles are closed."""
     motions = (
         fm.Circle((0.5, 1.5), 0.25, name="ball"),
         fm.Plane((0.0, 1.1), (0.0, -1.0), name="far"),
@@ -307,7 +307,7 @@ def test_path_of_rank_0_is_used(shared_path):
     assert not (shared_path / "rank1.pvd").exists()
 
 
-def test_table_shows_forces_that_cancel_and_push_the_bodies_apart():
+def test_table_shows_opposite_forces_that_separate_the_bodies():
     scene = pressed()
     scene.problem.solve()
     table = contact_table(scene.problem)
@@ -330,7 +330,7 @@ def test_table_shows_forces_that_cancel_and_push_the_bodies_apart():
 
 
 def reaction(scene):
-    """What the lower body's bottom exerts on it, from the internal forces alone."""
+    """Reaction at the bottom of the lower body, from the internal forces alone."""
     bulk = scene.problem.equations.bulk
     bulk.assemble_residual()
     X = bulk.V.tabulate_dof_coordinates()[: bulk.num_owned // 2]

@@ -245,7 +245,7 @@ def test_path_out_along_an_edge_does_not_end_inside(seed, turn):
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
 @pytest.mark.parametrize("seed", range(20))
 def test_aligned_blocks_overlap_by_rounding_only(seed, turn):
-    """Their corners are equally high, as with stick: the tops cross in the joint, and continue."""
+    """Top corners of sticking blocks are equally high: the tops cross in the joint."""
     rng = np.random.default_rng(seed)
     size = 1e-6
     left, right = rectangle(-1.0, 0.0, 1.0, 1.0, 0.5), rectangle(0.0, 0.0, 1.0, 1.0, 0.25)
@@ -259,7 +259,7 @@ def test_aligned_blocks_overlap_by_rounding_only(seed, turn):
 
 
 def test_collinear_segments_do_not_cross():
-    """The tops of two blocks that stick to each other, at their corner."""
+    """Tops of two blocks that stick to each other: the segments meet at the common corner."""
     x = np.array([(4e-17, 0.0), (-1 / 3, -1.1e-16), (0.25, -2.2e-16), (4e-19, 0.0)])
     one, other = np.array([0, 1]), np.array([2, 3])
     assert not plane.cross_properly(x, one, other)

@@ -154,7 +154,7 @@ def test_facet_with_fewer_points_than_nodes_counts_as_uncovered(covered, counts)
 @pytest.mark.parametrize("shift", [0.0, 1e-16, -1e-16, 1e-13, -1e-13])
 @pytest.mark.parametrize("angle", np.linspace(0.0, 6.0, 13))
 def test_partners_of_coinciding_nodes_are_independent_of_rounding(shift, angle):
-    """Also at the ends; the partner is the master facet that ends there."""
+    """At the ends of the curve, the partner is the master facet that ends there."""
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     x, m = flat(np.arange(6), 0), flat(np.arange(5, -1, -1) + shift, -0.1)
     pair = Curves(x @ turn, m @ turn, **options("nodes", None))

@@ -9,7 +9,7 @@ from fenics_mortar.kernels.locate import box_triangles, interpolate
 
 
 def nodes(kind):
-    """At random, or on a grid, whose circles hold four nodes and whose sides many."""
+    """Random points, or a grid, which has four nodes on a circle and many on its sides."""
     if kind == "random":
         return np.random.default_rng(0).random((60, 2))
     return np.stack(np.meshgrid(np.linspace(0, 3, 13), np.linspace(0, 1, 6)), -1).reshape(-1, 2)
@@ -30,7 +30,7 @@ def test_linear_functions_are_exact_inside_and_nothing_is_found_outside(kind):
 
 
 def test_a_notch_is_outside():
-    """Without the triangles of a notch no value is found there."""
+    """If the triangles of a notch are removed, no value is found there."""
     mesh = Delaunay(nodes("grid"))
     middles = mesh.points[mesh.simplices].mean(axis=1)
     notched = (middles[:, 0] < 1.0) | (middles[:, 0] > 2.0) | (middles[:, 1] < 0.4)

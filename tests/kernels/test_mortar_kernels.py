@@ -97,7 +97,7 @@ def test_gap_by_the_cover_is_that_of_the_basis_at_covered_nodes(cover):
 
 @pytest.mark.parametrize("start, stop", [(0.2, 0.9), (0.2, 1.0), (0.5, 0.51)])
 def test_gap_by_the_cover_is_a_linear_gap_at_its_ends(start, stop):
-    """By the basis it is this gap extrapolated to the nodes."""
+    """With weights of the basis, the gap at the nodes is the extrapolation of this gap."""
     x, m = (
         np.array([[0.0, 0.0], [1.0, 0.0]]),
         np.array([[stop, -0.3 * stop], [start, -0.3 * start]]),

@@ -33,8 +33,8 @@ def box(low, high, width=1.0):
 
 def length(where, shape, x=0.4, down=False, own=0):
     """Length inside from a height, up or down."""
-    way = np.array([0.0, -1.0 if down else 1.0])
-    return length_inside(np.array([x, where]), way, shape, own, LEAST)
+    direction = np.array([0.0, -1.0 if down else 1.0])
+    return length_inside(np.array([x, where]), direction, shape, own, LEAST)
 
 
 def test_length_of_a_line_ends_at_the_body():
@@ -75,14 +75,14 @@ def test_lengths_behind_facets_are_independent_of_the_size_of_normals(angle):
 
 @pytest.mark.parametrize("x", [0.0, 1.0, 0.5])
 def test_line_through_a_corner_is_counted_once(x):
-    """At the ends of sides the line is counted inside the body or outside, never half."""
+    """A line through vertices is taken as wholly inside the body or wholly outside."""
     shape = outline((0, [(0, 0), (0.5, 0), (1, 0), (1, 1), (0.5, 1), (0, 1)]))
     assert length(0.0, shape, x=x) in (1.0, np.inf)
     assert length(0.0, shape, x=0.5) == pytest.approx(1.0)
 
 
 def test_point_beside_its_facet_counts_as_on_it():
-    """Like a point of a curved facet, which lies beside its chords, outside or inside."""
+    """A point of a curved facet lies beside the chord, outside or inside the polygon."""
     shape = outline((0, box(0.0, 0.3)))
     for off in (-1e-3, 1e-3, -1e-16, 1e-16):
         assert length(off, shape) == pytest.approx(0.3 - off)

@@ -165,7 +165,7 @@ def pressed_cylinder(refinements, cylinder, block):
     ],
 )
 def test_iterations_do_not_grow_where_the_contact_is_curved(cylinder, block, most):
-    """From first contact on, where the active set changes in each iteration: at most a fifth too.
+    """From first contact on, the active set changes in each iteration; growth is at most a fifth.
 
     On several ranks the counts vary by 4 % from run to run by rounding.
     """

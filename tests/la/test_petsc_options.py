@@ -106,7 +106,7 @@ print(problem.equations.system.ksp.getType(), *report.notes)
 @pytest.mark.serial
 @pytest.mark.parametrize("options", [{}, {"ksp_type": "gmres", "ksp_monitor": ""}], ids=str)
 def test_solver_is_shown_after_each_solve(options, capfd):
-    """Also after the solver has been created again for another pattern."""
+    """Shown again after the solver has been created anew for another pattern."""
     report = solved_with({"ksp_view": "", **options}).solve()
     shown = capfd.readouterr().out
     assert shown.count("KSP Object: (test_)") == report.num_iterations > 0

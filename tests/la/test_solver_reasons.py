@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The report tells which solver was used and why."""
+"""The report states which solver was used and why."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.serial
 MESH = {"n_upper": 4, "n_lower": 5, "layers_upper": 2, "layers_lower": 2}
 
 
-def told(**options):
+def solver_of(**options):
     of_scene = {name: options.pop(name) for name in ("material", "pair") if name in options}
     scene = pressed_blocks(problem=options, **of_scene, **MESH)
     scene.loads["push"].value[1] = -0.02
@@ -21,7 +21,7 @@ def told(**options):
 
 
 @pytest.mark.parametrize(
-    "options, words",
+    "options, phrase",
     [
         ({}, "petsc (fewer than 100,000 unknowns, at most 20,000 on one rank)"),
         ({"solver": "direct"}, "petsc (solver='direct', at most 20,000 on one rank)"),
@@ -35,16 +35,16 @@ def told(**options):
         ({"linear_bulk": True, "material": linear_elastic}, "(linear_bulk=True)"),
     ],
 )
-def test_choices_have_reasons(options, words):
-    assert words in told(**options)
+def test_choices_have_reasons(options, phrase):
+    assert phrase in solver_of(**options)
 
 
 def test_many_unknowns_and_long_rows_are_reasons(monkeypatch):
     with monkeypatch.context() as changed:
         changed.setattr(choice, "COSTS", replace(choice.COSTS, many=10))
-        assert "gmres with multigrid (at least 10 unknowns)" in told()
+        assert "gmres with multigrid (at least 10 unknowns)" in solver_of()
     monkeypatch.setattr(solver, "COSTS", replace(choice.COSTS, long_rows=1))
-    assert "factors by mumps (rows of factors longer than 1)" in told()
+    assert "factors by mumps (rows of factors longer than 1)" in solver_of()
 
 
 def test_earlier_factors_are_counted_anew_in_each_solve(monkeypatch):
@@ -53,5 +53,5 @@ def test_earlier_factors_are_counted_anew_in_each_solve(monkeypatch):
     for push in (-0.02, -0.021):
         scene.loads["push"].value[1] = push
         report = scene.problem.solve()
-        words = f"of {report.num_iterations} solutions by gmres with earlier factors"
-        assert words in report.solver
+        phrase = f"of {report.num_iterations} solutions by gmres with earlier factors"
+        assert phrase in report.solver

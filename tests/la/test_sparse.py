@@ -45,7 +45,7 @@ def everywhere(row, column, value):
 
 
 def test_rows_are_added_where_they_belong():
-    """To entries that are there, to more than one row, and on each rank to rows of others."""
+    """Blocks are added to existing entries, to several rows, and to rows of other ranks."""
     large = tridiagonal()
     last = large.getSize()[0] - 1
     before, entries = dense(large), large.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]

@@ -208,7 +208,7 @@ def test_three_bodies_in_two_pairs_carry_the_same_force(algorithm):
     bcs = [
         fm.dirichlet(V, data, "low/bottom", np.zeros(2)),
         fm.dirichlet(V, data, "high/top", np.array([0.0, -0.1])),
-        # without friction nothing else keeps the middle block from moving sideways
+        # without friction, only this condition prevents a sideways motion of the middle block
         fm.dirichlet(V, data, "middle/left", 0.0, component=0),
     ]
     pairs = [
@@ -270,7 +270,7 @@ def test_petsc_options_of_the_prefix_reach_the_solver():
 
 @pytest.mark.once
 @pytest.mark.serial
-def test_deleted_problems_release_their_memory():
+def test_deleted_problems_free_their_memory():
     """Matrices and factors of one problem take 5 MB here; memory in use hardly grows."""
 
     def solve_and_forget():

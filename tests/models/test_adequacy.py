@@ -223,8 +223,8 @@ def test_small_sliding_on_an_obstacle_that_has_moved():
     found = {}
     for strain in ("linear", "finite"):
         u = fem.Function(scene.u.function_space)
-        laws = {"linear": linear_elastic, "finite": neo_hookean}
-        forms = {name: internal(u, law(u, 100.0, 0.3)) for name, law in laws.items()}
+        materials = {"linear": linear_elastic, "finite": neo_hookean}
+        forms = {name: internal(u, law(u, 100.0, 0.3)) for name, law in materials.items()}
         tool = fm.Circle((1.1, -1.0), 2.0)
         pair = fm.ContactPair(scene.data, "upper/bottom", tool, sliding="small")
         check = fm.AdequacyCheck(finite_strain=forms["finite"], stiffness_ratio=0.001)

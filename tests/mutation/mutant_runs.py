@@ -59,8 +59,8 @@ class Run:
             return "hangs", ""
         if ended.returncode in (0, 4, 5):  # 4, 5: there is no such test, or none is left to run
             return "survived", ""
-        words = ("FAILED ", "ERROR ")
-        failed = [line for line in ended.stdout.splitlines() if line.startswith(words)]
+        beginnings = ("FAILED ", "ERROR ")
+        failed = [line for line in ended.stdout.splitlines() if line.startswith(beginnings)]
         return ("killed" if failed else "ends"), (failed or [""])[0][:300]
 
     def is_compiled(self, mutant: Mutant) -> bool:

@@ -181,7 +181,7 @@ def test_linear_residual_is_small_beside_the_reference_force():
 
 
 class Springs:
-    """Equations with springs, in name only."""
+    """Equations whose springs have no effect."""
 
     def __init__(self):
         self.springs = self
@@ -203,7 +203,7 @@ class Springs:
 
 
 def test_record_of_a_failed_solve_with_springs_has_all_iterations(monkeypatch):
-    """It converges with springs, not without, and not with springs again."""
+    """The solve converges with springs, fails without them, and fails with springs again."""
     iteration = Iteration(1.0, 0.0, 0.0, 1.0, 0, 0, {})
     outcomes = iter([(5, True), (30, False), (7, False)])
 

@@ -234,7 +234,7 @@ def test_deep_obstacle_that_faces_the_body_is_an_interference():
         ([(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)], "intersects itself"),
         ([(0, 0), (1, 0), (1, 1), (0, 0)], "intersects itself"),
         ([(0, 0), (1, 0), (2, 0)], "two edges of the polygon overlap"),
-        ([(0, 0), (2, 0), (2, 2), (1, 0.01), (0, 2)], "less its rounding=0.02 intersects itself"),
+        ([(0, 0), (2, 0), (2, 2), (1, 0.01), (0, 2)], "reduced by rounding=0.02 intersects itself"),
         ("abc", "points='abc': expected real numbers"),
     ],
 )

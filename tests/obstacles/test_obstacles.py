@@ -144,7 +144,7 @@ PAIRS = {
     ],
 )
 def test_tangent(kind, degree, pair):
-    """With friction on obstacles that are moved and rotated."""
+    """Friction on obstacles that are translated and rotated."""
     obstacle = KINDS[kind]()
     rough = {"law": fm.Coulomb(0.3)} if pair == "dual" else {}
     problem = block_under(obstacle, degree=degree, pair=PAIRS[pair] | rough)

@@ -22,14 +22,14 @@ def posed(scene):
     return pose_problem(scene, MPI.COMM_WORLD, pair={}, problem={})
 
 
-def cantilevers(way):
+def cantilevers(motion):
     """One is pushed past another: their tips separate at 0.551 of the displacement."""
     left = block(8, 1, width=1.0, height=0.1, corner=(-1.0, -0.1))
     right = block(7, 1, width=1.0, height=0.1, corner=(-0.05, 0.0))
     return Scene(
         bodies=[Body(Grid("left", left)), Body(Grid("right", right))],
         pairs=[("left/top", "right/bottom")],
-        supports=[Support(["left/left"]), Support(["right/right"], way)],
+        supports=[Support(["left/left"]), Support(["right/right"], motion)],
         steps=10,
     )
 
@@ -50,7 +50,7 @@ def ironing(mu):
     )
 
 
-# Scene, its last equilibrium, words
+# Scene, its last equilibrium, phrases of the message
 ENDS = {
     "slip off": (
         cantilevers(family.down(1.0)),
@@ -98,9 +98,9 @@ def test_no_end_is_reported_if_the_path_continues(end):
 
 @pytest.mark.serial
 def test_cantilevers_have_an_equilibrium_beyond_their_dead_end():
-    """Via a detour aside, down and back such an end is reached: unloaded, one below the other.
+    """A detour aside, down and back leads to an unloaded state, one arm below the other.
 
-    It goes down by a little more than both are thick.
+    The arm is lowered by slightly more than the thickness of both.
     """
     around = legs((2, (0.2, 0.1, 0.0)), (8, (0.2, -0.21, 0.0)), (2, (0.0, -0.21, 0.0)))
     at = posed(cantilevers(around))
@@ -112,7 +112,7 @@ def test_cantilevers_have_an_equilibrium_beyond_their_dead_end():
 @pytest.mark.serial
 @pytest.mark.parametrize(("stopped_by", "slid"), [("wall", False), ("friction", True), ("", True)])
 def test_only_a_body_stopped_by_a_wall_is_at_rest(stopped_by, slid):
-    """Its friction carried force before the step; the wall did not."""
+    """Before the step, friction transmitted a force to the body, and the wall none."""
 
     def pair(name, slip, force):
         state = SimpleNamespace(z=np.full((2, 2), force), active=np.array([True, False]))

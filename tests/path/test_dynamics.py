@@ -115,7 +115,7 @@ def test_a_bouncing_block_keeps_its_energy_over_ten_impacts():
     assert impacts >= 10
     assert np.abs(total - total[0]).max() < 0.03
     in_flight = np.convolve(active, np.ones(9), "same") == 0.0
-    assert np.median(np.abs(total - total[0])[in_flight]) < 1e-10  # owed energy is returned
+    assert np.median(np.abs(total - total[0])[in_flight]) < 1e-10  # the energy deficit is returned
     assert abs(total[-1] - total[0]) < 1e-3
 
 

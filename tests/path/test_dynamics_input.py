@@ -128,19 +128,19 @@ def test_energy_added_by_friction_is_reported():
 
 
 def test_rates_of_prescribed_motions_follow_from_these():
-    """They do not alternate after an inconsistent start or a jump."""
-    made = free_block(cells=3, held=[("block/top", 1, 0.0)])
+    """Rates do not oscillate from step to step after an inconsistent start or a jump."""
+    made = free_block(cells=3, prescribed=[("block/top", 1, 0.0)])
     motion = made.dynamics("conserving")
     made.set_velocity(motion, {"block": (0.0, -1.0, 0.0)})  # of the prescribed nodes, too
     motion.run(0.16, fm.SteppingOptions(step=0.02))
-    held = made.problem.equations.bulk.prescribed
+    prescribed = made.problem.equations.bulk.prescribed
     rates = motion._inertia.rates
-    assert np.abs(rates.velocity[held]).max(initial=0.0) < 1e-12
-    assert np.abs(rates.acceleration[held]).max(initial=0.0) < 1e-10
+    assert np.abs(rates.velocity[prescribed]).max(initial=0.0) < 1e-12
+    assert np.abs(rates.acceleration[prescribed]).max(initial=0.0) < 1e-10
 
 
 def test_interruption_reverts_the_whole_step(monkeypatch):
-    """Also after its solve, when its energies are computed."""
+    """Interruptions during the solve, and while the energies are computed after it."""
     made, motion = moving()
     made.set_velocity(motion, {"block": (0.0, -1.0, 0.0)})
     motion.step(0.01)

@@ -183,7 +183,7 @@ def test_failure_from_both_initial_guesses_reports_both():
 
 @pytest.mark.once
 def test_prescribed_obstacle_is_not_extrapolated():
-    """Its motion changes from down to along: a guess must not move it further down."""
+    """The motion changes from vertical to horizontal: a guess must not move it further down."""
     tool = KINDS["circle"]()
     problem = block_under(tool)
 

@@ -284,7 +284,7 @@ class Stribeck(fm.Law):
 @pytest.mark.parametrize(
     "law, most",
     [
-        (Stribeck(0.3, 0.3, 1.0, 1e-5), 120),  # cuts in vain: 271 iterations
+        (Stribeck(0.3, 0.3, 1.0, 1e-5), 120),  # cuts that do not help: 271 iterations
         (Stribeck(0.5, 0.2, 0.003, 1e-5), 200),  # 311
     ],
 )

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from array_meshes import bcs_of, blocks_of_arrays, problem_on
 from one_rank import COMM, either, several_ranks
-from refusal import refused, refused_words
+from refusal import refused, refused_with_address
 from scenes import internal, linear_elastic, neo_hookean
 from small_scenes import small_blocks
 
@@ -88,7 +88,7 @@ def test_agreeing_conditions_are_not_reported():
 )
 def test_invalid_condition_is_refused(boundary, value, component, message):
     data = blocks_of_arrays()
-    with refused_words(fm.MeshError, message):
+    with refused_with_address(fm.MeshError, message):
         fm.dirichlet(fm.vector_space(data.mesh, 1), data, boundary, value, component)
 
 
@@ -122,7 +122,7 @@ def test_invalid_condition_is_refused(boundary, value, component, message):
 )
 def test_argument_of_a_wrong_type_is_refused(call, message):
     data = blocks_of_arrays()
-    with refused_words(ValueError, message):
+    with refused_with_address(ValueError, message):
         call(data, fm.vector_space(data.mesh, 1))
 
 
@@ -227,5 +227,5 @@ def tool_of(**more):
     ],
 )
 def test_tool_of_a_wrong_type_is_refused(more, kind, message):
-    with refused_words(kind, message):
+    with refused_with_address(kind, message):
         tool_of(**more)

@@ -148,7 +148,7 @@ def test_a_driven_obstacle_may_be_interrupted_anywhere():
 @pytest.mark.once
 @pytest.mark.serial
 def test_a_path_may_be_interrupted_anywhere():
-    """It continues from the last accepted step, whose time is in a note of the error."""
+    """The path continues from the last accepted step; the error has a note with its time."""
     scene = pressed_blocks(pair={"law": fm.Coulomb(0.3)}, **MESH)
     times = [0.0]
 

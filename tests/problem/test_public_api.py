@@ -32,7 +32,7 @@ def test_public_call_documents_arguments_and_errors(name):
 
 
 def test_public_names_are_few():
-    assert len(fm.__all__) <= 50  # with the results of a pair and the state, for annotations
+    assert len(fm.__all__) <= 48
 
 
 def test_public_names_of_a_problem_are_few_and_documented():

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 from array_meshes import blocks_of_arrays, problem_on
-from refusal import refused, refused_words
+from refusal import refused, refused_with_address
 from small_scenes import small_blocks
 from spoilt_law import rubbing_blocks
 
@@ -24,7 +24,7 @@ import fenics_mortar as fm
     ],
 )
 def test_option_of_a_pair_that_is_set_after_the_problem_is_refused(name, value):
-    """It would have no effect, or an incomplete one."""
+    """Such a change would have no effect, or only a partial one."""
     scene = rubbing_blocks(fm.Coulomb(0.3))
     setattr(scene.contact.pair, name, value)
     with refused(fm.MortarError, f"{name} of ContactPair.* was set after .* new problem"):
@@ -83,7 +83,7 @@ def test_state_of_another_problem_is_refused_and_nothing_changes():
 
 
 def test_variant_by_an_unknown_option_is_refused():
-    with refused_words(ValueError, "slidin='small': expected one of .*sliding"):
+    with refused_with_address(ValueError, "slidin='small': expected one of .*sliding"):
         small_blocks().problem.variant(slidin="small")
 
 

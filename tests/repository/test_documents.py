@@ -35,7 +35,7 @@ def test_scripts_in_the_readme_compile():
 
 @pytest.mark.serial
 def test_troubleshooting_quotes_messages_of_the_code():
-    """Its headings are messages of the package, with … for variable parts."""
+    """Headings are messages of the package, with … in place of variable parts."""
     page = (ROOT / "demos" / "guide" / "site" / "troubleshooting.md").read_text()
     quoted = re.findall(r"^### `(.*)`$", page, re.MULTILINE)
     messages = [

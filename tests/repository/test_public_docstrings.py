@@ -27,11 +27,11 @@ from fenics_mortar.newton.report import Iteration
 from fenics_mortar.path.dynamics_report import Energies, TimeStep
 from fenics_mortar.path.report import PathStep
 from fenics_mortar.path.work import Work
+from fenics_mortar.sensitivity.directional import TangentLinear
 from fenics_mortar.sensitivity.gradient import Gradient
 from fenics_mortar.sensitivity.kinks import Kink
 from fenics_mortar.sensitivity.numerics import NumericsReport, PairNumerics
 from fenics_mortar.sensitivity.path_record import RecordedStep
-from fenics_mortar.sensitivity.tangent_linear import TangentLinear
 from fenics_mortar.verify.crossing import AcceptedPositions, Crossing
 from fenics_mortar.verify.matrices import OperatorMatrices
 

@@ -84,7 +84,7 @@ def test_egg_rolls_to_equilibrium(degree):
     "kind, solver", [("plane", "direct"), ("open", "direct"), ("plane", "iterative")]
 )
 def test_newton_is_quadratic(kind, solver):
-    """Without the terms of the motions the factor would be approximately constant."""
+    """Without derivatives with respect to the motions, convergence would be linear."""
     obstacle = KINDS[kind]()
     problem = block_under(obstacle, solver=solver)
     obstacle.push(y=-5.0, moment=0.0)
@@ -110,7 +110,7 @@ def columns(obstacle, **heights):
 
 @pytest.mark.once
 def test_lid_on_two_columns_finds_its_tilt():
-    """It touches the higher column first, rotates, and then rests on both."""
+    """The lid touches the higher column first, rotates, and then rests on both."""
     lid = fm.Plane((1.5, 1.3), (0.0, -1.0))
     problem = columns(lid, left=1.0, right=0.9)
     lid.push(y=-4.0, moment=-1.0)
@@ -153,7 +153,7 @@ def test_path_rolls_back_and_restarts(shared_path):
 
 @pytest.mark.once
 def test_dragged_obstacle_stays_on_its_sticking_nodes():
-    """Its driven motions are nearly normal to the surface and cannot compensate the drag."""
+    """Driven motions are nearly normal to the surface and cannot compensate for the drag."""
     lid = KINDS["plane"]()
     problem = block_under(lid, pair={"law": fm.Coulomb(0.3)})
     lid.push(y=-4.0, moment=0.0)

@@ -46,7 +46,7 @@ def cards(cells):
 
 @pytest.mark.parametrize("cells", [2, 5])
 def test_leaning_cards_bear_the_load_of_limit_analysis(cells):
-    """The heads slide between the pushes 0.02 and 0.03; limit analysis bears 0.118.
+    """The heads slide between the pushes 0.02 and 0.03; the limit load is 0.118.
 
     Only one node of a foot is active before. Limit analysis with these nodes alone would let the
     left card slide away.

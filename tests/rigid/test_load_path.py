@@ -30,14 +30,14 @@ def test_surfaces_that_just_touch_are_loaded(seed, mu):
 
 
 def test_path_without_nodes_ends_at_once():
-    """For example if all surfaces are separated at the end of a path."""
+    """All surfaces may be separated at the end of a path."""
     p = FrictionProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0))
     assert follow_loads(p, *unloaded(0)).active.size == 0
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_loaded_state_continues(seed):
-    """From one solution to another one, without friction: both are unique."""
+    """A path between two solutions without friction, which are unique."""
     rng = np.random.default_rng(seed)
     p = problem(rng, 10, mu=0.0)
     first = solve_friction(p)
@@ -48,7 +48,7 @@ def test_loaded_state_continues(seed):
 
 
 def test_sliding_node_continues():
-    """With mu = 0.5 it slides at a pressure of one for q = (-0.5, 0), and of two for (-1, 0.1)."""
+    """With mu = 0.5 the node slides at pressures of 1 for q = (-0.5, 0) and 2 for (-1, 0.1)."""
     p = FrictionProblem(COUPLED, np.array([-1.0, 0.1]), np.array([0.5]))
     found = follow_loads(p, SLIDES._replace(z_tau=np.array([0.5])), np.zeros(1))
     assert found.branch[0] == 1

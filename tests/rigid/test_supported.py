@@ -36,7 +36,7 @@ def stays(scene, most=None):
 
 
 def gives_way(scene):
-    """The last step has no solution by limit analysis and by the package's message."""
+    """The last step has no solution according to limit analysis and to the package's message."""
     last = len(scene.path) - 1
     verdict, _ = scene.verdict(last)
     assert not verdict.feasible or verdict.factor < 1.0
@@ -160,7 +160,7 @@ def test_block_hangs_from_a_ceiling_up_to_its_adhesion(base):
 
 
 @BASES
-def test_block_pressed_to_a_ceiling_is_held_by_friction(base):
+def test_block_pressed_to_a_ceiling_is_supported_by_friction(base):
     scene = hanging(-0.5, 1.0, base, push=0.1)
     stays(scene)
     assert scene.force(0) == pytest.approx([-0.1, -0.5], abs=1e-7)

@@ -158,7 +158,7 @@ def test_random_tower_fails_beyond_the_limit_load():
 
 @BASES
 def test_path_of_an_incline_ends_at_the_angle_of_friction(base):
-    """It sticks up to the critical angle; the message gives the reason for the end."""
+    """The block sticks up to the critical angle; the message states why the path ends."""
     mu = 0.5
     scene = incline(0.3, mu, base, turn=0.0)
 

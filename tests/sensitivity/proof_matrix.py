@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """All objectives by all controls, for each law, element and kind of path: a table.
 
-    mpirun.openmpi -n 2 /usr/bin/python3 tests/program.py proof_matrix [words of scenes]
+    mpirun.openmpi -n 2 /usr/bin/python3 tests/program.py proof_matrix [parts of names]
 
 Each row is a scene: the number of pairs of an objective and a control, the largest difference of
 adjoint and tangent-linear derivatives over the sum of the terms, and the smallest slope of the
@@ -32,8 +32,8 @@ LONG = [(0.002, -0.03), (0.004, -0.05)]
 LONG += [(0.01 + 0.37 * k / 13, -0.05) for k in range(13)]
 LONG += [(0.35 - 0.02 * k, -0.048) for k in range(5)]
 STUCK = [*LONG[:2], *((0.006 + 1e-4 * k, -0.05) for k in range(18))]
-# Pressed, and drawn apart and sideways.
-APART = [(0.001 * k, -0.01 + 0.006 * k) for k in range(20)]
+# Pressed, then opened and sheared.
+OPENING = [(0.001 * k, -0.01 + 0.006 * k) for k in range(20)]
 ROLLED = [(0.004 * k, -0.03 - 0.001 * k, 0.02 * k) for k in range(20)]
 PATHS = {"step": slice(1, 2), "path": slice(None)}
 ELEMENTS = {
@@ -77,10 +77,10 @@ LAWS = {
     "stick": (lambda: fm.Coulomb(5.0), {}, STUCK),
     "slip": (lambda: fm.Coulomb(0.05), {"mu": 0.05}, LONG),
     "mixed": (lambda: fm.Coulomb(0.3), {"mu": 0.1}, LONG),
-    "adhesion": (lambda: Pulling(0.3, 0.5), {"mu": 0.1, "pull": 0.1}, APART),
-    "cohesive": (lambda: Zone(2.0, 0.3), {"strength": 0.3, "reach": 0.02}, APART),
+    "adhesion": (lambda: Pulling(0.3, 0.5), {"mu": 0.1, "pull": 0.1}, OPENING),
+    "cohesive": (lambda: Zone(2.0, 0.3), {"strength": 0.3, "reach": 0.02}, OPENING),
     "bond": (
-        lambda: Mixed(100.0, 2.0, 0.3), {"stiffness": 10.0, "strength": 0.2, "reach": 0.02}, APART
+        lambda: Mixed(100.0, 2.0, 0.3), {"stiffness": 10.0, "strength": 0.2, "reach": 0.02}, OPENING
     ),
     "wear": (lambda: Wearing(0.3, 0.05), {"mu": 0.1, "wear": 0.01}, LONG),
 }  # fmt: skip
@@ -113,7 +113,7 @@ class Row:
     """Result of a scene; ``weak`` are the pairs with a slope below 1.9."""
 
     pairs: int = 0
-    apart: float = 0.0
+    difference: float = 0.0
     slope: float = np.inf
     rounding: int = 0
     weak: list = field(default_factory=list)
@@ -136,13 +136,15 @@ def row_of(scene, sizes, *, contact=True):
     by_all = [fm.gradient(J, controls, path, over_steps=se.total) for J in several]
     for number, (name, control, direction) in enumerate(zip(names, made, along, strict=True)):
         given = [controls[number]], [direction], path
-        tangent = fm.tangent_linear(several, *given, over_steps=se.total).derivatives.sum(axis=0)
+        tangent = se.tangent_linear(several, *given, over_steps=se.total).derivatives.sum(axis=0)
         sums = np.zeros(len(several))
         for i, gradient in enumerate(by_all):
             parts = gradient.by_step[number]
             sums[i] = sum(abs(dot(scene.problem, control, abs(p), abs(direction))) for p in parts)
             found = dot(scene.problem, control, sum(parts), direction)
-            row.apart = max(row.apart, abs(found - tangent[i]) / (sums[i] + 1e-3 * units[i]))
+            row.difference = max(
+                row.difference, abs(found - tangent[i]) / (sums[i] + 1e-3 * units[i])
+            )
         rounding = 1e-11 * (len(path.steps) * np.maximum(units, abs(start)) + sums)
         slopes = slopes_of(scene, name, direction, several, start, tangent, rounding)
         row.pairs += len(several)
@@ -180,7 +182,7 @@ def slopes_of(scene, name, direction, several, start, tangent, rounding):
 def between_blocks(law, element, path):
     """Scene and sizes of the changes."""
     made, parameters, places = LAWS[law]
-    some = slice(9, 10) if places is APART and path == "step" else PATHS[path]  # opened
+    some = slice(9, 10) if places is OPENING and path == "step" else PATHS[path]  # opened
     scene = timed(blocks(made(), places=places[some], **ELEMENTS[element]))
     scene.controls |= {name: se.LawParameter(0, name) for name in parameters}
     scene.controls["offset"] = se.Offset(0)
@@ -235,20 +237,23 @@ def tied(degree):
     return tied_blocks(places, degree=degree), {"E": 10.0, "load": 1.0, "place": 0.01}
 
 
-def main(words):
-    """Print the table of the scenes whose name has all words."""
+def main(parts):
+    """Print the table of the scenes whose name has all ``parts``."""
     print(
         "| scene | pairs | adjoint - tangent | smallest slope | rounding |\n|---|---|---|---|---|"
     )
     bad = 0
     for name, make, contact in scenes():
-        if not set(words) <= set(name.split()):
+        if not set(parts) <= set(name.split()):
             continue
         scene, sizes = make()
         row = row_of(scene, sizes, contact=contact)
-        bad += bool(row.weak) or row.apart > 1e-10
+        bad += bool(row.weak) or row.difference > 1e-10
         if scene.problem.equations.comm.rank == 0:
-            print(f"| {name} | {row.pairs} | {row.apart:.0e} | {row.slope:.2f} | {row.rounding} |")
+            print(
+                f"| {name} | {row.pairs} | {row.difference:.0e} | {row.slope:.2f} "
+                f"| {row.rounding} |"
+            )
             for weak in row.weak:
                 print("  weak:", *weak)
             sys.stdout.flush()

@@ -68,7 +68,7 @@ def test_values_of_other_shapes_are_refused():
 
 
 def test_differentiation_rule_without_autograd(monkeypatch):
-    """What autograd is given: the function, and for each argument its vector-Jacobian product."""
+    """Arguments passed to autograd: the function and its vector-Jacobian products."""
     rules = {}
     extend = ModuleType("autograd.extend")
     extend.primitive = lambda function: function

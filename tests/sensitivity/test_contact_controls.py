@@ -201,7 +201,7 @@ def test_adhesion_of_open_nodes():
 
 
 def test_steep_adhesion_of_open_nodes_is_refused_with_small_sliding():
-    """Its derivative is left out of the tangent; that of closed nodes is not needed."""
+    """The tangent omits the derivative of a steep adhesion; closed nodes do not need it."""
     problem, lift = columns(Fading(0.3), sliding="small")
     (contact,) = problem.equations.contacts
     for height in (-0.05, 0.05):

@@ -119,7 +119,7 @@ def test_nodal_positions(name):
     x, y = scene.problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2].T
     direction = wave(x, y).ravel()[: gradient[X].size]
     slope = comm.allreduce(float(gradient[X] @ direction))
-    tangent = fm.tangent_linear(objective, X, direction, path)
+    tangent = sensitivity.tangent_linear(objective, X, direction, path)
     assert tangent.derivative == pytest.approx(slope, rel=1e-10)
     remainders = []
     for step in (1e-3, 5e-4, 2.5e-4):
@@ -172,7 +172,7 @@ def test_values_are_in_the_spaces_of_the_controls():
     assert gradient[load].function_space == load.function_space
     everywhere = fem.Function(load.function_space)
     everywhere.x.array[:] = 1.0
-    change = fm.tangent_linear(FORCE, load, everywhere, scene.problem).derivative
+    change = sensitivity.tangent_linear(FORCE, load, everywhere, scene.problem).derivative
     owned = gradient[load].x.array[: num_owned(load.function_space)]
     assert abs(change) > 1e-3
     assert comm.allreduce(owned.sum()) == pytest.approx(change, rel=1e-8)
@@ -189,7 +189,7 @@ def test_state_and_values_are_restored():
     law = problem.equations.contacts[0].pair.law
     law.mu = 0.4
     fm.gradient(FORCE, push, path)
-    fm.tangent_linear(FORCE, push, [1.0, 0.0], path)
+    sensitivity.tangent_linear(FORCE, push, [1.0, 0.0], path)
     assert (push.value == 7.0).all() and law.mu == 0.4
     after = problem.state()
     assert (after.u == before.u).all() and (problem.equations.bulk.r.array == r).all()
@@ -199,12 +199,12 @@ def test_state_and_values_are_restored():
 
 
 def test_steps_contribute_the_derivatives_by_their_own_values():
-    """By the position of one step alone: the tangent-linear direction of that step."""
+    """Tangent-linear derivatives with respect to the position in one step only."""
     scene = blocks(fm.Coulomb(0.3), places=SLIDE[:3])
     path, push = scene.solve(), scene.controls["place"]
     gradient = fm.gradient(FORCE, push, path)
     for number, part in enumerate(gradient.by_step[0]):
-        tangent = fm.tangent_linear(
+        tangent = sensitivity.tangent_linear(
             FORCE, push, lambda k, number=number: [float(k == number), 0.0], path
         )
         assert tangent.derivative == pytest.approx(part[0], rel=1e-9)
@@ -239,7 +239,7 @@ def test_wrong_arguments_are_refused():
     with pytest.raises(fm.MortarError, match="not the result of a solve"):
         fm.gradient(FORCE, push, problem)
     with pytest.raises(fm.MortarError, match="no steps"):
-        fm.gradient(FORCE, push, fm.RecordedPath(problem))
+        fm.gradient(FORCE, push, sensitivity.RecordedPath(problem))
     scene.solve()
     with pytest.raises(ValueError, match="expected a RecordedPath"):
         fm.gradient(FORCE, push, 3)
@@ -254,7 +254,7 @@ def test_wrong_arguments_are_refused():
     with pytest.raises(ValueError, match="with 1 arguments"):
         fm.gradient(problem.equations.bulk.residual, push, problem)
     with pytest.raises(ValueError, match="has the shape"):
-        fm.tangent_linear(FORCE, push, 1.0, problem)
+        sensitivity.tangent_linear(FORCE, push, 1.0, problem)
     with pytest.raises(ValueError, match="over_steps returned"):
         fm.gradient(FORCE, push, problem, over_steps=lambda values: (0.0, 1.0))
 
@@ -288,5 +288,5 @@ def test_invalid_objective_or_pair_is_refused(objective, control, message):
 def test_directions_of_a_list_of_controls_are_a_list():
     scene = blocks(fm.Coulomb(0.3), places=SLIDE)
     path, mu = scene.solve(), sensitivity.LawParameter(0, "mu")
-    both = [fm.tangent_linear(FORCE, *given, path) for given in ((mu, 1.0), ([mu], [1.0]))]
+    both = [sensitivity.tangent_linear(FORCE, *given, path) for given in ((mu, 1.0), ([mu], [1.0]))]
     assert both[0].derivative == both[1].derivative != 0.0

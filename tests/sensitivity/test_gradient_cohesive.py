@@ -39,4 +39,4 @@ def test_all_objectives_by_all_controls(law):
     row = row_of(scene, sizes)
     assert law == "mixed" or scene.problem.equations.contacts[0].attracted.all()
     assert row.pairs >= 66 and row.rounding < 0.6 * row.pairs
-    assert row.apart <= 1e-10 and row.slope > 1.9, row.weak
+    assert row.difference <= 1e-10 and row.slope > 1.9, row.weak

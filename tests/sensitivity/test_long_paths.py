@@ -58,7 +58,9 @@ def test_all_objectives_by_all_controls():
         for control, by_step, along, own in zip(
             controls, gradient.by_step, directions, made, strict=True
         ):
-            tangent = fm.tangent_linear(quantity, [control], [along], path, over_steps=total)
+            tangent = sensitivity.tangent_linear(
+                quantity, [control], [along], path, over_steps=total
+            )
             by_nodes = [abs(dot(scene.problem, own, abs(part), abs(along))) for part in by_step]
             found = dot(scene.problem, own, sum(by_step), along)
             assert abs(found - tangent.derivative) <= 1e-10 * sum(by_nodes)
@@ -69,8 +71,8 @@ def test_checkpoints_give_the_derivatives_of_the_whole_record(every, on_disk, tm
     scene, places = blocks(fm.Coulomb(0.3), places=LONG[:7]), LONG[:7]
     folder = comm.bcast(tmp_path) if on_disk else None
     problem, controls = scene.problem, [scene.controls[name] for name in ("E", "place", "mu")]
-    whole = fm.RecordedPath(problem)
-    some = fm.RecordedPath(problem, every=every, folder=folder)
+    whole = sensitivity.RecordedPath(problem)
+    some = sensitivity.RecordedPath(problem, every=every, folder=folder)
     for place in places:
         scene.move(place)
         problem.solve(predict=False)
@@ -84,7 +86,7 @@ def test_checkpoints_give_the_derivatives_of_the_whole_record(every, on_disk, tm
     for control in controls:
         assert np.allclose(found[control], expected[control], rtol=1e-8, atol=1e-10)
     along = [np.ones_like(found[control]) for control in controls]
-    tangents = [fm.tangent_linear(objective, controls, along, path, over_steps=total)
+    tangents = [sensitivity.tangent_linear(objective, controls, along, path, over_steps=total)
                 for path in (whole, some)]  # fmt: skip
     assert tangents[1].derivative == pytest.approx(tangents[0].derivative, rel=1e-8)
     assert all(step.state.u.size == 0 for step in some.steps)
@@ -96,7 +98,10 @@ def test_checkpoints_with_a_driven_obstacle():
     roller.move(y=-0.03)
     roller.push(y=-3.0)
     scene = obstacle_on_block(roller, fm.Coulomb(0.3), places=ROLL)
-    paths = [fm.RecordedPath(scene.problem), fm.RecordedPath(scene.problem, every=5)]
+    paths = [
+        sensitivity.RecordedPath(scene.problem),
+        sensitivity.RecordedPath(scene.problem, every=5),
+    ]
     for x, y in [(0.0, -3.0), (0.02, -5.0), (0.05, -6.0), (0.08, -6.0)]:
         roller.push(y=y)
         roller.move(x=x)
@@ -110,13 +115,13 @@ def test_checkpoints_with_a_driven_obstacle():
 
 def test_invalid_spacings_are_refused():
     with pytest.raises(ValueError, match="every=0: expected a spacing"):
-        fm.RecordedPath(blocks().problem, every=0)
+        sensitivity.RecordedPath(blocks().problem, every=0)
 
 
 def test_invalid_folder_is_refused():
     """Not taken as the folder "3"."""
     with pytest.raises(ValueError, match="folder=3: expected the name of a folder"):
-        fm.RecordedPath(blocks().problem, every=2, folder=3)
+        sensitivity.RecordedPath(blocks().problem, every=2, folder=3)
 
 
 def test_derivatives_are_those_of_one_rank():

@@ -45,7 +45,7 @@ def test_adjoint_is_tangent_linear():
     path = blocks(fm.Coulomb(0.3), places=SLIDE[:3]).solve()
     for control in (NumericWeight(0, "c_n"), NumericWeight(0, "stiffness"), RemainingResidual()):
         by_all = fm.gradient(FORCE, control, path)
-        along = fm.tangent_linear(FORCE, control, 1.0, path)
+        along = fm.sensitivity.tangent_linear(FORCE, control, 1.0, path)
         assert float(by_all[control]) == pytest.approx(along.derivative, rel=1e-6, abs=1e-14)
 
 

@@ -115,7 +115,7 @@ def test_values(blocks):
 
 @pytest.mark.parametrize("name", ["gap", "pressure", "work", "function"])
 def test_explicit_derivatives(name):
-    """By offsets and radius at a fixed state: gaps, normals and slip depend on them."""
+    """At a fixed state, gaps, normals and slip depend on offsets and on the radius."""
     circle = fm.Circle((0.4, -1.5), 1.515)
     problem, before = slid_block(circle, fm.Coulomb(0.3))
     quantity, present = QUANTITIES[name], problem.state()

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 from one_rank import either, raised_on_the_last_rank, several_ranks
-from refusal import refused, refused_words
+from refusal import refused, refused_with_address
 from scenes import internal, neo_hookean
 from small_scenes import small_blocks
 
@@ -28,9 +28,9 @@ def pressed(law=None):
 
 @pytest.mark.parametrize("changed", ["displacement", "load", "law"])
 def test_a_state_of_other_loads_is_no_solution(changed):
-    """Its derivatives would be wrong without indication, also those of a path recorded late."""
+    """Derivatives would be silently wrong, as would those of a path that is recorded too late."""
     scene = pressed()
-    path = fm.RecordedPath(scene.problem)
+    path = sensitivity.RecordedPath(scene.problem)
     path.record()
     if changed == "displacement":
         scene.u.x.array[:] *= 1.01
@@ -82,7 +82,7 @@ def test_numbers_of_quantities_and_functions_of_steps():
         (lambda values: (1.0, values, values), "expected a function"),
         (lambda values: (np.nan, values), "not finite"),
     ):
-        with refused_words(ValueError, message):
+        with refused_with_address(ValueError, message):
             fm.gradient(FORCE, MU, problem, over_steps=wrong)
     with refused(ValueError, "no such obstacle"):
         place = sensitivity.ObstaclePlace(fm.Circle((0.0, 0.0), 1.0))
@@ -93,12 +93,14 @@ def test_numbers_of_quantities_and_functions_of_steps():
 
 @several_ranks
 def test_arguments_of_one_rank():
-    """Its constructor raised there alone, and the other ranks waited in the next call."""
+    """The constructor raised on one rank only, and the others waited in the next call."""
     problem = pressed().problem
     with raised_on_the_last_rank(ValueError, "the number of a pair"):
         fm.gradient(sensitivity.TotalForce(either(0, -1), (0.0, 1.0)), MU, problem)
     with raised_on_the_last_rank(ValueError, "the number of a pair"):
-        fm.tangent_linear(FORCE, sensitivity.LawParameter(either(0, -1), "mu"), 1.0, problem)
+        sensitivity.tangent_linear(
+            FORCE, sensitivity.LawParameter(either(0, -1), "mu"), 1.0, problem
+        )
     with refused(fm.MortarError, "quantities is", "all ranks need the same"):
         fm.gradient(sensitivity.TotalForce(0, either((0.0, 1.0), (1.0, 0.0))), MU, problem)
     assert fm.gradient(FORCE, MU, problem).value > 0.0

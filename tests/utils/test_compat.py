@@ -75,7 +75,7 @@ def test_scalar_space_of_degree_zero_has_one_dof_per_cell(cell):
     assert ufl.TestFunction(V).ufl_shape == ()
 
 
-def test_scalar_space_is_continuous_unless_asked_otherwise():
+def test_scalar_space_is_continuous_by_default():
     assert compat.scalar_space(unit_square("triangle"), 1).dofmap.index_map.size_global == 25
 
 
@@ -216,7 +216,7 @@ def test_model_without_boundaries_has_empty_facet_tags():
     assert (facet_tags.dim, COMM.allreduce(facet_tags.indices.size)) == (1, 0)
 
 
-def test_gmsh_knows_whether_it_is_initialized():
+def test_initialization_of_gmsh_is_detected():
     assert not compat.gmsh_is_initialized(gmsh)
     gmsh.initialize()
     assert compat.gmsh_is_initialized(gmsh)
@@ -241,7 +241,7 @@ def test_prescribed_values_are_set_on_ghosts_too(component):
 
 @pytest.mark.serial
 def test_form_compiler_logs_nothing_and_leaves_the_root_logger_alone(tmp_path):
-    """In an empty cache, where everything is compiled."""
+    """The cache is empty, so that everything is compiled."""
     code = """
 import logging
 from mpi4py import MPI

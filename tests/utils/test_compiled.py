@@ -48,7 +48,7 @@ def test_a_kernel_is_named_when_it_is_compiled(module, count, caplog):
 
 
 def test_wrappers_of_numba_that_have_no_module_are_compiled():
-    """As that of ``np.full`` of a tuple: with an empty cache no kernel with it compiled."""
+    """``np.full`` with a tuple has such a wrapper; with an empty cache its kernels failed."""
 
     def filled(n):
         return np.full((n, 2), -1)

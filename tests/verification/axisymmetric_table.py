@@ -93,8 +93,8 @@ def slopes() -> None:
     for law in (None, fm.Coulomb(0.3), fm.Tresca(1.0)):
         made = disturbed(pressed_cylinders(pair={"law": law}))
         found = made.problem.check_tangent(print_table=False).slopes
-        words = ", ".join(f"{name} {slope:.3f}" for name, slope in found.items())
-        print(f"| Taylor slopes, {law} | {words} | |", flush=True)
+        listed = ", ".join(f"{name} {slope:.3f}" for name, slope in found.items())
+        print(f"| Taylor slopes, {law} | {listed} | |", flush=True)
 
 
 def main() -> None:

@@ -29,7 +29,7 @@ def test_wedge_by_friction():
     angle, mu, weight = 0.2, 0.3, 4.0
     plane = fm.Plane((0.0, 0.0), (-np.sin(angle), np.cos(angle)))
     problem, along = block_on(plane, law=fm.Coulomb(mu), angle=angle, weight=weight)
-    path = fm.RecordedPath(problem)
+    path = fm.sensitivity.RecordedPath(problem)
     for shift in (0.05, 0.1):
         along.value = shift
         problem.solve()

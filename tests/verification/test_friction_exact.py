@@ -207,7 +207,7 @@ def test_block_pushed_into_a_narrower_channel():
     While it enters, the push is between mu N and that of a wedge, (mu + tan a) / (1 - mu tan a) N;
     inside hardly more energy is stored (1 % of the work), and the work is dissipated by friction.
     """
-    mu, slope, steps, way = 0.1, 1 / 60, 14, 1.75
+    mu, slope, steps, distance = 0.1, 1 / 60, 14, 1.75
 
     def wall(side):
         def position(s, t):
@@ -235,7 +235,7 @@ def test_block_pushed_into_a_narrower_channel():
     forces = []
 
     def move(time):
-        push.value = way * time
+        push.value = distance * time
 
     def keep(time, report):
         forces.append([contact.total_force for contact in problem.equations.contacts])
@@ -252,7 +252,7 @@ def test_block_pushed_into_a_narrower_channel():
     inside = slice(steps - 2, steps)
     done, taken = (sum(getattr(s.work, k) for s in path.steps[inside]) for k in WORKS)
     assert done == pytest.approx(taken, rel=0.02)
-    assert done == pytest.approx(2.0 * pushes[inside].mean() * 2 * way / steps, rel=1e-3)
+    assert done == pytest.approx(2.0 * pushes[inside].mean() * 2 * distance / steps, rel=1e-3)
 
 
 @pytest.mark.once

@@ -82,7 +82,7 @@ def test_more_points_per_facet_pass_the_patch_test_better(degree):
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_default_points_per_facet_pass_the_patch_test_to_half_a_percent(degree):
-    """On any mesh of these ratios; with 5 points on facets of three nodes it would be 5 percent."""
+    """With 5 points on facets of three nodes, the error would be 5 percent."""
     scene, pressure = patch((5, 8), {"integration": "elements"}, degree)
     assert 5e-4 < np.abs(scene.contact.pressure / pressure - 1).max() < 5e-3
 
@@ -91,7 +91,7 @@ def test_default_points_per_facet_pass_the_patch_test_to_half_a_percent(degree):
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("pair", FIXED)
 def test_matching_nodes_pass_a_uniform_pressure(pair, degree):
-    """Without Poisson's effect: otherwise end nodes slip off the edge of the master."""
+    """Without Poisson's effect; with it, end nodes would slip off the edge of the master."""
     scene = pressed_blocks(
         n_upper=4, n_lower=4, width_upper=1.0, width_lower=1.0, nu=0.0, pair=pair, degree=degree
     )
@@ -166,7 +166,7 @@ def test_solution_does_not_depend_on_the_number_of_ranks(pair, degree):
 
 @pytest.mark.parametrize("pair", FIXED)
 def test_measured_penetration_is_independent_of_the_integration(pair):
-    """Also between the nodes, on the intersections of the facets."""
+    """Penetration is also measured between nodes, on the segments."""
     scene = pressed_blocks(slave="lower", n_upper=11, n_lower=4, pair=pair)
     scene.loads["push"].value[:] = (0.02, -0.06)
     scene.problem.solve()

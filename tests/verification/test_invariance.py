@@ -170,7 +170,7 @@ def test_assembled_tangent_has_second_order_remainder(slave, basis, normals, deg
 
 @pytest.mark.parametrize("switch, blind", [("no_normals", "n"), ("no_segments", "M")])
 def test_tangent_check_detects_a_missing_term(switch, blind):
-    """On partly covered facets: on others the motion of segment ends cancels."""
+    """Facets are partly covered; on others, terms of moving segment ends cancel."""
     scene = disturbed(pressed_blocks(slave="lower", problem={"linearization": switch}, **MESH))
     # small steps: a small missing term must rise above the second-order part
     steps = 1e-5 * 0.5 ** np.arange(5)

@@ -199,7 +199,7 @@ def press_fit_pressure():
 @pytest.mark.once
 @pytest.mark.parametrize("slave, cell", [*product(("inner", "outer"), CELLS)])
 def test_press_fit_of_curved_cells_converges_to_the_exact_pressure(slave, cell):
-    """At least second order; no convergence with straight cells, whose corners carry all forces."""
+    """At least second order. With straight cells, corners carry all forces: no convergence."""
     exact, errors = press_fit_pressure(), []
     for n in (12, 24):
         problem = press_fit(n, slave, cell)

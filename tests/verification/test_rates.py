@@ -77,7 +77,7 @@ def test_hertz_has_the_rates_that_the_ends_of_the_contact_allow(element, basis, 
 @pytest.mark.once
 @pytest.mark.parametrize("element, rate, most", [("P1", 1.39, 0.034), ("P2", 1.72, 0.015)])
 def test_shear_agrees_with_cattaneo_and_mindlin(element, rate, most):
-    """On meshes fine at the ends of contact and stick; rates and errors as in ``cattaneo.py``."""
+    """Meshes graded towards the ends of contact and stick; results as in ``cattaneo.py``."""
     coarse, fine = (half_planes(n, element, graded=True)[0] for n in (32, 64))
     assert fine < most
     assert np.log2(coarse / fine) == pytest.approx(rate, abs=0.15)

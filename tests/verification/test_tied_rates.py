@@ -80,6 +80,6 @@ def test_tied_meshes_have_the_rates_of_one_mesh(degree, sizes, interface, slave,
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 @pytest.mark.parametrize("gap", ["removed", "kept"])
 def test_curved_interface_has_full_rates_with_either_gap(gap, cell):
-    """For small rotations: here that of the interface is below 0.2."""
+    """The rotation of the interface is small, below 0.2."""
     found = rates((4, 8), 2, "curved", gap=gap, cell=cell)
     assert found == pytest.approx([2, 3], abs=0.15)

@@ -103,12 +103,12 @@ def test_self_crossing_of_an_unpaired_outline_is_reported():
     floor = mapped_grids.block(6, 2, width=2.0, height=0.3, corner=(-1.0, -0.92))
     data = read(mapped_grids.build, grids=[Grid("clip", shape), Grid("floor", floor)])
     V = fm.vector_space(data.mesh, 1)
-    u, apart = fem.Function(V), [fem.Constant(data.mesh, (x, 0.0)) for x in (0.2, -0.2)]
+    u, openings = fem.Function(V), [fem.Constant(data.mesh, (x, 0.0)) for x in (0.2, -0.2)]
     bcs = [fm.dirichlet(V, data, "floor/bottom", (0.0, 0.0))]
-    bcs += [fm.dirichlet(V, data, f"clip/{e}", c) for e, c in zip(("left", "right"), apart)]
+    bcs += [fm.dirichlet(V, data, f"clip/{e}", c) for e, c in zip(("left", "right"), openings)]
     problem = problem_of(data, [fm.ContactPair(data, "clip/bottom", "floor/top")], bcs, u)
     assert is_silent(problem.solve(accept_violations=True))
-    for value, constant in zip((0.9, -0.9), apart, strict=True):
+    for value, constant in zip((0.9, -0.9), openings, strict=True):
         constant.value[0] = value
     report = problem.solve(accept_violations=True)
     assert messages_with(report, "body 'clip' crosses itself") or messages_with(
@@ -119,7 +119,7 @@ def test_self_crossing_of_an_unpaired_outline_is_reported():
 
 @pytest.mark.parametrize("facets, remarked, violated", [(0.1, 0, 0), (0.44, 1, 0), (0.6, 1, 1)])
 def test_shallow_crossing_is_a_remark(facets, remarked, violated):
-    """Like a penetration of that depth, also for surfaces in no pair."""
+    """Reported like a penetration of that depth, also for surfaces that are in no pair."""
     crossing = Crossing(("'strip/end'", "body 'strip'"), "(0, 0)", 0.1, facets)
     certificate = Certificate([], 0.0, 0, crossings=[crossing])
     assert (len(certificate.remarks()), len(certificate.violations())) == (remarked, violated)
@@ -152,7 +152,7 @@ def test_passage_through_a_plate_is_reported(thickness, size):
     assert not report.certificate.crossings
     violations = "; ".join(messages_with(report, "went through body"))
     assert "nodes of 'block/" in violations
-    assert "in by 'plate/top' and out by" in violations
+    assert "entering at 'plate/top' and leaving at" in violations
     (height,) = re.findall(r"nodes of 'block/[^;]* one at \([^;]*?, (.*?)\) ended", violations)
     assert float(height) < -0.5  # present position of the node, below the plate
     report = problem.solve()  # it is beyond; no further passage

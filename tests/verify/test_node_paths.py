@@ -50,7 +50,7 @@ def count_passages(x0, x1, segments, after, before, bodies):
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", range(100))
 def test_sliding_block_on_a_rotating_body_is_no_passage(seed):
-    """In contact within 1e-12 to 0.15 facets, by up to its width and more, and by up to 180 deg."""
+    """Gaps of 1e-12 to 0.15 facets, slides of up to more than its width, rotations to 180 deg."""
     random = np.random.default_rng(seed)
     sizes, width = random.uniform(0.05, 0.3, 2), random.uniform(0.3, 1.5)
     plate = rectangle(-3.0, -1.0, 6.0, 1.0, sizes[0])
@@ -114,7 +114,7 @@ def test_nodes_on_a_rotating_obstacle_are_no_passage(seed):
 @pytest.mark.parametrize("middle", [0.0, 0.03, 0.05, -0.02])
 @pytest.mark.parametrize("depth", [0.4, 3.0])
 def test_passage_of_a_small_obstacle_between_nodes_is_detected(middle, depth):
-    """Of a radius of 1.1 facets; nodes beside its middle passed unseen."""
+    """Its radius is 1.1 facets; passages of nodes beside its middle were not detected before."""
     ball = fm.Circle((middle, 0.11), 0.11)
     x0 = np.stack([np.linspace(-0.5, 0.5, 11), np.zeros(11)], axis=1)
     moved = own_frame(ball, x0, np.array((0.0, -depth, 0.0)))

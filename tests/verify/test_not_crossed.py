@@ -122,7 +122,7 @@ def test_press_fit_by_offsets_is_silent():
 @pytest.mark.once
 @pytest.mark.parametrize("angle", [10.0, 100.0, 180.0, 300.0])
 def test_pressed_blocks_that_turn_together_are_silent(angle):
-    """By any angle, in one step, and about a distant point."""
+    """Rotated by any angle in one step, about a distant point."""
     scene = pressed_blocks(n_upper=5, n_lower=7)
     scene.loads["push"].value[:] = (0.0, -0.04)
     scene.problem.solve(accept_violations=True)

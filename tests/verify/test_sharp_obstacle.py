@@ -32,15 +32,15 @@ def loose_block(obstacle, law, force):
 
 @pytest.mark.parametrize("mu", [0.1, 0.5])
 def test_block_on_a_tip_beside_its_centre_is_not_balanced(mu):
-    """Nodes beside the tip carried a moment: forces along both flanks, a facet apart."""
+    """Forces along both flanks acted at nodes one facet apart, and their moment balanced it."""
     ends = [(0.18, 0.0), (-0.12, -0.5), (0.52, -0.5), (0.22, 0.0)]
     with pytest.raises(fm.NotConvergedError):
         loose_block(fm.Polygon(ends, 0.01), fm.Coulomb(mu), (0.0, -1.0)).solve()
 
 
 @pytest.mark.parametrize("middle", [0.0, 0.03])
-def test_tips_do_not_hold_a_block_without_friction(middle):
-    """Pulled sideways by 5 % of its weight it was held, as by nails."""
+def test_tips_do_not_support_a_block_sideways_without_friction(middle):
+    """The tips resisted a sideways force of 5 % of the weight, although without friction."""
     tips = tip(middle - 0.335, middle + 0.335)
     for pull in (0.0, 0.05):
         problem = loose_block(tips, fm.Frictionless(), (pull, -1.0))
@@ -54,7 +54,7 @@ def test_tips_do_not_hold_a_block_without_friction(middle):
 
 @pytest.mark.parametrize("radius", [0.3, 1.0])
 def test_round_obstacles_are_not_sharp(radius):
-    """Of three facets and ten; a half cylinder on a plane."""
+    """Half cylinders on a plane with radii of three and of ten facets."""
     data = read(half_cylinder_on_block.build, h=0.1)
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)

@@ -29,11 +29,11 @@ def pressed(shape, sides, *, stiffness, law):
     u, v, push = fem.Function(V), ufl.TestFunction(V), fem.Constant(data.mesh, (0.0, 0.0))
     dx = ufl.dx(metadata={"quadrature_degree": 3})
     residual = ufl.inner(neo_hookean(u, *lame(stiffness, 0.3)), ufl.grad(v)) * dx
-    held = fm.dirichlet(V, data, "lower/bottom", np.zeros(2))
+    fixed = fm.dirichlet(V, data, "lower/bottom", np.zeros(2))
     moved = fm.dirichlet(V, data, "upper/top", push)
     pair = fm.ContactPair(data, *sides, law=law)
     problem = fm.ContactProblem(
-        residual, u, [pair], bcs=[held, moved], petsc_options_prefix="soft_"
+        residual, u, [pair], bcs=[fixed, moved], petsc_options_prefix="soft_"
     )
 
     def load(time):

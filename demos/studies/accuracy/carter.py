@@ -53,12 +53,12 @@ from demos.studies.accuracy.report import FOLDER, markdown
 from meshes.mapped_grids import Grid
 
 # Lengths over the half-width of the contact, stresses over E*
-R, FRICTION, PART = 1000.0, 0.3, 0.5  # Q by mu P
+R, FRICTION, PART = 1000.0, 0.3, 0.5  # Q over mu P
 FORCE = np.pi / (4 * R)
 FINE, SIZE, GROWTH = 3.5, 1000.0, 1.4
-WAY = 4.0  # from -WAY / 2 on
+DISTANCE = 4.0  # from -DISTANCE / 2 on
 FIXED = ("bottom", "left", "right")
-FACETS = (4, 8, 16, 32)  # by the half-width
+FACETS = (4, 8, 16, 32)  # over the half-width
 STEPS, SIZES = (0.25, 0.5, 1.0, 2.0), (50.0, 200.0, SIZE)
 
 
@@ -68,14 +68,14 @@ class Rolled:
 
     Attributes:
         posed: The problem; its exact pressure is the shear of the theory.
-        ways: Rotation as a length after each step.
+        rotations: Rotation as a length after each step.
         places: Position after each step, from the middle of the block.
         pulls: Q / (mu P) after each step.
         iterations: Iterations of each step.
     """
 
     posed: Posed
-    ways: np.ndarray
+    rotations: np.ndarray
     places: np.ndarray
     pulls: np.ndarray
     iterations: list[int]
@@ -105,8 +105,8 @@ class Rolled:
     @property
     def creepage(self) -> float:
         """Creepage over that of the theory."""
-        start = np.searchsorted(self.ways, self.ways[-1] - 1 - 1e-9)
-        travelled, turned = (np.ptp(values[start:]) for values in (self.places, self.ways))
+        start = np.searchsorted(self.rotations, self.rotations[-1] - 1 - 1e-9)
+        travelled, turned = (np.ptp(values[start:]) for values in (self.places, self.rotations))
         return (1 - travelled / turned) / creepage(self.half_widths[0], self.pulls[-1])
 
 
@@ -151,7 +151,7 @@ def pose(n: int, size: float) -> tuple[fm.MeshData, Any, fm.ContactProblem, fm.C
     (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(W)
     stress = 2 * mu * ufl.sym(ufl.grad(u)) + p * ufl.Identity(2)
     dx = ufl.dx(metadata={"quadrature_degree": 4})
-    wheel = fm.Circle((-WAY / 2, R), R, name="wheel")
+    wheel = fm.Circle((-DISTANCE / 2, R), R, name="wheel")
     problem = fm.ContactProblem(
         ufl.inner(stress, ufl.grad(v)) * dx + q * ufl.div(u) * dx,
         w,
@@ -162,7 +162,7 @@ def pose(n: int, size: float) -> tuple[fm.MeshData, Any, fm.ContactProblem, fm.C
     return data, w, problem, wheel
 
 
-def roll(n: int, step: float = 1.0, size: float = SIZE, way: float = WAY) -> Rolled:
+def roll(n: int, step: float = 1.0, size: float = SIZE, distance: float = DISTANCE) -> Rolled:
     """Press, pull and roll the wheel; n facets to a half-width, steps by the facet."""
     data, w, problem, wheel = pose(n, size)
     (contact,) = problem.equations.contacts
@@ -172,15 +172,15 @@ def roll(n: int, step: float = 1.0, size: float = SIZE, way: float = WAY) -> Rol
     problem.solve()
     yields, place = abs(wheel.place[0]) / PART, float(wheel.place[0])
     wheel.move(y=wheel.place[1])
-    ways = np.linspace(0.0, way, round(way * n / step) + 1)
+    rotations = np.linspace(0.0, distance, round(distance * n / step) + 1)
     places, pulls, iterations = [place], [pull(contact)], []
-    for turn in np.diff(ways):
-        place += turn * (1 - creepage(1.0, PART)) + yields * (pulls[-1] - PART)
-        wheel.move(x=place, angle=wheel.place[2] - turn / R)
+    for rotation in np.diff(rotations):
+        place += rotation * (1 - creepage(1.0, PART)) + yields * (pulls[-1] - PART)
+        wheel.move(x=place, angle=wheel.place[2] - rotation / R)
         iterations.append(problem.solve().num_iterations)
         places.append(place)
         pulls.append(pull(contact))
-    places_ = np.array(places) - way / 2
+    places_ = np.array(places) - distance / 2
     a = half_width(contact)
     posed = Posed(
         data,
@@ -192,7 +192,7 @@ def roll(n: int, step: float = 1.0, size: float = SIZE, way: float = WAY) -> Rol
         lambda x: shear_by_theory(x[0] - places_[-1], a, a * np.sqrt(1 - pulls[-1])),
         (np.inf, np.inf),
     )
-    return Rolled(posed, ways, places_, np.array(pulls), iterations)
+    return Rolled(posed, rotations, places_, np.array(pulls), iterations)
 
 
 HEAD = (
@@ -225,10 +225,10 @@ def draw(found: Rolled) -> Figure:
     left.set(xlabel="x / a, rolling to the right", ylabel="traction / (mu p0)")
     left.set(xlim=(-1.3, 1.3), ylim=(-0.05, 1.5))
     left.legend(frameon=False, loc="upper left")
-    creep = 1 - np.diff(found.places) / np.diff(found.ways)
-    right.plot(found.ways[1:], creep / creepage(1.0, PART), color="#c8102e")
+    creep = 1 - np.diff(found.places) / np.diff(found.rotations)
+    right.plot(found.rotations[1:], creep / creepage(1.0, PART), color="#c8102e")
     right.axhline(1.0, color="k", lw=1)
-    right.set(xlabel="way / a", ylabel="creepage by Carter's", ylim=(0.0, 1.5))
+    right.set(xlabel="distance / a", ylabel="creepage by Carter's", ylim=(0.0, 1.5))
     return figure
 
 

@@ -3,7 +3,7 @@
 
     python3 -m demos.studies.accuracy.effectivity            three meshes each
     python3 -m demos.studies.accuracy.effectivity --quick    the two coarser ones
-    python3 -m demos.studies.accuracy.effectivity flat Hertz    names with one of these words
+    python3 -m demos.studies.accuracy.effectivity flat Hertz    names that contain one of these
 
 Rates are those of the last halving; for contact that ends, over both halvings, after which the ends
 have the same position in a facet again. Theoretical rates are in brackets. A smooth solution has
@@ -103,9 +103,9 @@ def table(names: Sequence[str], levels: int) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="two meshes each")
-    parser.add_argument("words", nargs="*", help="of the names of problems; all by default")
+    parser.add_argument("names", nargs="*", help="parts of the names of problems; all by default")
     options = parser.parse_args()
-    names = [n for n in PROBLEMS if any(w in n for w in options.words or [""])]
+    names = [n for n in PROBLEMS if any(w in n for w in options.names or [""])]
     text = table(names, 2 if options.quick else 3)
     FOLDER.mkdir(parents=True, exist_ok=True)
     (FOLDER / "effectivity.md").write_text(text)

@@ -6,8 +6,8 @@
 
 The multiplier is of degree 1, continuous, on the slave surface; the formulation is the symmetric
 augmented Lagrangian one, its parameter Young's modulus, the range recommended by GetFEM's manual.
-This contact does not find surfaces that are apart at first; where the deformed surfaces are in
-contact, that by ray tracing is taken, with line search, without which it does not converge.
+This type of contact does not detect surfaces that are separated at first; for contact of the
+deformed surfaces ray tracing is used instead, with line search, without which it does not converge.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Time steps of the literature that the package does not have, to compare with; in serial.
+"""Time schemes of the literature that the package does not contain, for comparison; in serial.
 
-All of them leave the mass of the slave nodes with these, and have contact forces of the end of the
+In all of them slave nodes keep their mass. They have contact forces of the end of the
 step only. The trapezoidal rule of the package counts them half: their multipliers are twice the
 pressures.
 """

@@ -80,7 +80,7 @@ def scene(
     grids: Sequence[Grid],
     sides: Sequence[tuple[Any, Any]],
     *,
-    held: Sequence[tuple[str, int, float]] = (),
+    prescribed: Sequence[tuple[str, int, float]] = (),
     modulus: float = E,
     nu: float = 0.3,
     is_linear: bool = False,
@@ -91,7 +91,7 @@ def scene(
     comm: MPI.Comm = MPI.COMM_WORLD,
     **options: Any,
 ) -> Scene:
-    """A problem on grids; ``sides``: slave and master of each pair; ``held``: prescribed values."""
+    """A problem on grids; ``sides``: slave and master of each pair; ``prescribed``: conditions."""
     data = read_mesh(lambda: build(grids, cell=cell, order=degree), comm)
     V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V, name="displacement"), ufl.TestFunction(V)
@@ -111,9 +111,9 @@ def scene(
     drag = fem.Constant(data.mesh, damping * RHO)
     residual += ufl.inner(drag * velocity.expression, v) * dx
     energy += 0.5 * spring * u[0] ** 2 * dx
-    laws = {} if law is None else {"law": law}
-    pairs = [fm.ContactPair(data, slave, master, **laws) for slave, master in sides]
-    bcs = [fm.dirichlet(V, data, name, value, component=c) for name, c, value in held]
+    law_option = {} if law is None else {"law": law}
+    pairs = [fm.ContactPair(data, slave, master, **law_option) for slave, master in sides]
+    bcs = [fm.dirichlet(V, data, name, value, component=c) for name, c, value in prescribed]
     options = {"petsc_options_prefix": "impact_", "bcs": bcs, **options}
     problem = fm.ContactProblem(residual, u, pairs, **options)
     sizes = [np.linalg.norm(np.diff(grid.x[:, 0], axis=0), axis=1).mean() for grid in grids]
@@ -124,8 +124,8 @@ def bar(cells: int = 40, length: float = 10.0, gap: float = 0.01, **options: Any
     """A bar that moves along its axis against a rigid wall, a gap below it; nu = 0."""
     grid = Grid("bar", block(2, cells, width=1.0, height=length))
     sides = [("bar/bottom", fm.Plane((0.0, -gap), (0.0, 1.0)))]
-    held = [("bar/left", 0, 0.0), ("bar/right", 0, 0.0)]
-    made = scene([grid], sides, held=held, nu=0.0, is_linear=True, **options)
+    prescribed = [("bar/left", 0, 0.0), ("bar/right", 0, 0.0)]
+    made = scene([grid], sides, prescribed=prescribed, nu=0.0, is_linear=True, **options)
     made.cell = length / cells
     return made
 
@@ -170,7 +170,7 @@ def oscillator(
     """
     grid = Grid("block", block(2, 3, width=1.0, height=1.0))
     plane = fm.Plane((0.0, 0.0), (0.0, 1.0))
-    options = {"held": [("block/top", 1, -pressure / modulus)], "law": law, **options}
+    options = {"prescribed": [("block/top", 1, -pressure / modulus)], "law": law, **options}
     made = scene(
         [grid], [("block/bottom", plane)], modulus=modulus, nu=0.0, is_linear=True, **options
     )
@@ -184,8 +184,8 @@ def dropped_block(cells: int = 8, gap: float = 0.05, **options: Any) -> Scene:
     lower = Grid(
         "lower", block(round(1.4 * cells), cells, width=2.0, height=1.0, corner=(-1.0, -1.0))
     )
-    held = [("lower/bottom", 0, 0.0), ("lower/bottom", 1, 0.0)]
-    return scene([upper, lower], [("upper/bottom", "lower/top")], held=held, **options)
+    prescribed = [("lower/bottom", 0, 0.0), ("lower/bottom", 1, 0.0)]
+    return scene([upper, lower], [("upper/bottom", "lower/top")], prescribed=prescribed, **options)
 
 
 def rings(cells: int = 32, layers: int = 3, **options: Any) -> Scene:

@@ -32,7 +32,7 @@ def first_piola(u: Any, strain: str) -> Any:
 
 
 def read(scene: Scene, load: float, bodies: str = "soft tool", finer: int = 1) -> Any:
-    """Mesh of some bodies of the scene, with ``finer`` cells instead of one along a side."""
+    """Mesh of some bodies of the scene, each cell divided into ``finer`` cells along its sides."""
     soft, tool = Grid("soft", scene.soft(load, finer)), scene.tool(load, finer)
     grids = [grid for grid in (soft, tool) if grid.name in bodies.split()]
     return read_mesh(lambda: mapped_grids.build(grids), MPI.COMM_SELF)
@@ -40,7 +40,7 @@ def read(scene: Scene, load: float, bodies: str = "soft tool", finer: int = 1) -
 
 @dataclass
 class Posed:
-    """A problem, its residual at finite strain, how to get to a time of a load, and its motion."""
+    """A problem, its residual at finite strain, the function that sets loads, and its motion."""
 
     problem: fm.ContactProblem
     finite: Any
@@ -66,7 +66,7 @@ def internal_forces(scene: Scene, u: Any, data: Any, strain: str) -> Any:
 
 
 def revolved(u: Any, v: Any, strain: str) -> Any:
-    """Virtual work of the stresses of bodies of revolution, of a whole turn, by area."""
+    """Virtual work of the stresses of bodies of revolution, per area of the meridian plane."""
     r = ufl.SpatialCoordinate(u.function_space.mesh)[0]
     hoop = u[0] / r
     if strain == "linear":

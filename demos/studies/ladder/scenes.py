@@ -82,8 +82,8 @@ class Scene:
         steps: Load steps.
         geometry: "plane" or "axisymmetric".
         law: Makes the law of the pair, for a load.
-        duration: Time in waves through a length of one, of a soft body with mass that flies at the
-            tool with the speed ``load`` of the waves' speed; 0 in statics.
+        duration: Time of an impact, over that of a wave through a length of one; the soft body with
+            mass hits the tool, ``load`` is its speed over that of the waves. 0 in statics.
         pressure: Dead pressure on "soft/top" at the end of a load; then there is no tool, and
             ``slave`` may touch itself.
     """

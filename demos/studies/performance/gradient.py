@@ -61,7 +61,7 @@ problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, **options)
 # -
 
 # +
-path, iterations, start = fm.RecordedPath(problem), 0, time.process_time()
+path, iterations, start = fm.sensitivity.RecordedPath(problem), 0, time.process_time()
 for step in range(1, 21):
     along, down = 0.02 * max(step - 8, 0), 0.02 * min(step, 8)
     push.value[:] = (along, -down)

@@ -1,7 +1,7 @@
 # # Iterations of multigrid under mesh refinement
 #
 # A half cylinder is pressed on a block in three load steps, both neo-Hookean; the cylinder is the
-# slave. The result is the number of GMRES iterations with multigrid for eight digits, in the mean
+# slave. The result is the number of GMRES iterations with multigrid for eight digits, averaged
 # over all Newton iterations (which need fewer digits), and its growth if facets are halved. The
 # first argument is the stiffness of the cylinder over that of the block, the second the number of
 # refinements; with "saddle" multipliers are unknowns of the system:

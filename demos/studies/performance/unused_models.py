@@ -5,9 +5,9 @@
 
 Two blocks of 1,100 unknowns, one frictionless pair, solved without any of these models and with a
 trivial version of each: the thickness 1, a closing gap that is the gap, a density of 1e-12, and a
-surface that finds its sides itself. Printed are Python calls of one Newton iteration, those among
-them into the modules of the four models, CPU time of an iteration, median of several solves in
-turns, and the difference of the displacements from those without models.
+surface in contact with itself. Printed are Python calls of one Newton iteration, those among
+them into the modules of the four models, CPU time of an iteration, median of several alternate
+solves, and the difference of the displacements from those without models.
 """
 
 import sys
@@ -45,7 +45,7 @@ class PlainLayer(fm.Frictionless):
 
 
 def pose(model, data):
-    """The problem, what moves the top, and what solves a step.
+    """The problem, the constant that moves the top, and the function that solves a step.
 
     Args:
         model: One of ``MODULES``, or "" for none.

@@ -5,10 +5,10 @@
     kratos/bin/python -m demos.studies.performance.waits_peer kratos 50 100 0.0037
     ngsolve/bin/python -m demos.studies.performance.waits_peer ngsolve 50 100 0.0037
 
-The docstrings of ``demos/studies/accuracy/peer_*.py`` say how to install the codes and which of
-their kinds of contact is used. Seconds are those of all load steps; meshes and models exist before.
-Force and pressure are computed by our own residual from the code's displacement. What a code cannot
-do is written in place of its solver.
+The docstrings of ``demos/studies/accuracy/peer_*.py`` describe how to install the codes and which
+of their types of contact is used. Seconds are those of all load steps, without the creation of
+meshes and models. Force and pressure are computed by our own residual from the code's displacement.
+If a code cannot solve a scene, the column of the solver has the reason.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ OF_ITSELF = ("default", "standard", "plain", "no_normals", "no_segments", "froze
 
 @family("hairpin closed upon itself: thickness / radius", 0.2, 0.5, 1, methods=OF_ITSELF)
 def hairpin(ratio: float) -> Scene:
-    """The ends of a hairpin are turned, so that its arms touch, and slid along each other."""
+    """The ends of a hairpin are rotated, so that its arms touch, and slid along each other."""
     radius, length = 0.2, 1.0
     angles = -0.5 * np.pi - np.linspace(0.0, np.pi, 17)
     bend = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -131,7 +131,7 @@ def rings(facets: str) -> list[Body]:
 
 @family("press fit of polygons: facets inner : outer", "12:16", "24:32", "48:64")
 def press_fit(facets: str) -> Scene:
-    """An interference of 1 % of the radius; the inner ring is free to turn."""
+    """An interference of 1 % of the radius; the inner ring is free to rotate."""
     a, b, c, nu, interference = 1.0, 2.0, 3.0, 0.3, 0.02
     # Lame for small strain, E = 1: radial displacement over pressure of the inner ring, free
     # inside, and of the outer one, fixed outside

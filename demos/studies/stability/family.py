@@ -83,7 +83,7 @@ def punch(
 
 
 def turned(x: np.ndarray, angle: float) -> np.ndarray:
-    """Positions turned about the origin, counterclockwise [degree]."""
+    """Positions rotated about the origin, counterclockwise [degree]."""
     c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
     return x @ np.array([[c, s], [-s, c]])
 

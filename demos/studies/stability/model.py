@@ -24,7 +24,7 @@ __all__ = [
     "Body", "Grid", "Posed", "Scene", "Support", "Tool", "block", "fm", "legs", "mapped", "sector",
 ]  # fmt: skip
 
-# Displacements along x and y, and a turn about the origin [radian].
+# Displacements along x and y, and a rotation about the origin [radian].
 Pose = tuple[float, float, float]
 STILL: Pose = (0.0, 0.0, 0.0)
 

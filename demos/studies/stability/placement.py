@@ -17,19 +17,19 @@ class Placement:
     """A rotation by ``angle`` [radian], a translation, and units of length and stress.
 
     Attributes:
-        turn: The rotation, shape (2, 2).
+        rotation: The rotation, shape (2, 2).
         offset: The shift, before lengths are scaled, shape (2,).
     """
 
     angle: float
-    turn: Array
+    rotation: Array
     offset: Array
     length: float
     stress: float
 
     def points(self, x: Array) -> Array:
         """Points (n, 2) after the placement."""
-        return self.length * (x @ self.turn.T + self.offset)
+        return self.length * (x @ self.rotation.T + self.offset)
 
     def body(self, body: Body) -> Body:
         """A body after the placement."""
@@ -57,5 +57,5 @@ def draw_placement(rng: np.random.Generator, *, guided: bool) -> Placement:
         angle = 0.0
     length, stress = 10.0 ** rng.uniform(-4.0, 4.0, 2)
     offset = rng.uniform(-3.0, 3.0, 2)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return Placement(angle, np.round(turn) if guided else turn, offset, length, stress)
+    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return Placement(angle, np.round(rotation) if guided else rotation, offset, length, stress)

@@ -20,7 +20,7 @@ from meshes.mapped_grids import Grid, block, mesh
 
 @dataclass
 class Column:
-    """A linear elastic block, nu = 0, on a plane, turned by an angle; its top is prescribed.
+    """A linear elastic block, nu = 0, on a plane, both rotated by an angle; its top is prescribed.
 
     Attributes:
         problem: The problem.

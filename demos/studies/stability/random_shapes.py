@@ -53,17 +53,19 @@ def shape_case(family: str, seed: int) -> ShapeCase:
 
 
 def _placed(rng: np.random.Generator, case: ShapeCase) -> ShapeCase:
-    """Turn, move and scale a scene; guides need directions along the axes."""
+    """Rotate, translate and scale a scene; guides need directions along the axes."""
     placement = draw_placement(
         rng, guided=any(prescribed.component is not None for prescribed in case.prescribed)
     )
-    turn, length, stress = placement.turn, placement.length, placement.stress
+    rotation, length, stress = placement.rotation, placement.length, placement.stress
     bodies = list(map(placement.body, case.bodies))
     prescribed = [
         replace(
             h,
-            motion=length * h.motion @ turn.T,
-            component=None if h.component is None else int(np.abs(turn[:, h.component]).argmax()),
+            motion=length * h.motion @ rotation.T,
+            component=None
+            if h.component is None
+            else int(np.abs(rotation[:, h.component]).argmax()),
         )
         for h in case.prescribed
     ]
@@ -78,7 +80,9 @@ def _placed(rng: np.random.Generator, case: ShapeCase) -> ShapeCase:
         case,
         bodies=bodies,
         prescribed=prescribed,
-        planes={name: (placement.points(x), n @ turn.T) for name, (x, n) in case.planes.items()},
+        planes={
+            name: (placement.points(x), n @ rotation.T) for name, (x, n) in case.planes.items()
+        },
         rules=[rule.scaled(length, stress) for rule in case.rules],
         pressure=None if case.pressure is None else stress * case.pressure,
         about=about,

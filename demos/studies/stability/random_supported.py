@@ -90,21 +90,21 @@ def _loaded(rng: np.random.Generator, case: SupportedCase) -> SupportedCase:
 
 
 def _placed(rng: np.random.Generator, case: SupportedCase) -> SupportedCase:
-    """Turn, move and scale a scene; guides need directions along the axes."""
+    """Rotate, translate and scale a scene; guides need directions along the axes."""
     placement = draw_placement(
         rng, guided=any(prescribed.component is not None for prescribed in case.prescribed)
     )
-    turn, length, stress = placement.turn, placement.length, placement.stress
+    rotation, length, stress = placement.rotation, placement.length, placement.stress
     bodies = list(map(placement.body, case.bodies))
     prescribed = [
         h
         if h.component is None
-        else replace(h, component=int(np.abs(turn[:, h.component]).argmax()))
+        else replace(h, component=int(np.abs(rotation[:, h.component]).argmax()))
         for h in case.prescribed
     ]
-    planes = {name: (placement.points(x), n @ turn.T) for name, (x, n) in case.planes.items()}
+    planes = {name: (placement.points(x), n @ rotation.T) for name, (x, n) in case.planes.items()}
     loads = stress * length * case.loads
-    loads[..., :2] = loads[..., :2] @ turn.T
+    loads[..., :2] = loads[..., :2] @ rotation.T
     loads[..., 2] *= length
     about = (
         case.about

@@ -153,13 +153,13 @@ def passing(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     bodies = _arms(rng, 0.0, overlap)
     down = -sum(float(np.ptp(body.x[:, 1])) for body in bodies) - rng.uniform(0.02, 0.1)
     aside = overlap + rng.uniform(0.02, 0.2)
-    way = [(aside, 0.05), (aside, down), (-rng.uniform(0.0, 0.3), down)]
+    motion = [(aside, 0.05), (aside, down), (-rng.uniform(0.0, 0.3), down)]
     meets = rng.random() < 0.5
     if meets:
-        way.append((way[-1][0], down + rng.uniform(0.12, 0.2)))
+        motion.append((motion[-1][0], down + rng.uniform(0.12, 0.2)))
     prescribed = [
         Prescribed("left/start", np.zeros((2, 2))),
-        Prescribed("right/end", motion_along(way)),
+        Prescribed("right/end", motion_along(motion)),
     ]
     about = {"scene": "arm goes past", "overlap": overlap, "meets": meets}
     pairs = [("left/outline", "right/outline")]
@@ -173,10 +173,10 @@ def catching(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     gap = rng.choice([0.0, rng.uniform(0.0, 0.05)])
     bodies = _arms(rng, gap, overlap)
     depth, lifted = gap + rng.uniform(0.02, 0.2), rng.random() < 0.4
-    way = [(0.0, -depth)] + [(0.0, 0.1)] * lifted
+    motion = [(0.0, -depth)] + [(0.0, 0.1)] * lifted
     prescribed = [
         Prescribed("left/start", np.zeros((2, 2))),
-        Prescribed("right/end", motion_along(way)),
+        Prescribed("right/end", motion_along(motion)),
     ]
     about = {"scene": "arm on arm", "overlap": overlap, "depth": depth, "lifted": lifted}
     pairs = [("left/outline", "right/outline")]

@@ -72,14 +72,14 @@ def mapped(
         nodes = np.column_stack([nodes, nodes[:, 0]])
     places = x.reshape(-1, 2)
     quads = split(rng, nodes, "quads")
-    way = 1 if corner_areas(places[quads]).sum() > 0.0 else -1
-    tags = split(rng, nodes[:, ::way], cells)
+    order = 1 if corner_areas(places[quads]).sum() > 0.0 else -1
+    tags = split(rng, nodes[:, ::order], cells)
     low, high, start, end = nodes[0], nodes[-1], nodes[:, 0], nodes[:, -1]
     chains = {"low": low, "high": high}
     if not closed:
         around = np.concatenate([low[:-1], end[:-1], high[:0:-1], start[::-1]])
         chains |= {"start": start, "end": end, "around": around}
-    sides = {side: chain[::way].copy() for side, chain in chains.items()}
+    sides = {side: chain[::order].copy() for side, chain in chains.items()}
     thickness = float(np.linalg.norm(x[-1] - x[0], axis=1).min())
     nu = float(rng.uniform(0.0, 0.4))
     return Shape(name, places, tags, sides, float(E), nu, thickness, tuple(sides))

@@ -86,7 +86,7 @@ def run(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Record, Scene | Non
         record |= {"reason": "; ".join(violations), **counts(path), **measured}
     except fm.NotConvergedError as error:
         record |= {"outcome": "failed", "reason": str(error), **counts(error.report)}
-    except fm.MortarError as error:  # no step is cut: the refused load is used
+    except fm.MortarError as error:  # no step is cut: the rejected load is used
         record |= {"outcome": "failed", "reason": str(error)}
         record["refused"] = scene.time if scene else 0.0
     except Exception as error:

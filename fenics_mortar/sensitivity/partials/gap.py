@@ -21,11 +21,11 @@ def weights_of_gaps(contact: Contact) -> Array:
     Contributions of the row of a closed gap and of the law, which depends on the mean gap (local).
     """
     f = contact.now
-    normal, _, *laws = contact.rows.frame()
+    normal, _, *weights = contact.rows.frame()
     per_weight = np.where(f.covered, 1.0 / np.where(f.covered, f.operators.weight, 1.0), 0.0)
     total = normal.copy()
-    for scaled, row in zip(laws, f.law_rows, strict=True):
-        total -= scaled * (row.by_gap * per_weight)[:, None]
+    for weight, row in zip(weights, f.law_rows, strict=True):
+        total -= weight * (row.by_gap * per_weight)[:, None]
     return total
 
 

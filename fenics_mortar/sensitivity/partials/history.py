@@ -60,13 +60,13 @@ class Earlier:
     ) -> None:
         self.contact, self.place = contact, place
         obstacle = contact.obstacle
-        with self.at_earlier_position():  # a copy: the contact keeps its present view
+        with self.at_earlier_position():  # a copy: the contact itself is unchanged
             operators, _ = copy(contact.evaluation).evaluate(u, state, EXACT)
             if state.offset.any():
                 operators = minus_offset(operators, state.offset)
             self.fields: ContactFields = type(contact.now)(contact, state, operators)
             if obstacle is not None:
-                self.turn = obstacle.turn
+                self.rotation = obstacle.rotation
                 self.gradient = _gradient(self.operators)
                 self.V_at_feet = obstacle.motions(_feet(self.operators), contact.arm)
 
@@ -130,10 +130,10 @@ class PairHistory:
         dofs = Dofs((contact.slave, contact.master))
         self.slip = off_planes(slip_derivative(contact, earlier, dofs), contact)
         self.shear = shear_derivative(earlier, dofs)
-        laws = contact.rows.frame()[2:]
-        terms = [s * row.by_slip[:, None] for s, row in zip(laws, f.law_rows, strict=True)]
+        weights = contact.rows.frame()[2:]
+        terms = [s * row.by_slip[:, None] for s, row in zip(weights, f.law_rows, strict=True)]
         self._by_slip = -np.sum(terms, axis=0)
-        self._by_shear = laws[0] * (f.state.redundant / ELASTIC)[:, None]
+        self._by_shear = weights[0] * (f.state.redundant / ELASTIC)[:, None]
 
     def along(self, direction: PairVector) -> Array:
         """Change of the rows, shape (slave nodes, 2) [stress length]."""
@@ -176,8 +176,8 @@ def _on_obstacle(now: ObstacleOperators, earlier: Earlier) -> tuple[list[Block],
     The slip is -tau . y with the nearest point y of the earlier state, which moves with the
     obstacle. The nearest point lies along the normal; therefore ``start`` vanishes at any state.
     """
-    o, turn = earlier.operators, earlier.turn
-    r = -now.tau @ now.obstacle.turn @ turn.T
+    o, rotation = earlier.operators, earlier.rotation
+    r = -now.tau @ now.obstacle.rotation @ rotation.T
     along = np.einsum("jc,jc->j", r, o.n)
     values = r + along[:, None] * earlier.gradient
     of_normals = o.normal_derivative(o.phi[:, None] * r)
@@ -228,8 +228,8 @@ class _Terms:
         """d(slip of nodes ``j``)/dQ[j, l]; shapes broadcast [length]."""
         there = np.einsum("...c,...c->...", self.now.tau[j], self.now.m[l])
         before = np.einsum("...c,...c->...", self.t[j], self.o.m[l])
-        turn = np.einsum("...c,...c->...", self.y_master[j], self.n[l])
-        return before - there + turn
+        by_normal = np.einsum("...c,...c->...", self.y_master[j], self.n[l])
+        return before - there + by_normal
 
     def blocks(self) -> Iterator[Block]:
         """Blocks of the derivative of the slip: rows slave nodes, columns dofs of both sides."""
@@ -253,8 +253,8 @@ class _Terms:
         if p.present.any():
             now = now - p.present * np.einsum("jc,jc->j", self.now.tau, self.now.vectors)
         before = np.einsum("jc,jc->j", self.t, p.D @ o.x - p.M @ o.m)
-        turn = np.einsum("jc,jc->j", self.y_master, p.M @ self.n)
-        mean = (now - before + turn)[s.slave] * scale
+        by_normal = np.einsum("jc,jc->j", self.y_master, p.M @ self.n)
+        mean = (now - before + by_normal)[s.slave] * scale
         values -= mean[:, :, None] * o.dD.sum(axis=2)
         yield Block(s.slave, o.columns, values)
         yield Block(s.slave[i], o.columns[k], of_M)

@@ -83,4 +83,6 @@ def check_positions(contact: Interface) -> None:
             raise MortarError(f"{name} of {contact.pair.law!r} varies with the position")
     thickness = contact.slave.thickness
     if thickness is not None and thickness.by_x == 0.0 and np.ptp(thickness.at(contact.slave.X)):
-        raise MortarError("a thickness that depends on the position: no derivative by positions")
+        raise MortarError(
+            "the thickness depends on the position: there are no derivatives by nodal positions"
+        )

@@ -94,10 +94,10 @@ def rows_by_shape(
     """
     change = change_by_shape(contact, name, directions, earlier)
     rows = weights_of_gaps(contact) * change.gap[..., None]
-    _, _, *laws = contact.rows.frame()
-    for scaled, row in zip(laws, contact.now.law_rows, strict=True):
+    _, _, *weights = contact.rows.frame()
+    for weight, row in zip(weights, contact.now.law_rows, strict=True):
         of_row = row.by_z_n * change.z_n + row.by_z_tau * change.z_tau + row.by_slip * change.slip
-        rows = rows - scaled * of_row[..., None]
+        rows = rows - weight * of_row[..., None]
     return rows
 
 
@@ -116,7 +116,7 @@ def shape_by_rows(
 def _distances(o: Any, x: Array, name: str, directions: Array) -> tuple[Array, Array]:
     """Changes of phi (m, n) and of its gradient (m, n, 2) at points ``x`` in space (local)."""
     phi, gradient = o.local_by_shapes(o.to_own_frame(x), name, directions)
-    return phi, gradient @ o.turn.T
+    return phi, gradient @ o.rotation.T
 
 
 def _gap(contact: Contact, name: str, directions: Array) -> Array:
@@ -155,5 +155,5 @@ def _slip_of_earlier(contact: Contact, earlier: Earlier, name: str, directions: 
     with earlier.at_earlier_position():
         phi = _distances(obstacle, o.x, name, directions)[0]
         dn = _normals(contact, o, name, directions)
-    along = -now.tau @ obstacle.turn @ earlier.turn.T
+    along = -now.tau @ obstacle.rotation @ earlier.rotation.T
     return np.einsum("jc,mjc->mj", along, phi[..., None] * o.n + o.phi[:, None] * dn)

@@ -95,7 +95,7 @@ def tangent_linear(
 
             mu = fm.sensitivity.LawParameter(0, "mu")
             shear = fm.sensitivity.TotalForce(0, (1.0, 0.0))
-            change = fm.tangent_linear(shear, mu, 0.01, path).derivative
+            change = fm.sensitivity.tangent_linear(shear, mu, 0.01, path).derivative
     """
     path = recorded(path)
     problem = path.problem
