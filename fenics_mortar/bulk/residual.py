@@ -26,6 +26,7 @@ from fenics_mortar.utils import compat, garbage
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.ranks import max_of_ranks, on_any_rank
 
 # Smallest ratio of the area of each cell at each node after a Newton step to that before it [1].
 # The limit prevents inverted cells and does not affect converging iterations.
@@ -224,7 +225,7 @@ class Bulk:
 
         def is_too_large() -> bool:
             stays = self.cells.keep_area(before, self.positions(), MIN_AREA_RATIO)
-            return bool(self.comm.allreduce(not stays, MPI.LOR))
+            return on_any_rank(self.comm, not stays)
 
         while fraction > smallest and is_too_large():
             fraction *= 0.5
@@ -255,7 +256,7 @@ class Bulk:
         if self.space.is_mixed:
             sizes /= self.units
         mine = float(sizes.max(initial=0.0))
-        return mine if self.comm.size == 1 else float(self.comm.allreduce(mine, MPI.MAX))
+        return max_of_ranks(self.comm, mine)
 
     def by_input_node(self) -> tuple[Indices, Array]:
         """Identifiers (n, k) and values (n, 2) of all nodes, see ``numbering`` (collective)."""

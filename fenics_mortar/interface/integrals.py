@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.interface.behind import View
 from fenics_mortar.interface.corners import links_at_corners
@@ -15,8 +16,9 @@ from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
 from fenics_mortar.interface.segments import Segments, find_segments
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import facets, normals
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view
 from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.ranks import sum_of_ranks
 
 
 def evaluate_normals(
@@ -54,7 +56,7 @@ def evaluate_mortar(
     master: Surface,
     x: Array,
     m: Array,
-    multiplier_nodes: npt.NDArray[np.bool_],
+    multiplier_nodes: Flags,
     prescribed_normals: Array,
     options: MortarOptions,
     linearization: Linearization,
@@ -111,7 +113,7 @@ def evaluate_mortar(
         slave, s, (x, n, dn, m), multiplier_nodes, options, linearization.segments
     )
     nodal = sum_over_facets(slave, slave.facets[share], D, gap, cover)
-    num_segments = slave.comm.allreduce(len(s.slave))
+    num_segments = int(sum_of_ranks(slave.comm, len(s.slave)))
     return MortarOperators(
         slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
     )
@@ -158,7 +160,7 @@ def _integrate(
     slave: Surface,
     s: Segments,
     geometry: tuple[Array, Array, Array, Array],
-    multiplier_nodes: npt.NDArray[np.bool_],
+    multiplier_nodes: Flags,
     options: MortarOptions,
     move_ends: bool,
 ) -> tuple[Array, ...]:
@@ -191,17 +193,24 @@ def _integrate(
     return D, dD.reshape(-1, *shape), M, dM.reshape(-1, *shape), g, dg, cover
 
 
-def hand_over(multiplier_nodes: npt.NDArray[np.bool_]) -> Array:
+def hand_over(multiplier_nodes: Flags) -> Array:
     """Fraction of node k's function that is added to node j's, per facet, shape (f, K, K) [1].
 
     Multiplier nodes keep their own function; other functions are split equally among the nearest
     multiplier nodes of the facet.
     """
-    index = np.arange(multiplier_nodes.shape[1])
-    if multiplier_nodes.all():
-        return np.tile(np.eye(index.size), (len(multiplier_nodes), 1, 1))
-    distance = np.where(
-        multiplier_nodes[:, :, None], np.abs(index[:, None] - index).astype(float), np.inf
-    )
-    nearest = (distance == distance.min(axis=1, keepdims=True)) & multiplier_nodes[:, :, None]
-    return nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1)
+    size = multiplier_nodes.shape[1]
+    return _hand_overs(size)[multiplier_nodes @ (1 << np.arange(size))]
+
+
+@cache
+def _hand_overs(size: int) -> Array:
+    """``hand_over`` for all sets of multiplier nodes on a facet, shape (2**K, K, K) [1].
+
+    Bit j of the number of a set is one if node j carries a multiplier.
+    """
+    index = np.arange(size)
+    carries = (np.arange(1 << size)[:, None] >> index & 1 == 1)[:, :, None]
+    distance = np.where(carries, np.abs(index[:, None] - index).astype(float), np.inf)
+    nearest = (distance == distance.min(axis=1, keepdims=True)) & carries
+    return read_only_view(nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1))

@@ -23,6 +23,7 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import pack_rows, pack_sparse
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.ranks import on_all_ranks
 from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 _petsc = ctypes.CDLL(PETSc.__file__)
@@ -81,7 +82,7 @@ class BlockMatrix:
         if self._pattern is not None:
             before, after = self._pattern
             same = np.array_equal(before, i) and np.array_equal(after, j)
-        if not self._comm.allreduce(same, MPI.LAND):
+        if not on_all_ranks(self._comm, same):
             self._new_pattern(i, j)
         _check(_set_values(self.mat.handle, v.ctypes.data, 1))
         return self.mat

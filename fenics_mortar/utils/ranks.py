@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: MIT
+"""Reductions of Python values over ranks, without communication on a single rank.
+
+mpi4py pickles such values, which takes as long as a kernel on a small problem.
+"""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+
+def on_any_rank(comm: MPI.Comm, flag: bool) -> bool:
+    """Whether ``flag`` is true on at least one rank (collective)."""
+    return bool(flag if comm.size == 1 else comm.allreduce(bool(flag), MPI.LOR))
+
+
+def on_all_ranks(comm: MPI.Comm, flag: bool) -> bool:
+    """Whether ``flag`` is true on every rank (collective)."""
+    return bool(flag if comm.size == 1 else comm.allreduce(bool(flag), MPI.LAND))
+
+
+def sum_of_ranks(comm: MPI.Comm, value: float) -> float:
+    """Sum of the values of all ranks [unit of ``value``] (collective)."""
+    return value if comm.size == 1 else comm.allreduce(value)
+
+
+def max_of_ranks(comm: MPI.Comm, value: float) -> float:
+    """Largest of the values of all ranks [unit of ``value``] (collective)."""
+    return value if comm.size == 1 else comm.allreduce(value, MPI.MAX)
