@@ -88,7 +88,7 @@ class Cells:
         The position is that of the reference state, as text.
         """
         is_inverted = self.area_ratios(x) <= 0.0
-        if not on_any_rank(self._comm, is_inverted.any()):
+        if not on_any_rank(self._comm, bool(is_inverted.any())):
             return 0, "nowhere"
         inverted = np.flatnonzero(is_inverted.any(axis=1))
         return count_points(self._comm, self.X[self._nodes[inverted]].mean(axis=1))

@@ -114,7 +114,7 @@ class InputData:
         Args:
             dofs: Marks of all local dofs, ghosts included, shape (local dofs,), bool.
         """
-        if not on_any_rank(self._comm, dofs.any()):
+        if not on_any_rank(self._comm, bool(dofs.any())):
             return 0, "nowhere"
         space = self._space
         others = dofs[: space.num_owned].copy()

@@ -85,15 +85,16 @@ def evaluate_mortar(
     """
     used, links = multiplier_nodes[slave.facets].any(axis=1), None
     if options.corners:
-        links, alone = links_at_corners(slave, x, m[master.facets[:, [0, -1]]])
+        links, alone = links_at_corners(slave, x, master, m)
         used &= ~alone
-    share = share_of(np.flatnonzero(used), slave.comm)
+    share = share_of(used.nonzero()[0], slave.comm)
     if searched is not None and np.array_equal(searched.segments.facets, share):
         n, dn, s = searched.n, searched.dn, searched.segments
     else:
         n, dn = evaluate_normals(slave, x, options.weighting, links)
         given = np.isfinite(prescribed_normals[:, 0])
-        n[given], dn[given] = prescribed_normals[given], 0.0
+        if given.any():
+            n[given], dn[given] = prescribed_normals[given], 0.0
         if not linearization.normals:
             dn = np.zeros_like(dn)
         s = find_segments(
@@ -134,10 +135,13 @@ def sum_over_facets(
     Returns:
         Diagonal of D, weighted gap, cover and row sum of D, each (slave nodes,).
     """
-    nodal = np.zeros((4, slave.num_nodes))
-    on_facets = (np.einsum("ejj->ej", D), gap, cover, D.sum(axis=2))
-    for row, values in zip(nodal, on_facets, strict=True):
-        row += np.bincount(nodes.ravel(), values.ravel(), slave.num_nodes)
+    count = slave.num_nodes
+    on_facets = np.empty((4, *nodes.shape))
+    on_facets[0], on_facets[1], on_facets[2] = D.diagonal(axis1=1, axis2=2), gap, cover
+    on_facets[3] = D.sum(axis=2)
+    rows = nodes + count * np.arange(4)[:, None, None]
+    nodal = np.empty((4, count))  # bincount of an empty array returns integers
+    nodal.ravel()[:] = np.bincount(rows.ravel(), on_facets.ravel(), nodal.size)
     slave.comm.Allreduce(MPI.IN_PLACE, nodal)
     return nodal[0], nodal[1], nodal[2], nodal[3]
 

@@ -11,12 +11,12 @@ from mpi4py import MPI
 
 def on_any_rank(comm: MPI.Comm, flag: bool) -> bool:
     """Whether ``flag`` is true on at least one rank (collective)."""
-    return bool(flag if comm.size == 1 else comm.allreduce(bool(flag), MPI.LOR))
+    return flag if comm.size == 1 else bool(comm.allreduce(flag, MPI.LOR))
 
 
 def on_all_ranks(comm: MPI.Comm, flag: bool) -> bool:
     """Whether ``flag`` is true on every rank (collective)."""
-    return bool(flag if comm.size == 1 else comm.allreduce(bool(flag), MPI.LAND))
+    return flag if comm.size == 1 else bool(comm.allreduce(flag, MPI.LAND))
 
 
 def sum_of_ranks(comm: MPI.Comm, value: float) -> float:

@@ -181,7 +181,7 @@ class Crossings:
         allowed = np.zeros(len(x))
         for contact, there in zip(self._contacts, self._slaves, strict=True):
             overlap = np.maximum(-contact.now.offset, 0.0)
-            admits = np.flatnonzero(overlap)
+            admits = overlap.nonzero()[0]
             if not admits.size:
                 continue
             from scipy.spatial import cKDTree  # not imported by problems without overlaps
