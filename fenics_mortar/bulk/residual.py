@@ -26,7 +26,6 @@ from fenics_mortar.utils import compat, garbage
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.utils.ranks import max_of_ranks, on_any_rank
 
 # Smallest ratio of the area of each cell at each node after a Newton step to that before it [1].
 # The limit prevents inverted cells and does not affect converging iterations.
@@ -105,6 +104,7 @@ class Bulk:
         self.cells = Cells(self.V)
         self.num_owned, self.first, self.num_dofs = space.num_owned, space.first, self.r.getSize()
         self.units, self.to_force = np.ones((2, self.num_owned))
+        self._is_mixed = space.is_mixed
         self.stiffness = 0.0
 
     @cached_property
@@ -225,7 +225,9 @@ class Bulk:
 
         def is_too_large() -> bool:
             stays = self.cells.keep_area(before, self.positions(), MIN_AREA_RATIO)
-            return on_any_rank(self.comm, not stays)
+            if self.comm.size > 1:
+                stays = bool(self.comm.allreduce(stays, MPI.LAND))
+            return not stays
 
         while fraction > smallest and is_too_large():
             fraction *= 0.5
@@ -253,10 +255,10 @@ class Bulk:
             values: Values of the unknowns, owned ones first, shape (num_owned,) or longer.
         """
         sizes = np.abs(values[: self.num_owned])
-        if self.space.is_mixed:
+        if self._is_mixed:
             sizes /= self.units
         mine = float(sizes.max(initial=0.0))
-        return max_of_ranks(self.comm, mine)
+        return mine if self.comm.size == 1 else float(self.comm.allreduce(mine, MPI.MAX))
 
     def by_input_node(self) -> tuple[Indices, Array]:
         """Identifiers (n, k) and values (n, 2) of all nodes, see ``numbering`` (collective)."""

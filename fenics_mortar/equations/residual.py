@@ -24,7 +24,6 @@ from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.ranks import sum_of_ranks
 
 
 class Residual:
@@ -100,7 +99,7 @@ class Residual:
     def of_prescribed(self) -> float:
         """Norm of the rows of prescribed dofs, a lower bound of ``measure`` [stress length]."""
         rows = self._rows_of_prescribed(self._bulk.distance_to_prescribed())
-        return math.sqrt(sum_of_ranks(self._bulk.comm, float(rows @ rows)))
+        return float(np.sqrt(self._bulk.comm.allreduce(float(rows @ rows))))
 
     def _rows_of_prescribed(self, distance: Array) -> Array:
         """Distances to prescribed values, (prescribed dofs,) [length], as forces (local)."""

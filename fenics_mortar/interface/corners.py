@@ -45,7 +45,7 @@ def links_at_corners(
         Nodes before and after each one, (slave nodes,) each, and marks of the facets round a
         corner, which have no partner, (facets,), bool.
     """
-    if surface.sharpest_turn <= TURN:
+    if surface.turns.max(initial=0.0) <= TURN:
         return (surface.previous, surface.following), np.zeros(len(surface.facets), bool)
     corners = corners_of(surface)
     roles = surface.roles

@@ -18,7 +18,6 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import facets, normals
 from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.ranks import sum_of_ranks
 
 
 def evaluate_normals(
@@ -114,7 +113,8 @@ def evaluate_mortar(
         slave, s, (x, n, dn, m), multiplier_nodes, options, linearization.segments
     )
     nodal = sum_over_facets(slave, slave.facets[share], D, gap, cover)
-    num_segments = int(sum_of_ranks(slave.comm, len(s.slave)))
+    count = len(s.slave)
+    num_segments = count if slave.comm.size == 1 else slave.comm.allreduce(count)
     return MortarOperators(
         slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
     )

@@ -182,11 +182,6 @@ class Surface:
         return self.degree > 1 or (self.thickness is not None and self.thickness.by_x != 0.0)
 
     @cached_property
-    def sharpest_turn(self) -> float:
-        """Largest of the ``turns`` [radian]."""
-        return float(self.turns.max(initial=0.0))
-
-    @cached_property
     def turns(self) -> Array:
         """Turn of the curve to the left at each node, undeformed, 0 at ends, (n,) [radian]."""
         inside = (self.previous >= 0) & (self.following >= 0) & ~self.inner

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Reductions of Python values over ranks, without communication on a single rank.
+"""Conditions combined over ranks, without communication on a single rank.
 
 mpi4py pickles such values, which takes as long as a kernel on a small problem.
 """
@@ -17,13 +17,3 @@ def on_any_rank(comm: MPI.Comm, flag: bool) -> bool:
 def on_all_ranks(comm: MPI.Comm, flag: bool) -> bool:
     """Whether ``flag`` is true on every rank (collective)."""
     return flag if comm.size == 1 else bool(comm.allreduce(flag, MPI.LAND))
-
-
-def sum_of_ranks(comm: MPI.Comm, value: float) -> float:
-    """Sum of the values of all ranks [unit of ``value``] (collective)."""
-    return value if comm.size == 1 else comm.allreduce(value)
-
-
-def max_of_ranks(comm: MPI.Comm, value: float) -> float:
-    """Largest of the values of all ranks [unit of ``value``] (collective)."""
-    return value if comm.size == 1 else comm.allreduce(value, MPI.MAX)
