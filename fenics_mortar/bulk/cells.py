@@ -17,6 +17,7 @@ from fenics_mortar.kernels.inside import find_inside
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import count_points
+from fenics_mortar.utils.ranks import on_any_rank
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Nodes of a cell along its outline, by the number of nodes: dolfinx orders corners, edges,
@@ -87,7 +88,7 @@ class Cells:
         The position is that of the reference state, as text.
         """
         is_inverted = self.area_ratios(x) <= 0.0
-        if not self._comm.allreduce(bool(is_inverted.any()), MPI.LOR):
+        if not on_any_rank(self._comm, bool(is_inverted.any())):
             return 0, "nowhere"
         inverted = np.flatnonzero(is_inverted.any(axis=1))
         return count_points(self._comm, self.X[self._nodes[inverted]].mean(axis=1))

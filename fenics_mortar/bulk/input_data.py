@@ -14,6 +14,7 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import MortarError, check_same, count_points
+from fenics_mortar.utils.ranks import on_all_ranks, on_any_rank
 from fenics_mortar.utils.rounding import ROUNDING
 
 
@@ -67,9 +68,9 @@ class InputData:
             for function in self._coefficients
             if not np.isfinite(function.x.array).all()
         ]
-        everywhere = sorted(set().union(*self._comm.allgather(set(messages))))
-        if everywhere:
-            raise MortarError("; ".join(everywhere))
+        if on_any_rank(self._comm, bool(messages)):
+            everywhere = set().union(*self._comm.allgather(set(messages)))
+            raise MortarError("; ".join(sorted(everywhere)))
         same = [("a constant of the residual", c.value) for c in self._constants]
         same += [("a prescribed displacement", compat.prescribed_value(bc)) for bc in self._bcs]
         check_same(self._comm, same)
@@ -93,6 +94,8 @@ class InputData:
 
         Motions by rounding, as by a tied pair of a second problem on the mesh, are accepted.
         """
+        if on_all_ranks(self._comm, np.array_equal(self._mesh.geometry.x, self._nodes)):
+            return
         far = self._comm.allreduce(float(np.abs(self._nodes).max(initial=0.0)), MPI.MAX)
         same = np.abs(self._mesh.geometry.x - self._nodes) <= ROUNDING * far
         moved = np.unique(np.nonzero(~same)[0])
@@ -111,7 +114,7 @@ class InputData:
         Args:
             dofs: Marks of all local dofs, ghosts included, shape (local dofs,), bool.
         """
-        if not self._comm.allreduce(bool(dofs.any()), MPI.LOR):
+        if not on_any_rank(self._comm, bool(dofs.any())):
             return 0, "nowhere"
         space = self._space
         others = dofs[: space.num_owned].copy()

@@ -104,6 +104,7 @@ class Bulk:
         self.cells = Cells(self.V)
         self.num_owned, self.first, self.num_dofs = space.num_owned, space.first, self.r.getSize()
         self.units, self.to_force = np.ones((2, self.num_owned))
+        self._is_mixed = space.is_mixed
         self.stiffness = 0.0
 
     @cached_property
@@ -224,7 +225,9 @@ class Bulk:
 
         def is_too_large() -> bool:
             stays = self.cells.keep_area(before, self.positions(), MIN_AREA_RATIO)
-            return bool(self.comm.allreduce(not stays, MPI.LOR))
+            if self.comm.size > 1:
+                stays = bool(self.comm.allreduce(stays, MPI.LAND))
+            return not stays
 
         while fraction > smallest and is_too_large():
             fraction *= 0.5
@@ -252,7 +255,7 @@ class Bulk:
             values: Values of the unknowns, owned ones first, shape (num_owned,) or longer.
         """
         sizes = np.abs(values[: self.num_owned])
-        if self.space.is_mixed:
+        if self._is_mixed:
             sizes /= self.units
         mine = float(sizes.max(initial=0.0))
         return mine if self.comm.size == 1 else float(self.comm.allreduce(mine, MPI.MAX))

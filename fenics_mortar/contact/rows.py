@@ -91,14 +91,14 @@ class ContactRows(InterfaceRows):
         o = f.operators
         normal, idle, *weights = self.frame()
         blocks: list[Block] = []
-        rhs, by_gap = -normal * o.gap[:, None], np.zeros_like(normal)
+        rhs, by_gap = -normal * o.gap[:, None], np.zeros(normal.shape)
         A_z = np.zeros((*normal.shape, 2))
         A_z[:, 0, 0] = A_z[:, 1, 1] = -idle
         for weight, row in zip(weights, f.law_rows, strict=True):
             if not weight.any():
                 continue
             slips, change = row.by_slip.any(), np.empty_like(o.dn)
-            gap_vectors = f.state.partners.gap_vectors(o) if slips else np.zeros_like(normal)
+            gap_vectors = f.state.partners.gap_vectors(o) if slips else np.zeros(normal.shape)
             linearize_law(weight, *row, o.n, o.dn, f.state.z, gap_vectors, A_z, rhs, by_gap, change)
             j = f.interface.slave.owned[f.acts[f.interface.slave.owned]]
             rows = 2 * j[:, None] + np.arange(2)

@@ -31,6 +31,7 @@ from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import as_text
+from fenics_mortar.utils.ranks import on_all_ranks
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Attributes of an interface's state that a user may have changed since the last solve.
@@ -100,7 +101,7 @@ class Continuation:
         )
         driven = equations.motions.driven
         same &= np.array_equal(equations.motions.places[driven], last.places[driven])
-        return bool(equations.comm.allreduce(same, MPI.LAND))
+        return on_all_ranks(equations.comm, same)
 
     def _loads(self) -> _Loads:
         """The present loads (local)."""

@@ -168,7 +168,7 @@ class ContactEquations:
         num_active, sets = 0, b""
         for c in self.contacts:
             num_active += int(np.count_nonzero(c.active))
-            sets += np.packbits(c.active).tobytes() + np.packbits(c.multiplier_nodes).tobytes()
+            sets += c.active.tobytes() + c.multiplier_nodes.tobytes()
             sets += (c.active * c.branch).tobytes()
         measured = self.residual
         force, gap, roundoff = measured.force, measured.gap, measured.attainable

@@ -22,7 +22,6 @@ and 4.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -110,8 +109,8 @@ class MovingFrame:
             if body in motions:
                 states = last.interfaces[i].z, before.interfaces[i].z
                 z = _shifted(surface, states, motions[body], ratio)
-                interfaces[i] = replace(interfaces[i], z=z)
-        return replace(guess, u=u, interfaces=tuple(interfaces))
+                interfaces[i] = interfaces[i].replaced(z=z)
+        return guess.replaced(u=u, interfaces=tuple(interfaces))
 
     def motions(self, moved: Array, ratio: float) -> dict[int, Array]:
         """Motions of contacts by half a facet or more, by body, (2,) each [length] (local).

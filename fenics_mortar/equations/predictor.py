@@ -136,7 +136,7 @@ class Predictor:
         found = list[tuple[float, _Kind, State]]()
         for kind, guess in guesses:
             places = np.where(problem.motions.driven, guess.places, here.places)
-            guess = replace(guess, places=places).with_settings_of(here)
+            guess = guess.replaced(places=places).with_settings_of(here)
             guessed = self._residual_at(guess)
             if not (presses & ~self._under_pressure()).any():
                 found.append((guessed, kind, guess))

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_mortar.bulk.checks import refuse_inertia
@@ -14,6 +13,7 @@ from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.ranks import on_any_rank
 from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
 from fenics_mortar.verify.matrices import OperatorMatrices
 from fenics_mortar.verify.tangent import TangentCheck, check_tangent
@@ -40,7 +40,7 @@ class PresentState:
 
     def renew_if_interrupted(self) -> None:
         """Create the solver and the estimator again after an interruption."""
-        if self._equations.comm.allreduce(self._equations.interrupted, MPI.LOR):
+        if on_any_rank(self._equations.comm, self._equations.interrupted):
             self._solver.renew()
             self._estimator = None
             self._equations.interrupted = False

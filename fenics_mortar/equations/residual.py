@@ -91,7 +91,8 @@ class Residual:
         )
         bulk.comm.Allreduce(MPI.IN_PLACE, sums)
         largest = sums[1:4].max()
-        check_equal_on_ranks(float(sums[4]), float(sums[5]), largest, bulk.comm.size)
+        if bulk.comm.size > 1:
+            check_equal_on_ranks(float(sums[4]), float(sums[5]), largest, bulk.comm.size)
         self.force, self.attainable = math.sqrt(largest), self.roundoff()
         return math.sqrt(sums[0] + rows)
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from fenics_mortar.bulk.inertia import Rates
@@ -19,7 +19,7 @@ from fenics_mortar.verify.crossing import AcceptedPositions
 class State(Value):
     """All quantities from which a solve starts, as an immutable value; all methods are local.
 
-    ``dataclasses.replace`` returns a changed copy.
+    ``replaced`` and ``dataclasses.replace`` return changed copies.
 
     Attributes:
         u: Displacement and other unknowns of the bulk, shape (local dofs,) [length].
@@ -45,10 +45,9 @@ class State(Value):
         the state of another model.
         """
         pairs = zip(self.interfaces, other.interfaces, strict=True)
-        return replace(
-            self,
+        return self.replaced(
             interfaces=tuple(
-                replace(a, offset=b.offset, c_n=b.c_n, reference=b.reference, load_time=b.load_time)
+                a.replaced(offset=b.offset, c_n=b.c_n, reference=b.reference, load_time=b.load_time)
                 for a, b in pairs
             ),
         )
@@ -56,11 +55,9 @@ class State(Value):
     def counting_slip_from(self, other: State) -> State:
         """This state with the partners, instants and accepted positions of ``other``."""
         pairs = zip(self.interfaces, other.interfaces, strict=True)
-        return replace(
-            self,
+        return self.replaced(
             interfaces=tuple(
-                replace(
-                    a,
+                a.replaced(
                     partners=b.partners,
                     accepted_partners=b.accepted_partners,
                     start_instant=b.start_instant,
@@ -74,10 +71,9 @@ class State(Value):
     def towards(self, other: State, fraction: float) -> State:
         """Interpolate to ``other`` by a ``fraction`` [1], with the active sets of this state."""
         pairs = zip(self.interfaces, other.interfaces, strict=True)
-        return replace(
-            self,
+        return self.replaced(
             u=self.u + fraction * (other.u - self.u),
-            interfaces=tuple(replace(a, z=a.z + fraction * (b.z - a.z)) for a, b in pairs),
+            interfaces=tuple(a.replaced(z=a.z + fraction * (b.z - a.z)) for a, b in pairs),
             places=self.places + fraction * (other.places - self.places),
         )
 

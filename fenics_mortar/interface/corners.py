@@ -31,25 +31,27 @@ EQUALLY_NEAR = 0.1
 
 
 def links_at_corners(
-    surface: Surface, x: Array, master: Array
+    surface: Surface, x: Array, master: Surface, m: Array
 ) -> tuple[tuple[Indices, Indices], npt.NDArray[np.bool_]]:
     """Links along a slave, cut at corners that take the normal of one facet (local).
 
     Args:
         surface: The slave.
         x: Positions of its nodes, shape (slave nodes, 2) [length].
-        master: Ends of the master's facets, the body on their left, shape (m, 2, 2) [length].
+        master: The master, with the body on the left of its facets.
+        m: Positions of its nodes, shape (master nodes, 2) [length].
 
     Returns:
         Nodes before and after each one, (slave nodes,) each, and marks of the facets round a
         corner, which have no partner, (facets,), bool.
     """
-    corners = corners_of(surface)
-    if not corners.size:
+    if surface.turns.max(initial=0.0) <= TURN:
         return (surface.previous, surface.following), np.zeros(len(surface.facets), bool)
+    corners = corners_of(surface)
     roles = surface.roles
     candidates = None if roles is None else roles.masters_of_nodes(surface.facets, corners)
-    facets = choose_facets(surface, corners, x, master, candidates)
+    ends = m[master.facets[:, [0, -1]]]
+    facets = choose_facets(surface, corners, x, ends, candidates)
     return one_sided(surface, corners, facets)
 
 

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.interface.behind import BodiesBehind
 from fenics_mortar.interface.corners import links_at_corners
@@ -15,7 +16,7 @@ from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
 from fenics_mortar.interface.segments import Segments, find_segments
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import facets, normals
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view
 from fenics_mortar.utils.clock import clock
 
 
@@ -54,7 +55,7 @@ def evaluate_mortar(
     master: Surface,
     x: Array,
     m: Array,
-    multiplier_nodes: npt.NDArray[np.bool_],
+    multiplier_nodes: Flags,
     prescribed_normals: Array,
     options: MortarOptions,
     linearization: Linearization,
@@ -83,15 +84,16 @@ def evaluate_mortar(
     """
     used, links = multiplier_nodes[slave.facets].any(axis=1), None
     if options.corners:
-        links, alone = links_at_corners(slave, x, m[master.facets[:, [0, -1]]])
+        links, alone = links_at_corners(slave, x, master, m)
         used &= ~alone
-    share = share_of(np.flatnonzero(used), slave.comm)
+    share = share_of(used.nonzero()[0], slave.comm)
     if searched is not None and np.array_equal(searched.segments.facets, share):
         n, dn, s = searched.n, searched.dn, searched.segments
     else:
         n, dn = evaluate_normals(slave, x, options.weighting, links)
         given = np.isfinite(prescribed_normals[:, 0])
-        n[given], dn[given] = prescribed_normals[given], 0.0
+        if given.any():
+            n[given], dn[given] = prescribed_normals[given], 0.0
         if not linearization.normals:
             dn = np.zeros_like(dn)
         s = find_segments(
@@ -111,7 +113,8 @@ def evaluate_mortar(
         slave, s, (x, n, dn, m), multiplier_nodes, options, linearization.segments
     )
     nodal = sum_over_facets(slave, slave.facets[share], D, gap, cover)
-    num_segments = slave.comm.allreduce(len(s.slave))
+    count = len(s.slave)
+    num_segments = count if slave.comm.size == 1 else slave.comm.allreduce(count)
     return MortarOperators(
         slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
     )
@@ -132,10 +135,13 @@ def sum_over_facets(
     Returns:
         Diagonal of D, weighted gap, cover and row sum of D, each (slave nodes,).
     """
-    nodal = np.zeros((4, slave.num_nodes))
-    on_facets = (np.einsum("ejj->ej", D), gap, cover, D.sum(axis=2))
-    for row, values in zip(nodal, on_facets, strict=True):
-        row += np.bincount(nodes.ravel(), values.ravel(), slave.num_nodes)
+    count = slave.num_nodes
+    on_facets = np.empty((4, *nodes.shape))
+    on_facets[0], on_facets[1], on_facets[2] = D.diagonal(axis1=1, axis2=2), gap, cover
+    on_facets[3] = D.sum(axis=2)
+    rows = nodes + count * np.arange(4)[:, None, None]
+    nodal = np.empty((4, count))  # bincount of an empty array returns integers
+    nodal.ravel()[:] = np.bincount(rows.ravel(), on_facets.ravel(), nodal.size)
     slave.comm.Allreduce(MPI.IN_PLACE, nodal)
     return nodal[0], nodal[1], nodal[2], nodal[3]
 
@@ -158,7 +164,7 @@ def _integrate(
     slave: Surface,
     s: Segments,
     geometry: tuple[Array, Array, Array, Array],
-    multiplier_nodes: npt.NDArray[np.bool_],
+    multiplier_nodes: Flags,
     options: MortarOptions,
     move_ends: bool,
 ) -> tuple[Array, ...]:
@@ -191,17 +197,24 @@ def _integrate(
     return D, dD.reshape(-1, *shape), M, dM.reshape(-1, *shape), g, dg, cover
 
 
-def hand_over(multiplier_nodes: npt.NDArray[np.bool_]) -> Array:
+def hand_over(multiplier_nodes: Flags) -> Array:
     """Fraction of node k's function that is added to node j's, per facet, shape (f, K, K) [1].
 
     Multiplier nodes keep their own function; other functions are split equally among the nearest
     multiplier nodes of the facet.
     """
-    index = np.arange(multiplier_nodes.shape[1])
-    if multiplier_nodes.all():
-        return np.tile(np.eye(index.size), (len(multiplier_nodes), 1, 1))
-    distance = np.where(
-        multiplier_nodes[:, :, None], np.abs(index[:, None] - index).astype(float), np.inf
-    )
-    nearest = (distance == distance.min(axis=1, keepdims=True)) & multiplier_nodes[:, :, None]
-    return nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1)
+    size = multiplier_nodes.shape[1]
+    return _hand_overs(size)[multiplier_nodes @ (1 << np.arange(size))]
+
+
+@cache
+def _hand_overs(size: int) -> Array:
+    """``hand_over`` for all sets of multiplier nodes on a facet, shape (2**K, K, K) [1].
+
+    Bit j of the number of a set is one if node j carries a multiplier.
+    """
+    index = np.arange(size)
+    carries = (np.arange(1 << size)[:, None] >> index & 1 == 1)[:, :, None]
+    distance = np.where(carries, np.abs(index[:, None] - index).astype(float), np.inf)
+    nearest = (distance == distance.min(axis=1, keepdims=True)) & carries
+    return read_only_view(nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1))

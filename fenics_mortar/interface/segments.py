@@ -22,13 +22,12 @@ from functools import cache, cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.interface.behind import BodiesBehind, nothing_behind
 from fenics_mortar.interface.measures import POINTS
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import search
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.rounding import ROUNDING
 
@@ -59,13 +58,13 @@ class Segments:
     """
 
     facets: Indices
-    partial: npt.NDArray[np.bool_]
+    partial: Flags
     offsets: Indices
     pair_offsets: Indices
     slave: Indices
     master: Indices
     ends: Array
-    end_is_fixed: npt.NDArray[np.bool_]
+    end_is_fixed: Flags
     points: Array
     weights: Array
     spans: Indices
@@ -127,49 +126,36 @@ def find_segments(
     if integration == "segments":
         roles = slave.roles.of(facets) if slave.roles else None
         sight = (behind[:3], behind.outline, ROUNDING)
-        offsets, masters, branches = _intersections((*search_for, *sight, limits, roles), points)
+        arguments = *search_for, *sight, limits, roles, slave.functions_move
+        (offsets, masters, fixed, ends), couples = search.find_segments_within(*arguments)
+        rules = _same_rule(ends, fixed, points)
     else:
         rule = facet_rule(integration, nodes.shape[1], points)
         min_points = nodes.shape[1] if integration == "elements" else 1
-        offsets, masters, branches = _runs(
+        offsets, masters, rules = _runs(
             (*search_for, (*behind, ROUNDING), limits), *rule, min_points=min_points
         )
-    counts = np.diff(offsets)
-    owner = np.repeat(np.arange(facets.size), counts)
-    ends, fixed = branches[:2]
-    cover = np.bincount(owner, ends[:, 1] - ends[:, 0], facets.size)
-    moves = np.bincount(owner, ~fixed.all(axis=1), facets.size) > 0
-    partial = ((cover < 2.0 - ROUNDING) & moves) | slave.functions_move
-    pair_counts = np.where(partial, counts**2, counts)
-    pair_offsets = np.concatenate([[0], np.cumsum(pair_counts)])
-    return Segments(
-        facets,
-        partial,
-        offsets,
-        pair_offsets,
-        nodes[owner],
-        master.facets[masters],
-        *branches,
-        _pairs(offsets, pair_counts, partial),
-    )
+        couples = search.couple_segments(offsets, *rules[:2], slave.functions_move)
+    owner, partial, pair_offsets, pairs = couples
+    on_slave, on_master = nodes[owner], master.facets[masters]
+    return Segments(facets, partial, offsets, pair_offsets, on_slave, on_master, *rules, pairs)
 
 
 class _Rules(NamedTuple):
     """Ends and quadrature of segments on their slave facets; see ``Segments``."""
 
     ends: Array
-    end_is_fixed: npt.NDArray[np.bool_]
+    end_is_fixed: Flags
     points: Array
     weights: Array
     spans: Indices
 
 
-def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, Indices, _Rules]:
-    """Offsets, master facets and quadrature of intersections, with the same Gauss rule for all."""
-    offsets, masters, fixed, ends = search.find_segments_within(*search_for)
-    s, w = gauss_rule(points)
-    spans = np.tile([0, points], (len(masters), 1))
-    return offsets, masters, _Rules(ends, fixed, s, w, spans)
+def _same_rule(ends: Array, fixed: Flags, points: int) -> _Rules:
+    """The same Gauss rule for all segments, with these ``ends`` (n, 2), whether fixed (n, 2)."""
+    spans = np.empty(ends.shape, np.int64)
+    spans[:] = 0, points
+    return _Rules(ends, fixed, *gauss_rule(points), spans)
 
 
 def _runs(
@@ -203,14 +189,3 @@ def facet_rule(integration: Integration, size: int, points: int) -> tuple[Array,
         return gauss_rule(points)
     weights = {2: [1.0, 1.0], 3: [1.0 / 3.0, 4.0 / 3.0, 1.0 / 3.0]}
     return np.linspace(-1.0, 1.0, size), np.array(weights[size])
-
-
-def _pairs(offsets: Indices, pair_counts: Indices, partial: npt.NDArray[np.bool_]) -> Indices:
-    """Segments (i, k) of each pair, k running fastest within a facet."""
-    counts = np.diff(offsets)
-    facet = np.repeat(np.arange(counts.size), pair_counts)
-    index = np.arange(facet.size) - np.repeat(np.cumsum(pair_counts) - pair_counts, pair_counts)
-    count = np.maximum(counts[facet], 1)
-    i = np.where(partial[facet], index // count, index)
-    k = np.where(partial[facet], index % count, index)
-    return offsets[facet][:, None] + np.stack([i, k], axis=1)

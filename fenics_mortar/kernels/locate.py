@@ -15,9 +15,12 @@ def box_triangles(x, triangles):
 
 
 @kernel
-def double_area(a, b, c):
-    """Twice the area of a triangle with these corners, negative if they run clockwise."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+def double_area(x, y, a, b):
+    """Twice the area of the triangle of a point (x, y) and the points ``a``, ``b`` (2,).
+
+    Negative if they run clockwise.
+    """
+    return (a[0] - x) * (b[1] - y) - (a[1] - y) * (b[0] - x)
 
 
 @kernel
@@ -35,23 +38,22 @@ def interpolate(points, boxes, x, triangles, values, result):
         result: Values at the points, shape (n, 2) [unit]; filled.
     """
     stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
-    box, weights = np.empty(4), np.empty(3)
+    box = np.empty(4)
     rounding = ROUNDING * max(boxes[1, 2] - boxes[1, 0], boxes[1, 3] - boxes[1, 1])
     for p in range(len(points)):
-        result[p] = np.nan
-        box[:2], box[2:] = points[p] - rounding, points[p] + rounding
-        found = query_tree(boxes, box, None, stack, hits)
-        for e in hits[:found]:
-            nodes = triangles[e]
-            whole = double_area(x[nodes[0]], x[nodes[1]], x[nodes[2]])
-            inside = whole != 0.0
-            for k in range(3):
-                a, b = x[nodes[(k + 1) % 3]], x[nodes[(k + 2) % 3]]
-                weights[k] = double_area(points[p], a, b) / whole if inside else 0.0
-                inside = inside and weights[k] >= -ROUNDING
-            if inside:
+        x0, y0 = points[p, 0], points[p, 1]
+        result[p, 0] = result[p, 1] = np.nan
+        box[0], box[1], box[2], box[3] = x0 - rounding, y0 - rounding, x0 + rounding, y0 + rounding
+        for h in range(query_tree(boxes, box, None, stack, hits)):
+            i, j, k = triangles[hits[h], 0], triangles[hits[h], 1], triangles[hits[h], 2]
+            whole = double_area(x[i, 0], x[i, 1], x[j], x[k])
+            if whole == 0.0:
+                continue
+            at_i = double_area(x0, y0, x[j], x[k]) / whole
+            at_j = double_area(x0, y0, x[k], x[i]) / whole
+            at_k = double_area(x0, y0, x[i], x[j]) / whole
+            if min(at_i, at_j, at_k) >= -ROUNDING:
                 for c in range(2):
-                    result[p, c] = 0.0
-                    for k in range(3):
-                        result[p, c] += weights[k] * values[nodes[k], c]
+                    of_both = at_i * values[i, c] + at_j * values[j, c]
+                    result[p, c] = of_both + at_k * values[k, c]
                 break

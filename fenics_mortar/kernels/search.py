@@ -159,14 +159,66 @@ def find_segments(geometry, slave_facets, master_facets, radius, behind, limits,
 
 
 @kernel
+def couple_segments(offsets, ends, end_is_fixed, functions_move):
+    """Pairs of segments coupled by the multiplier functions of their facet.
+
+    The functions of a facet vary with all its segments if the facet is partly covered by segments
+    with moving ends, or if they vary anyway; else each segment is coupled to itself alone.
+
+    Args:
+        offsets: Segments of facet e are offsets[e]:offsets[e + 1], shape (f + 1,).
+        ends: Ends of the segments in xi, shape (s, 2).
+        end_is_fixed: Whether an end is a fixed point of the facet, shape (s, 2), bool.
+        functions_move: Whether the functions vary with the segments on every facet.
+
+    Returns:
+        Facet of each segment (s,); whether the functions of a facet vary, (f,), bool; pairs of
+        facet e are those from the e-th offset to the next, (f + 1,); segments of each pair, the
+        second one running fastest, (p, 2).
+    """
+    count = offsets.size - 1
+    owner, partial = np.empty(offsets[count], np.int64), np.empty(count, np.bool_)
+    pair_offsets = np.zeros(count + 1, np.int64)
+    for e in range(count):
+        covered, moves, size = 0.0, False, offsets[e + 1] - offsets[e]
+        for i in range(offsets[e], offsets[e + 1]):
+            owner[i] = e
+            covered += ends[i, 1] - ends[i, 0]
+            moves = moves or not (end_is_fixed[i, 0] and end_is_fixed[i, 1])
+        partial[e] = functions_move or (moves and covered < 2.0 - ROUNDING)
+        pair_offsets[e + 1] = pair_offsets[e] + (size * size if partial[e] else size)
+    pairs = np.empty((pair_offsets[count], 2), np.int64)
+    for e in range(count):
+        p = pair_offsets[e]
+        for i in range(offsets[e], offsets[e + 1]):
+            first, last = (offsets[e], offsets[e + 1]) if partial[e] else (i, i + 1)
+            for k in range(first, last):
+                pairs[p, 0], pairs[p, 1] = i, k
+                p += 1
+    return owner, partial, pair_offsets, pairs
+
+
+@kernel
 def find_segments_within(
-    geometry, slave_facets, master_facets, radius, bodies, outline, rounding, limits, roles
+    geometry,
+    slave_facets,
+    master_facets,
+    radius,
+    bodies,
+    outline,
+    rounding,
+    limits,
+    roles,
+    functions_move,
 ):
-    """Call ``find_segments`` with the ``behind`` made of ``bodies``, ``outline`` and ``rounding``.
+    """Results of ``find_segments``, and of ``couple_segments`` for them.
+
+    The ``behind`` is made of ``bodies``, ``outline`` and ``rounding``.
 
     Entry point from Python: in each call numba determines the types of tuples of more than four
     arrays again, which takes 0.2 ms.
     """
     safe, slave_bodies, master_bodies = bodies
     behind = (safe, slave_bodies, master_bodies, outline, rounding)
-    return find_segments(geometry, slave_facets, master_facets, radius, behind, limits, roles)
+    found = find_segments(geometry, slave_facets, master_facets, radius, behind, limits, roles)
+    return found, couple_segments(found[0], found[3], found[2], functions_move)

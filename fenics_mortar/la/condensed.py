@@ -206,7 +206,7 @@ class CondensedSystem(LinearSystem):
         prescribed, slave = self.bulk.prescribed_dofs, self._slave_dofs
         rhs = f.copy()
         rhs[self._rows.local] += _times(self._R.mat, f[slave])
-        np.add.at(rhs, slave, h)  # a node may be a slave of several pairs
+        rhs += np.bincount(slave, h, rhs.size)  # a node may be a slave of several pairs
         rhs[prescribed] = self._prescribed_scale * f[prescribed]
         dd = self._solve(rhs)
         return np.concatenate([dd, self._Z * (f[slave] - _times(self._slave_K, dd))])

@@ -23,6 +23,7 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import pack_rows, pack_sparse
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.ranks import on_all_ranks
 from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 _petsc = ctypes.CDLL(PETSc.__file__)
@@ -80,8 +81,8 @@ class BlockMatrix:
         same = False
         if self._pattern is not None:
             before, after = self._pattern
-            same = np.array_equal(before, i) and np.array_equal(after, j)
-        if not self._comm.allreduce(same, MPI.LAND):
+            same = before.size == i.size and bool((before == i).all() and (after == j).all())
+        if not on_all_ranks(self._comm, same):
             self._new_pattern(i, j)
         _check(_set_values(self.mat.handle, v.ctypes.data, 1))
         return self.mat
@@ -155,16 +156,15 @@ def add_blocks(
         some: The rows of ``small`` in the matrix.
         small: A matrix of these rows.
     """
-    given = list(blocks)
-    num_rows = sum(block.rows.size for block in given)
-    num_entries = sum(block.values.size for block in given)
+    given, num_rows, num_entries = list(blocks), 0, 0
+    for block in given:
+        num_rows, num_entries = num_rows + block.rows.size, num_entries + block.values.size
     if some is not None and small is not None:
         sparse = small.getValuesCSR()
         num_rows, num_entries = num_rows + some.owned.size, num_entries + sparse[1].size
-    rows, starts, columns = (
-        np.empty(size, PETSc.IntType) for size in (num_rows, num_rows + 1, num_entries)
-    )
-    values, counts = np.empty(num_entries), np.zeros(2, np.int64)
+    rows, starts = np.empty(num_rows, PETSc.IntType), np.empty(num_rows + 1, PETSc.IntType)
+    columns, values = np.empty(num_entries, PETSc.IntType), np.empty(num_entries)
+    counts = np.zeros(2, np.int64)
     starts[0] = 0
     for block in given:
         pack_rows(*map(np.ascontiguousarray, block), counts, rows, starts, columns, values)

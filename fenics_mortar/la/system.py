@@ -39,6 +39,7 @@ from fenics_mortar.la.coupling import Coupling
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.solver import LinearSolver
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.ranks import on_all_ranks
 
 
 class LinearSystem(ABC):
@@ -215,7 +216,7 @@ class LinearSystem(ABC):
             for contact, coupling, state in zip(self.contacts, self._couplings, now, strict=True):
                 acting = contact.acts | contact.z.any(axis=1)
                 fits = fits and coupling.contains(*state, acting)
-        if self.comm.allreduce(fits, MPI.LAND):
+        if on_all_ranks(self.comm, fits):
             return False
         self._couplings = [Coupling(*state) for state in now]
         self._pattern = self.bulk.num_patterns

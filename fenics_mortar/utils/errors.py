@@ -152,6 +152,8 @@ def check_same(comm: MPI.Comm, values: Iterable[tuple[str, npt.ArrayLike]]) -> N
     Raises:
         MortarError: On all ranks.
     """
+    if comm.size == 1:
+        return
     named, error = [(name, np.ravel(value)) for name, value in values], None
     first = comm.bcast([value for _, value in named])
     for (name, mine), other in zip(named, first, strict=True):
@@ -175,6 +177,8 @@ def check_same_texts(comm: MPI.Comm, what: str, values: Mapping[str, Any]) -> No
     Raises:
         MortarError: On all ranks.
     """
+    if comm.size == 1:
+        return
     mine, error = [(name, as_text(value)) for name, value in values.items()], None
     first = comm.bcast(mine)
     for (name, here), (_, there) in zip(mine, first, strict=False):

@@ -67,7 +67,7 @@ def action_and_reaction(contact: Interface) -> dict[str, Any]:
     if not len(where):
         where, reaction = o.reaction(contact.z)
     forces, x = np.concatenate([on_slave, reaction]), np.concatenate([o.x, where])
-    lever = x - x.mean(axis=0)
+    lever = x - x.sum(axis=0) / len(x)
     moments = lever[:, 0] * forces[:, 1] - lever[:, 1] * forces[:, 0]
     sizes = np.abs(forces)
     arms = float((sizes.max(axis=1) * np.abs(lever).max(axis=1)).sum())

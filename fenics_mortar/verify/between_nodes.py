@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 from mpi4py import MPI
@@ -12,7 +13,7 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.utils.arrays import Flags, Indices
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.limits import LIMITS
@@ -21,19 +22,25 @@ from fenics_mortar.verify.limits import LIMITS
 def between_nodes(contact: Contact) -> dict[str, Any]:
     """Penetration and distance over facet lengths, as fields of a certificate (collective)."""
     o, s = contact.operators, contact.intersections()
-    ends, samples = o.x[s.slave[:, [0, -1]]], np.linspace(-1.0, 1.0, LIMITS.samples)
-    gaps = o.sample_gaps(o.x + contact.now.offset[:, None] * o.n, s, samples)
-    gaps /= np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None]
+    ends = o.x[s.slave[:, [0, -1]]]
+    gaps = o.sample_gaps(o.x + contact.now.offset[:, None] * o.n, s, _samples())
+    gaps /= np.hypot(*(ends[:, 1] - ends[:, 0]).T)[:, None]
     smallest, where = np.inf, ""
     if gaps.size:
         deepest = gaps.min(axis=1).argmin()
-        smallest, where = float(gaps[deepest].min()), format_point(ends[deepest].mean(axis=0))
+        smallest, where = float(gaps[deepest].min()), format_point(0.5 * ends[deepest].sum(axis=0))
     smallest, where = min(contact.slave.comm.allgather((smallest, where)))
     return {
         "penetration": max(-smallest, 0.0),
         "distance": max(smallest, 0.0) if contact.active.any() else 0.0,
         "where": where,
     }
+
+
+@cache
+def _samples() -> Array:
+    """Points of a segment at which the gap is measured, -1 ... 1, ends included (local)."""
+    return np.linspace(-1.0, 1.0, LIMITS.samples)
 
 
 def paired_nodes(contact: Contact | Tie) -> Indices:

@@ -40,7 +40,7 @@ def oblique_forces(contact: Contact, pressure: Array) -> dict[str, Any]:
     if contact.obstacle is not None:
         return {}
     chords = o.m[s.master[:, -1]] - o.m[s.master[:, 0]]
-    chords /= np.linalg.norm(chords, axis=1)[:, None]
+    chords /= np.hypot(*chords.T)[:, None]
     forces = np.abs(o.M.sum(axis=2) * pressure[s.slave])
     along = forces * np.abs(np.einsum("sjc,sc->sj", o.n[s.slave], chords))
     size = contact.slave.num_nodes
@@ -80,7 +80,7 @@ def _at_corners(contact: Contact, forces: Array, total: float) -> dict[str, Any]
     """
     o = contact.operators
     before, after = facet_angles(contact)
-    corners = np.flatnonzero(contact.active & (after - before > LIMITS.corner))
+    corners = (contact.active & (after - before > LIMITS.corner)).nonzero()[0]
     if not corners.size:
         return {}
     runs = np.where(contact.active, runs_of(contact), -1)

@@ -181,7 +181,7 @@ class Crossings:
         allowed = np.zeros(len(x))
         for contact, there in zip(self._contacts, self._slaves, strict=True):
             overlap = np.maximum(-contact.now.offset, 0.0)
-            admits = np.flatnonzero(overlap)
+            admits = overlap.nonzero()[0]
             if not admits.size:
                 continue
             from scipy.spatial import cKDTree  # not imported by problems without overlaps
@@ -282,7 +282,7 @@ class Crossings:
         inside = ~through & (pairs[:, 0] != pairs[:, 1])
         inside &= depth - self._allowed(x1)[node] > HALF_FACET * lengths[entry]
         for marked, ends_inside in ((through, False), (inside, True)):
-            for pair in np.unique(pairs[marked], axis=0):
+            for pair in np.unique(pairs[marked], axis=0) if marked.any() else ():
                 if self._excused.get((int(pair.min()), int(pair.max()))) == np.inf:
                     continue
                 mine = np.flatnonzero(marked & (pairs == pair).all(axis=1))

@@ -47,7 +47,8 @@ class Motions:
 
     def _sums(self, values: Array) -> Array:
         """Sums of values (n, 2) over the nodes of each body, shape (b, 2)."""
-        return np.stack([np.bincount(self._of_node, column) for column in values.T], axis=1)
+        both = 2 * self._of_node[:, None] + np.arange(2)
+        return np.bincount(both.ravel(), values.ravel(), 2 * self.labels.size).reshape(-1, 2)
 
     @property
     def are_small(self) -> bool:

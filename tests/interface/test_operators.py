@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenes import pressed_blocks
 
-from fenics_mortar.interface.integrals import share_of
+from fenics_mortar.interface.integrals import hand_over, share_of
 
 comm = MPI.COMM_WORLD
 
@@ -111,3 +111,14 @@ def test_derivative_matrices_are_the_change_of_the_operators(degree):
 def test_facets_are_distributed_evenly_over_ranks():
     sizes = comm.allgather(share_of(np.arange(101), comm).size)
     assert sum(sizes) == 101 and max(sizes) - min(sizes) <= 1
+
+
+def test_functions_are_handed_to_the_nearest_multiplier_nodes():
+    carries = [[1, 1, 1], [1, 0, 1], [0, 0, 1], [1, 1, 0], [0, 0, 0]]
+    middle_to_both = [[1.0, 0.5, 0.0], [0.0, 0.0, 0.0], [0.0, 0.5, 1.0]]
+    all_to_last = [[0.0] * 3, [0.0] * 3, [1.0] * 3]
+    last_to_middle = [[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 0.0, 0.0]]
+    expected = [np.eye(3), middle_to_both, all_to_last, last_to_middle, np.zeros((3, 3))]
+    assert (hand_over(np.array(carries, bool)) == expected).all()
+    two = [[[1.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 1.0]]]
+    assert (hand_over(np.eye(2, dtype=bool)) == two).all()

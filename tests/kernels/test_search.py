@@ -97,3 +97,20 @@ def test_search_is_independent_of_the_unit_of_length(unit):
     one, other = Curves(x, m), Curves(unit * x, unit * m, radius=10.0 * unit)
     assert np.array_equal(one.masters, other.masters)
     assert np.abs(one.ends - other.ends).max() < 1e-9
+
+
+def test_segments_of_partly_covered_facets_are_coupled():
+    # covered by two segments; without any; partly covered; partly covered up to fixed points
+    offsets = np.array([0, 2, 2, 4, 6])
+    ends = np.array([[-1, 0], [0, 1], [-1, 0], [0, 0.5], [-1, 0], [0, 0.5]])
+    fixed = np.array([[1, 0], [0, 1], [1, 0], [0, 0], [1, 1], [1, 1]], bool)
+    owner, partial, pair_offsets, pairs = search.couple_segments(offsets, ends, fixed, False)
+    assert owner.tolist() == [0, 0, 2, 2, 3, 3]
+    assert partial.tolist() == [False, False, True, False]
+    assert pair_offsets.tolist() == [0, 2, 2, 6, 8]
+    expected = [[0, 0], [1, 1], [2, 2], [2, 3], [3, 2], [3, 3], [4, 4], [5, 5]]
+    assert pairs.tolist() == expected
+    # functions that move in any case, as on curved facets
+    _, partial, pair_offsets, pairs = search.couple_segments(offsets, ends, fixed, True)
+    assert partial.all() and pair_offsets.tolist() == [0, 4, 4, 8, 12]
+    assert pairs[-4:].tolist() == [[4, 4], [4, 5], [5, 4], [5, 5]]

@@ -66,14 +66,16 @@ def set_zero(b: PETSc.Vec) -> None:
     Without ``localForm``: an interruption before its end destroys the vector's ghosts.
     """
     b.set(0.0)
-    b.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+    if b.comm.size > 1:
+        b.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
 
 
 def assemble_vector(b: PETSc.Vec, L: fem.Form) -> None:
     """Assemble a linear form into ``b``; owned entries are complete, ghosts stale; collective."""
     set_zero(b)
     dolfinx.fem.petsc.assemble_vector(b, L)
-    b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    if b.comm.size > 1:
+        b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
 
 
 def petsc_vec(function: fem.Function) -> PETSc.Vec:
