@@ -75,6 +75,7 @@ class CondensedSystem(LinearSystem):
         ]
         self._R = BlockMatrix(self.comm, self._rows.local.size, mine)
         self._slave_K: Any = None
+        self._vectors: dict[str, tuple[PETSc.Vec, PETSc.Vec]] = {}
         dofs = np.empty((self.num_multipliers, 2), np.int64)
         for contact, _, owned, local in self._numbered:
             dofs[local] = contact.slave.dofs[owned]
@@ -205,11 +206,18 @@ class CondensedSystem(LinearSystem):
         """Solve A x = [f, h], where h is zero in rows with Z = 0 (collective)."""
         prescribed, slave = self.bulk.prescribed_dofs, self._slave_dofs
         rhs = f.copy()
-        rhs[self._rows.local] += _times(self._R.mat, f[slave])
+        rhs[self._rows.local] += _times(self._R.mat, f[slave], self._vectors_of("R", self._R.mat))
         rhs += np.bincount(slave, h, rhs.size)  # a node may be a slave of several pairs
         rhs[prescribed] = self._prescribed_scale * f[prescribed]
         dd = self._solve(rhs)
-        return np.concatenate([dd, self._Z * (f[slave] - _times(self._slave_K, dd))])
+        forces = _times(self._slave_K, dd, self._vectors_of("K_S", self._slave_K))
+        return np.concatenate([dd, self._Z * (f[slave] - forces)])
+
+    def _vectors_of(self, name: str, matrix: PETSc.Mat) -> tuple[PETSc.Vec, PETSc.Vec]:
+        """Vectors with the layout of a matrix, which is constant (collective at the first call)."""
+        if name not in self._vectors:
+            self._vectors[name] = matrix.createVecs()
+        return self._vectors[name]
 
     def _solve_transposed(self, a: Array, b: Array) -> Array:
         """Solve A^T x = [a, b] (collective)."""
@@ -254,15 +262,25 @@ class CondensedSystem(LinearSystem):
         return BlockMatrix(self.comm, *sizes).assemble(self._rows.renumbered(blocks))
 
 
-def _times(matrix: PETSc.Mat, values: Array, *, transpose: bool = False) -> Array:
-    """Product of a matrix, or its transpose, with the local part of a vector (collective)."""
-    right, left = matrix.createVecs()
+def _times(
+    matrix: PETSc.Mat,
+    values: Array,
+    vectors: tuple[PETSc.Vec, PETSc.Vec] | None = None,
+    *,
+    transpose: bool = False,
+) -> Array:
+    """Product of a matrix, or its transpose, with the local part of a vector (collective).
+
+    ``vectors``, with the layout of columns and rows, are overwritten; new ones by default.
+    """
+    right, left = vectors or matrix.createVecs()
     source, target = (left, right) if transpose else (right, left)
     source.array[:] = values
     (matrix.multTranspose if transpose else matrix.mult)(source, target)
     product = target.array_r.copy()
-    right.destroy()
-    left.destroy()
+    if vectors is None:
+        right.destroy()
+        left.destroy()
     return product
 
 

@@ -48,7 +48,8 @@ class Motions:
     def _sums(self, values: Array) -> Array:
         """Sums of values (n, 2) over the nodes of each body, shape (b, 2)."""
         both = 2 * self._of_node[:, None] + np.arange(2)
-        return np.bincount(both.ravel(), values.ravel(), 2 * self.labels.size).reshape(-1, 2)
+        sums = np.bincount(both.ravel(), values.ravel(), 2 * self.labels.size)
+        return np.asarray(sums.reshape(-1, 2), float)
 
     @property
     def are_small(self) -> bool:
