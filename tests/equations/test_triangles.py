@@ -99,7 +99,7 @@ def test_rank_without_cells_of_the_body_takes_part():
     assert found.shape == X.shape
 
 
-def test_boxes_are_small_if_neighbours_in_the_order_are_far_apart():
+def test_boxes_are_small_if_neighbours_in_the_order_are_distant():
     """Boxes of eight successive triangles; in the given order each covers most of the square."""
     X, cells = square("triangle", 1, notch=False)
     shuffled = np.random.default_rng(1).permutation(cells)
