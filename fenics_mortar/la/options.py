@@ -45,7 +45,7 @@ CYCLE = {
     "pc_hypre_boomeramg_relax_type_down": "l1-Gauss-Seidel",
     "pc_hypre_boomeramg_relax_type_up": "backward-l1-Gauss-Seidel",
     "pc_hypre_boomeramg_no_CF": None,
-    "pc_hypre_boomeramg_strong_threshold": 0.35,
+    "pc_hypre_boomeramg_strong_threshold": 0.25,
     "pc_hypre_boomeramg_P_max": 4,
 }
 # The strip along the contact surfaces. Each rank factorizes all of it: this takes little time, and
