@@ -64,8 +64,8 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import TINY
 
 # Excess iterations, so far and expected, after which the cycle is rebuilt. A new cycle costs as
-# much as ten to fifteen iterations but is used in several solves.
-MAX_EXCESS = 5
+# much as fifteen to eighteen iterations but is used in several solves.
+MAX_EXCESS = 8
 # Excess iterations per digit of a cycle made for a different active set, over the share of active
 # nodes that have changed since [1]. The cycle for the first three nodes in contact needs 7 to 15
 # more iterations for five digits with about a hundred active nodes, however many of them change.
