@@ -6,6 +6,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils.errors import MortarError
@@ -26,7 +28,8 @@ def roundoff_of(
     roundoff = stiffness * math.sqrt(bulk.num_dofs) * displacement
     for c in contacts:
         steepest = max(stiffness, c.now.steepness)
-        roundoff += steepest * math.sqrt(c.slave.num_nodes) * c.slave.largest_coordinate
+        largest = float(np.abs(c.slave.X).max())
+        roundoff += steepest * math.sqrt(c.slave.num_nodes) * largest
     return 4.0 * EPSILON * roundoff
 
 

@@ -101,11 +101,6 @@ class Surface:
         return float(np.hypot(*np.ptp(self.X, axis=0)))
 
     @cached_property
-    def largest_coordinate(self) -> float:
-        """Largest absolute value of the coordinates in the reference state [length]."""
-        return float(np.abs(self.X).max())
-
-    @cached_property
     def degree(self) -> int:
         """Polynomial degree of the facets."""
         return self.facets.shape[1] - 1

@@ -103,7 +103,7 @@ class ContactPreconditioner:
         self._prefix = f"{prefix}cycle_"
         self._cycle: Any = None
         self._best, self._excess, self._sets = 0.0, 0.0, list[Flags]()
-        self.tolerance = 1e-5
+        self.tolerance = 1e-5  # of the next solve [1]
 
     def setUp(self, pc: PETSc.PC) -> None:
         """Prepare for the present matrix and active sets, as PETSc calls it."""

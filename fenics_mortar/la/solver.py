@@ -173,11 +173,10 @@ class LinearSolver:
             MortarError: On all ranks, if no solution was found.
         """
         if not self._is_direct:
-            tolerance = max(self.forcing, self._finest)
-            self.ksp.setTolerances(rtol=tolerance)
+            self.ksp.setTolerances(rtol=max(self.forcing, self._finest))
             self._allowed = max(LINEAR_TOLERANCE, 2.0 * self.forcing)
             if self.multigrid is not None:
-                self.multigrid.tolerance = tolerance
+                self.multigrid.tolerance, *_ = self.ksp.getTolerances()
         elif self._may_lag(matrix) and not transpose:
             found = self._solve_with_last_factors(matrix, rhs)
             if found is not None:
