@@ -26,6 +26,7 @@ from fenics_mortar.utils import compat, garbage
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.ranks import on_all_ranks
 
 # Smallest ratio of the area of each cell at each node after a Newton step to that before it [1].
 # The limit prevents inverted cells and does not affect converging iterations.
@@ -225,9 +226,7 @@ class Bulk:
 
         def is_too_large() -> bool:
             stays = self.cells.keep_area(before, self.positions(), MIN_AREA_RATIO)
-            if self.comm.size > 1:
-                stays = bool(self.comm.allreduce(stays, MPI.LAND))
-            return not stays
+            return not on_all_ranks(self.comm, bool(stays))
 
         while fraction > smallest and is_too_large():
             fraction *= 0.5
