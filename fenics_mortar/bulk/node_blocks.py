@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A matrix stored in rows and also in blocks of the two dofs of a node, on one rank.
+"""A matrix stored in rows and also in blocks of the two dofs of a node.
 
 PETSc assembles and factors blocks in about half of the time needed with rows; all other operations
 use rows. Values are copied by their positions, which are found once for each pattern; a copy takes
@@ -8,28 +8,19 @@ a hundredth of the time of an assembly.
 
 from __future__ import annotations
 
-import ctypes
+from collections.abc import Iterator
 
 from petsc4py import PETSc
 
 import numpy as np
 
+from fenics_mortar.bulk.local_csr import LocalRows, local_csr
 from fenics_mortar.kernels import node_blocks
-from fenics_mortar.utils.arrays import Array
-
-_petsc = ctypes.CDLL(PETSc.__file__)
-# Functions by type of the matrix to get and restore its values, which petsc4py does not have.
-_VALUES = {
-    kind: (getattr(_petsc, f"Mat{name}GetArray"), getattr(_petsc, f"Mat{name}RestoreArray"))
-    for kind, name in (("seqaij", "SeqAIJ"), ("seqbaij", "SeqBAIJ"))
-}
-for _functions in _VALUES.values():
-    for _function in _functions:
-        _function.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+from fenics_mortar.utils.arrays import Indices
 
 
 class NodeBlocks:
-    """The same matrix in blocks and in rows; all methods are local, for one rank.
+    """The same matrix in blocks and in rows; all methods are local.
 
     Args:
         blocks: The matrix in blocks of two rows and columns.
@@ -40,18 +31,18 @@ class NodeBlocks:
     """
 
     def __init__(self, blocks: PETSc.Mat, rows: PETSc.Mat) -> None:
-        self.blocks, self._rows, self._num_used = blocks, rows, _num_used(rows)
-        starts, columns = rows.getRowIJ()
-        self._indices = np.empty(columns.size, np.int64)
-        block_starts, block_columns = blocks.getRowIJ(compressed=True)
-        node_blocks.find_indices(starts, columns, block_starts, block_columns, self._indices)
-        self._of_blocks = ctypes.c_double * (4 * block_columns.size)
-        self._of_rows = ctypes.c_double * columns.size
+        self.blocks, self._rows = blocks, rows
+        self._indices = [_indices(*parts) for parts in self._parts()]
         self._copied = -1  # state of the rows, as PETSc counts it
+
+    def _parts(self) -> Iterator[tuple[LocalRows, LocalRows]]:
+        """Both matrices in columns of this rank and of other ranks."""
+        return zip(local_csr(self.blocks), local_csr(self._rows), strict=True)
 
     def fit(self, rows: PETSc.Mat) -> bool:
         """Whether ``rows`` is the matrix in rows, with an unchanged number of entries."""
-        return bool(rows == self._rows and _num_used(rows) == self._num_used)
+        sizes = [indices.size for indices in self._indices]
+        return bool(rows == self._rows) and sizes == [part.columns.size for part in local_csr(rows)]
 
     def copy_to_rows(self, rows: PETSc.Mat) -> bool:
         """Copy the values from the blocks to ``rows``, with zeros outside of all blocks.
@@ -61,8 +52,8 @@ class NodeBlocks:
         """
         if not self.fit(rows):
             return False
-        values = _values(self.blocks, self._of_blocks), _values(self._rows, self._of_rows)
-        node_blocks.copy_to_rows(values[0], self._indices, values[1])
+        for (in_blocks, in_rows), indices in zip(self._parts(), self._indices, strict=True):
+            node_blocks.copy_to_rows(in_blocks.values(), indices, in_rows.values(change=True))
         self._rows.stateIncrease()
         return True
 
@@ -78,33 +69,28 @@ class NodeBlocks:
         if not self.fit(rows):
             return False
         if self._rows.stateGet() != self._copied:
-            values = _values(self.blocks, self._of_blocks), _values(self._rows, self._of_rows)
-            node_blocks.copy_to_blocks(values[1], self._indices, values[0])
+            for (in_blocks, in_rows), indices in zip(self._parts(), self._indices, strict=True):
+                node_blocks.copy_to_blocks(in_rows.values(), indices, in_blocks.values(change=True))
             self.blocks.stateIncrease()
             self._copied = self._rows.stateGet()
         return True
 
 
-def _values(matrix: PETSc.Mat, kind: type[ctypes.Array[ctypes.c_double]]) -> Array:
-    """Values of a matrix in PETSc's memory, as an array of the type ``kind``, shape (entries,).
-
-    Valid only until the next operation: PETSc may move them even if the pattern is unchanged.
-    """
-    get, restore = _VALUES[matrix.getType()]
-    address = ctypes.c_void_p()
-    get(matrix.handle, ctypes.byref(address))
-    values = np.ctypeslib.as_array(kind.from_address(address.value or 0))
-    restore(matrix.handle, ctypes.byref(address))
-    return values
+def _indices(blocks: LocalRows, rows: LocalRows) -> Indices:
+    """Positions of the entries (entries,) among the values of the blocks, -1 outside of all."""
+    indices = np.empty(rows.columns.size, np.int64)
+    (starts, columns), of_blocks = ((part.starts, part.numbered()) for part in (rows, blocks))
+    node_blocks.find_indices(starts, columns, *of_blocks, indices)
+    return indices
 
 
 def come_in_pairs(rows: PETSc.Mat) -> bool:
-    """Whether the rows of a matrix on one rank alternate between the two dofs of each node."""
-    return bool(rows.getType() == "seqaij" and rows.getBlockSize() == 2)
+    """Whether the rows of a matrix of type AIJ alternate between the two dofs of each node."""
+    return rows.getType() in ("seqaij", "mpiaij") and rows.getBlockSize() == 2
 
 
 def in_blocks(rows: PETSc.Mat) -> NodeBlocks:
-    """A matrix with such rows, copied into blocks that contain all its entries."""
+    """A matrix with such rows on one rank, copied into blocks that contain all its entries."""
     starts, _ = rows.getRowIJ()
     pairs = np.diff(starts).reshape(-1, 2)
     counts = np.minimum(pairs.sum(axis=1), len(pairs))  # at most; PETSc drops the rest
@@ -113,8 +99,3 @@ def in_blocks(rows: PETSc.Mat) -> NodeBlocks:
     )
     rows.convert(PETSc.Mat.Type.BAIJ, blocks)
     return NodeBlocks(blocks, rows)
-
-
-def _num_used(rows: PETSc.Mat) -> float:
-    """Number of entries of a matrix (local)."""
-    return float(rows.getInfo()["nz_used"])

@@ -100,7 +100,7 @@ class Bulk:
         self._K_includes_mass = False  # true if the pattern includes that of the mass matrix
         self.K: PETSc.Mat = compat.create_matrix(self._tangent)
         self.num_patterns, self._num_growths = 1, 0
-        self._blocks: NodeBlocks | None = None  # of K on one rank
+        self._blocks: NodeBlocks | None = None  # of K
         self.r: PETSc.Vec = compat.create_vector(space.whole)
         self.cells = Cells(self.V)
         self.num_owned, self.first, self.num_dofs = space.num_owned, space.first, self.r.getSize()

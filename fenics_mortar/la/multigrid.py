@@ -119,6 +119,10 @@ class ContactPreconditioner:
             self._make_cycle(A, nodes)
         self._work = [A.createVecRight(), *(self._R.mat.createVecRight() for _ in range(3))]
 
+    def forget_pattern(self) -> None:
+        """Prepare for a matrix with another sparsity pattern."""
+        self._strip.forget_pattern()
+
     def reset(self, pc: PETSc.PC) -> None:
         """Drop the cycle, as PETSc calls it."""
         self._cycle = None

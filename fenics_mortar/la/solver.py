@@ -20,6 +20,7 @@ from fenics_mortar.la.options import (
     COMPLIANCE,
     DIRECT,
     SMALL,
+    WITHOUT_PIVOTING,
     options_added,
     with_defaults,
 )
@@ -31,9 +32,6 @@ from fenics_mortar.utils.rounding import LAST_DIGITS, TINY
 # Largest relative residual of an accepted solution [1]: above it the matrix of a direct solver is
 # singular.
 LINEAR_TOLERANCE = 1e-5
-# Largest relative residual with factors without pivoting after one refinement [1]; above it half of
-# the digits are lost by growth of the pivots.
-WITHOUT_PIVOTING = 1e-10
 # Number of unknowns from which factors serve further iterations [1]: with fewer a factorization
 # takes two milliseconds or less, a fraction of the iteration.
 MIN_LAGGED = 4_000
@@ -150,9 +148,11 @@ class LinearSolver:
         return text
 
     def reset_pattern(self) -> None:
-        """Drop the factors after a change of the sparsity pattern; multigrid detects it."""
+        """Drop factors, or those of multigrid's strip, after a change of the sparsity pattern."""
         if self.multigrid is None:
             self._reset()
+        else:
+            self.multigrid.forget_pattern()
 
     def solve(self, matrix: PETSc.Mat, rhs: Array, *, transpose: bool = False) -> Array:
         """Solve and check the solution.
@@ -268,7 +268,7 @@ class LinearSolver:
             if self._in_blocks.copy_to_blocks(matrix):
                 return self._in_blocks.blocks
             self._reset()
-        if not come_in_pairs(matrix):
+        if self._comm.size > 1 or not come_in_pairs(matrix):
             return matrix
         self._in_blocks = in_blocks(matrix)
         self._in_blocks.copy_to_blocks(matrix)

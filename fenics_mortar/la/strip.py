@@ -4,6 +4,9 @@
 A solution in the strip is zero elsewhere, except at prescribed dofs: its product with the matrix
 differs from zero only in the rows next to these dofs. The product uses a copy of these entries
 instead of the whole matrix.
+
+The matrix is factored without pivoting, which takes half of the time, until the residual of a
+solution shows that pivots are needed, as with rows of multipliers.
 """
 
 from __future__ import annotations
@@ -18,7 +21,9 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.la.options import STRIP_FACTORS, STRIP_PIVOTS, WITHOUT_PIVOTING, options_added
 from fenics_mortar.utils.arrays import Indices
+from fenics_mortar.utils.ranks import on_all_ranks
 
 # Layers of cells of the strip on either side of a contact surface.
 LAYERS = 2
@@ -51,28 +56,57 @@ class Strip:
         dofs = self._solved[self._solved < bulk.num_owned]
         self._touched = np.append(_with_neighbours(bulk, dofs, 1), rows)
         self._matrix: Any = None
-        self._factors: Any = None
         self._columns: Any = None
+        self._factors: Any = None
+        self._options = STRIP_FACTORS
+        self._pattern = (0, 0.0)  # handle and number of entries of the matrix
 
     def factor(self, A: PETSc.Mat) -> None:
         """Factor the strip of ``A``, whose pattern may have changed."""
-        if self._matrix is not None:
-            self._factors.destroy()
-            self._matrix.destroy()
-            self._columns.destroy()
+        pattern = A.handle, A.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]
+        if not on_all_ranks(self._comm, pattern == self._pattern):
+            self.forget_pattern()
+            self._pattern = pattern
         whole, solved, touched = (
             self._numbers_in(A, rows) for rows in (self._rows, self._solved, self._touched)
         )
-        self._matrix = A.createSubMatrix(whole, whole)
-        self._columns = A.createSubMatrix(touched, solved)
+        self._matrix = A.createSubMatrix(whole, whole, self._matrix)
+        self._columns = A.createSubMatrix(touched, solved, self._columns)
         self._on_solved, self._on_touched = self._columns.createVecs()
-        self._factors = PETSc.PC().create(self._comm)
-        self._factors.setOptionsPrefix(self._prefix)
-        self._factors.setFromOptions()
-        self._factors.setOperators(self._matrix)
-        self._factors.setUp()
         self._b, self._x = self._matrix.createVecs()
         self._diagonal = A.getDiagonal().array_r[self._prescribed]
+        self._compute_factors()
+        if self._options is STRIP_FACTORS and not self._is_accurate():
+            self._options = STRIP_PIVOTS
+            self._compute_factors()
+
+    def forget_pattern(self) -> None:
+        """Begin anew for the next matrix, whose pattern differs."""
+        for of_pattern in (self._factors, self._matrix, self._columns):
+            if of_pattern is not None:
+                of_pattern.destroy()
+        self._factors = self._matrix = self._columns = None
+
+    def _compute_factors(self) -> None:
+        """Factor the matrix, without pivoting in the order of elimination of the last one."""
+        if self._factors is None or self._options is STRIP_PIVOTS:
+            if self._factors is not None:
+                self._factors.destroy()
+            self._factors = PETSc.PC().create(self._comm)
+            self._factors.setOptionsPrefix(self._prefix)
+        with options_added(self._prefix, self._options):
+            self._factors.setFromOptions()
+            self._factors.setOperators(self._matrix)
+            self._factors.setUp()
+
+    def _is_accurate(self) -> bool:
+        """Whether the residual of one solution is as small as without growth of the pivots."""
+        self._b.set(1.0)
+        self._factors.apply(self._b, self._x)
+        size = self._b.norm()
+        self._matrix.mult(self._x, self._b)
+        self._b.shift(-1.0)
+        return bool(self._b.norm() <= WITHOUT_PIVOTING * size)
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, *, transpose: bool = False) -> None:
         """Solve for the rows of the strip and for prescribed dofs; other values are zero.

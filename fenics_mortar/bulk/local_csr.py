@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: MIT
+"""The entries of a PETSc matrix on this rank in compressed rows, in PETSc's own memory.
+
+On several ranks PETSc stores the owned rows as two matrices: columns of this rank, and columns of
+other ranks. petsc4py gives access to copies only; PETSc's functions are called through ctypes from
+the library that petsc4py has loaded.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.utils.arrays import Array
+
+_petsc = ctypes.CDLL(PETSc.__file__)
+_Int = np.ctypeslib.as_ctypes_type(PETSc.IntType)
+_row_ij = _petsc.MatGetRowIJ
+_row_ij.argtypes = [ctypes.c_void_p, _Int, ctypes.c_int, ctypes.c_int, *4 * [ctypes.c_void_p]]
+# Functions by type of the matrix: its values (get, restore), to change and to read, and its two
+# matrices on several ranks.
+_CHANGE, _READ = (
+    {
+        kind: [getattr(_petsc, f"MatSeq{kind}{verb}Array{access}") for verb in ("Get", "Restore")]
+        for kind, access in accesses.items()
+    }
+    for accesses in ({"AIJ": "", "BAIJ": ""}, {"AIJ": "Read", "BAIJ": ""})
+)
+_PARTS = {kind: getattr(_petsc, f"MatMPI{kind}GetSeq{kind}") for kind in ("AIJ", "BAIJ")}
+for _functions in (*_CHANGE.values(), *_READ.values()):
+    for _function in _functions:
+        _function.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+for _function in _PARTS.values():
+    _function.argtypes = 4 * [ctypes.c_void_p]
+
+
+@dataclass
+class LocalRows:
+    """Some columns of the owned rows; all methods are local.
+
+    Attributes:
+        starts: Entries, or blocks, of row i are starts[i]:starts[i + 1], shape (rows + 1,).
+        columns: Their columns, or columns of blocks, in ascending order, shape (entries,): local
+            numbers for columns of this rank.
+        numbers: Global numbers of the columns of other ranks, ascending; ``None`` for columns of
+            this rank.
+    """
+
+    _handle: int
+    _kind: str
+    starts: npt.NDArray
+    columns: npt.NDArray
+    numbers: npt.NDArray | None
+    _block: int
+
+    def values(self, *, change: bool = False) -> Array:
+        """Values in PETSc's memory, shape (entries,); (4 blocks,), by columns, of blocks of two.
+
+        Valid only until the next operation: PETSc may move them even if the pattern is unchanged.
+
+        Args:
+            change: Whether they will be changed.
+        """
+        get, restore = (_CHANGE if change else _READ)[self._kind]
+        address = ctypes.c_void_p()
+        get(self._handle, ctypes.byref(address))
+        values = _array(address, self._block**2 * self.columns.size, ctypes.c_double)
+        restore(self._handle, ctypes.byref(address))
+        return values
+
+    def numbered(self) -> npt.NDArray:
+        """Columns, or columns of blocks, shape (entries,): global numbers for other ranks'."""
+        return self.columns if self.numbers is None else self.numbers[self.columns]
+
+
+def local_csr(matrix: PETSc.Mat) -> list[LocalRows]:
+    """The owned rows of a matrix of type AIJ or BAIJ: columns of this rank, of other ranks (local).
+
+    Patterns are valid until the pattern of the matrix changes. On one rank there is one part.
+    """
+    place, kind = matrix.getType()[:3], matrix.getType()[3:].upper()
+    block = matrix.getBlockSize() if kind == "BAIJ" else 1
+    if place == "seq":
+        return [_local_rows(matrix.handle, kind, None, block)]
+    own, others, numbers = ctypes.c_void_p(), ctypes.c_void_p(), ctypes.c_void_p()
+    _PARTS[kind](matrix.handle, *map(ctypes.byref, (own, others, numbers)))
+    parts = [_local_rows(part.value or 0, kind, None, block) for part in (own, others)]
+    used = int(parts[1].columns.max(initial=-1)) + 1
+    parts[1].numbers = _array(numbers, used, _Int)
+    return parts
+
+
+def _local_rows(handle: int, kind: str, numbers: npt.NDArray | None, block: int) -> LocalRows:
+    """The rows of a matrix on one rank."""
+    size, done = _Int(), ctypes.c_int()
+    starts, columns = ctypes.c_void_p(), ctypes.c_void_p()
+    _row_ij(handle, 0, 0, int(kind == "BAIJ"), *map(ctypes.byref, (size, starts, columns, done)))
+    first = _array(starts, size.value + 1, _Int)
+    return LocalRows(handle, kind, first, _array(columns, int(first[-1]), _Int), numbers, block)
+
+
+def _array(address: ctypes.c_void_p, size: int, kind: type) -> npt.NDArray:
+    """Array (size,) in PETSc's memory."""
+    return np.ctypeslib.as_array((kind * size).from_address(address.value or 0))
