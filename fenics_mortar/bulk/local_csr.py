@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 from dataclasses import dataclass
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -20,6 +21,7 @@ from fenics_mortar.utils.arrays import Array
 
 _petsc = ctypes.CDLL(PETSc.__file__)
 _Int = np.ctypeslib.as_ctypes_type(PETSc.IntType)
+_Comm = ctypes.c_int if MPI._sizeof(MPI.Comm) == ctypes.sizeof(ctypes.c_int) else ctypes.c_void_p
 _row_ij = _petsc.MatGetRowIJ
 _row_ij.argtypes = [ctypes.c_void_p, _Int, ctypes.c_int, ctypes.c_int, *4 * [ctypes.c_void_p]]
 # Functions by type of the matrix: its values (get, restore), to change and to read, and its two
@@ -37,6 +39,12 @@ for _functions in (*_CHANGE.values(), *_READ.values()):
         _function.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
 for _function in _PARTS.values():
     _function.argtypes = 4 * [ctypes.c_void_p]
+_from_arrays, _replace = _petsc.MatCreateMPIAIJWithSplitArrays, _petsc.MatHeaderReplace
+_from_arrays.argtypes = [_Comm, *4 * [_Int], *7 * [ctypes.c_void_p]]
+_replace.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+
+# Starts (rows + 1,), columns (entries,) and values (entries,) of rows.
+CSR = tuple[npt.NDArray, npt.NDArray, Array]
 
 
 @dataclass
@@ -107,3 +115,26 @@ def _local_rows(handle: int, kind: str, numbers: npt.NDArray | None, block: int)
 def _array(address: ctypes.c_void_p, size: int, kind: type) -> npt.NDArray:
     """Array (size,) in PETSc's memory."""
     return np.ctypeslib.as_array((kind * size).from_address(address.value or 0))
+
+
+def from_local_csr(comm: MPI.Comm, own: CSR, others: CSR) -> PETSc.Mat:
+    """Square matrix of type AIJ that keeps its entries in the given arrays (collective).
+
+    Args:
+        comm: Communicator.
+        own: Starts (rows + 1,), columns (entries,) and values (entries,) of the owned rows in
+            columns of this rank, by local numbers in ascending order.
+        others: Those in columns of other ranks, by global numbers in ascending order; changed.
+    """
+    size = len(own[0]) - 1
+    matrix = PETSc.Mat()
+    if comm.size == 1:
+        return matrix.createAIJWithArrays((size, size), own, comm=comm)
+    new = ctypes.c_void_p()
+    arrays = [array.ctypes.data for array in (*own, *others)]
+    sizes = 2 * [size] + 2 * [comm.allreduce(size)]
+    _from_arrays(MPI._handleof(comm), *sizes, *arrays, ctypes.byref(new))
+    matrix.create(comm)
+    _replace(matrix.handle, ctypes.byref(new))
+    matrix.setAttr("arrays", (own, others))
+    return matrix

@@ -1,5 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""A sparse matrix of nodes with two dofs each, in components along axes that differ by node."""
+"""A sparse matrix of nodes with two dofs each, in components along axes that differ by node.
+
+The matrix is the sum of several, its parts. Each part is given by its rows:
+
+    starts: Entries of row i are starts[i]:starts[i + 1], shape (2 n + 1,) for n nodes.
+    columns: Their columns, shape (entries,).
+    dofs: Dof of each column of the part, shape (columns,). Node i has dofs 2 i and 2 i + 1.
+    values: Shape (entries,).
+"""
 
 import numpy as np
 
@@ -7,90 +15,123 @@ from fenics_mortar.kernels import kernel
 
 
 @kernel
-def count_blocks(starts, columns, block_starts):
-    """Count the nodes that are coupled to each node.
+def count_blocks(parts, num_nodes, block_starts):
+    """Count the nodes that are coupled to each node: those with rows, and others.
 
     Args:
-        starts: Entries of row i are starts[i]:starts[i + 1], shape (2 n + 1,).
-        columns: Their columns in ascending order, shape (entries,).
-        block_starts: Blocks of node i are block_starts[i]:block_starts[i + 1], (n + 1,); filled.
+        parts: The parts of the matrix.
+        num_nodes: Number of nodes that have columns, those with rows first.
+        block_starts: Blocks of node i and either kind are block_starts[kind, i]:block_starts[kind,
+            i + 1], shape (2, n + 1); filled.
+
+    Returns:
+        Largest number of nodes that are coupled to a node.
     """
-    block_starts[0] = 0
-    for i in range(block_starts.shape[0] - 1):
-        a, b, count = starts[2 * i], starts[2 * i + 1], 0
-        while a < starts[2 * i + 1] or b < starts[2 * i + 2]:
-            node = _next_node(columns, a, starts[2 * i + 1], b, starts[2 * i + 2])
-            a = _after(columns, a, starts[2 * i + 1], node)
-            b = _after(columns, b, starts[2 * i + 2], node)
-            count += 1
-        block_starts[i + 1] = block_starts[i] + count
+    num_rows, most = block_starts.shape[1] - 1, 0
+    last = np.full(num_nodes, -1, np.int32)
+    block_starts[:, 0] = 0
+    for i in range(num_rows):
+        own, others = 0, 0
+        for starts, columns, dofs, _ in parts:
+            for e in range(starts[2 * i], starts[2 * i + 2]):
+                node = dofs[columns[e]] >> 1
+                if last[node] != i:
+                    last[node] = i
+                    own += node < num_rows
+                    others += node >= num_rows
+        block_starts[0, i + 1] = block_starts[0, i] + own
+        block_starts[1, i + 1] = block_starts[1, i] + others
+        most = max(most, own + others)
+    return most
 
 
 @kernel
-def turn_to_axes(
-    starts, columns, values, first, tangents, others, their_tangents, block_starts, turned
-):
+def turn_to_axes(parts, numbers, tangents, block_starts, most, own, others):
     """Entries of R^T A R, with columns (t, n) of R at each node, where n is t turned by 90 degrees.
 
     Args:
-        starts: Entries of row i are starts[i]:starts[i + 1], shape (2 n + 1,).
-        columns: Their columns in ascending order, shape (entries,).
-        values: Entries of A, shape (entries,).
-        first: Number of this rank's first node.
-        tangents: t of this rank's nodes, shape (n, 2) [1].
-        others: Numbers of nodes of other ranks, ascending, shape (m,).
-        their_tangents: t of these nodes, shape (m, 2) [1].
-        block_starts: Result of ``count_blocks``, shape (n + 1,).
-        turned: Rows, columns and values in blocks of 2 x 2, each as rows of a sparse matrix:
-            starts (2 n + 1,), columns (4 blocks,), values (4 blocks,); filled.
+        parts: The parts of A.
+        numbers: Global number of each node that has columns, shape (m,); those with rows first.
+        tangents: t of these nodes, shape (m, 2) [1].
+        block_starts: Result of ``count_blocks``, shape (2, n + 1).
+        most: Largest number of nodes that are coupled to a node.
+        own: The result in columns of nodes with rows, which begin with zero: starts (2 n + 1,),
+            columns (4 blocks,) in ascending order, and values (4 blocks,); filled.
+        others: The result in other columns, by global numbers; filled.
     """
-    new_starts, new_columns, new_values = turned
-    block = np.zeros((2, 2))
-    new_starts[0] = 0
-    for i in range(tangents.shape[0]):
-        c, s = tangents[i]
-        width = 2 * (block_starts[i + 1] - block_starts[i])
-        upper = 4 * block_starts[i]
-        lower = upper + width
-        new_starts[2 * i + 1], new_starts[2 * i + 2] = lower, lower + width
-        a, b = starts[2 * i], starts[2 * i + 1]
-        while upper < new_starts[2 * i + 1]:
-            node = _next_node(columns, a, starts[2 * i + 1], b, starts[2 * i + 2])
-            after_a = _after(columns, a, starts[2 * i + 1], node)
-            after_b = _after(columns, b, starts[2 * i + 2], node)
-            block[:] = 0.0
-            for e in range(a, after_a):
-                block[0, columns[e] % 2] = values[e]
-            for e in range(b, after_b):
-                block[1, columns[e] % 2] = values[e]
-            a, b = after_a, after_b
-            if first <= node < first + tangents.shape[0]:
-                tx, ty = tangents[node - first]
+    num_rows = block_starts.shape[1] - 1
+    slots = np.full(numbers.shape[0], -1, np.int32)
+    nodes, blocks = np.empty(most, np.int32), np.empty((most, 2, 2))
+    own[0][0] = others[0][0] = 0
+    for i in range(num_rows):
+        count = _gather(parts, i, numbers, slots, nodes, blocks)
+        a, b = 4 * block_starts[0, i], 4 * block_starts[1, i]
+        width = 2 * (block_starts[0, i + 1] - block_starts[0, i])
+        width_of_others = 2 * count - width
+        own[0][2 * i + 1], own[0][2 * i + 2] = a + width, a + 2 * width
+        others[0][2 * i + 1], others[0][2 * i + 2] = b + width_of_others, b + 2 * width_of_others
+        for k in range(count):
+            node = nodes[k]
+            _turn(blocks, slots[node], tangents, i, node)
+            if node < num_rows:
+                _insert(blocks, slots[node], 2 * node, a, a + width, own)
+                a += 2
             else:
-                tx, ty = their_tangents[np.searchsorted(others, node)]
-            for k in range(2):
-                x, y = block[k]
-                block[k, 0], block[k, 1] = x * tx + y * ty, y * tx - x * ty
-            for k in range(2):
-                x, y = block[:, k]
-                new_columns[upper + k] = new_columns[lower + k] = 2 * node + k
-                new_values[upper + k], new_values[lower + k] = c * x + s * y, c * y - s * x
-            upper, lower = upper + 2, lower + 2
+                _insert(blocks, slots[node], 2 * numbers[node], b, b + width_of_others, others)
+                b += 2
+            slots[node] = -1
 
 
 @kernel
-def _next_node(columns, a, end_a, b, end_b):
-    """Smaller node of the columns at ``a`` and ``b``, at least one of which is before its end."""
-    if a == end_a:
-        return columns[b] // 2
-    if b == end_b:
-        return columns[a] // 2
-    return min(columns[a], columns[b]) // 2
+def _turn(blocks, b, tangents, i, j):
+    """Turn block b to components along the axes of node i (rows) and node j (columns)."""
+    c, s, tx, ty = tangents[i, 0], tangents[i, 1], tangents[j, 0], tangents[j, 1]
+    xx, xy, yx, yy = blocks[b, 0, 0], blocks[b, 0, 1], blocks[b, 1, 0], blocks[b, 1, 1]
+    xt, xn, yt, yn = xx * tx + xy * ty, xy * tx - xx * ty, yx * tx + yy * ty, yy * tx - yx * ty
+    blocks[b, 0, 0], blocks[b, 0, 1] = c * xt + s * yt, c * xn + s * yn
+    blocks[b, 1, 0], blocks[b, 1, 1] = c * yt - s * xt, c * yn - s * xn
 
 
 @kernel
-def _after(columns, e, end, node):
-    """First entry from ``e`` on whose column does not belong to ``node``."""
-    while e < end and columns[e] // 2 == node:
-        e += 1
-    return e
+def _insert(blocks, b, column, upper, lower, rows):
+    """Insert block b at its first column: its rows at the entries ``upper`` and ``lower``."""
+    _, columns, values = rows
+    for k in range(2):
+        columns[upper + k] = columns[lower + k] = column + k
+        values[upper + k], values[lower + k] = blocks[b, 0, k], blocks[b, 1, k]
+
+
+@kernel
+def _gather(parts, i, numbers, slots, nodes, blocks):
+    """Sum the blocks of node i over the parts.
+
+    Args:
+        parts: The parts of the matrix.
+        i: The node.
+        numbers: Global number of each node, shape (m,).
+        slots: Position of each node's block, -1 at first, shape (m,); filled at the nodes found.
+        nodes: Nodes that are coupled to node i, in the order of their numbers; filled.
+        blocks: Their blocks, shape (nodes, 2, 2), by their ``slots``; filled.
+
+    Returns:
+        Number of these nodes.
+    """
+    count = 0
+    for starts, columns, dofs, values in parts:
+        for k in range(2):
+            for e in range(starts[2 * i + k], starts[2 * i + k + 1]):
+                dof = dofs[columns[e]]
+                node = dof >> 1
+                slot = slots[node]
+                if slot < 0:
+                    slot = slots[node] = count
+                    blocks[slot, 0, 0] = blocks[slot, 0, 1] = 0.0
+                    blocks[slot, 1, 0] = blocks[slot, 1, 1] = 0.0
+                    b = count
+                    while b > 0 and numbers[nodes[b - 1]] > numbers[node]:
+                        nodes[b] = nodes[b - 1]
+                        b -= 1
+                    nodes[b] = node
+                    count += 1
+                blocks[slot, k, dof & 1] += values[e]
+    return count

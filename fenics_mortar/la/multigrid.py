@@ -59,7 +59,7 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.axes import quarter_turns, sliding_nodes, turned_axes
 from fenics_mortar.la.sparse import BlockMatrix, is_symmetric
 from fenics_mortar.la.strip import Strip, dofs_near
-from fenics_mortar.la.touching import touching_tangent
+from fenics_mortar.la.touching import TouchingTangent
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import TINY
 
@@ -102,6 +102,7 @@ class ContactPreconditioner:
         self._slaves = [_nodes_near(bulk, contact.slave) for contact in contacts]
         self._prefix = f"{prefix}cycle_"
         self._cycle: Any = None
+        self._tangent = TouchingTangent()
         self._best, self._excess, self._sets = 0.0, 0.0, list[Flags]()
         self.tolerance = 1e-5  # of the next solve [1]
 
@@ -147,6 +148,9 @@ class ContactPreconditioner:
             self._excess = max(excess, 0.0)  # a difficult first solve is not credited
 
     def _make_cycle(self, A: PETSc.Mat, nodes: list[tuple[Indices, Array, Array]]) -> None:
+        if self._cycle is not None:
+            self._cycle.destroy()
+            self._cycle = None
         first = self._bulk.first
         B = self._touching_tangent(A)
         idle = self._idle.assemble(self._idle_blocks(nodes))
@@ -154,8 +158,6 @@ class ContactPreconditioner:
         self._separate_sliding_bodies(B)
         prescribed = (self._prescribed + first).astype(PETSc.IntType)
         B.zeroRowsColumns(prescribed, diag=1.0)
-        if self._cycle is not None:
-            self._cycle.destroy()
         self._cycle = PETSc.KSP().create(self._bulk.comm)
         self._cycle.setOptionsPrefix(self._prefix)
         self._cycle.setFromOptions()
@@ -173,7 +175,7 @@ class ContactPreconditioner:
         tangent = A if self._condensed else A.createSubMatrix(dofs, dofs)
         tangents = self._axes[self._bulk.space.owned_dofs[:, 0], :, 0]
         transforms = self._motion.mat, self._equations.mat
-        B = touching_tangent(tangent, self._strip.dofs, *transforms, tangents)
+        B = self._tangent.assemble(tangent, self._strip.dofs, *transforms, tangents)
         if tangent is not A:
             tangent.destroy()
         return B

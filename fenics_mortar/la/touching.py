@@ -10,78 +10,119 @@ from __future__ import annotations
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 
+from fenics_mortar.bulk.local_csr import CSR, from_local_csr, local_csr
 from fenics_mortar.kernels.node_axes import count_blocks, turn_to_axes
 from fenics_mortar.utils.arrays import Array, Indices
 
+Parts = tuple[tuple[npt.NDArray, npt.NDArray, npt.NDArray, Array], ...]
 
-def touching_tangent(
-    A: PETSc.Mat, near: Indices, motion: PETSc.Mat, equations: PETSc.Mat, tangents: Array
-) -> PETSc.Mat:
-    """R^T L A T R, a new matrix (collective).
 
-    Args:
-        A: Tangent of the displacements, with two dofs per node [stress].
-        near: Local numbers of the owned dofs near contact, shape (n,): all entries of A in rows or
-            columns of T - 1 and L - 1 lie in their rows and columns.
-        motion: T - 1 [1].
-        equations: L^T - 1 [1].
-        tangents: First axis of each owned node, shape (nodes, 2) [1].
+class TouchingTangent:
+    """R^T L A T R; all methods are collective."""
+
+    def __init__(self) -> None:
+        self._of_own, self._of_others = Memory(), Memory()
+
+    def assemble(
+        self, A: PETSc.Mat, near: Indices, motion: PETSc.Mat, equations: PETSc.Mat, tangents: Array
+    ) -> PETSc.Mat:
+        """The matrix, with entries in the memory of the last one, which must not be used any more.
+
+        Args:
+            A: Tangent of the displacements, with two dofs per node [stress].
+            near: Local numbers of the owned dofs near contact, shape (n,): all entries of A in rows
+                or columns of T - 1 and L - 1 lie in their rows and columns.
+            motion: T - 1 [1].
+            equations: L^T - 1 [1].
+            tangents: First axis of each owned node, shape (nodes, 2) [1].
+        """
+        change, num_nodes = _change_by_contact(A, near, motion, equations), len(tangents)
+        parts, numbers = _numbered_parts(A, change)
+        axes = np.concatenate([tangents, _values_at(A, tangents, numbers[num_nodes:])])
+        block_starts = np.empty((2, num_nodes + 1), PETSc.IntType)
+        most = count_blocks(parts, len(numbers), block_starts)
+        of_own, of_others = (
+            memory.rows(2 * num_nodes, 4 * num_blocks)
+            for memory, num_blocks in zip((self._of_own, self._of_others), block_starts[:, -1])
+        )
+        turn_to_axes(parts, numbers, axes, block_starts, most, of_own, of_others)
+        B = from_local_csr(A.comm.tompi4py(), of_own, of_others)
+        B.setBlockSize(2)
+        return B
+
+
+class Memory:
+    """Memory for the rows of a sparse matrix, used for one matrix after the other.
+
+    New memory is slow: the system clears it page by page, in twice the time of the computation.
     """
-    change = _change_by_contact(A, near, motion, equations)
-    change.axpy(1.0, A, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    B = _along_axes(change, tangents)
-    change.destroy()
-    return B
+
+    def __init__(self) -> None:
+        self._columns, self._values = np.empty(0, PETSc.IntType), np.empty(0)
+
+    def rows(self, num_rows: int, num_entries: int) -> CSR:
+        """Starts, columns and values of rows, not initialized (local)."""
+        if num_entries > self._columns.size:
+            size = num_entries + num_entries // 8  # contact grows
+            self._columns, self._values = np.empty(size, PETSc.IntType), np.empty(size)
+        starts = np.empty(num_rows + 1, PETSc.IntType)
+        return starts, self._columns[:num_entries], self._values[:num_entries]
+
+
+def _numbered_parts(A: PETSc.Mat, change: CSR) -> tuple[Parts, npt.NDArray]:
+    """A and its change as parts, see ``kernels.node_axes``, and global numbers of the nodes."""
+    first, num_owned = A.getOwnershipRange()[0], A.getLocalSize()[0]
+    own, *others = local_csr(A)
+    found = np.unique(np.concatenate([change[1], *(part.numbers for part in others)]) // 2)
+    of_others = found[(2 * found < first) | (2 * found >= first + num_owned)]
+
+    def local(dofs: npt.NDArray) -> npt.NDArray:
+        """Local numbers of global dofs, those of other ranks last."""
+        is_owned = (dofs >= first) & (dofs < first + num_owned)
+        last = num_owned + 2 * np.searchsorted(of_others, dofs // 2) + dofs % 2
+        return np.where(is_owned, dofs - first, last).astype(PETSc.IntType)
+
+    starts, columns, values = change
+    everything = np.arange(max(num_owned, columns.size), dtype=PETSc.IntType)
+    parts = [
+        (own.starts, own.columns, everything[:num_owned], own.values()),
+        (starts, everything[: columns.size], local(columns), values),
+    ]
+    parts += [(p.starts, p.columns, local(p.numbers), p.values()) for p in others]
+    if not others:  # so that the kernel is compiled for one number of parts
+        parts.append((np.zeros_like(starts), everything[:0], everything[:0], values[:0]))
+    numbers = np.append((first + everything[:num_owned:2]) // 2, of_others)
+    return tuple(parts), numbers.astype(PETSc.IntType)
 
 
 def _change_by_contact(
     A: PETSc.Mat, near: Indices, motion: PETSc.Mat, equations: PETSc.Mat
-) -> PETSc.Mat:
-    """L A T - A, of the size of A, with entries near contact only."""
+) -> CSR:
+    """L A T - A, with entries near contact only."""
     first, _ = A.getOwnershipRange()
-    rows = PETSc.IS().createGeneral((near + first).astype(PETSc.IntType), A.comm)
-    K, T, L = (matrix.createSubMatrix(rows, rows) for matrix in (A, motion, equations))
+    dofs = PETSc.IS().createGeneral((near + first).astype(PETSc.IntType), A.comm)
+    K, T, L = (matrix.createSubMatrix(dofs, dofs) for matrix in (A, motion, equations))
     change = K.matMult(T)
     K.axpy(1.0, change, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     gathered = L.transposeMatMult(K)
     change.axpy(1.0, gathered, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    whole = _enlarged(change, near, A)
+    rows = _enlarged(change, near, A)
     for matrix in (K, T, L, gathered, change):
         matrix.destroy()
-    return whole
+    return rows
 
 
-def _enlarged(small: PETSc.Mat, rows: Indices, A: PETSc.Mat) -> PETSc.Mat:
-    """Matrix of the size of ``A`` with the entries of one of its rows and columns ``rows``."""
+def _enlarged(small: PETSc.Mat, rows: Indices, A: PETSc.Mat) -> CSR:
+    """Entries of a small matrix, of the rows and columns ``rows`` of A, as rows of A's size."""
     first, _ = A.getOwnershipRange()
     num_owned, _ = A.getLocalSize()
     starts, columns, values = small.getValuesCSR()
     numbers = np.concatenate(A.comm.tompi4py().allgather(rows + first)).astype(PETSc.IntType)
     sizes = np.zeros(num_owned + 1, PETSc.IntType)
     sizes[rows + 1] = np.diff(starts)
-    csr = np.cumsum(sizes, dtype=PETSc.IntType), numbers[columns], values
-    return PETSc.Mat().createAIJ(A.getSizes(), csr=csr, comm=A.comm)
-
-
-def _along_axes(A: PETSc.Mat, tangents: Array) -> PETSc.Mat:
-    """R^T A R."""
-    starts, columns, values = A.getValuesCSR()
-    first, num_nodes = A.getOwnershipRange()[0] // 2, len(tangents)
-    nodes = columns // 2
-    others = np.unique(nodes[(nodes < first) | (nodes >= first + num_nodes)])
-    block_starts = np.empty(num_nodes + 1, PETSc.IntType)
-    count_blocks(starts, columns, block_starts)
-    turned = (
-        np.empty(2 * num_nodes + 1, PETSc.IntType),
-        np.empty(4 * block_starts[-1], PETSc.IntType),
-        np.empty(4 * block_starts[-1]),
-    )
-    theirs = _values_at(A, tangents, others)
-    turn_to_axes(starts, columns, values, first, tangents, others, theirs, block_starts, turned)
-    B = PETSc.Mat().createAIJ(A.getSizes(), csr=turned, comm=A.comm)
-    B.setBlockSize(2)
-    return B
+    return np.cumsum(sizes, dtype=PETSc.IntType), numbers[columns], values
 
 
 def _values_at(A: PETSc.Mat, values: Array, nodes: Indices) -> Array:

@@ -10,6 +10,7 @@ from scenes import pressed_blocks
 
 import fenics_mortar as fm
 from fenics_mortar.la import multigrid
+from fenics_mortar.la.touching import TouchingTangent
 
 comm = MPI.COMM_WORLD
 ADD = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
@@ -18,10 +19,10 @@ MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 5, "layers_lower": 5}
 
 def checked(monkeypatch):
     """Errors of the products of all cycles that are made from now on."""
-    errors, compute = [], multigrid.touching_tangent
+    errors, compute = [], TouchingTangent.assemble
 
-    def compared(A, near, motion, equations, tangents):
-        B = compute(A, near, motion, equations, tangents)
+    def compared(tangent, A, near, motion, equations, tangents):
+        B = compute(tangent, A, near, motion, equations, tangents)
         R = PETSc.Mat().createAIJ(A.getSizes(), nnz=2, comm=comm)
         first, end = A.getOwnershipRange()
         for i, t in zip(range(first, end, 2), tangents, strict=True):
@@ -36,7 +37,7 @@ def checked(monkeypatch):
         errors.append(product.norm() / size)
         return B
 
-    monkeypatch.setattr(multigrid, "touching_tangent", compared)
+    monkeypatch.setattr(TouchingTangent, "assemble", compared)
     return errors
 
 
