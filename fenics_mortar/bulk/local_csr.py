@@ -2,14 +2,14 @@
 """The entries of a PETSc matrix on this rank in compressed rows, in PETSc's own memory.
 
 On several ranks PETSc stores the owned rows as two matrices: columns of this rank, and columns of
-other ranks. petsc4py gives access to copies only; PETSc's functions are called through ctypes from
-the library that petsc4py has loaded.
+other ranks. petsc4py gives access to copies only.
 """
 
 from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
+from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -18,30 +18,26 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.petsc_functions import COMM, INT, POINTER, petsc_function
 
-_petsc = ctypes.CDLL(PETSc.__file__)
-_Int = np.ctypeslib.as_ctypes_type(PETSc.IntType)
-_Comm = ctypes.c_int if MPI._sizeof(MPI.Comm) == ctypes.sizeof(ctypes.c_int) else ctypes.c_void_p
-_row_ij = _petsc.MatGetRowIJ
-_row_ij.argtypes = [ctypes.c_void_p, _Int, ctypes.c_int, ctypes.c_int, *4 * [ctypes.c_void_p]]
-# Functions by type of the matrix: its values (get, restore), to change and to read, and its two
-# matrices on several ranks.
-_CHANGE, _READ = (
+_row_ij = petsc_function("MatGetRowIJ", POINTER, INT, ctypes.c_int, ctypes.c_int, *4 * [POINTER])
+_from_arrays = petsc_function("MatCreateMPIAIJWithSplitArrays", COMM, *4 * [INT], *7 * [POINTER])
+_replace = petsc_function("MatHeaderReplace", POINTER, POINTER)
+# By type of the matrix: its two matrices on several ranks; get and restore values to read, or to
+# change them.
+_PARTS = {
+    kind: petsc_function(f"MatMPI{kind}GetSeq{kind}", *4 * [POINTER]) for kind in ("AIJ", "BAIJ")
+}
+_READ, _CHANGE = (
     {
-        kind: [getattr(_petsc, f"MatSeq{kind}{verb}Array{access}") for verb in ("Get", "Restore")]
-        for kind, access in accesses.items()
+        kind: [
+            petsc_function(f"MatSeq{kind}{verb}Array{access}", POINTER, POINTER)
+            for verb in ("Get", "Restore")
+        ]
+        for kind, access in accesses
     }
-    for accesses in ({"AIJ": "", "BAIJ": ""}, {"AIJ": "Read", "BAIJ": ""})
+    for accesses in ((("AIJ", "Read"), ("BAIJ", "")), (("AIJ", ""), ("BAIJ", "")))
 )
-_PARTS = {kind: getattr(_petsc, f"MatMPI{kind}GetSeq{kind}") for kind in ("AIJ", "BAIJ")}
-for _functions in (*_CHANGE.values(), *_READ.values()):
-    for _function in _functions:
-        _function.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
-for _function in _PARTS.values():
-    _function.argtypes = 4 * [ctypes.c_void_p]
-_from_arrays, _replace = _petsc.MatCreateMPIAIJWithSplitArrays, _petsc.MatHeaderReplace
-_from_arrays.argtypes = [_Comm, *4 * [_Int], *7 * [ctypes.c_void_p]]
-_replace.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
 
 # Starts (rows + 1,), columns (entries,) and values (entries,) of rows.
 CSR = tuple[npt.NDArray, npt.NDArray, Array]
@@ -75,7 +71,7 @@ class LocalRows:
             change: Whether they will be changed.
         """
         get, restore = (_CHANGE if change else _READ)[self._kind]
-        address = ctypes.c_void_p()
+        address = POINTER()
         get(self._handle, ctypes.byref(address))
         values = _array(address, self._block**2 * self.columns.size, ctypes.c_double)
         restore(self._handle, ctypes.byref(address))
@@ -95,24 +91,24 @@ def local_csr(matrix: PETSc.Mat) -> list[LocalRows]:
     block = matrix.getBlockSize() if kind == "BAIJ" else 1
     if place == "seq":
         return [_local_rows(matrix.handle, kind, None, block)]
-    own, others, numbers = ctypes.c_void_p(), ctypes.c_void_p(), ctypes.c_void_p()
+    own, others, numbers = POINTER(), POINTER(), POINTER()
     _PARTS[kind](matrix.handle, *map(ctypes.byref, (own, others, numbers)))
     parts = [_local_rows(part.value or 0, kind, None, block) for part in (own, others)]
     used = int(parts[1].columns.max(initial=-1)) + 1
-    parts[1].numbers = _array(numbers, used, _Int)
+    parts[1].numbers = _array(numbers, used, INT)
     return parts
 
 
 def _local_rows(handle: int, kind: str, numbers: npt.NDArray | None, block: int) -> LocalRows:
     """The rows of a matrix on one rank."""
-    size, done = _Int(), ctypes.c_int()
-    starts, columns = ctypes.c_void_p(), ctypes.c_void_p()
+    size, done = INT(), ctypes.c_int()
+    starts, columns = POINTER(), POINTER()
     _row_ij(handle, 0, 0, int(kind == "BAIJ"), *map(ctypes.byref, (size, starts, columns, done)))
-    first = _array(starts, size.value + 1, _Int)
-    return LocalRows(handle, kind, first, _array(columns, int(first[-1]), _Int), numbers, block)
+    first = _array(starts, size.value + 1, INT)
+    return LocalRows(handle, kind, first, _array(columns, int(first[-1]), INT), numbers, block)
 
 
-def _array(address: ctypes.c_void_p, size: int, kind: type) -> npt.NDArray:
+def _array(address: Any, size: int, kind: Any) -> npt.NDArray:
     """Array (size,) in PETSc's memory."""
     return np.ctypeslib.as_array((kind * size).from_address(address.value or 0))
 
@@ -130,7 +126,7 @@ def from_local_csr(comm: MPI.Comm, own: CSR, others: CSR) -> PETSc.Mat:
     matrix = PETSc.Mat()
     if comm.size == 1:
         return matrix.createAIJWithArrays((size, size), own, comm=comm)
-    new = ctypes.c_void_p()
+    new = POINTER()
     arrays = [array.ctypes.data for array in (*own, *others)]
     sizes = 2 * [size] + 2 * [comm.allreduce(size)]
     _from_arrays(MPI._handleof(comm), *sizes, *arrays, ctypes.byref(new))

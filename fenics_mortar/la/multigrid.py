@@ -29,7 +29,7 @@ slave nodes: these are soft modes in a stiff neighbourhood, which multigrid cann
 x = x_0 + T y, where y is one cycle of multigrid for B y = L (b - A x_0).
 
 A strip has few unknowns, O(1/h), and is factorized in each Newton iteration. The cycle is reused
-until the excess iterations, relative to those of a new cycle, have cost half as much as a new one;
+until the excess iterations, relative to those of a new cycle, have cost two fifths of a new one;
 more are expected where the active set has changed since.
 
 All multipliers of a saddle-point matrix A belong to the strip. Its rows are not combined, so that
@@ -64,7 +64,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import TINY
 
 # Excess iterations, so far and expected, after which the cycle is rebuilt. A new cycle costs as
-# much as fifteen to eighteen iterations but is used in several solves.
+# much as about twenty iterations but is used in several solves.
 MAX_EXCESS = 8
 # Excess iterations per digit of a cycle made for a different active set, over the share of active
 # nodes that have changed since [1]. The cycle for the first three nodes in contact needs 7 to 15

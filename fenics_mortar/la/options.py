@@ -53,9 +53,9 @@ CYCLE = {
 WITHOUT_PIVOTING = 1e-10
 # The strip along the contact surfaces. Each rank factorizes all of it: this takes little time, and
 # a solve needs one exchange only. Without pivoting a solve takes a fifth of the time.
-STRIP = {"pc_type": "redundant", "redundant_pc_type": "lu"}
 STRIP_FACTORS, STRIP_PIVOTS = (
-    {f"redundant_{name}": value for name, value in options.items() if name.startswith(("pc_f", "mat"))}
+    {"pc_type": "redundant"}
+    | {f"redundant_{name}": value for name, value in options.items() if name != "ksp_type"}
     for options in (SMALL, DIRECT)
 )
 ITERATIVE = {
@@ -66,7 +66,6 @@ ITERATIVE = {
     "ksp_max_it": 300,
     "pc_type": "python",
     **{f"cycle_{name}": value for name, value in CYCLE.items()},
-    **{f"strip_{name}": value for name, value in STRIP.items()},
 }
 # Options with this prefix belong to another solver, see ``la.factored``.
 COMPLIANCE = "compliance_"

@@ -3,8 +3,6 @@
 
 Any rank may add to any row; duplicates are summed and negative indices are dropped. PETSc
 preallocates in this form; without preallocation PETSc 3.18 takes minutes instead of milliseconds.
-petsc4py wraps these functions only in its newest versions, and does not wrap Schur complements of
-factors. They are therefore called through ctypes from the library that petsc4py has loaded.
 """
 
 from __future__ import annotations
@@ -22,23 +20,17 @@ import numpy.typing as npt
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import pack_rows, pack_sparse
 from fenics_mortar.utils.arrays import Indices
-from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.petsc_functions import POINTER, petsc_function
 from fenics_mortar.utils.ranks import on_all_ranks
 from fenics_mortar.utils.rounding import SUM_ROUNDING
 
-_petsc = ctypes.CDLL(PETSc.__file__)
-_set_pattern = _petsc.MatSetPreallocationCOO
-_set_pattern.argtypes = [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_void_p, ctypes.c_void_p]
-_set_values = _petsc.MatSetValuesCOO
-_set_values.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int]
-_set_schur_rows = _petsc.MatFactorSetSchurIS
-_set_schur_rows.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
-_create_schur = _petsc.MatFactorCreateSchurComplement
-_create_schur.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
-_get_array, _restore_array = _petsc.MatDenseGetArrayRead, _petsc.MatDenseRestoreArrayRead
-_get_array.argtypes = _restore_array.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
-_destroy = _petsc.MatDestroy
-_destroy.argtypes = [ctypes.c_void_p]
+_set_pattern = petsc_function("MatSetPreallocationCOO", POINTER, ctypes.c_ssize_t, POINTER, POINTER)
+_set_values = petsc_function("MatSetValuesCOO", POINTER, POINTER, ctypes.c_int)
+_set_schur_rows = petsc_function("MatFactorSetSchurIS", POINTER, POINTER)
+_create_schur = petsc_function("MatFactorCreateSchurComplement", *3 * [POINTER])
+_get_array = petsc_function("MatDenseGetArrayRead", POINTER, POINTER)
+_restore_array = petsc_function("MatDenseRestoreArrayRead", POINTER, POINTER)
+_destroy = petsc_function("MatDestroy", POINTER)
 
 # Rows, columns and values of entries, shape (n,) each.
 Entries = tuple[npt.NDArray, npt.NDArray, npt.NDArray]
@@ -84,7 +76,7 @@ class BlockMatrix:
             same = before.size == i.size and bool((before == i).all() and (after == j).all())
         if not on_all_ranks(self._comm, same):
             self._new_pattern(i, j)
-        _check(_set_values(self.mat.handle, v.ctypes.data, 1))
+        _set_values(self.mat.handle, v.ctypes.data, 1)
         return self.mat
 
     def _new_pattern(self, i: npt.NDArray, j: npt.NDArray) -> None:
@@ -96,7 +88,7 @@ class BlockMatrix:
         self.mat.setType(PETSc.Mat.Type.AIJ)
         self.mat.setBlockSize(self._block_size)
         rows, columns = i.copy(), j.copy()  # PETSc overwrites them
-        _check(_set_pattern(self.mat.handle, i.size, rows.ctypes.data, columns.ctypes.data))
+        _set_pattern(self.mat.handle, i.size, rows.ctypes.data, columns.ctypes.data)
         self._pattern = (i, j)
         self.num_patterns += 1
 
@@ -200,7 +192,7 @@ def leave(factor: PETSc.Mat, rows: Indices) -> None:
     """
     mine = rows if factor.comm.rank == 0 else rows[:0]
     numbers = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), factor.comm)
-    _check(_set_schur_rows(factor.handle, numbers.handle))
+    _set_schur_rows(factor.handle, numbers.handle)
 
 
 def schur_complement(factor: PETSc.Mat, num_left: int) -> npt.NDArray[np.float64]:
@@ -215,13 +207,13 @@ def schur_complement(factor: PETSc.Mat, num_left: int) -> npt.NDArray[np.float64
     """
     handle, status = ctypes.c_void_p(), ctypes.c_int()
     entries = ctypes.POINTER(ctypes.c_double)()
-    _check(_create_schur(factor.handle, ctypes.byref(handle), ctypes.byref(status)))
-    _check(_get_array(handle, ctypes.byref(entries)))
+    _create_schur(factor.handle, ctypes.byref(handle), ctypes.byref(status))
+    _get_array(handle, ctypes.byref(entries))
     here = num_left > 0 and factor.comm.rank == 0
     shape = (num_left, num_left)
     values = np.ctypeslib.as_array(entries, shape).copy() if here else np.empty((0, 0))
-    _check(_restore_array(handle, ctypes.byref(entries)))
-    _check(_destroy(ctypes.byref(handle)))
+    _restore_array(handle, ctypes.byref(entries))
+    _destroy(ctypes.byref(handle))
     return values
 
 
@@ -235,8 +227,3 @@ def is_symmetric(K: PETSc.Mat) -> bool:
     K.mult(x, Kx)
     K.mult(y, Ky)
     return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SUM_ROUNDING * x.norm() * Ky.norm())
-
-
-def _check(code: int) -> None:
-    if code:
-        raise MortarError(f"PETSc rejected a matrix in coordinate form, error {code}")

@@ -74,8 +74,9 @@ class Memory:
 def _numbered_parts(A: PETSc.Mat, change: CSR) -> tuple[Parts, npt.NDArray]:
     """A and its change as parts, see ``kernels.node_axes``, and global numbers of the nodes."""
     first, num_owned = A.getOwnershipRange()[0], A.getLocalSize()[0]
-    own, *others = local_csr(A)
-    found = np.unique(np.concatenate([change[1], *(part.numbers for part in others)]) // 2)
+    own = local_csr(A)[0]
+    remote = [(part, np.asarray(part.numbers)) for part in local_csr(A)[1:]]
+    found = np.unique(np.concatenate([change[1], *(numbers for _, numbers in remote)]) // 2)
     of_others = found[(2 * found < first) | (2 * found >= first + num_owned)]
 
     def local(dofs: npt.NDArray) -> npt.NDArray:
@@ -90,16 +91,14 @@ def _numbered_parts(A: PETSc.Mat, change: CSR) -> tuple[Parts, npt.NDArray]:
         (own.starts, own.columns, everything[:num_owned], own.values()),
         (starts, everything[: columns.size], local(columns), values),
     ]
-    parts += [(p.starts, p.columns, local(p.numbers), p.values()) for p in others]
-    if not others:  # so that the kernel is compiled for one number of parts
+    parts += [(p.starts, p.columns, local(numbers), p.values()) for p, numbers in remote]
+    if not remote:  # so that the kernel is compiled for one number of parts
         parts.append((np.zeros_like(starts), everything[:0], everything[:0], values[:0]))
     numbers = np.append((first + everything[:num_owned:2]) // 2, of_others)
     return tuple(parts), numbers.astype(PETSc.IntType)
 
 
-def _change_by_contact(
-    A: PETSc.Mat, near: Indices, motion: PETSc.Mat, equations: PETSc.Mat
-) -> CSR:
+def _change_by_contact(A: PETSc.Mat, near: Indices, motion: PETSc.Mat, equations: PETSc.Mat) -> CSR:
     """L A T - A, with entries near contact only."""
     first, _ = A.getOwnershipRange()
     dofs = PETSc.IS().createGeneral((near + first).astype(PETSc.IntType), A.comm)

@@ -50,3 +50,32 @@ def test_cycle_is_kept_while_a_small_share_of_the_active_nodes_changes():
     assert not multigrid._is_outdated()
     multigrid._sets[0][:] = False
     assert multigrid._is_outdated()
+
+
+@pytest.mark.parametrize("algorithm, options", [("condensed", "petsc"), ("saddle", "mumps")])
+def test_rows_of_multipliers_need_pivots(algorithm, options):
+    multigrid, A, _ = solved(algorithm=algorithm)
+    strip = multigrid._strip
+    assert strip._options["redundant_pc_factor_mat_solver_type"] == options
+    b, x = A.createVecLeft(), A.createVecRight()
+    b.array[strip._rows] = np.cos(strip._rows**2.0)
+    strip.solve(b, x)
+    residual = b.copy()
+    strip.subtract_product(x, residual)
+    assert np.abs(residual.array_r[strip._rows]).max(initial=0.0) < 1e-10
+
+
+def test_factors_are_updated_with_values_and_renewed_with_the_pattern():
+    multigrid, A, _ = solved()
+    strip = multigrid._strip
+    before = strip._factors.handle
+    A.scale(2.0)
+    strip.factor(A)
+    assert strip._factors.handle == before
+    other = A.copy()
+    strip.factor(other)
+    b, x = other.createVecLeft(), other.createVecRight()
+    b.array[strip._rows] = 1.0
+    strip.solve(b, x)
+    strip.subtract_product(x, b)
+    assert np.abs(b.array_r[strip._rows]).max(initial=0.0) < 1e-10

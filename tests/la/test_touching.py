@@ -10,7 +10,7 @@ from scenes import pressed_blocks
 
 import fenics_mortar as fm
 from fenics_mortar.la import multigrid
-from fenics_mortar.la.touching import TouchingTangent
+from fenics_mortar.la.touching import Memory, TouchingTangent
 
 comm = MPI.COMM_WORLD
 ADD = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
@@ -56,6 +56,18 @@ def test_tangent_is_the_product_of_its_matrices(monkeypatch, degree, basis, algo
     scene.loads["push"].value[:] = (0.02, -0.05)
     scene.problem.solve()
     assert errors and max(errors) < 1e-15
+
+
+def test_memory_serves_several_matrices():
+    memory = Memory()
+    _, columns, values = memory.rows(4, 100)
+    for size in (50, 100, 112):  # slightly more is available
+        starts, *again = memory.rows(4, size)
+        assert starts.size == 5
+        assert [array.size for array in again] == [size, size]
+        assert np.shares_memory(again[0], columns)
+        assert np.shares_memory(again[1], values)
+    assert memory.rows(4, 200)[2].size == 200
 
 
 def test_rows_and_columns_may_be_given_in_any_order():
