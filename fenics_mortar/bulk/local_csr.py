@@ -8,6 +8,7 @@ other ranks. petsc4py gives access to copies only.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,21 +18,21 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.petsc_functions import COMM, INT, POINTER, petsc_function
 
 _row_ij = petsc_function("MatGetRowIJ", POINTER, INT, ctypes.c_int, ctypes.c_int, *4 * [POINTER])
 _from_arrays = petsc_function("MatCreateMPIAIJWithSplitArrays", COMM, *4 * [INT], *7 * [POINTER])
 _replace = petsc_function("MatHeaderReplace", POINTER, POINTER)
-# By type of the matrix: its two matrices on several ranks; get and restore values to read, or to
-# change them.
+# By type of the matrix: its two matrices on several ranks; functions to get and restore its values,
+# to read or to change them.
 _PARTS = {
     kind: petsc_function(f"MatMPI{kind}GetSeq{kind}", *4 * [POINTER]) for kind in ("AIJ", "BAIJ")
 }
 _READ, _CHANGE = (
     {
         kind: [
-            petsc_function(f"MatSeq{kind}{verb}Array{access}", POINTER, POINTER)
+            petsc_function(f"MatSeq{kind}{verb}Array{access}", POINTER, POINTER, checked=False)
             for verb in ("Get", "Restore")
         ]
         for kind, access in accesses
@@ -55,27 +56,40 @@ class LocalRows:
             this rank.
     """
 
-    _handle: int
-    _kind: str
     starts: npt.NDArray
     columns: npt.NDArray
     numbers: npt.NDArray | None
-    _block: int
+    _handle: int
+    _kind: str
+    _values: Any  # type of the array of values
 
     def values(self, *, change: bool = False) -> Array:
-        """Values in PETSc's memory, shape (entries,); (4 blocks,), by columns, of blocks of two.
+        """Values in PETSc's memory [unit of the matrix]; of blocks of two by columns.
 
         Valid only until the next operation: PETSc may move them even if the pattern is unchanged.
 
         Args:
             change: Whether they will be changed.
+
+        Returns:
+            Shape (entries,), or (4 blocks,).
         """
         get, restore = (_CHANGE if change else _READ)[self._kind]
         address = POINTER()
         get(self._handle, ctypes.byref(address))
-        values = _array(address, self._block**2 * self.columns.size, ctypes.c_double)
+        values: Array = np.ctypeslib.as_array(self._values.from_address(address.value or 0))
         restore(self._handle, ctypes.byref(address))
         return values
+
+    def copy_to(self, target: LocalRows, indices: Indices, kernel: Callable[..., None]) -> None:
+        """Change the values of ``target`` by a kernel of these values, ``indices`` and its values.
+
+        Args:
+            target: Rows of another matrix.
+            indices: Positions of entries among those of the other matrix, shape (entries,).
+            kernel: One of ``kernels.node_blocks``.
+        """
+        kernel(self.values(), indices, target.values(change=True))
 
     def numbered(self) -> npt.NDArray:
         """Columns, or columns of blocks, shape (entries,): global numbers for other ranks'."""
@@ -87,25 +101,31 @@ def local_csr(matrix: PETSc.Mat) -> list[LocalRows]:
 
     Patterns are valid until the pattern of the matrix changes. On one rank there is one part.
     """
-    place, kind = matrix.getType()[:3], matrix.getType()[3:].upper()
-    block = matrix.getBlockSize() if kind == "BAIJ" else 1
-    if place == "seq":
-        return [_local_rows(matrix.handle, kind, None, block)]
+    handles, numbers = stored_parts(matrix)
+    own, *others = (_local_rows(handle, matrix.getType()[3:].upper()) for handle in handles)
+    for part in others:
+        part.numbers = _array(numbers, int(part.columns.max(initial=-1)) + 1, INT)
+    return [own, *others]
+
+
+def stored_parts(matrix: PETSc.Mat) -> tuple[list[int], Any]:
+    """Handles of the parts of a matrix, and address of the others' column numbers (local)."""
+    if matrix.getType().startswith("seq"):
+        return [matrix.handle], None
     own, others, numbers = POINTER(), POINTER(), POINTER()
-    _PARTS[kind](matrix.handle, *map(ctypes.byref, (own, others, numbers)))
-    parts = [_local_rows(part.value or 0, kind, None, block) for part in (own, others)]
-    used = int(parts[1].columns.max(initial=-1)) + 1
-    parts[1].numbers = _array(numbers, used, INT)
-    return parts
+    _PARTS[matrix.getType()[3:].upper()](matrix.handle, *map(ctypes.byref, (own, others, numbers)))
+    return [own.value or 0, others.value or 0], numbers
 
 
-def _local_rows(handle: int, kind: str, numbers: npt.NDArray | None, block: int) -> LocalRows:
-    """The rows of a matrix on one rank."""
-    size, done = INT(), ctypes.c_int()
+def _local_rows(handle: int, kind: str) -> LocalRows:
+    """The rows of a matrix on one rank, in blocks of two if its type is BAIJ."""
+    blocks, size, done = int(kind == "BAIJ"), INT(), ctypes.c_int()
     starts, columns = POINTER(), POINTER()
-    _row_ij(handle, 0, 0, int(kind == "BAIJ"), *map(ctypes.byref, (size, starts, columns, done)))
+    _row_ij(handle, 0, 0, blocks, *map(ctypes.byref, (size, starts, columns, done)))
     first = _array(starts, size.value + 1, INT)
-    return LocalRows(handle, kind, first, _array(columns, int(first[-1]), INT), numbers, block)
+    last = int(first[-1])
+    values = ctypes.c_double * (last * (4 if blocks else 1))
+    return LocalRows(first, _array(columns, last, INT), None, handle, kind, values)
 
 
 def _array(address: Any, size: int, kind: Any) -> npt.NDArray:

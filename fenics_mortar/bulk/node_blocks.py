@@ -8,13 +8,11 @@ a hundredth of the time of an assembly.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar.bulk.local_csr import LocalRows, local_csr
+from fenics_mortar.bulk.local_csr import LocalRows, local_csr, stored_parts
 from fenics_mortar.kernels import node_blocks
 from fenics_mortar.utils.arrays import Indices
 
@@ -31,18 +29,14 @@ class NodeBlocks:
     """
 
     def __init__(self, blocks: PETSc.Mat, rows: PETSc.Mat) -> None:
-        self.blocks, self._rows = blocks, rows
-        self._indices = [_indices(*parts) for parts in self._parts()]
+        self.blocks, self._rows, self._pattern = blocks, rows, _pattern(rows)
+        self._parts = list(zip(local_csr(blocks), local_csr(rows), strict=True))
+        self._indices = [_indices(*parts) for parts in self._parts]
         self._copied = -1  # state of the rows, as PETSc counts it
-
-    def _parts(self) -> Iterator[tuple[LocalRows, LocalRows]]:
-        """Both matrices in columns of this rank and of other ranks."""
-        return zip(local_csr(self.blocks), local_csr(self._rows), strict=True)
 
     def fit(self, rows: PETSc.Mat) -> bool:
         """Whether ``rows`` is the matrix in rows, with an unchanged number of entries."""
-        sizes = [indices.size for indices in self._indices]
-        return bool(rows == self._rows) and sizes == [part.columns.size for part in local_csr(rows)]
+        return bool(rows == self._rows and _pattern(rows) == self._pattern)
 
     def copy_to_rows(self, rows: PETSc.Mat) -> bool:
         """Copy the values from the blocks to ``rows``, with zeros outside of all blocks.
@@ -52,8 +46,8 @@ class NodeBlocks:
         """
         if not self.fit(rows):
             return False
-        for (in_blocks, in_rows), indices in zip(self._parts(), self._indices, strict=True):
-            node_blocks.copy_to_rows(in_blocks.values(), indices, in_rows.values(change=True))
+        for (in_blocks, in_rows), indices in zip(self._parts, self._indices, strict=True):
+            in_blocks.copy_to(in_rows, indices, node_blocks.copy_to_rows)
         self._rows.stateIncrease()
         return True
 
@@ -69,8 +63,8 @@ class NodeBlocks:
         if not self.fit(rows):
             return False
         if self._rows.stateGet() != self._copied:
-            for (in_blocks, in_rows), indices in zip(self._parts(), self._indices, strict=True):
-                node_blocks.copy_to_blocks(in_rows.values(), indices, in_blocks.values(change=True))
+            for (in_blocks, in_rows), indices in zip(self._parts, self._indices, strict=True):
+                in_rows.copy_to(in_blocks, indices, node_blocks.copy_to_blocks)
             self.blocks.stateIncrease()
             self._copied = self._rows.stateGet()
         return True
@@ -99,3 +93,12 @@ def in_blocks(rows: PETSc.Mat) -> NodeBlocks:
     )
     rows.convert(PETSc.Mat.Type.BAIJ, blocks)
     return NodeBlocks(blocks, rows)
+
+
+def _pattern(rows: PETSc.Mat) -> tuple[float, list[int]]:
+    """Number of entries of a matrix on this rank; on several ranks, handles of its parts (local).
+
+    An extension of the pattern replaces the parts even if it adds nothing.
+    """
+    handles = stored_parts(rows)[0] if rows.comm.size > 1 else []
+    return float(rows.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]), handles

@@ -20,12 +20,13 @@ import numpy.typing as npt
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import pack_rows, pack_sparse
 from fenics_mortar.utils.arrays import Indices
+from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.petsc_functions import POINTER, petsc_function
 from fenics_mortar.utils.ranks import on_all_ranks
 from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 _set_pattern = petsc_function("MatSetPreallocationCOO", POINTER, ctypes.c_ssize_t, POINTER, POINTER)
-_set_values = petsc_function("MatSetValuesCOO", POINTER, POINTER, ctypes.c_int)
+_set_values = petsc_function("MatSetValuesCOO", POINTER, POINTER, ctypes.c_int, checked=False)
 _set_schur_rows = petsc_function("MatFactorSetSchurIS", POINTER, POINTER)
 _create_schur = petsc_function("MatFactorCreateSchurComplement", *3 * [POINTER])
 _get_array = petsc_function("MatDenseGetArrayRead", POINTER, POINTER)
@@ -76,7 +77,9 @@ class BlockMatrix:
             same = before.size == i.size and bool((before == i).all() and (after == j).all())
         if not on_all_ranks(self._comm, same):
             self._new_pattern(i, j)
-        _set_values(self.mat.handle, v.ctypes.data, 1)
+        code = _set_values(self.mat.handle, v.ctypes.data, 1)
+        if code:
+            raise MortarError(f"PETSc rejected values in coordinate form, error {code}")
         return self.mat
 
     def _new_pattern(self, i: npt.NDArray, j: npt.NDArray) -> None:

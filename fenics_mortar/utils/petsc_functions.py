@@ -23,19 +23,19 @@ COMM = ctypes.c_int if MPI._sizeof(MPI.Comm) == ctypes.sizeof(ctypes.c_int) else
 POINTER = ctypes.c_void_p
 
 
-def petsc_function(name: str, *types: Any) -> Any:
+def petsc_function(name: str, *types: Any, checked: bool = True) -> Any:
     """A function of PETSc (local).
 
     Args:
         name: Its name.
         types: Types of its arguments.
-
-    Returns:
-        The function, which raises a ``MortarError`` for PETSc's error codes.
+        checked: Whether the function raises a ``MortarError`` for error codes; otherwise they are
+            returned.
     """
     function: Any = getattr(_petsc, name)
     function.argtypes = types
-    function.errcheck = _check
+    if checked:
+        function.errcheck = _check
     return function
 
 
