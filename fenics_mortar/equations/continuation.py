@@ -5,7 +5,7 @@ A user's loop that changes loads and solves is a load path without time. The len
 follows from the loads: each prescribed value, constant and function of the forms, obstacle and
 offset has to change along its last change, all by the same ratio. The guess is the last state if
 
-- nothing changed, or loads turn, reverse, start or stop;
+- nothing changed, or loads change direction, reverse, start or stop;
 - a step is more than twice as long as the last one;
 - a law was changed;
 - the present state is not the result of the last solve;

@@ -129,9 +129,9 @@ class LinearizedContact:
         contact = self._contacts[contacts[found.node]]
         where = errors.format_point(contact.operators.x[np.concatenate(nodes)[found.node]])
         return (
-            f"the path of equilibria, linearized at the last one, turns where the node at {where} "
-            f"of '{contact.pair.slave_name}' opens, closes, sticks or slides: it continues only "
-            f"with decreasing loads"
+            f"the path of equilibria, linearized at the last one, has a turning point where the "
+            f"node at {where} of '{contact.pair.slave_name}' opens, closes, sticks or slides: it "
+            f"continues only with decreasing loads"
         )
 
     def _accepted(self, slope: Array, nodes: Sequence[Indices]) -> tuple[Sets, Array]:
@@ -243,10 +243,10 @@ class LinearizedContact:
             V, shape (used, used) [stress], and y, shape (used,) [stress length].
         """
         system, bulk, comm = self._system, self._bulk, self._bulk.comm
-        laws = [contact.rows.linearized() for contact in system.contacts]
+        pair_rows = [contact.rows.linearized() for contact in system.contacts]
         size = 2 * system.num_multipliers
         B_T = BlockMatrix(comm, bulk.num_owned, size).assemble(system.force_blocks())
-        C = BlockMatrix(comm, size, bulk.num_owned).assemble(system.law_blocks(laws))
+        C = BlockMatrix(comm, size, bulk.num_owned).assemble(system.law_blocks(pair_rows))
         compliance = BodyCompliance(bulk, self._floating)
         moved, force = bulk.K.createVecs()
         moved.array[bulk.prescribed_dofs] = bulk.distance_to_prescribed()
@@ -257,8 +257,8 @@ class LinearizedContact:
         responses[:, -1] += moved.array_r
         rows = comm.allreduce(_columns(C.transpose(), used).T @ responses)
         rhs = np.zeros(2 * sum(z_number.size for z_number in system.z_numbers))
-        for law, z_number in zip(laws, system.z_numbers, strict=True):
-            rhs[2 * z_number[:, None] + np.arange(2)] = law.rhs
+        for own, z_number in zip(pair_rows, system.z_numbers, strict=True):
+            rhs[2 * z_number[:, None] + np.arange(2)] = own.rhs
         V, y = -rows[:, :-1], rows[:, -1] - rhs[used]
         self._free_obstacles(V, y, used)
         for matrix in (B_T, C, moved, force):

@@ -83,10 +83,10 @@ class ReducedEquations:
         with clock("solve"):
             without_contact = self._step_without_contact(change)
         with clock("assembly"):
-            laws = [contact.rows.linearized() for contact in self._general.contacts]
-            matrices = self._assemble(laws)
+            pair_rows = [contact.rows.linearized() for contact in self._general.contacts]
+            matrices = self._assemble(pair_rows)
         with clock("solve"):
-            step, zeta, self._force = self._solve(without_contact, laws, matrices)
+            step, zeta, self._force = self._solve(without_contact, pair_rows, matrices)
         moved = np.zeros_like(u)
         self._dofs.put(step, moved)
         moved[prescribed] = change
@@ -159,15 +159,15 @@ class ReducedEquations:
         moved[self._bulk.prescribed_dofs] = change
         return np.where(self._dofs.free, step, 0.0) + self._dofs.gather(moved)
 
-    def _assemble(self, laws: Sequence[Rows]) -> ContactMatrices:
+    def _assemble(self, pair_rows: Sequence[Rows]) -> ContactMatrices:
         """The matrices on the contact dofs, complete on rank 0."""
         system, size = self._system, self._dofs.size
         count = 2 * sum(z_number.size for z_number in system.z_numbers)
         return ContactMatrices(
             self._collect(system.force_derivative(), (size, size), (True, True)),
             self._collect(system.force_blocks(), (size, count), (True, False)),
-            self._collect(system.law_blocks(laws), (count, size), (False, True)),
-            self._collect(system.multiplier_blocks(laws), (count, count), (False, False)),
+            self._collect(system.law_blocks(pair_rows), (count, size), (False, True)),
+            self._collect(system.multiplier_blocks(pair_rows), (count, count), (False, False)),
         )
 
     def _collect(
@@ -182,13 +182,13 @@ class ReducedEquations:
         return coo_array((v[inside], (i[inside], j[inside])), shape=shape)
 
     def _solve(
-        self, d: Array, laws: Sequence[Rows], matrices: ContactMatrices
+        self, d: Array, pair_rows: Sequence[Rows], matrices: ContactMatrices
     ) -> tuple[Array, Array, Array]:
         """Step of the contact dofs, multipliers zeta (n, 2) and contact force (collective)."""
         count = matrices.A_z.shape[0] // 2
         rhs, weight = np.zeros((count, 2)), np.ones((count, 1))
-        for (contact, z_number), law in zip(self._system.numbered(), laws, strict=True):
-            rhs[z_number], weight[z_number, 0] = law.rhs, 1.0 / contact.stiffness
+        for (contact, z_number), own in zip(self._system.numbered(), pair_rows, strict=True):
+            rhs[z_number], weight[z_number, 0] = own.rhs, 1.0 / contact.stiffness
         solution = None
         if self._comm.rank == 0:
             solution = self._solve_dense(d, matrices, rhs.ravel(), np.repeat(weight, 2))

@@ -54,7 +54,7 @@ def test_turning_point_at_the_end_of_a_path_is_reported():
     problem, set_push = pushed_spiral()
     fm.follow_path(problem, set_push, fm.SteppingOptions(0.25), stop=0.75)
     steps = fm.SteppingOptions(1 / 32, smallest=1 / 128)
-    message = "the path of equilibria, linearized at the last one, turns where the node at"
+    message = "linearized at the last one, has a turning point where the node at"
     with pytest.raises(fm.NotConvergedError, match=message) as error:
         fm.follow_path(problem, set_push, steps, start=0.75)
     assert message in error.value.report.dead_end
