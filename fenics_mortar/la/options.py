@@ -48,8 +48,8 @@ CYCLE = {
     "pc_hypre_boomeramg_strong_threshold": 0.25,
     "pc_hypre_boomeramg_P_max": 4,
 }
-# Largest relative residual with factors without pivoting after one refinement [1]; above it half of
-# the digits are lost by growth of the pivots.
+# Largest relative residual with factors without pivoting [1], in the strip without, otherwise after
+# one refinement; above it half of the digits are lost by growth of the pivots.
 WITHOUT_PIVOTING = 1e-10
 # The strip along the contact surfaces. Each rank factorizes all of it: this takes little time, and
 # a solve needs one exchange only. Without pivoting a solve takes a fifth of the time.

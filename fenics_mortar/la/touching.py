@@ -16,6 +16,7 @@ from fenics_mortar.bulk.local_csr import CSR, from_local_csr, local_csr
 from fenics_mortar.kernels.node_axes import count_blocks, turn_to_axes
 from fenics_mortar.utils.arrays import Array, Indices
 
+# Parts of a matrix: starts, columns, dofs and values, see ``kernels.node_axes``.
 Parts = tuple[tuple[npt.NDArray, npt.NDArray, npt.NDArray, Array], ...]
 
 
@@ -45,7 +46,9 @@ class TouchingTangent:
         most = count_blocks(parts, len(numbers), block_starts)
         of_own, of_others = (
             memory.rows(2 * num_nodes, 4 * num_blocks)
-            for memory, num_blocks in zip((self._of_own, self._of_others), block_starts[:, -1])
+            for memory, num_blocks in zip(
+                (self._of_own, self._of_others), block_starts[:, -1], strict=True
+            )
         )
         turn_to_axes(parts, numbers, axes, block_starts, most, of_own, of_others)
         B = from_local_csr(A.comm.tompi4py(), of_own, of_others)
@@ -74,8 +77,8 @@ class Memory:
 def _numbered_parts(A: PETSc.Mat, change: CSR) -> tuple[Parts, npt.NDArray]:
     """A and its change as parts, see ``kernels.node_axes``, and global numbers of the nodes."""
     first, num_owned = A.getOwnershipRange()[0], A.getLocalSize()[0]
-    own = local_csr(A)[0]
-    remote = [(part, np.asarray(part.numbers)) for part in local_csr(A)[1:]]
+    own, *others = local_csr(A)
+    remote = [(part, np.asarray(part.numbers)) for part in others]
     found = np.unique(np.concatenate([change[1], *(numbers for _, numbers in remote)]) // 2)
     of_others = found[(2 * found < first) | (2 * found >= first + num_owned)]
 

@@ -14,6 +14,8 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from fenics_mortar.utils.petsc_functions import POINTER, petsc_function
+
 
 def scalar_is_complex() -> bool:
     """Whether PETSc was built with complex scalars (local)."""
@@ -29,8 +31,7 @@ def option_is_used(name: str) -> bool:
     if hasattr(database, "used"):
         return bool(database.used(name))
     used = ctypes.c_int(0)
-    options_used = ctypes.CDLL(PETSc.__file__).PetscOptionsUsed
-    options_used.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.POINTER(ctypes.c_int)]
+    options_used = petsc_function("PetscOptionsUsed", POINTER, ctypes.c_char_p, POINTER)
     options_used(None, name.encode(), ctypes.byref(used))
     return bool(used.value)
 
