@@ -49,6 +49,7 @@ derivatives follow from those of G, with coefficients computed once per facet, a
 import numpy as np
 
 from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.rows import copy_row, copy_rows
 from fenics_mortar.kernels.shapes import tabulate_shapes
 
 DUAL, STANDARD = range(2)
@@ -236,8 +237,8 @@ def weigh_gap(kinds, bounds, edges, weights, B, d, inverse, C, C_dG, C_g, C_g_dG
         whole = whole and weights[j, j] == 1.0
     C_g_dp[:] = 0.0
     for j in range(count):
-        C_g[j] = C[j]
-        C_g_dG[j] = C_dG[j]
+        copy_row(C[j], C_g[j])
+        copy_rows(C_dG[j], count, C_g_dG[j], 0)
         edge = edge_beyond(j, count, bounds)
         if basis == STANDARD or by == BY_BASIS or (by == BY_COVER and edge == 0):
             continue

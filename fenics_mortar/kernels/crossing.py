@@ -24,12 +24,12 @@ from fenics_mortar.kernels.plane import (
     cross_properly,
     crossing_point,
     distance_of,
-    grown,
     is_at_end,
     nearest_on_piece,
     share_node,
     side,
 )
+from fenics_mortar.kernels.rows import copy_row, grown
 from fenics_mortar.kernels.tree import build_tree, query_tree
 from fenics_mortar.utils.rounding import ROUNDING
 
@@ -41,7 +41,9 @@ def begin_trace(x, segments, trace, used, e, forward, P):
     ``trace`` (k + 1, 2): positions of its nodes; ``used`` (k,): segments of its edges. ``forward``:
     whether the trace follows the direction of the segments.
     """
-    trace[0], trace[1], used[0] = P, x[segments[e, 1 if forward else 0]], e
+    copy_row(P, trace[0])
+    copy_row(x[segments[e, 1 if forward else 0]], trace[1])
+    used[0] = e
 
 
 @kernel
@@ -58,7 +60,8 @@ def extend_trace(x, segments, links, trace, used, count, forward, i):
     e = links[0][used[i - 1]] if forward else links[1][used[i - 1]]
     if e < 0 or e == used[0]:
         return False
-    trace[i + 1], used[i] = x[segments[e, 1 if forward else 0]], e
+    copy_row(x[segments[e, 1 if forward else 0]], trace[i + 1])
+    used[i] = e
     return True
 
 
@@ -231,7 +234,7 @@ def find_crossings(x, segments, after, before, lengths, bodies, allowed):
             facets, depth = crossing_depth(
                 (x, segments, lengths, bodies), (after, before), allowed, (e, f), P, work, walked
             )
-            rows = grown(rows, count)
+            rows = grown(rows, count, count + 1)
             rows[count] = float(e), float(f), facets, depth, P[0], P[1]
             count += 1
     return rows[:count].copy()

@@ -31,6 +31,7 @@ from fenics_mortar.kernels.moments import (
     thickness_at,
 )
 from fenics_mortar.kernels.projection import gather, interpolate, segment_ends
+from fenics_mortar.kernels.rows import copy_row
 from fenics_mortar.kernels.shapes import tabulate_shapes
 
 
@@ -190,7 +191,7 @@ def tabulate_facets(
             (basis, gap_weights), bounds, (ends[first, 0], ends[last, 1]), weights[e], B, d,
             inverse, C, C_dG, C_g, C_g_dG, C_g_dp,
         )  # fmt: skip
-        cover[e] = d
+        copy_row(d, cover[e])
         apply_to_gap(C_g, C_g_dG, C_g_dp, T_g, g[e], g_dG, g_dp)
         pairs, step = pair_offsets[e], number + 1 if partial[e] else 1
         for i in range(number):

@@ -39,6 +39,7 @@ from fenics_mortar.kernels.projection import (
     slave_to_master,
 )
 from fenics_mortar.kernels.roles import keep_masters
+from fenics_mortar.kernels.rows import copy_row
 from fenics_mortar.kernels.shapes import tabulate_shapes
 from fenics_mortar.utils.rounding import HALF_FACET
 
@@ -136,7 +137,7 @@ def keep_nearest(found, count, tolerance):
             overlap = min(found[i, 2], found[j, 2]) - max(found[i, 1], found[j, 1])
             free = free and overlap <= tolerance
         if free:
-            found[kept] = found[i]
+            copy_row(found[i], found[kept])
             kept += 1
     sort_rows(found, kept, 1)
     return kept
@@ -164,7 +165,7 @@ def keep_near_portions(found, count, master_facets, length):
             stop += 1
         if distance <= nearest + max_distance:
             for i in range(start, stop):
-                found[kept] = found[i]
+                copy_row(found[i], found[kept])
                 kept += 1
         start = stop
     return kept

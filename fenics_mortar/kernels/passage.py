@@ -13,7 +13,8 @@ where c decreases.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.plane import cross, grown, nearest_on_piece
+from fenics_mortar.kernels.plane import cross, nearest_on_piece
+from fenics_mortar.kernels.rows import copy_rows, grown
 from fenics_mortar.kernels.tree import build_tree, query_tree
 from fenics_mortar.utils.rounding import ROUNDING
 
@@ -47,8 +48,13 @@ def find_events(x0, x1, segments, bodies, node_bodies, which):
     coordinate).
     """
     size = x0.shape[0]
-    both = np.concatenate((x0, x1))
-    boxes = build_tree(both, np.concatenate((segments, segments + size), axis=1))
+    both, corners = np.empty((2 * size, 2)), np.empty((segments.shape[0], 4), np.int64)
+    copy_rows(x0, size, both, 0)
+    copy_rows(x1, size, both, size)
+    for e in range(segments.shape[0]):
+        for k in range(2):
+            corners[e, k], corners[e, 2 + k] = segments[e, k], size + segments[e, k]
+    boxes = build_tree(both, corners)
     stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
     box = np.empty(4)
     rows, count = np.empty((64, 7)), 0
@@ -74,7 +80,7 @@ def find_events(x0, x1, segments, bodies, node_bodies, which):
                 s = ((qx + t * rx) * tx + (qy + t * ry) * ty) / square
                 if not (-ROUNDING <= s <= 1.0 + ROUNDING) or slope == 0.0:
                     continue
-                rows = grown(rows, count)
+                rows = grown(rows, count, count + 1)
                 length = np.sqrt(square)
                 rows[count] = float(p), float(e), t, np.sign(slope), ty / length, -tx / length, s
                 count += 1
@@ -207,7 +213,7 @@ def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
                     if opposed and not is_beside(x1, segments, (after, before), points, facet):
                         a, b = x1[segments[entry, 0]], x1[segments[entry, 1]]
                         square, _ = nearest_on_piece(x1[p], a, b)
-                        rows = grown(rows, count)
+                        rows = grown(rows, count, count + 1)
                         rows[count] = float(p), float(entry), float(e), np.sqrt(square)
                         count += 1
                 entry = -1
@@ -216,7 +222,7 @@ def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
         # a path collinear with an edge enters by rounding, possibly without an exit
         if entry >= 0 and is_inside(x1, segments, bodies, body, x1[p]):
             square, nearest = nearest_segment(x1, segments, bodies, body, x1[p], p)
-            rows = grown(rows, count)
+            rows = grown(rows, count, count + 1)
             rows[count] = float(p), float(nearest), -1.0, np.sqrt(square)
             count += 1
     return rows[:count].copy()

@@ -64,16 +64,6 @@ def is_at_end(x, e, P, rounding):
 
 
 @kernel
-def grown(rows, count):
-    """``rows`` (r, c), or a copy twice as long if row ``count`` does not fit."""
-    if count < rows.shape[0]:
-        return rows
-    longer = np.empty((2 * count, rows.shape[1]))
-    longer[:count] = rows
-    return longer
-
-
-@kernel
 def nearest_on_piece(p, a, b):
     """Squared distance of p (2,) from the line a (2,) to b (2,), and nearest coordinate, 0 to 1."""
     dx, dy = b[0] - a[0], b[1] - a[1]

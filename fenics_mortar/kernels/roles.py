@@ -2,6 +2,7 @@
 """Masters of each facet on a surface in contact with itself."""
 
 from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.rows import copy_row
 
 # Distance of two facets along the boundary, over their mean length [1], up to which they are
 # neighbours: the next facet and the one after it. The mesh cannot resolve a fold between them.
@@ -46,7 +47,7 @@ def keep_masters(found, count, roles, number):
     kept = 0
     for i in range(count):
         if is_master(keys, arcs, numbers[number], int(found[i, 3])):
-            found[kept] = found[i]
+            copy_row(found[i], found[kept])
             kept += 1
     return kept
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.pairing import curve_starts, facet_segments, point_partners
+from fenics_mortar.kernels.rows import copy_rows, grown
 from fenics_mortar.kernels.tree import build_tree, query_tree
 from fenics_mortar.utils.rounding import ROUNDING
 
@@ -147,15 +148,17 @@ def find_segments(geometry, slave_facets, master_facets, radius, behind, limits,
             geometry, nodes, master_facets, near, radius, limits, found, behind, e, roles
         )
         start = offsets[e]
-        if start + kept > rows.shape[0]:
-            longer = np.empty((2 * (start + kept), 7))
-            longer[:start] = rows[:start]
-            rows = longer
-        rows[start : start + kept] = found[:kept]
+        rows = grown(rows, start, start + kept)
+        copy_rows(found, kept, rows, start)
         offsets[e + 1] = start + kept
-    rows = rows[: offsets[-1]]
-    end_is_node = rows[:, 4:6] != 0.0
-    return offsets, rows[:, 3].astype(np.int64), end_is_node, rows[:, 1:3].copy()
+    count = offsets[-1]
+    masters, end_is_node = np.empty(count, np.int64), np.empty((count, 2), np.bool_)
+    ends = np.empty((count, 2))
+    for i in range(count):
+        masters[i] = int(rows[i, 3])
+        for k in range(2):
+            ends[i, k], end_is_node[i, k] = rows[i, 1 + k], rows[i, 4 + k] != 0.0
+    return offsets, masters, end_is_node, ends
 
 
 @kernel

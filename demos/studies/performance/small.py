@@ -7,8 +7,8 @@
     /usr/bin/python3 -m demos.studies.performance.small process     imports, set-up, whole process
 
 Frictionless neo-Hookean bodies; an indenter goes 0.5 mm down in 10 steps and 4 mm along in 40.
-Times are CPU times. A whole process reads a ``.msh`` file of a half disc on a block, sets up, and
-solves once, linear elastic.
+Times are CPU times, except for those of whole processes, from start to exit. Such a process reads a
+``.msh`` file of a half disc on a block, sets up, and solves once, linear elastic.
 """
 
 from __future__ import annotations
@@ -26,16 +26,17 @@ import numpy as np
 STEPS = 50
 # Number of processes whose median is used.
 PROCESSES = 7
-# A program that records the CPU time after each part.
+# A program that imports dolfinx only, and one that records the time after each part.
+EMPTY = "import dolfinx, dolfinx.fem.petsc"
 PROGRAM = """
-import sys, time
+import time
 import dolfinx, dolfinx.fem.petsc
-marks = [time.process_time()]
+marks = [time.perf_counter()]
 from mpi4py import MPI
 import ufl
 from dolfinx import fem
 import fenics_mortar as fm
-marks.append(time.process_time())
+marks.append(time.perf_counter())
 data = fm.read_gmsh({path!r}, MPI.COMM_SELF)
 V = fm.vector_space(data.mesh, 1)
 u, v = fem.Function(V), ufl.TestFunction(V)
@@ -49,9 +50,9 @@ bcs = [
 ]
 pair = fm.ContactPair(data, slave="cylinder/arc", master="block/top")
 problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="hertz_")
-marks.append(time.process_time())
+marks.append(time.perf_counter())
 report = problem.solve()
-marks.append(time.process_time())
+marks.append(time.perf_counter())
 print(u.x.array.size, report.num_iterations, *marks)
 """
 
@@ -150,8 +151,19 @@ def measure_run(*, path, profile):
     print(f"force {force[0]:.12g} {force[1]:.12g}")
 
 
+def process(program):
+    """Run a program in a new process; return the seconds from start to exit, and its output."""
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "", "OPENBLAS_NUM_THREADS": "1"}
+    start = time.perf_counter()
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True, text=True, check=True, env=environment,
+    )  # fmt: skip
+    return time.perf_counter() - start, done.stdout
+
+
 def measure_processes():
-    """Print medians of whole processes; Python caches compiled modules, as by default."""
+    """Print medians of whole processes, after one that fills the caches, as Python does."""
     import gmsh
 
     from meshes import half_cylinder_on_block
@@ -160,18 +172,17 @@ def measure_processes():
         path = str(Path(folder) / "hertz.msh")
         gmsh.initialize()
         gmsh.option.setNumber("General.Terminal", 0)
-        half_cylinder_on_block.build(h=0.03)
+        half_cylinder_on_block.build(h=0.025)
         gmsh.write(path)
         gmsh.finalize()
-        rows, environment = [], {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
+        program, rows = PROGRAM.format(path=path), []
+        process(program)
         for _ in range(PROCESSES):
-            done = subprocess.run(
-                [sys.executable, "-c", PROGRAM.format(path=path)],
-                capture_output=True, text=True, check=True, env=environment,
-            )  # fmt: skip
-            size, iterations, *marks = map(float, done.stdout.split())
-            rows.append([marks[0], *np.diff(marks), marks[-1] - marks[0]])
-    names = "dolfinx", "import", "read and set up", "solve", "all beyond dolfinx"
+            empty, _ = process(EMPTY)
+            whole, output = process(program)
+            size, iterations, *marks = map(float, output.split())
+            rows.append([empty, *np.diff(marks), whole, whole - empty])
+    names = "import of dolfinx alone", "import", "read and set up", "solve", "all", "difference"
     print(f"{size:.0f} unknowns, {iterations:.0f} iterations, medians of {PROCESSES} processes [s]")
     for name, value in zip(names, np.median(rows, axis=0)):
         print(f"  {name}: {value:.3f}")
