@@ -18,12 +18,12 @@ export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}"
 export OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}"
 export NUMBA_NUM_THREADS="${NUMBA_NUM_THREADS:-1}"
 
-# Open MPI: may run as root (a container), and with more ranks than cores, which then yield. The word
-# for "more ranks than cores" changes with each release. From release 5 on, only the transports within
-# one machine: else a machine without network brings warnings. On several machines, unset pml and btl.
+# Open MPI: may run as root (a container), and with more ranks than cores. (Waiting ranks then yield; if
+# they always did, two ranks on two cores would take 4 % longer.) The word for "more ranks than cores"
+# changes with each release. From release 5 on, only the transports within one machine: else a machine
+# without network brings warnings. On several machines, unset pml and btl.
 export OMPI_ALLOW_RUN_AS_ROOT="${OMPI_ALLOW_RUN_AS_ROOT:-1}"
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="${OMPI_ALLOW_RUN_AS_ROOT_CONFIRM:-1}"
-export OMPI_MCA_mpi_yield_when_idle="${OMPI_MCA_mpi_yield_when_idle:-1}"
 export HWLOC_HIDE_ERRORS="${HWLOC_HIDE_ERRORS:-2}"
 _fm_mpi=$(dpkg-query -W -f '${Version}' openmpi-bin 2>/dev/null || true)
 _fm_mpi=${_fm_mpi%%.*}

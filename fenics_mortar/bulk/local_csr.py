@@ -24,11 +24,8 @@ from fenics_mortar.utils.petsc_functions import COMM, INT, POINTER, petsc_functi
 _row_ij = petsc_function("MatGetRowIJ", POINTER, INT, ctypes.c_int, ctypes.c_int, *4 * [POINTER])
 _from_arrays = petsc_function("MatCreateMPIAIJWithSplitArrays", COMM, *4 * [INT], *7 * [POINTER])
 _replace = petsc_function("MatHeaderReplace", POINTER, POINTER)
-# By type of the matrix: its two matrices on several ranks; functions to get and restore its values,
-# to read or to change them.
-_PARTS = {
-    kind: petsc_function(f"MatMPI{kind}GetSeq{kind}", *4 * [POINTER]) for kind in ("AIJ", "BAIJ")
-}
+_parts = petsc_function("MatMPIAIJGetSeqAIJ", *4 * [POINTER])
+# By type of the matrix: functions to get and restore its values, to read or to change them.
 _READ, _CHANGE = (
     {
         kind: [
@@ -97,9 +94,10 @@ class LocalRows:
 
 
 def local_csr(matrix: PETSc.Mat) -> list[LocalRows]:
-    """The owned rows of a matrix of type AIJ or BAIJ: columns of this rank, of other ranks (local).
+    """The owned rows of a matrix of type AIJ: columns of this rank, of other ranks (local).
 
-    Patterns are valid until the pattern of the matrix changes. On one rank there is one part.
+    Patterns are valid until the pattern of the matrix changes. On one rank there is one part, and
+    the type may be BAIJ.
     """
     handles, numbers = stored_parts(matrix)
     own, *others = (_local_rows(handle, matrix.getType()[3:].upper()) for handle in handles)
@@ -113,7 +111,7 @@ def stored_parts(matrix: PETSc.Mat) -> tuple[list[int], Any]:
     if matrix.getType().startswith("seq"):
         return [matrix.handle], None
     own, others, numbers = POINTER(), POINTER(), POINTER()
-    _PARTS[matrix.getType()[3:].upper()](matrix.handle, *map(ctypes.byref, (own, others, numbers)))
+    _parts(matrix.handle, *map(ctypes.byref, (own, others, numbers)))
     return [own.value or 0, others.value or 0], numbers
 
 

@@ -4,13 +4,22 @@
 PETSc assembles and factors blocks in about half of the time needed with rows; all other operations
 use rows. Values are copied by their positions, which are found once for each pattern; a copy takes
 a hundredth of the time of an assembly.
+
+Insertion into a matrix of one rank takes two thirds of that into a distributed one. Each rank
+therefore assembles its cells in blocks of all its local nodes, in the order of their global
+numbers: the rows of ghosts are stored one after another for each owner. They are sent to the
+owners, which add them.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 
 from fenics_mortar.bulk.local_csr import LocalRows, local_csr, stored_parts
 from fenics_mortar.kernels import node_blocks
@@ -18,41 +27,28 @@ from fenics_mortar.utils.arrays import Indices
 
 
 class NodeBlocks:
-    """The same matrix in blocks and in rows; all methods are local.
+    """The same matrix in blocks and in rows, on one rank.
 
     Args:
-        blocks: The matrix in blocks of two rows and columns.
-        rows: The matrix in rows, of which some entries may be outside of all blocks.
+        rows: The matrix in rows.
 
     Attributes:
-        blocks: The matrix in blocks.
+        blocks: The matrix in blocks that contain all entries; zero before the first copy.
     """
 
-    def __init__(self, blocks: PETSc.Mat, rows: PETSc.Mat) -> None:
-        self.blocks, self._rows, self._pattern = blocks, rows, _pattern(rows)
-        self._parts = list(zip(local_csr(blocks), local_csr(rows), strict=True))
-        self._indices = [_indices(*parts) for parts in self._parts]
+    def __init__(self, rows: PETSc.Mat) -> None:
+        self.blocks, self._rows, self._pattern = in_blocks(rows), rows, pattern_of(rows)
+        (self._in_blocks,), (self._in_rows,) = local_csr(self.blocks), local_csr(rows)
+        of_blocks = self._in_blocks
+        self._indices = find_in_blocks(self._in_rows, of_blocks.starts, of_blocks.columns)
         self._copied = -1  # state of the rows, as PETSc counts it
 
     def fit(self, rows: PETSc.Mat) -> bool:
         """Whether ``rows`` is the matrix in rows, with an unchanged number of entries."""
-        return bool(rows == self._rows and _pattern(rows) == self._pattern)
-
-    def copy_to_rows(self, rows: PETSc.Mat) -> bool:
-        """Copy the values from the blocks to ``rows``, with zeros outside of all blocks.
-
-        Returns:
-            Whether ``rows`` fit, see ``fit``; nothing is copied otherwise.
-        """
-        if not self.fit(rows):
-            return False
-        for (in_blocks, in_rows), indices in zip(self._parts, self._indices, strict=True):
-            in_blocks.copy_to(in_rows, indices, node_blocks.copy_to_rows)
-        self._rows.stateIncrease()
-        return True
+        return bool(rows == self._rows and pattern_of(rows) == self._pattern)
 
     def copy_to_blocks(self, rows: PETSc.Mat) -> bool:
-        """Copy the values from ``rows`` to the blocks, which contain all entries.
+        """Copy the values from ``rows`` to the blocks.
 
         Without effect if the rows have not changed since the last copy, so that factors of the
         blocks remain valid.
@@ -63,18 +59,123 @@ class NodeBlocks:
         if not self.fit(rows):
             return False
         if self._rows.stateGet() != self._copied:
-            for (in_blocks, in_rows), indices in zip(self._parts, self._indices, strict=True):
-                in_rows.copy_to(in_blocks, indices, node_blocks.copy_to_blocks)
+            self._in_rows.copy_to(self._in_blocks, self._indices, node_blocks.copy_to_blocks)
             self.blocks.stateIncrease()
             self._copied = self._rows.stateGet()
         return True
 
 
-def _indices(blocks: LocalRows, rows: LocalRows) -> Indices:
-    """Positions of the entries (entries,) among the values of the blocks, -1 outside of all."""
+class CellBlocks:
+    """Blocks of the local nodes, and their positions in the rows of the tangent.
+
+    The constructor is collective.
+
+    Args:
+        rows: An assembled matrix with two rows per node and the layout of a dolfinx space, whose
+            pattern contains all couplings of nodes.
+
+    Attributes:
+        blocks: A matrix on this rank only, to be assembled with the dofs of the space.
+    """
+
+    def __init__(self, rows: PETSc.Mat) -> None:
+        self._comm: MPI.Comm = rows.comm.tompi4py()
+        local = rows.getLGMap()[0].getBlockIndices()  # global numbers of the local nodes
+        order = np.argsort(local)
+        self._nodes = local[order]
+        self.blocks = _matrix_of(self._nodes, order, rows)
+        (self._stored,) = local_csr(self.blocks)
+        rank, bounds = self._comm.rank, rows.getOwnershipRanges() // 2
+        of_ranks = np.searchsorted(self._nodes, bounds)  # first local node of each rank
+        own = slice(of_ranks[rank], of_ranks[rank + 1])
+        self._first = bounds[rank]
+        starts = self._stored.starts
+        self._own = replace(
+            self._stored, starts=starts[own.start : own.stop + 1], numbers=self._nodes
+        )
+        self._own_blocks = slice(starts[own.start], starts[own.stop])
+        self._sent = np.diff(starts[of_ranks].astype(np.int64))  # blocks, to each rank
+        self._sent[rank] = 0
+        self._received = np.empty_like(self._sent)
+        self._comm.Alltoall(self._sent, self._received)
+        self._received_rows = self._exchange(np.repeat(self._nodes, np.diff(starts)), 1)
+        self._received_columns = self._exchange(self._nodes[self._stored.columns], 1)
+        self._match(rows)
+
+    def _exchange(self, values: npt.NDArray, k: int) -> npt.NDArray:
+        """Send the values of blocks in rows of ghosts to the owners (collective).
+
+        Args:
+            values: Of all blocks, shape (k blocks,).
+            k: Number of values of a block.
+
+        Returns:
+            Values from all ranks, shape (k blocks,).
+        """
+        own = self._own_blocks
+        values = np.concatenate([values[: k * own.start], values[k * own.stop :]])
+        received = np.empty(k * self._received.sum(), values.dtype)
+        self._comm.Alltoallv([values, k * self._sent], [received, k * self._received])
+        return received
+
+    def _match(self, rows: PETSc.Mat) -> None:
+        """Find the entries of the rows among the own blocks, and the received blocks among them."""
+        self._rows, self._pattern = rows, pattern_of(rows)
+        self._parts = []
+        for part in local_csr(rows):
+            first = self._first if part.numbers is None else 0
+            positions = find_in_blocks(part, self._own.starts, self._own.numbered() - first)
+            entries = np.empty(4 * self._received_rows.size, np.int64)
+            blocks = self._received_rows - self._first, self._received_columns - first
+            node_blocks.find_entries(part.starts, part.numbered(), *blocks, entries)
+            self._parts.append((part, positions, entries))
+
+    def copy_to(self, rows: PETSc.Mat) -> None:
+        """Fill ``rows`` with sums over ranks, with zeros outside of all blocks (collective).
+
+        Args:
+            rows: The matrix of the constructor, or one with the same layout and another pattern.
+        """
+        if rows != self._rows or pattern_of(rows) != self._pattern:
+            self._match(rows)
+        for part, positions, _ in self._parts:
+            self._own.copy_to(part, positions, node_blocks.copy_to_rows)
+        if self._comm.size > 1:
+            received = self._exchange(self._stored.values(), 4)
+            for part, _, entries in self._parts:
+                node_blocks.add_values(received, entries, part.values(change=True))
+        rows.stateIncrease()
+
+
+def _matrix_of(nodes: npt.NDArray, order: Indices, rows: PETSc.Mat) -> PETSc.Mat:
+    """Blocks of the couplings of local nodes, assembled with their local numbers (collective).
+
+    Args:
+        nodes: Global numbers of the local nodes, ascending.
+        order: Their local numbers.
+        rows: Matrix that contains the couplings.
+    """
+    chosen = PETSc.IS().createBlock(2, nodes, comm=PETSc.COMM_SELF)
+    (couplings,) = rows.createSubMatrices(chosen, chosen)
+    blocks = in_blocks(couplings)
+    couplings.destroy()
+    places = np.empty_like(nodes)
+    places[order] = np.arange(len(order))
+    numbers = PETSc.LGMap().create(places, bsize=2, comm=PETSc.COMM_SELF)
+    blocks.setLGMap(numbers, numbers)
+    return blocks
+
+
+def find_in_blocks(rows: LocalRows, starts: npt.NDArray, columns: npt.NDArray) -> Indices:
+    """Positions of the entries (entries,) among the values of blocks, -1 outside of all (local).
+
+    Args:
+        rows: Rows of a matrix, in pairs.
+        starts: Blocks of rows 2 i and 2 i + 1 are starts[i]:starts[i + 1].
+        columns: Columns of the blocks over two, ascending in each row.
+    """
     indices = np.empty(rows.columns.size, np.int64)
-    (starts, columns), of_blocks = ((part.starts, part.numbered()) for part in (rows, blocks))
-    node_blocks.find_indices(starts, columns, *of_blocks, indices)
+    node_blocks.find_indices(rows.starts, rows.numbered(), starts, columns, indices)
     return indices
 
 
@@ -83,19 +184,19 @@ def come_in_pairs(rows: PETSc.Mat) -> bool:
     return rows.getType() in ("seqaij", "mpiaij") and rows.getBlockSize() == 2
 
 
-def in_blocks(rows: PETSc.Mat) -> NodeBlocks:
-    """A matrix with such rows on one rank, copied into blocks that contain all its entries."""
-    starts, _ = rows.getRowIJ()
-    pairs = np.diff(starts).reshape(-1, 2)
-    counts = np.minimum(pairs.sum(axis=1), len(pairs))  # at most; PETSc drops the rest
-    blocks = PETSc.Mat().createBAIJ(
-        rows.getSize(), 2, nnz=counts.astype(PETSc.IntType), comm=rows.comm
+def in_blocks(rows: PETSc.Mat) -> PETSc.Mat:
+    """Blocks that contain all entries of a matrix with such rows on one rank; values are zero."""
+    starts, columns = rows.getRowIJ()
+    block_starts, block_columns = (
+        np.empty(len(starts) // 2 + 1, starts.dtype),
+        np.empty_like(columns),
     )
-    rows.convert(PETSc.Mat.Type.BAIJ, blocks)
-    return NodeBlocks(blocks, rows)
+    node_blocks.find_blocks(starts, columns, block_starts, block_columns)
+    csr = block_starts, block_columns[: block_starts[-1]]
+    return PETSc.Mat().createBAIJ(rows.getSize(), 2, csr=csr, comm=rows.comm)
 
 
-def _pattern(rows: PETSc.Mat) -> tuple[float, list[int]]:
+def pattern_of(rows: PETSc.Mat) -> tuple[float, list[int]]:
     """Number of entries of a matrix on this rank; on several ranks, handles of its parts (local).
 
     An extension of the pattern replaces the parts even if it adds nothing.

@@ -18,7 +18,7 @@ from ufl.algorithms import expand_derivatives
 
 from fenics_mortar.bulk.cells import Cells
 from fenics_mortar.bulk.input_data import InputData
-from fenics_mortar.bulk.node_blocks import NodeBlocks, come_in_pairs
+from fenics_mortar.bulk.node_blocks import CellBlocks, come_in_pairs
 from fenics_mortar.bulk.units import find_units
 from fenics_mortar.mesh import numbering
 from fenics_mortar.mesh.space import DisplacementSpace
@@ -100,7 +100,7 @@ class Bulk:
         self._K_includes_mass = False  # true if the pattern includes that of the mass matrix
         self.K: PETSc.Mat = compat.create_matrix(self._tangent)
         self.num_patterns, self._num_growths = 1, 0
-        self._blocks: NodeBlocks | None = None  # of K
+        self._blocks: CellBlocks | None = None  # of K
         self.r: PETSc.Vec = compat.create_vector(space.whole)
         self.cells = Cells(self.V)
         self.num_owned, self.first, self.num_dofs = space.num_owned, space.first, self.r.getSize()
@@ -153,13 +153,10 @@ class Bulk:
         if not (self.K.assembled and (self._blocks or come_in_pairs(self.K))):
             compat.assemble_matrix(self.K, self._tangent)
             return
-        blocks = (
-            self._blocks.blocks if self._blocks else compat.create_matrix(self._tangent, "baij")
-        )
-        compat.assemble_matrix(blocks, self._tangent)
-        if self._blocks is None or not self._blocks.copy_to_rows(self.K):
-            self._blocks = NodeBlocks(blocks, self.K)
-            self._blocks.copy_to_rows(self.K)
+        if self._blocks is None:
+            self._blocks = CellBlocks(self.K)
+        compat.assemble_matrix(self._blocks.blocks, self._tangent)
+        self._blocks.copy_to(self.K)
 
     def renew_tangent(self) -> None:
         """Create ``K`` anew with the pattern of the form, not assembled (collective)."""

@@ -12,7 +12,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar.bulk.node_blocks import NodeBlocks, come_in_pairs, in_blocks
+from fenics_mortar.bulk.node_blocks import NodeBlocks, come_in_pairs
 from fenics_mortar.la.costs import COSTS
 from fenics_mortar.la.lagged import LaggedFactors
 from fenics_mortar.la.multigrid import ContactPreconditioner
@@ -270,7 +270,7 @@ class LinearSolver:
             self._reset()
         if self._comm.size > 1 or not come_in_pairs(matrix):
             return matrix
-        self._in_blocks = in_blocks(matrix)
+        self._in_blocks = NodeBlocks(matrix)
         self._in_blocks.copy_to_blocks(matrix)
         return self._in_blocks.blocks
 

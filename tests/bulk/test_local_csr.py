@@ -6,11 +6,8 @@ from petsc4py import PETSc
 
 import numpy as np
 import pytest
-from scenes import pressed_blocks
 
 from fenics_mortar.bulk.local_csr import from_local_csr, local_csr
-from fenics_mortar.utils import compat
-from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 comm = MPI.COMM_WORLD
 
@@ -50,7 +47,8 @@ def test_parts_of_rows_contain_all_entries():
     assert np.array_equal(of_rows(matrix, expected.shape[1], first), expected)
 
 
-def test_parts_of_blocks_contain_all_entries():
+@pytest.mark.serial
+def test_blocks_contain_all_entries():
     matrix, expected, first = chain(2, "baij")
     dense = np.zeros_like(expected)
     for part in local_csr(matrix):
@@ -93,20 +91,3 @@ def test_matrix_uses_the_given_arrays():
     of_others = expected.copy()
     of_others[:, first : first + len(expected)] = 0.0
     assert np.allclose(y.array_r, 2.0 * of_others.sum(axis=1), rtol=1e-14)
-
-
-@pytest.mark.parametrize("degree", [1, 2])
-def test_tangents_by_rows_and_by_blocks_are_identical(degree):
-    scene = pressed_blocks(degree=degree, n_upper=4, n_lower=5)
-    scene.loads["push"].value[:] = 0.01, -0.05
-    scene.problem.solve()  # with contact in the tangent, whose pattern it extends
-    bulk = scene.problem.equations.bulk
-    bulk.assemble_tangent()
-    plain = compat.create_matrix(bulk._tangent)
-    compat.assemble_matrix(plain, bulk._tangent)
-    assert bulk.K.getInfo()["nz_used"] > plain.getInfo()["nz_used"]
-    assert bulk._blocks is not None
-    difference = bulk.K.duplicate(copy=True)
-    difference.axpy(-1.0, plain)
-    assert difference.norm() <= (SUM_ROUNDING * plain.norm() if comm.size > 1 else 0.0)
-    assert bulk.K.norm() > 0.0

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""The tangent assembled in blocks of the two dofs of a node, and copied to rows."""
+"""Matrices in rows, copied to blocks of the two dofs of a node."""
 
 from petsc4py import PETSc
 
 import numpy as np
 import pytest
 
-from fenics_mortar.bulk.node_blocks import NodeBlocks, come_in_pairs, in_blocks
+from fenics_mortar.bulk.node_blocks import NodeBlocks, come_in_pairs
 
 pytestmark = pytest.mark.serial
 
@@ -19,18 +19,10 @@ def matrix_in_pairs(values):
     return PETSc.Mat().createAIJ(values.shape, bsize=2, csr=csr, comm=PETSc.COMM_SELF)
 
 
-def test_entries_outside_of_all_blocks_become_zero():
-    values = np.kron(np.eye(3), [[1.0, 2.0], [3.0, 4.0]])
-    rows, blocks = matrix_in_pairs(values + np.rot90(np.eye(6))), in_blocks(matrix_in_pairs(values))
-    both = NodeBlocks(blocks.blocks, rows)
-    both.copy_to_rows(rows)
-    assert np.array_equal(rows.copy().convert("dense").getDenseArray(), values)
-
-
 def test_blocks_follow_changes_of_the_rows_and_otherwise_keep_factors():
     values = np.kron([[2.0, 1.0], [0.0, 2.0]], [[1.0, 0.0], [3.0, 4.0]])  # blocks with gaps
     rows = matrix_in_pairs(values)
-    both = in_blocks(rows)
+    both = NodeBlocks(rows)
     rows.scale(3.0)
     both.copy_to_blocks(rows)
     assert np.array_equal(both.blocks.copy().convert("dense").getDenseArray(), 3.0 * values)
@@ -52,11 +44,11 @@ def test_rows_with_two_dofs_per_node_come_in_pairs(kind, bsize, expected):
 
 def test_blocks_do_not_fit_other_rows():
     one, other = (matrix_in_pairs(np.eye(4) + number) for number in (1.0, 2.0))
-    both = in_blocks(one)
+    both = NodeBlocks(one)
     assert both.fit(one)
     assert not both.fit(other)
     grown = matrix_in_pairs(np.eye(4))
-    both = in_blocks(grown)
+    both = NodeBlocks(grown)
     grown.axpy(1.0, one, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     assert not both.fit(grown)
 
@@ -64,11 +56,8 @@ def test_blocks_do_not_fit_other_rows():
 def test_values_moved_by_petsc_are_found():
     values = np.kron(np.eye(3), [[1.0, 2.0], [3.0, 4.0]])
     rows = matrix_in_pairs(values)
-    both = in_blocks(rows)
+    both = NodeBlocks(rows)
     rows.axpy(1.0, matrix_in_pairs(values), PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     assert both.fit(rows)  # the same entries in a new place
     both.copy_to_blocks(rows)
     assert np.array_equal(both.blocks.copy().convert("dense").getDenseArray(), 2.0 * values)
-    rows.scale(0.0)
-    both.copy_to_rows(rows)
-    assert np.array_equal(rows.copy().convert("dense").getDenseArray(), 2.0 * values)
