@@ -37,15 +37,15 @@ class NodeBlocks:
     """
 
     def __init__(self, rows: PETSc.Mat) -> None:
-        self.blocks, self._rows, self._pattern = in_blocks(rows), rows, pattern_of(rows)
+        self.blocks, self._rows, self._pattern = _in_blocks(rows), rows, _pattern_of(rows)
         (self._in_blocks,), (self._in_rows,) = local_csr(self.blocks), local_csr(rows)
         of_blocks = self._in_blocks
-        self._indices = find_in_blocks(self._in_rows, of_blocks.starts, of_blocks.columns)
+        self._indices = _find_in_blocks(self._in_rows, of_blocks.starts, of_blocks.columns)
         self._copied = -1  # state of the rows, as PETSc counts it
 
     def fit(self, rows: PETSc.Mat) -> bool:
         """Whether ``rows`` is the matrix in rows, with an unchanged number of entries."""
-        return bool(rows == self._rows and pattern_of(rows) == self._pattern)
+        return bool(rows == self._rows and _pattern_of(rows) == self._pattern)
 
     def copy_to_blocks(self, rows: PETSc.Mat) -> bool:
         """Copy the values from ``rows`` to the blocks.
@@ -120,11 +120,11 @@ class CellBlocks:
 
     def _match(self, rows: PETSc.Mat) -> None:
         """Find the entries of the rows among the own blocks, and the received blocks among them."""
-        self._rows, self._pattern = rows, pattern_of(rows)
+        self._rows, self._pattern = rows, _pattern_of(rows)
         self._parts = []
         for part in local_csr(rows):
             first = self._first if part.numbers is None else 0
-            positions = find_in_blocks(part, self._own.starts, self._own.numbered() - first)
+            positions = _find_in_blocks(part, self._own.starts, self._own.numbered() - first)
             entries = np.empty(4 * self._received_rows.size, np.int64)
             blocks = self._received_rows - self._first, self._received_columns - first
             node_blocks.find_entries(part.starts, part.numbered(), *blocks, entries)
@@ -136,7 +136,7 @@ class CellBlocks:
         Args:
             rows: The matrix of the constructor, or one with the same layout and another pattern.
         """
-        if rows != self._rows or pattern_of(rows) != self._pattern:
+        if rows != self._rows or _pattern_of(rows) != self._pattern:
             self._match(rows)
         for part, positions, _ in self._parts:
             self._own.copy_to(part, positions, node_blocks.copy_to_rows)
@@ -157,7 +157,7 @@ def _matrix_of(nodes: npt.NDArray, order: Indices, rows: PETSc.Mat) -> PETSc.Mat
     """
     chosen = PETSc.IS().createBlock(2, nodes, comm=PETSc.COMM_SELF)
     (couplings,) = rows.createSubMatrices(chosen, chosen)
-    blocks = in_blocks(couplings)
+    blocks = _in_blocks(couplings)
     couplings.destroy()
     places = np.empty_like(nodes)
     places[order] = np.arange(len(order))
@@ -166,7 +166,7 @@ def _matrix_of(nodes: npt.NDArray, order: Indices, rows: PETSc.Mat) -> PETSc.Mat
     return blocks
 
 
-def find_in_blocks(rows: LocalRows, starts: npt.NDArray, columns: npt.NDArray) -> Indices:
+def _find_in_blocks(rows: LocalRows, starts: npt.NDArray, columns: npt.NDArray) -> Indices:
     """Positions of the entries (entries,) among the values of blocks, -1 outside of all (local).
 
     Args:
@@ -184,19 +184,17 @@ def come_in_pairs(rows: PETSc.Mat) -> bool:
     return rows.getType() in ("seqaij", "mpiaij") and rows.getBlockSize() == 2
 
 
-def in_blocks(rows: PETSc.Mat) -> PETSc.Mat:
-    """Blocks that contain all entries of a matrix with such rows on one rank; values are zero."""
+def _in_blocks(rows: PETSc.Mat) -> PETSc.Mat:
+    """Blocks of zeros that contain all entries of a matrix on one rank, with rows in pairs."""
     starts, columns = rows.getRowIJ()
-    block_starts, block_columns = (
-        np.empty(len(starts) // 2 + 1, starts.dtype),
-        np.empty_like(columns),
-    )
+    block_columns = np.empty_like(columns)
+    block_starts = np.empty(len(starts) // 2 + 1, starts.dtype)
     node_blocks.find_blocks(starts, columns, block_starts, block_columns)
     csr = block_starts, block_columns[: block_starts[-1]]
     return PETSc.Mat().createBAIJ(rows.getSize(), 2, csr=csr, comm=rows.comm)
 
 
-def pattern_of(rows: PETSc.Mat) -> tuple[float, list[int]]:
+def _pattern_of(rows: PETSc.Mat) -> tuple[float, list[int]]:
     """Number of entries of a matrix on this rank; on several ranks, handles of its parts (local).
 
     An extension of the pattern replaces the parts even if it adds nothing.
