@@ -127,7 +127,8 @@ class CellBlocks:
             positions = _find_in_blocks(part, self._own.starts, self._own.numbered() - first)
             entries = np.empty(4 * self._received_rows.size, np.int64)
             blocks = self._received_rows - self._first, self._received_columns - first
-            node_blocks.find_entries(part.starts, part.numbered(), *blocks, entries)
+            if entries.size:
+                node_blocks.find_entries(part.starts, part.numbered(), *blocks, entries)
             self._parts.append((part, positions, entries))
 
     def copy_to(self, rows: PETSc.Mat) -> None:
