@@ -2,7 +2,7 @@
 """Rows of tables, copied by loops.
 
 numba compiles an assignment of an array to a part of another one with checks of shapes and overlap:
-ten times the code, which each process loads.
+up to ten times the code, which each process loads.
 """
 
 import numpy as np
