@@ -35,8 +35,9 @@ if "${pytest[@]}" --help | grep -q no-loadscope-reorder; then spread+=(--no-load
 # scenes that friction holds those of test_floating and test_redundancy do.
 on_three=(tests/interface/test_{surfaces,bad_surfaces,operators}.py
     tests/contact/test_{contact,initial_gap}.py tests/mesh/test_{mesh,dirichlet,mesh_scripts}.py
-    tests/problem/test_{not_finite,bad_spaces,bad_options}.py tests/io/test_results.py tests/bulk/test_cell_blocks.py
+    tests/problem/test_{not_finite,bad_spaces,bad_options}.py tests/io/test_results.py
     tests/equations/test_{singular,no_convergence}.py tests/la/test_system.py tests/utils/test_compat.py
+    tests/bulk/test_cell_blocks.py
     tests/path/test_{stepping,dead_end}.py tests/verification/test_invariance.py)
 failed=0
 summary=()

@@ -29,14 +29,9 @@ def form(ufl_form: ufl.Form) -> fem.Form:
         return fem.form(ufl_form, **own_options(fem.form))
 
 
-def create_matrix(a: fem.Form, kind: str | None = None) -> PETSc.Mat:
-    """Create the sparse matrix of a bilinear form, with the form's pattern (collective).
-
-    Args:
-        a: The form.
-        kind: PETSc's type of the matrix; by default its own choice.
-    """
-    return dolfinx.fem.petsc.create_matrix(a, kind)
+def create_matrix(a: fem.Form) -> PETSc.Mat:
+    """Create the sparse matrix of a bilinear form, with the form's pattern (collective)."""
+    return dolfinx.fem.petsc.create_matrix(a)
 
 
 def assemble_matrix(A: PETSc.Mat, a: fem.Form) -> None:
