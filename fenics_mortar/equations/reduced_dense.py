@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 
 from fenics_mortar.la.solver import LINEAR_TOLERANCE
 from fenics_mortar.utils.arrays import Array, Indices
@@ -59,14 +59,15 @@ def solve_dense(
     K_c, B_T, C, A_z = matrices
     coupled = B_T.row[np.isin(B_T.col, some)]
     t = np.unique(np.concatenate([K_c.row, K_c.col, coupled, C.col[np.isin(C.row, some)]]))
-    K_t, B_t, A_t = _dense(K_c, t, t), _dense(B_T, t, some), A[t]
-    scale = weight[some, None]
-    matrix = np.block(
-        [
-            [np.eye(t.size) + A_t[:, t] @ K_t, A_t[:, t] @ B_t],
-            [scale * _dense(C, some, t), scale * _dense(A_z, some, some)],
-        ]
-    )
+    K_t, B_t, A_t = _part(K_c, t, t), _part(B_T, t, some), A[t]
+    matrix = np.empty((t.size + some.size, t.size + some.size))
+    upper, lower = np.split(matrix, [t.size])
+    upper[:, : t.size] = (K_t.T @ A_t[:, t]).T  # A is symmetric
+    upper[:, t.size :] = (B_t.T @ A_t[:, t]).T
+    upper[np.diag_indices(t.size)] += 1.0
+    lower[:, : t.size] = _part(C, some, t).toarray()
+    lower[:, t.size :] = _part(A_z, some, some).toarray()
+    lower *= weight[some, None]
     right = np.concatenate([d[t], weight[some] * rhs[some]])
     try:
         x = np.linalg.solve(matrix, right)
@@ -99,13 +100,11 @@ def solve_alone(A_z: coo_array, nodes: Indices, rhs: Array) -> Array:
     return z.ravel()
 
 
-def _dense(matrix: coo_array, rows: Indices, columns: Indices) -> Array:
-    """Dense submatrix of ascending rows and columns (local)."""
-    inside = np.isin(matrix.row, rows) & np.isin(matrix.col, columns)
-    i, j = (
-        np.searchsorted(some, index[inside])
-        for some, index in ((rows, matrix.row), (columns, matrix.col))
-    )
-    shape = rows.size, columns.size
-    entries = np.bincount(i * shape[1] + j, matrix.data[inside], shape[0] * shape[1])
-    return entries.reshape(shape).astype(np.float64)
+def _part(matrix: coo_array, rows: Indices, columns: Indices) -> csr_array:
+    """Submatrix of ascending rows and columns (local)."""
+    i, j = np.full(matrix.shape[0], -1), np.full(matrix.shape[1], -1)
+    i[rows], j[columns] = np.arange(rows.size), np.arange(columns.size)
+    row, column = i[matrix.row], j[matrix.col]
+    inside = (row >= 0) & (column >= 0)
+    entries = matrix.data[inside], (row[inside], column[inside])
+    return csr_array(entries, shape=(rows.size, columns.size))

@@ -26,7 +26,7 @@ from fenics_mortar.equations.reduced import ReducedEquations
 from fenics_mortar.equations.reduced_tangent import ReducedTangent
 from fenics_mortar.la.compliance import Compliance, FactoredBulk
 from fenics_mortar.la.costs import COSTS
-from fenics_mortar.la.factored import column_groups
+from fenics_mortar.la.factored import column_groups, factored_bulk
 from fenics_mortar.newton.loop import Step
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
@@ -49,7 +49,7 @@ class SmallSlidingEquations(ReducedEquations):
         self._open: list[Array] = []
 
     def _factor(self, prefix: str) -> Any:
-        return FactoredBulk(self._bulk, self._dofs, prefix)
+        return FactoredBulk(self._bulk, self._dofs, factored_bulk(self._bulk, prefix))
 
     def tangent(self) -> ReducedTangent | None:
         """See ``ReducedEquations``; the compliance is computed first if this reduces the cost."""

@@ -30,7 +30,7 @@ class Costs:
     Attributes:
         iteration: Tangent, factorization and solution of an iteration, per unknown [us].
         first: Additional cost of the first iteration, the elimination order, per unknown [us].
-        once: Both factorizations of the constant bulk and their orders, per unknown [us].
+        once: Factorization of the constant bulk and its elimination order, per unknown [us].
         dense: Schur complement and inverse, per cube of the contact dofs [us].
         expected: Iterations of a solve; between 4, for a contact that hardly changes, and 9.
         per_factor: Memory of unsymmetric factors over n log2(n) of n unknowns [bytes].
@@ -42,7 +42,7 @@ class Costs:
 
     iteration: float = 5.0
     first: float = 2.0
-    once: float = 9.0
+    once: float = 4.0
     dense: float = 1e-4
     expected: int = 5
     per_factor: float = 62.0

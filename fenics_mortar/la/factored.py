@@ -47,6 +47,7 @@ def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC
         with options_added(prefix, {**ORDERING, "mat_mumps_icntl_14": workspace}):
             if rest is not None:
                 pc.setFactorSetUpSolverType()
+                pc.getFactorMatrix().setOptionsPrefix(prefix)
                 leave(pc.getFactorMatrix(), rest)
             pc.setUp()
         outcome = pc.getFactorMatrix().getMumpsInfog(1)
@@ -59,8 +60,8 @@ def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC
 def factored_by_cholmod(K: PETSc.Mat, prefix: str) -> PETSc.PC | None:
     """Factor by CHOLMOD on one rank; ``None`` if K is not positive definite (local).
 
-    For a single right-hand side CHOLMOD takes a third of the time of MUMPS (0.04 and 0.12 s at
-    169,000 unknowns); MUMPS is faster for many at once (0.01 s for each of 32).
+    For a single right-hand side CHOLMOD takes half of the time of MUMPS; MUMPS is faster for many
+    at once (0.04 and 0.01 s for each of 32 at 169,000 unknowns), and in factorizing.
     """
     pc = PETSc.PC().create(K.comm)
     pc.setOptionsPrefix(f"{prefix}single_")
@@ -79,25 +80,31 @@ def factored_by_cholmod(K: PETSc.Mat, prefix: str) -> PETSc.PC | None:
     return pc
 
 
-def factored_bulk(
-    bulk: Bulk, prefix: str, rest: Indices | None = None, *, single: bool = False
-) -> PETSc.PC:
+def factored_bulk(bulk: Bulk, prefix: str, rest: Indices | None = None) -> PETSc.PC:
     """Factor the bulk tangent with the prescribed dofs fixed (collective).
 
     Args:
         bulk: The bodies; their tangent is assembled and not changed.
         prefix: Prefix of PETSc's options.
         rest: See ``factored``.
-        single: Whether right-hand sides come one at a time.
     """
+    return factored(_supported(bulk), prefix, rest)
+
+
+def factored_bulk_by_cholmod(bulk: Bulk, prefix: str) -> PETSc.PC | None:
+    """As ``factored_bulk``, see ``factored_by_cholmod`` (local)."""
+    return factored_by_cholmod(_supported(bulk), prefix)
+
+
+def _supported(bulk: Bulk) -> PETSc.Mat:
+    """The bulk tangent with the prescribed dofs fixed (collective)."""
     prescribed = PETSc.IS().createGeneral(
         (bulk.prescribed_dofs + bulk.first).astype(PETSc.IntType), bulk.comm
     )
     K = bulk.K.copy()
     K.zeroRowsColumns(prescribed, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
     K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    pc = factored_by_cholmod(K, prefix) if single and K.comm.size == 1 else None
-    return pc or factored(K, prefix, rest)
+    return K
 
 
 def column_groups(count: int) -> list[Indices]:
