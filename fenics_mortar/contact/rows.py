@@ -36,11 +36,13 @@ class Rows:
         blocks: Blocks with rows 2 j + component and displacement dofs as columns.
         A_z: Shape (slave nodes, 2, 2) [length].
         rhs: Shape (slave nodes, 2) [stress length].
+        frame: Weights of the rows.
     """
 
     blocks: list[Block]
     A_z: Array
     rhs: Array
+    frame: Frame
 
 
 class InterfaceRows(ABC):
@@ -89,7 +91,7 @@ class ContactRows(InterfaceRows):
         """See ``InterfaceRows``."""
         f: ContactFields = self._interface.now
         o = f.operators
-        normal, idle, *weights = self.frame()
+        normal, idle, *weights = frame = self.frame()
         blocks: list[Block] = []
         rhs, by_gap = -normal * o.gap[:, None], np.zeros(normal.shape)
         A_z = np.zeros((*normal.shape, 2))
@@ -106,7 +108,7 @@ class ContactRows(InterfaceRows):
             if slips:
                 along = -weight * row.by_slip[:, None]
                 blocks += [_normal_rows(block, along) for block in f.state.partners.derivative(o)]
-        return Rows([*_gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
+        return Rows([*_gap_rows(f, normal, by_gap), *blocks], A_z, rhs, frame)
 
     def measure(self) -> tuple[float, float]:
         """See ``InterfaceRows``."""

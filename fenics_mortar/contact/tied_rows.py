@@ -63,13 +63,14 @@ class TiedRows(InterfaceRows):
     def linearized(self) -> Rows:
         """See ``InterfaceRows``."""
         f: TiedFields = self._interface.now
-        diagonal, weight = self.frame()
+        diagonal, weight = frame = self.frame()
         blocks = [
             Block(block.columns, block.rows, block.values * weight[block.columns[:, :1, None] // 2])
             for block in self._interface.force_blocks()
         ]
         inactive = np.where(f.state.active, 0.0, -diagonal)
-        return Rows(blocks, inactive[:, None, None] * np.eye(2), -weight[:, None] * f.jump)
+        A_z = inactive[:, None, None] * np.eye(2)
+        return Rows(blocks, A_z, -weight[:, None] * f.jump, frame)
 
     def measure(self) -> tuple[float, float]:
         """See ``InterfaceRows``: the jump of active nodes."""

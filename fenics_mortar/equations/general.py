@@ -10,7 +10,7 @@ guess and model are chosen by ``problem`` and ``solver``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from mpi4py import MPI
 
@@ -24,6 +24,8 @@ from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
+from fenics_mortar.equations.increment import NO_MOTION, Increment
+from fenics_mortar.equations.last_tangent import LastTangent
 from fenics_mortar.equations.linearized import Tangent
 from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.options import EQUATIONS
@@ -44,28 +46,9 @@ from fenics_mortar.utils.errors import together
 from fenics_mortar.utils.rounding import TINY
 from fenics_mortar.verify.crossing import Crossings
 
-# Motions for a problem without obstacles.
-NO_MOTION: Array = np.zeros((0, 3))
-
 
 def no_tangent() -> None:
     """There are no factors of a linear bulk (local)."""
-
-
-class Increment(NamedTuple):
-    """Solution of the linearized equations.
-
-    Attributes:
-        u: Increment of the displacement and other unknowns of the bulk, owned dofs [length].
-        z: The new multipliers of each pair, shape (slave nodes, 2) [stress].
-        motion: Increments of the motions of obstacles, shape (obstacles, 3) [length].
-        remark: Remarks on the solution; "" if there are none.
-    """
-
-    u: Array
-    z: list[Array]
-    motion: Array
-    remark: str
 
 
 class ContactEquations:
@@ -120,6 +103,7 @@ class ContactEquations:
             self.floating, self.motions, self.stiffest, self.residual.forces
         )
         self._set_record = SetRecord(contacts)
+        self._last_tangent = LastTangent(bulk, self.residual, self._set_record)
         self.remedies = Remedies(
             self.floating, self.residual, self._set_record, self._adopt_linearized_sets
         )
@@ -159,6 +143,7 @@ class ContactEquations:
         if start:
             self._set_record.begin()
             self._redundancy.begin()
+            self._last_tangent.drop()
             self.residual.begin()
             for contact in self.contacts:
                 contact.begin()
@@ -215,9 +200,16 @@ class ContactEquations:
         """Carry out one Newton iteration: linearize, solve, apply; too long a step is shortened."""
         if self.floating.bodies:
             self.remedies.replace_unsettled_sets()
-        self.linearize()
-        increment = self.solve_linear()
-        return self.apply(increment)
+        increment = self._solve_with_last_tangent()
+        if increment is None:
+            self.linearize()
+            increment = self.solve_linear()
+            if not (self.floating.bodies or self.motions.driven.any()):
+                self._last_tangent.keep(self.system, increment)
+        step = self.apply(increment)
+        if step.fraction < 1.0:
+            self._last_tangent.drop()
+        return step
 
     def linearize(self) -> None:
         """Assemble the tangent of all equations at the last evaluated state."""
@@ -228,11 +220,20 @@ class ContactEquations:
         self.system.assemble()
         raise_stored(self.comm, self.contacts)
 
+    @property
+    def _goal(self) -> float:
+        """Residual at which the iteration ends [stress length]."""
+        return self.newton.residual_tolerance * self.residual.force
+
+    @clock("solve")
+    def _solve_with_last_tangent(self) -> Increment | None:
+        """See ``LastTangent.step``; the state is not changed."""
+        return self._last_tangent.step(self.system, self._goal)
+
     @clock("solve")
     def solve_linear(self) -> Increment:
         """Solve the linearized equations; the state is not changed."""
-        residual = self.residual
-        goal = self.newton.residual_tolerance * residual.force
+        residual, goal = self.residual, self._goal
         solver = self.system.solver
         may_be_loose = solver.multigrid is not None and self._set_record.num_changed
         force = residual.force if may_be_loose else 0.0
@@ -256,7 +257,7 @@ class ContactEquations:
         for contact, z in zip(self.contacts, increment.z, strict=True):
             contact.move(z, fraction, step)
         size = self.bulk.largest(step)
-        if self.motions.obstacles:
+        if increment.motion.size:
             self.motions.move(fraction * increment.motion)
             size = max(size, float(np.abs(increment.motion).max()))
         return self.step(size, fraction, increment.remark)
@@ -311,6 +312,7 @@ class ContactEquations:
     def put(self, state: State) -> None:
         """Restore a state without evaluating operators (local)."""
         self.bulk.values[:] = state.u
+        self._last_tangent.drop()
         self.motions.places = state.places
         self.crossings.restore(state.accepted_positions, state.u)
         inertia = self.bulk.inertia

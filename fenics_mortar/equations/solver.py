@@ -154,7 +154,7 @@ class Solver:
             remarks = [
                 "the reduced iteration on the contact dofs failed: this step was solved on all dofs"
             ]
-        e.system.solver.count_anew()
+        e.system.count_anew()
         report = self._solve_on_all_dofs()
         self.linear_bulk.count(report.num_iterations)
         why = [e.system.describe_solver(), self.linear_bulk.choice if reduced is None else ""]

@@ -89,6 +89,7 @@ class CondensedSystem(LinearSystem):
     def assemble(self) -> None:
         """Add K_c + R K_S + C to K (collective)."""
         pair_rows = [contact.rows.linearized() for contact in self.contacts]
+        self.frames = [rows.frame for rows in pair_rows]
         inverses = [self._inverse(contact) for contact in self.contacts]
         entries = self._R_entries(pair_rows, inverses)
         if self._update_pattern():

@@ -70,6 +70,7 @@ class SaddleSystem(LinearSystem):
         """Blocks of K_c, B^T, C and A_z, the last three for scaled multipliers zeta."""
         pair_rows = [contact.rows.linearized() for contact in self.contacts]
         self._law_rhs = [rows.rhs for rows in pair_rows]
+        self.frames = [rows.frame for rows in pair_rows]
         yield DOF, DOF, self.force_derivative()
         yield DOF, MULTIPLIER, self.force_blocks()
         yield MULTIPLIER, DOF, self.law_blocks(pair_rows)

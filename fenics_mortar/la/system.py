@@ -33,7 +33,7 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.rows import Rows
+from fenics_mortar.contact.rows import Frame, Rows
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.coupling import Coupling
 from fenics_mortar.la.multigrid import ContactPreconditioner
@@ -52,6 +52,8 @@ class LinearSystem(ABC):
         solver: Solver for ``matrix``.
         reason: Why the multipliers are unknowns or not, as text; "" for the default, not.
         matrix: The last assembled matrix, scaled, with the rows of prescribed dofs.
+        num_kept: Number of iterations without a new tangent since ``count_anew``.
+        frames: Weights of the rows of each contact in it, see ``contact.rows``.
     """
 
     has_multipliers: bool  # whether the matrix has rows of multipliers
@@ -87,6 +89,8 @@ class LinearSystem(ABC):
         self._couplings: list[Coupling] = []
         self._pattern = 0
         self.matrix: PETSc.Mat
+        self.frames: list[Frame] = []
+        self.num_kept = 0
         self._prescribed_scale = 1.0
 
     @abstractmethod
@@ -127,7 +131,15 @@ class LinearSystem(ABC):
         form = "saddle-point" if self.has_multipliers else "condensed"
         why = f" ({self.reason})" if self.reason else ""
         unknowns = self.bulk.r.getSize()
-        return f"{form} system{why}, {unknowns} unknowns of the bulk, {self.solver.describe()}"
+        text = f"{form} system{why}, {unknowns} unknowns of the bulk, {self.solver.describe()}"
+        if self.num_kept:
+            text += f"; {self.num_kept} with the last tangent, whose change is negligible"
+        return text
+
+    def count_anew(self) -> None:
+        """Set the numbers of iterations with earlier tangents or factors to zero (local)."""
+        self.num_kept = 0
+        self.solver.count_anew()
 
     # Vectors
 
