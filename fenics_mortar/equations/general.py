@@ -70,6 +70,8 @@ class ContactEquations:
         crossings: Detection of crossed surfaces.
         interrupted: Whether matrices may be incomplete after an interruption.
         last_converged: Whether the last solve ended in the present state.
+        evaluated: Result of ``evaluate(start=True)`` at the present state, an initial guess, for
+            the solve that follows; else ``None``.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
         system: The linear system; has to be set before the first ``advance``.
         adequacy: An ``AdequacyCheck`` that follows each solve, or ``None``.
@@ -98,12 +100,13 @@ class ContactEquations:
         self.floating.find()
         self.crossings = Crossings(bulk, contacts, self.floating)
         self.last_converged = self.interrupted = False
+        self.evaluated: Status | None = None
         self.residual = Residual(bulk, contacts, self.floating, self.motions, self.stiffest)
         self.springs = CombinedSprings(
             self.floating, self.motions, self.stiffest, self.residual.forces
         )
         self._set_record = SetRecord(contacts)
-        self._last_tangent = LastTangent(bulk, self.residual, self._set_record)
+        self._last_tangent: LastTangent | None = None
         self.remedies = Remedies(
             self.floating, self.residual, self._set_record, self._adopt_linearized_sets
         )
@@ -133,6 +136,9 @@ class ContactEquations:
 
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
+        if start and self.evaluated is not None:
+            status, self.evaluated = self.evaluated, None
+            return status
         self.bulk.assemble_residual()
         if self.floating.bodies:
             self.floating.add_spring_forces()
@@ -140,10 +146,11 @@ class ContactEquations:
 
     def evaluate_without_bulk(self, *, start: bool) -> Status:
         """Evaluate operators and active sets, with the bulk residual already assembled."""
+        self.evaluated = None
         if start:
             self._set_record.begin()
             self._redundancy.begin()
-            self._last_tangent.drop()
+            self._last_tangent = None
             self.residual.begin()
             for contact in self.contacts:
                 contact.begin()
@@ -200,15 +207,16 @@ class ContactEquations:
         """Carry out one Newton iteration: linearize, solve, apply; too long a step is shortened."""
         if self.floating.bodies:
             self.remedies.replace_unsettled_sets()
-        increment = self._solve_with_last_tangent()
-        if increment is None:
-            self.linearize()
-            increment = self.solve_linear()
-            if not (self.floating.bodies or self.motions.driven.any()):
-                self._last_tangent.keep(self.system, increment)
-        step = self.apply(increment)
-        if step.fraction < 1.0:
-            self._last_tangent.drop()
+        last, self._last_tangent = self._last_tangent, None
+        if last is not None and not self._set_record.num_changed:
+            increment = self._solve_with(last)
+            if increment is not None:
+                return self.apply(increment)
+        self.linearize()
+        step = self.apply(self.solve_linear())
+        is_driven = self.motions.obstacles and self.motions.driven.any()
+        if step.fraction == 1.0 and not (self.floating.bodies or is_driven):
+            self._last_tangent = LastTangent(self.system.matrix.stateGet(), step.increment)
         return step
 
     def linearize(self) -> None:
@@ -220,20 +228,25 @@ class ContactEquations:
         self.system.assemble()
         raise_stored(self.comm, self.contacts)
 
-    @property
-    def _goal(self) -> float:
-        """Residual at which the iteration ends [stress length]."""
-        return self.newton.residual_tolerance * self.residual.force
-
-    @clock("solve")
-    def _solve_with_last_tangent(self) -> Increment | None:
-        """See ``LastTangent.step``; the state is not changed."""
-        return self._last_tangent.step(self.system, self._goal)
+    def _solve_with(self, tangent: LastTangent) -> Increment | None:
+        """Solve with the last tangent if the iteration is then expected to end, else ``None``."""
+        residual, residuals = self.residual, self._set_record.residuals
+        goal = self.newton.residual_tolerance * residual.force
+        increment = tangent.solve(self.system, residual, residuals, goal)
+        if increment is None:
+            return None
+        size = self.step(self.bulk.largest(increment.u)).increment
+        ends = size <= self.newton.increment_tolerance
+        if not ends or not tangent.suffices(residual, residuals, size):
+            return None
+        self.system.num_kept += 1
+        return increment
 
     @clock("solve")
     def solve_linear(self) -> Increment:
         """Solve the linearized equations; the state is not changed."""
-        residual, goal = self.residual, self._goal
+        residual = self.residual
+        goal = self.newton.residual_tolerance * residual.force
         solver = self.system.solver
         may_be_loose = solver.multigrid is not None and self._set_record.num_changed
         force = residual.force if may_be_loose else 0.0
@@ -312,7 +325,7 @@ class ContactEquations:
     def put(self, state: State) -> None:
         """Restore a state without evaluating operators (local)."""
         self.bulk.values[:] = state.u
-        self._last_tangent.drop()
+        self.evaluated = self._last_tangent = None
         self.motions.places = state.places
         self.crossings.restore(state.accepted_positions, state.u)
         inertia = self.bulk.inertia

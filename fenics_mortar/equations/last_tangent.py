@@ -10,10 +10,11 @@ A further step s with the same tangent, T s = -R_k, leads to
 
     R_(k+1) ~ R''(d, s),    |R_(k+1)| ~ 2 |R_k| |s| / |d|.
 
-If this is negligible beside the tolerance, a new tangent would not improve the result: assembly and
-factorization are saved, often in the last iteration of a load step. The estimate only selects the
-iteration: convergence is tested with the residual as in any other. In sliding and pressed blocks,
-linear and quadratic, the residual was 0.1 to 4 times the estimate.
+If this is negligible beside the rounding of the residual, a new tangent would not improve the
+result: assembly and factorization are saved, often in the last iteration of a load step. The
+estimate only selects the iteration: convergence is tested with the residual as in any other. In
+sliding and pressed blocks, linear and quadratic, with sizes of displacements, the residual was 0.3
+to 7 times the estimate.
 
 The step solves for increments of displacements and multipliers; the rows of multipliers have the
 weights with which T was assembled.
@@ -22,94 +23,72 @@ weights with which T was assembled.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
-import numpy as np
-
-from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.equations.increment import NO_MOTION, Increment
 from fenics_mortar.equations.residual import Residual
-from fenics_mortar.equations.set_record import SetRecord
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.loop import forcing
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.ranks import on_all_ranks
 from fenics_mortar.utils.rounding import TINY
 
-# Estimated residual after a step with the last tangent, over the tolerance [1], up to which it is
-# taken: as for linear solves, the rest does not show in the result.
-NEGLIGIBLE = 0.01
+# Estimated residual after a step with the last tangent, over the rounding of the residual [1]. Up
+# to this value the step is taken, since the result is that of a new tangent.
+MAX_ESTIMATE = 0.01
 
 
-class LastTangent:
+class LastTangent(NamedTuple):
     """The tangent of the last iteration, which may serve one more.
 
-    Args:
-        bulk: The bodies.
-        residual: Residual of the last evaluated state.
-        record: Sets and residuals of the iterations so far.
+    Attributes:
+        matrix_state: State of the system's matrix when it was assembled, as PETSc counts changes.
+        size: Size of the step over that of the displacement [1].
     """
 
-    def __init__(self, bulk: Bulk, residual: Residual, record: SetRecord) -> None:
-        self._bulk, self._residual, self._record = bulk, residual, record
-        self.drop()
+    matrix_state: int
+    size: float
 
-    def drop(self) -> None:
-        """Exclude the present tangent from further iterations (local)."""
-        self._matrix_state = -1  # as PETSc counts the changes of a matrix
-
-    def keep(self, system: LinearSystem, increment: Increment) -> None:
-        """Allow one further iteration with the tangent of a full step (collective).
+    def solve(
+        self, system: LinearSystem, residual: Residual, residuals: Sequence[float], goal: float
+    ) -> Increment | None:
+        """Solve for a further step; ``None`` if a new tangent is better (collective).
 
         Args:
             system: The linear system.
-            increment: Its solution, not yet applied.
-        """
-        changes = [z - c.z for c, z in zip(system.contacts, increment.z, strict=True)]
-        self._matrix_state = system.matrix.stateGet()
-        self._sizes = self._sizes_of(increment.u, changes)
-
-    def step(self, system: LinearSystem, goal: float) -> Increment | None:
-        """Solve with the last tangent if the iteration is expected to end there (collective).
-
-        Args:
-            system: The linear system.
+            residual: Residual of the present state.
+            residuals: Residuals of the iterations so far [stress length].
             goal: Residual at which the iteration ends [stress length].
-
-        Returns:
-            The solution; ``None`` if a new tangent is needed.
         """
-        residuals = self._record.residuals
-        if self._matrix_state < 0 or self._record.num_changed or len(residuals) < 2:
+        if len(residuals) < 2 or estimate(residuals) > MAX_ESTIMATE * residual.attainable:
             return None
-        before, last = residuals[-2:]
-        kept, allowed = self._matrix_state, NEGLIGIBLE * goal
-        self.drop()
-        # before the solve, by residuals: increments rarely decrease faster
-        if not 2.0 * last * last <= allowed * before:
+        if not on_all_ranks(system.comm, system.matrix.stateGet() == self.matrix_state):
             return None
-        if not on_all_ranks(system.comm, system.matrix.stateGet() == kept):
-            return None
-        step, changes = self._solve(system, goal)
-        sizes = zip(self._sizes_of(step, changes), self._sizes, strict=True)
-        ratios = [new / max(old, TINY) for new, old in sizes]
-        if not 2.0 * last * max(ratios) <= allowed:
-            return None
-        system.num_kept += 1
-        z = [c.z + change for c, change in zip(system.contacts, changes, strict=True)]
-        return Increment(step, z, NO_MOTION, "")
-
-    def _solve(self, system: LinearSystem, goal: float) -> tuple[Array, list[Array]]:
-        """Increments of displacement and multipliers, with the present residuals (collective)."""
-        system.solver.forcing = forcing(self._record.residuals, goal)
-        f = -self._residual.total
-        f[self._bulk.prescribed_dofs] = self._residual.distance
+        system.solver.forcing = forcing(residuals, goal)
+        f = -residual.total
+        f[system.bulk.prescribed_dofs] = residual.distance
         rows = [
             -contact.rows.weighted(frame)
             for contact, frame in zip(system.contacts, system.frames, strict=True)
         ]
-        return system.split(system.solve(system.join(f, rows)))
+        with clock("solve"):
+            step, changes = system.split(system.solve(system.join(f, rows)))
+        z = [contact.z + change for contact, change in zip(system.contacts, changes, strict=True)]
+        return Increment(step, z, NO_MOTION, "")
 
-    def _sizes_of(self, step: Array, changes: Sequence[Array]) -> tuple[float, float]:
-        """Largest increments of displacement [length] and multipliers [stress] (collective)."""
-        of_z = max((float(np.abs(change).max(initial=0.0)) for change in changes), default=0.0)
-        return self._bulk.largest(step), of_z
+    def suffices(self, residual: Residual, residuals: Sequence[float], size: float) -> bool:
+        """Whether the step is negligible beside the last one, by its size [1] (local)."""
+        estimated = estimate(residuals, size / max(self.size, TINY))
+        return estimated <= MAX_ESTIMATE * residual.attainable
+
+
+def estimate(residuals: Sequence[float], ratio: float | None = None) -> float:
+    """Estimated residual after a step with the last tangent [stress length] (local).
+
+    Args:
+        residuals: Residuals of the iterations so far, at least two [stress length].
+        ratio: Size of the step over that of the last one [1]. Before it is known, that of the
+            residuals, since displacements rarely decrease faster.
+    """
+    before, last = residuals[-2:]
+    return 2.0 * last * (last / max(before, TINY) if ratio is None else ratio)

@@ -111,7 +111,10 @@ class Predictor:
         for other in (self._line, self._moving):
             other.left = max(other.left - (other is not kind), 0)
         self._used = kind or self._used
-        report = solve() if kind is None else self._solve_from_guess(kind, here, solve)
+        try:
+            report = solve() if kind is None else self._solve_from_guess(kind, here, solve)
+        finally:
+            self._problem.evaluated = None
         if not guesses:
             self._path = deque([self._path[-1]], self._path.maxlen)
         self._path.append(self._point(time))
@@ -143,9 +146,12 @@ class Predictor:
         best = min(found, key=itemgetter(0), default=(np.inf, None, here))
         if best[0] >= smallest and best[0] >= self._residual_at(here):
             best = (np.inf, None, here)
-        # with its own sets, on which rigid moves before the solve depend
-        go = problem.put if self._evaluated is best[2] else problem.restore
-        go(best[2])
+        if self._evaluated is not best[2]:
+            problem.restore(best[2])
+        elif problem.floating.bodies or problem.motions.driven.any():
+            problem.put(best[2])  # its own sets, on which rigid moves before the solve depend
+        else:
+            problem.evaluated = self._status
         return best[1]
 
     def _find_guesses(self, step: float) -> list[tuple[_Kind, State]]:
@@ -163,15 +169,15 @@ class Predictor:
 
     def _residual_at(self, state: State) -> float:
         """Set and evaluate a state; its residual, inf for inverted cells [stress length]."""
-        problem, self._evaluated = self._problem, state
+        problem, self._evaluated, self._status = self._problem, state, None
         problem.put(state)
         for contact in problem.contacts:
             contact.start_step()
         if problem.bulk.inverted_cells()[0]:
             problem.evaluate_operators()
             return np.inf
-        residual = problem.evaluate(start=True).residual
-        return residual if np.isfinite(residual) else np.inf
+        self._status = status = problem.evaluate(start=True)
+        return status.residual if np.isfinite(status.residual) else np.inf
 
     def _under_pressure(self) -> npt.NDArray[np.bool_]:
         """Marks of pairs under pressure, shape (contacts,), bool (local)."""

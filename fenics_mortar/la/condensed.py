@@ -210,7 +210,7 @@ class CondensedSystem(LinearSystem):
         rhs[self._rows.local] += _times(self._R.mat, f[slave], self._vectors_of("R", self._R.mat))
         rhs += np.bincount(slave, h, rhs.size)  # a node may be a slave of several pairs
         rhs[prescribed] = self._prescribed_scale * f[prescribed]
-        dd = self._solve(rhs)
+        dd = self.solver.solve(self.matrix, rhs)
         forces = _times(self._slave_K, dd, self._vectors_of("K_S", self._slave_K))
         return np.concatenate([dd, self._Z * (f[slave] - forces)])
 
@@ -224,7 +224,9 @@ class CondensedSystem(LinearSystem):
         """Solve A^T x = [a, b] (collective)."""
         prescribed, slave = self.bulk.prescribed_dofs, self._slave_dofs
         t = self._Z * b
-        w = self._solve(a - _times(self._slave_K, t, transpose=True), transpose=True)
+        w = self.solver.solve(
+            self.matrix, a - _times(self._slave_K, t, transpose=True), transpose=True
+        )
         at_prescribed, w[prescribed] = self._prescribed_scale * w[prescribed], 0.0
         y = w.copy()
         gathered = t + _times(self._R.mat, w[self._rows.local], transpose=True)

@@ -135,7 +135,7 @@ class SaddleSystem(LinearSystem):
         present, product = self.matrix.createVecs()
         present.array[size:] = self.collect(c.z for c in self.contacts).ravel() / self._scales
         self.matrix.mult(present, product)
-        x = self._solve(rhs - product.array_r) + present.array_r
+        x = self.solver.solve(self.matrix, rhs - product.array_r) + present.array_r
         present.destroy()
         product.destroy()
         return self._scale_multipliers(x)
@@ -143,8 +143,10 @@ class SaddleSystem(LinearSystem):
     def solve(self, b: Array, *, transpose: bool = False) -> Array:
         """Solve with the saddle-point system; see ``LinearSystem.solve`` (collective)."""
         if transpose:
-            return self._scale_rows(self._solve(self._scale_multipliers(b), transpose=True))
-        return self._scale_multipliers(self._solve(self._scale_rows(b)))
+            return self._scale_rows(
+                self.solver.solve(self.matrix, self._scale_multipliers(b), transpose=True)
+            )
+        return self._scale_multipliers(self.solver.solve(self.matrix, self._scale_rows(b)))
 
     def _scale_rows(self, b: Array) -> Array:
         """S_r b."""

@@ -247,10 +247,6 @@ class LinearSystem(ABC):
         f[self.bulk.prescribed_dofs] = distance
         return f
 
-    def _solve(self, rhs: Array, *, transpose: bool = False) -> Array:
-        """Solve with ``matrix``, or its transpose; local arrays (collective)."""
-        return self.solver.solve(self.matrix, rhs, transpose=transpose)
-
 
 def components(nodes: Indices) -> Indices:
     """Numbers 2 j + component of both components of ``nodes`` (..., k), shape (..., 2 k)."""

@@ -147,3 +147,43 @@ def test_bodies_with_inertia_start_from_the_last_state():
         motion.step(0.1)
         assert np.array_equal(starts.u[-1], states[-1])
         states.append(starts.state())
+
+
+@pytest.mark.once
+def test_a_guess_is_evaluated_once(monkeypatch):
+    """One assembly for the guess and for each iteration; the result is that of another one."""
+    starts, _ = pressed_twice()
+    equations, assembled = starts.problem.equations, []
+    assemble = equations.bulk.assemble_residual
+
+    def counted():
+        assembled.append(1)
+        assemble()
+
+    monkeypatch.setattr(equations.bulk, "assemble_residual", counted)
+    _, report = starts.solve(0.0, -0.15)
+    assert len(assembled) == 1 + report.num_iterations
+    assert equations.evaluated is None
+    residual = equations.residual.measure()
+    assert equations.evaluate(start=True).residual == pytest.approx(residual, rel=1e-12)
+
+
+@pytest.mark.once
+def test_the_evaluation_of_a_guess_ends_with_the_solve(monkeypatch):
+    """After an interruption new loads are evaluated."""
+    starts, states = pressed_twice()
+    equations = starts.problem.equations
+
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as broken:
+        broken.setattr("fenics_mortar.equations.solver.begin_step", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            starts.solve(0.0, -0.15)
+    assert equations.evaluated is None
+    _, report = starts.solve(0.0, -0.12)
+    assert report.converged and np.abs(starts.state() - states[1]).max(initial=0.0) > 0.0
+    other, _ = pressed_twice()
+    other.solve(0.0, -0.12, predict=False)
+    assert np.abs(other.state() - starts.state()).max(initial=0.0) < 1e-8
