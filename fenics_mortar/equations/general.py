@@ -70,8 +70,8 @@ class ContactEquations:
         crossings: Detection of crossed surfaces.
         interrupted: Whether matrices may be incomplete after an interruption.
         last_converged: Whether the last solve ended in the present state.
-        evaluated: Result of ``evaluate(start=True)`` at the present state, an initial guess, for
-            the solve that follows; else ``None``.
+        evaluated: An initial guess and the result of ``evaluate(start=True)``, for the solve that
+            follows; else ``None``.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
         system: The linear system; has to be set before the first ``advance``.
         adequacy: An ``AdequacyCheck`` that follows each solve, or ``None``.
@@ -100,7 +100,7 @@ class ContactEquations:
         self.floating.find()
         self.crossings = Crossings(bulk, contacts, self.floating)
         self.last_converged = self.interrupted = False
-        self.evaluated: Status | None = None
+        self.evaluated: tuple[State, Status] | None = None
         self.residual = Residual(bulk, contacts, self.floating, self.motions, self.stiffest)
         self.springs = CombinedSprings(
             self.floating, self.motions, self.stiffest, self.residual.forces
@@ -137,7 +137,7 @@ class ContactEquations:
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
         if start and self.evaluated is not None:
-            status, self.evaluated = self.evaluated, None
+            (_, status), self.evaluated = self.evaluated, None
             return status
         self.bulk.assemble_residual()
         if self.floating.bodies:
@@ -146,7 +146,10 @@ class ContactEquations:
 
     def evaluate_without_bulk(self, *, start: bool) -> Status:
         """Evaluate operators and active sets, with the bulk residual already assembled."""
-        self.evaluated = None
+        if self.evaluated is not None:  # by equations that are reduced
+            self.put(self.evaluated[0])
+            for contact in self.contacts:
+                contact.start_step()
         if start:
             self._set_record.begin()
             self._redundancy.begin()

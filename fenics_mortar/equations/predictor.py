@@ -150,8 +150,8 @@ class Predictor:
             problem.restore(best[2])
         elif problem.floating.bodies or problem.motions.driven.any():
             problem.put(best[2])  # its own sets, on which rigid moves before the solve depend
-        else:
-            problem.evaluated = self._status
+        elif self._status is not None:
+            problem.evaluated = best[2], self._status
         return best[1]
 
     def _find_guesses(self, step: float) -> list[tuple[_Kind, State]]:

@@ -15,8 +15,6 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 from scipy.linalg import LinAlgError, solve
 from scipy.sparse import csr_array
@@ -130,13 +128,8 @@ class SmallSlidingEquations(ReducedEquations):
         """Compute the displacements due to pressures of newly active nodes."""
         new = np.flatnonzero(self._active & ~self._known)
         for group in column_groups(new.size):
-            loads = self._compliance.loads(pushes[:, new[group]].T.tocsr())
-            responses = self._compliance.responses(loads)
-            columns = self._compliance.at_contact(responses)
-            self._general.comm.Allreduce(MPI.IN_PLACE, columns)
-            self._responses[:, new[group]] = columns
-            loads.destroy()
-            responses.destroy()
+            forces = pushes[:, new[group]].T.tocsr()
+            self._responses[:, new[group]] = self._compliance.responses(forces)
         self._known[new] = True
 
     def _solve_pressures(self, pushes: csr_array) -> tuple[Array, Array, Array]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -11,14 +12,19 @@ from scipy.sparse import csr_array
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.la.contact_dofs import ContactDofs
-from fenics_mortar.la.factored import factored_bulk, factored_bulk_by_cholmod
+from fenics_mortar.la.factored import column_groups, factored_bulk, factored_bulk_by_cholmod
 from fenics_mortar.la.sparse import schur_complement
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, raise_together
+from fenics_mortar.utils.rounding import SOLVED
 
 # Number of single solves after which factors by CHOLMOD pay: they take about 40 times as long as a
 # solve by them saves (0.3 s and 8 ms at 41,000 unknowns, 1.5 s and 33 ms at 152,000).
 MANY_SOLVES = 40
+
+
+# INFOG(12) of MUMPS: number of negative pivots of a symmetric matrix
+NEGATIVE_PIVOTS = 12
 
 
 class FactoredBulk:
@@ -35,32 +41,32 @@ class FactoredBulk:
         free = ~bulk.prescribed[dofs.local]
         self._numbers, self._local = dofs.numbers[free], dofs.local[free]
 
-    def responses(self, loads: PETSc.Mat) -> PETSc.Mat:
-        """Solve for k right-hand sides at once (collective).
+    def responses(self, forces: csr_array) -> Array:
+        """Displacements of the contact dofs due to forces on them (collective).
 
         Args:
-            loads: Forces on free dofs, sparse, one load a row, shape (k, dofs) [stress length]; all
-                rows on rank 0, as MUMPS requires.
+            forces: One load a row, shape (k, size) [stress length], used on rank 0 only; k up to
+                ``factored.COLUMNS``. Forces on prescribed dofs are dropped.
 
         Returns:
-            Displacements, dense, shape (dofs, k) [length].
+            Displacements, zero at prescribed dofs, shape (size, k) [length].
         """
-        count = loads.getSize()[0]
-        responses = PETSc.Mat().createDense(
+        count, loads = forces.shape[0], self._loads(forces)
+        moved = PETSc.Mat().createDense(
             ((self._bulk.num_owned, None), (None, count)), comm=self._bulk.comm
         )
-        responses.setUp()
-        responses.assemble()
-        self._factors.getFactorMatrix().matSolve(PETSc.Mat().createTranspose(loads), responses)
-        return responses
+        moved.setUp()
+        moved.assemble()
+        self._factors.getFactorMatrix().matSolve(PETSc.Mat().createTranspose(loads), moved)
+        values = np.zeros((self._dofs.size, count))
+        values[self._numbers] = moved.getDenseArray()[self._local]
+        self._bulk.comm.Allreduce(MPI.IN_PLACE, values)
+        loads.destroy()
+        moved.destroy()
+        return values
 
-    def loads(self, forces: csr_array) -> PETSc.Mat:
-        """The argument of ``responses`` for forces on the contact dofs (collective).
-
-        Args:
-            forces: One load a row, shape (k, size) [stress length], used on rank 0 only. Forces on
-                prescribed dofs are dropped.
-        """
+    def _loads(self, forces: csr_array) -> PETSc.Mat:
+        """Forces (k, size) as rows (k, dofs), all on rank 0, as MUMPS requires (collective)."""
         here = self._bulk.comm.rank == 0
         forces = forces[: forces.shape[0] if here else 0].tocoo()
         columns = self._dofs.free_globals[forces.col]
@@ -70,12 +76,6 @@ class FactoredBulk:
         csr = rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data
         sizes = (size[0], None), (size[1], None)
         return PETSc.Mat().createAIJ(sizes, csr=csr, comm=self._bulk.comm)
-
-    def at_contact(self, responses: PETSc.Mat) -> Array:
-        """Owned rows of ``responses`` [length] at contact dofs, else 0, shape (size, k) (local)."""
-        values = np.zeros((self._dofs.size, responses.getSize()[1]))
-        values[self._numbers] = responses.getDenseArray()[self._local]
-        return values
 
     def solve(self, force: PETSc.Vec) -> PETSc.Vec:
         """Displacement due to forces on the free dofs; changes ``force`` (collective)."""
@@ -101,6 +101,10 @@ class Compliance(FactoredBulk):
     def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
         self.A, factors = _compliance(bulk, dofs, prefix)
         super().__init__(bulk, dofs, factors)
+        if not self._is_accurate():
+            self._factors.destroy()
+            self._factors = factored_bulk(bulk, prefix)
+            self.A = self._by_columns()
         self._prefix, self._num_solves = prefix, 0
         self._changes = np.empty((0, bulk.prescribed_dofs.size))
         self._responses_to_changes = np.empty((0, dofs.size))
@@ -115,6 +119,38 @@ class Compliance(FactoredBulk):
                 self._factors.destroy()
                 self._factors = faster
         return super().solve(force)
+
+    def _is_accurate(self) -> bool:
+        """Whether A and the factors are accurate (collective).
+
+        With fixed contact dofs K may be singular though K itself is not, if it is indefinite: an
+        incompressible body inside a rigid boundary. K and A are then compared for one load.
+        """
+        bulk, dofs = self._bulk, self._dofs
+        if not self._factors.getFactorMatrix().getMumpsInfog(NEGATIVE_PIVOTS):
+            return True
+        force, rest = bulk.K.createVecs()
+        given = np.where(dofs.free, np.cos(np.arange(dofs.size)), 0.0)
+        dofs.put(given, force.array)
+        response = FactoredBulk.solve(self, force)
+        bulk.K.mult(response, rest)
+        rest.axpy(-1.0, force)
+        rest.array[bulk.prescribed_dofs] = 0.0
+        balances = rest.norm() <= SOLVED * force.norm()
+        moved, by_A = dofs.gather(response.array_r), self.by_forces(given)
+        agrees = np.linalg.norm(by_A - moved) <= SOLVED * np.linalg.norm(moved)
+        return bool(balances and bulk.comm.bcast(bool(agrees)))
+
+    def _by_columns(self) -> Array:
+        """A column by column, by complete factors (collective)."""
+        size, here = self._dofs.size, self._bulk.comm.rank == 0
+        A = np.zeros((size, size) if here else (0, 0))
+        for group in column_groups(size):
+            entries = np.ones(group.size), (np.arange(group.size), group)
+            columns = self.responses(csr_array(entries, shape=(group.size, size)))
+            if here:
+                A[:, group] = columns
+        return A
 
     def by_forces(self, forces: Array) -> Array:
         """Displacements (size,) [length] due to ``forces`` (size,); 0 on ranks > 0 (local)."""

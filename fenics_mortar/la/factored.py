@@ -16,7 +16,7 @@ from fenics_mortar.utils.errors import MortarError
 # Factorizations in the order of trial, and memory in excess of the estimate of MUMPS [%], which may
 # be far too low on several ranks.
 FACTORS = (("cholesky", 50), ("cholesky", 300), ("lu", 300))
-# Elimination order of MUMPS (ICNTL 7): approximate minimum fill. The choice of MUMPS takes longer
+# Elimination order of MUMPS (ICNTL 7): approximate minimum degree. The choice of MUMPS takes longer
 # than the factorization, which is done once.
 ORDERING = {"mat_mumps_icntl_7": 0}
 # Right-hand sides per solve: more need more memory and gain little.

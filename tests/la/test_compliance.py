@@ -5,6 +5,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+import pytest
 from scenes import linear_elastic, pressed_blocks
 
 from fenics_mortar.la import compliance as compliance_module
@@ -64,6 +65,28 @@ def test_compliance_is_the_inverse_at_the_contact_dofs():
         assert np.abs(compliance.A - exact).max() < 1e-12 * np.abs(exact).max()
     else:
         assert compliance.A.shape == (0, 0)
+
+
+def test_compliance_by_columns_is_that_of_the_schur_complement(monkeypatch):
+    bulk, dofs = pressed()
+    one = Compliance(bulk, dofs, "compliance_test_")
+    monkeypatch.setattr(Compliance, "_is_accurate", lambda _: False)
+    other = Compliance(bulk, dofs, "compliance_test_")
+    assert one.A.shape == other.A.shape
+    size = np.abs(one.A).max(initial=1e-300)
+    assert np.abs(other.A - one.A).max(initial=0.0) < 1e-12 * size
+
+
+@pytest.mark.parametrize("defect", [0.0, 1e-3])
+def test_an_inaccurate_compliance_is_found(defect, monkeypatch):
+    """Compared also for a definite matrix: any count of MUMPS that is not zero."""
+    monkeypatch.setattr(compliance_module, "NEGATIVE_PIVOTS", 5)
+    bulk, dofs = pressed()
+    compliance = Compliance(bulk, dofs, "compliance_test_")
+    assert compliance._factors.getFactorMatrix().getMumpsInfog(5)
+    if comm.rank == 0:
+        compliance.A[dofs.free, :] *= 1.0 + defect
+    assert compliance._is_accurate() == (defect == 0.0)
 
 
 def test_solves_by_the_same_factors_and_later_by_those_of_cholmod(monkeypatch):
