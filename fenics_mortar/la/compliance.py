@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.la.contact_dofs import ContactDofs
 from fenics_mortar.la.factored import column_groups, factored_bulk, factored_bulk_by_cholmod
-from fenics_mortar.la.sparse import schur_complement
+from fenics_mortar.la.sparse import is_indefinite, schur_complement
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, raise_together
 from fenics_mortar.utils.rounding import SOLVED
@@ -21,10 +21,6 @@ from fenics_mortar.utils.rounding import SOLVED
 # Number of single solves after which factors by CHOLMOD pay: they take about 40 times as long as a
 # solve by them saves (0.3 s and 8 ms at 41,000 unknowns, 1.5 s and 33 ms at 152,000).
 MANY_SOLVES = 40
-
-
-# INFOG(12) of MUMPS: number of negative pivots of a symmetric matrix
-NEGATIVE_PIVOTS = 12
 
 
 class FactoredBulk:
@@ -127,7 +123,7 @@ class Compliance(FactoredBulk):
         incompressible body inside a rigid boundary. K and A are then compared for one load.
         """
         bulk, dofs = self._bulk, self._dofs
-        if not self._factors.getFactorMatrix().getMumpsInfog(NEGATIVE_PIVOTS):
+        if not is_indefinite(self._factors.getFactorMatrix()):
             return True
         force, rest = bulk.K.createVecs()
         given = np.where(dofs.free, np.cos(np.arange(dofs.size)), 0.0)

@@ -220,6 +220,11 @@ def schur_complement(factor: PETSc.Mat, num_left: int) -> npt.NDArray[np.float64
     return values
 
 
+def is_indefinite(factor: PETSc.Mat) -> bool:
+    """Whether a symmetric matrix factored by MUMPS has negative pivots (collective)."""
+    return bool(factor.getMumpsInfog(12))
+
+
 def is_symmetric(K: PETSc.Mat) -> bool:
     """Whether x . K y = y . K x for two irregular vectors (collective)."""
     x, y = K.createVecs()

@@ -79,11 +79,9 @@ def test_compliance_by_columns_is_that_of_the_schur_complement(monkeypatch):
 
 @pytest.mark.parametrize("defect", [0.0, 1e-3])
 def test_an_inaccurate_compliance_is_found(defect, monkeypatch):
-    """Compared also for a definite matrix: any count of MUMPS that is not zero."""
-    monkeypatch.setattr(compliance_module, "NEGATIVE_PIVOTS", 5)
+    monkeypatch.setattr(compliance_module, "is_indefinite", lambda _: True)
     bulk, dofs = pressed()
     compliance = Compliance(bulk, dofs, "compliance_test_")
-    assert compliance._factors.getFactorMatrix().getMumpsInfog(5)
     if comm.rank == 0:
         compliance.A[dofs.free, :] *= 1.0 + defect
     assert compliance._is_accurate() == (defect == 0.0)
