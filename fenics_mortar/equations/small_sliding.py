@@ -55,6 +55,7 @@ class SmallSlidingEquations(ReducedEquations):
         factors = COSTS.factors(unknowns, COSTS.expected)
         pays = COSTS.fits(unknowns, dofs) and COSTS.compliance(unknowns, dofs) < factors
         if self._tangent is None and pays:
+            self._bulk.assemble_tangent()  # a step on all dofs may have added terms to it
             compliance = Compliance(self._bulk, self._dofs, self._prefix)
             self._tangent = self._tangent_by(compliance)
         return self._tangent

@@ -22,7 +22,6 @@ SCENES = {
     "friction": {"pair": {"law": fm.Coulomb(0.2)}},
     "sliding": {"pair": {"law": fm.Coulomb(0.02)}, "slave": "lower"},
     "quadratic": {"degree": 2},
-    "frozen": {"problem": {"linearization": "frozen"}},
 }
 
 
@@ -45,7 +44,7 @@ def follow(name):
 
 
 @pytest.mark.once
-@pytest.mark.parametrize("name", [name for name in SCENES if name != "frozen"])
+@pytest.mark.parametrize("name", SCENES)
 def test_results_and_iterations_are_those_of_new_tangents(name, monkeypatch):
     one, counts = follow(name)
     monkeypatch.setattr(last_tangent, "MAX_ESTIMATE", 0.0)
@@ -58,7 +57,7 @@ def test_results_and_iterations_are_those_of_new_tangents(name, monkeypatch):
 
 
 @pytest.mark.once
-@pytest.mark.parametrize("name", [name for name in SCENES if name != "frozen"])
+@pytest.mark.parametrize("name", SCENES)
 def test_residual_after_the_step_follows_from_the_increments(name, monkeypatch):
     """Also far from the solution, where the estimate is above rounding."""
     monkeypatch.setattr(last_tangent, "MAX_ESTIMATE", 1e7)
