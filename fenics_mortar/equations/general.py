@@ -217,7 +217,7 @@ class ContactEquations:
                 return self.apply(increment)
         self.linearize()
         step = self.apply(self.solve_linear())
-        is_driven = self.motions.obstacles and self.motions.driven.any()
+        is_driven = self.motions.obstacles and self.motions.any_driven
         if step.fraction == 1.0 and not (self.floating.bodies or is_driven):
             self._last_tangent = LastTangent(self.system.matrix.stateGet(), step.increment)
         return step
@@ -248,14 +248,13 @@ class ContactEquations:
     @clock("solve")
     def solve_linear(self) -> Increment:
         """Solve the linearized equations; the state is not changed."""
-        residual = self.residual
+        residual, residuals = self.residual, self._set_record.residuals
         goal = self.newton.residual_tolerance * residual.force
-        solver = self.system.solver
-        may_be_loose = solver.multigrid is not None and self._set_record.num_changed
-        force = residual.force if may_be_loose else 0.0
-        solver.forcing = forcing(self._set_record.residuals, goal, force)
-        is_driven = bool(self.motions.obstacles and self.motions.driven.any())
-        solver.same_step = len(self._set_record.residuals) > 1 and not is_driven
+        solver, changes = self.system.solver, self._set_record.num_changed > 0
+        force = residual.force if solver.multigrid is not None else 0.0
+        solver.forcing = forcing(residuals, goal, force, sets_change=changes)
+        is_driven = self.motions.obstacles and self.motions.any_driven
+        solver.same_step = not (len(residuals) == 1 or is_driven)
         x, motion = self.system.step(residual.distance), NO_MOTION
         if self.motions.obstacles:
             x, motion = self.motions.solve(x, self.system, self.stiffest, residual.force)

@@ -64,7 +64,8 @@ class LastTangent(NamedTuple):
             return None
         if not on_all_ranks(system.comm, system.matrix.stateGet() == self.matrix_state):
             return None
-        system.solver.forcing = forcing(residuals, goal)
+        force = residual.force if system.solver.multigrid is not None else 0.0
+        system.solver.forcing = forcing(residuals, goal, force, sets_change=False)
         f = -residual.total
         f[system.bulk.prescribed_dofs] = residual.distance
         rows = [

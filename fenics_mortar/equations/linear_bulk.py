@@ -55,7 +55,7 @@ class LinearBulk:
         """The reduced equations, or ``None`` for all dofs; remarks (collective)."""
         if not self._possible:
             return None, []
-        if self._general.newton.damped or self._general.motions.driven.any():
+        if self._general.newton.damped or self._general.motions.any_driven:
             damped = self._general.newton.damped
             why = "steps are damped" if damped else "obstacles are driven by forces"
             self.choice = f"linear bulk factored in every iteration: {why}"

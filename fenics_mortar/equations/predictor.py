@@ -148,7 +148,7 @@ class Predictor:
             best = (np.inf, None, here)
         if self._evaluated is not best[2]:
             problem.restore(best[2])
-        elif problem.floating.bodies or problem.motions.driven.any():
+        elif problem.floating.bodies or problem.motions.any_driven:
             problem.put(best[2])  # its own sets, on which rigid moves before the solve depend
         elif self._status is not None:
             problem.evaluated = best[2], self._status

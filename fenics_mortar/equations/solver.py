@@ -176,7 +176,7 @@ class Solver:
         try:
             return solve(Damped(e, e.newton) if e.newton.damped else e, e.newton)
         except NotConvergedError as error:
-            loose = bool(e.floating.bodies) or e.motions.driven.any()
+            loose = bool(e.floating.bodies) or e.motions.any_driven
             if e.newton.tentative or not loose:
                 raise
             failed = error

@@ -197,20 +197,26 @@ def period_of(sets: list[bytes]) -> int:
     return 0
 
 
-def forcing(residuals: Sequence[float], goal: float, force: float = 0.0) -> float:
+def forcing(
+    residuals: Sequence[float], goal: float, force: float = 0.0, *, sets_change: bool = True
+) -> float:
     """Relative tolerance of the next linear solve [1] (Eisenstat & Walker 1996).
 
     The linear residual may be a tenth of the expected nonlinear residual, of second order, or a
-    hundredth of the tolerance of the iteration.
+    hundredth of the tolerance of the iteration. In the first iteration with other sets the residual
+    decreases by much more than in the last one, to which the order refers.
 
     Args:
         residuals: Residuals of the iterations so far [force].
         goal: Residual at which the iteration ends [force].
         force: Reference force, to allow linear residuals that are small beside it [force].
+        sets_change: Whether the last iteration changed active sets or branches.
     """
     last, before = residuals[-1], residuals[-2] if len(residuals) > 1 else 0.0
     loosest = max(LOOSE_FORCING * min(force / max(last, TINY), 1.0), MAX_FORCING)
     expected = 0.1 * (last / before) ** 2 if before > 0.0 else loosest
+    if not sets_change:
+        expected = min(expected, MAX_FORCING)
     enough = 0.01 * goal / last if last > goal else 0.01
     return min(max(expected, enough), loosest)
 

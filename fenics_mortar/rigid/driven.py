@@ -145,13 +145,13 @@ class DrivenObstacles(ObstacleMotions):
             evaluate: Function that evaluates the operators at the present state, not the active
                 sets.
         """
-        if self.driven.any():
+        if self.any_driven:
             evaluate()
             self.move(settling.follow(self))
 
     def settle(self, evaluate: Callable[[], object]) -> list[str]:
         """Move driven obstacles until contact stops them; see ``settling`` (collective)."""
-        if not self.driven.any():
+        if not self.any_driven:
             return []
         moved = settling.settle(self, evaluate)
         self._start = self.motions_of(self.places)

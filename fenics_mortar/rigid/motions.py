@@ -76,6 +76,11 @@ class ObstacleMotions:
         return float(np.abs(self.motions_of(self.places)).max(initial=0.0))
 
     @property
+    def any_driven(self) -> bool:
+        """Whether a force drives any obstacle (local)."""
+        return bool(self.driven.any())
+
+    @property
     def driven(self) -> npt.NDArray[np.bool_]:
         """Whether forces drive a motion, shape (obstacles, 3), bool."""
         return np.isfinite(self._of_all("load"))

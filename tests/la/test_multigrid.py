@@ -19,6 +19,8 @@ import fenics_mortar as fm
 from fenics_mortar.la.costs import Costs
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.options import ITERATIVE
+from fenics_mortar.la.solver import LinearSolver
+from fenics_mortar.newton.loop import MAX_FORCING
 from meshes import half_cylinder_on_block, two_blocks
 
 comm = MPI.COMM_WORLD
@@ -174,6 +176,34 @@ def test_iterations_do_not_grow_where_the_contact_is_curved(cylinder, block, mos
     assert fine <= 1.2 * coarse
 
 
+def test_last_solve_of_a_step_is_loose_and_applies_multigrid_once_per_iteration(monkeypatch):
+    """The linear residual may be a hundredth of the tolerance, far below rounding before."""
+    allowed, counts = [], [0, 0]
+    solve, apply = LinearSolver.solve, ContactPreconditioner.apply
+
+    def recorded(solver, *args, **options):
+        allowed.append(solver.forcing)
+        found = solve(solver, *args, **options)
+        counts[0] += solver.ksp.getIterationNumber()
+        return found
+
+    def counted(*args):
+        counts[1] += 1
+        apply(*args)
+
+    monkeypatch.setattr(LinearSolver, "solve", recorded)
+    monkeypatch.setattr(ContactPreconditioner, "apply", counted)
+    newton = fm.NewtonOptions()
+    scene = pressed_blocks(problem={"solver": "iterative", "newton": newton}, **MESH)
+    for push in (-0.02, -0.021):
+        allowed.clear()
+        scene.loads["push"].value[1] = push
+        report = scene.problem.solve()
+    assert allowed[0] == MAX_FORCING < allowed[-1]
+    assert report.iterations[-1].residual < 0.1 * newton.residual_tolerance
+    assert counts[0] == counts[1] > 0
+
+
 @pytest.mark.once
 @pytest.mark.parametrize("options", [{"solver": "iterative"}, {"linear_bulk": True}])
 def test_rigid_obstacle_is_pressed_into_a_block(options):
@@ -199,7 +229,7 @@ def test_unsupported_problems_are_refused():
 
 
 def solver_of(problem):
-    return {"gmres": "iterative", "preonly": "direct"}[problem.equations.system.ksp.getType()]
+    return {"fgmres": "iterative", "preonly": "direct"}[problem.equations.system.ksp.getType()]
 
 
 @pytest.mark.parametrize(

@@ -177,6 +177,15 @@ def test_linear_residual_is_small_beside_the_reference_force():
     assert 50.0 * further == pytest.approx(LOOSE_FORCING)
     assert forcing([1e6, 1.0, 0.5], 1e-10, force=1.0) == LOOSE_FORCING
     assert forcing([1e6, 1.0, 0.5], 1e-10) == MAX_FORCING
+    assert forcing([1e6, 1.0, 0.5], 1e-10, force=1.0, sets_change=False) == MAX_FORCING
+
+
+@pytest.mark.serial
+def test_linear_residual_may_be_a_hundredth_of_the_tolerance():
+    """With factors of an earlier iteration (no reference force) it remains relative."""
+    residuals, goal = [1e-2, 1e-4, 1e-8], 1e-10
+    assert 1e-8 * forcing(residuals, goal, force=1.0, sets_change=False) == pytest.approx(1e-12)
+    assert forcing(residuals, goal) == MAX_FORCING
 
 
 class Springs:
