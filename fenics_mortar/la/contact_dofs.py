@@ -26,9 +26,9 @@ class ContactDofs(SomeRows):
         self._surfaces = [side for contact in contacts for side in (contact.slave, contact.master)]
         dofs = np.concatenate([surface.dofs for surface in self._surfaces])
         super().__init__(dofs, bulk.first, bulk.num_owned)
-        self.size = self._rows.size
+        self.size = self.rows.size
         self.free = self.gather(bulk.prescribed.astype(float)) == 0.0
-        self.free_globals: Indices = np.where(self.free, self._rows, -1)
+        self.free_globals: Indices = np.where(self.free, self.rows, -1)
 
     def gather(self, values: Array) -> Array:
         """``values`` (local dofs,) [any unit] at the contact dofs, shape (size,) (collective)."""

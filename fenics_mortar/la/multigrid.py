@@ -44,7 +44,7 @@ by conjugate gradients with the cycle.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from mpi4py import MPI
@@ -57,7 +57,7 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.axes import quarter_turns, sliding_nodes, turned_axes
-from fenics_mortar.la.sparse import BlockMatrix, is_symmetric
+from fenics_mortar.la.sparse import BlockMatrix, SomeRows, is_symmetric
 from fenics_mortar.la.strip import Strip, dofs_near
 from fenics_mortar.la.touching import TouchingTangent
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -95,10 +95,14 @@ class ContactPreconditioner:
         self._bulk, self._contacts, self._prescribed = bulk, contacts, bulk.prescribed_dofs
         self._condensed = multipliers is None
         size, block_size = bulk.num_owned, bulk.space.block_size
-        self._motion, self._equations, self._idle, self._R = (
-            BlockMatrix(bulk.comm, size, size, block_size) for _ in range(4)
-        )
+        self._idle, self._R = (BlockMatrix(bulk.comm, size, size, block_size) for _ in range(2))
         self._strip = Strip(bulk, contacts, f"{prefix}strip_", multipliers or 0)
+        near = bulk.comm.allgather(self._strip.dofs + bulk.first)
+        self._near = SomeRows(np.concatenate(near), bulk.first, size)
+        num_near = self._near.owned.size
+        self._motion, self._equations = (
+            BlockMatrix(bulk.comm, num_near, num_near) for _ in range(2)
+        )
         self._slaves = [_nodes_near(bulk, contact.slave) for contact in contacts]
         self._prefix = f"{prefix}cycle_"
         self._cycle: Any = None
@@ -119,6 +123,7 @@ class ContactPreconditioner:
         if outdated:
             self._make_cycle(A, nodes)
         self._work = [A.createVecRight(), *(self._R.mat.createVecRight() for _ in range(3))]
+        self._work_near = self._motion.mat.createVecs()
 
     def forget_pattern(self) -> None:
         """Prepare for a matrix with another sparsity pattern."""
@@ -175,7 +180,7 @@ class ContactPreconditioner:
         tangent = A if self._condensed else A.createSubMatrix(dofs, dofs)
         tangents = self._axes[self._bulk.space.owned_dofs[:, 0], :, 0]
         transforms = self._motion.mat, self._equations.mat
-        B = self._tangent.assemble(tangent, self._strip.dofs, *transforms, tangents)
+        B = self._tangent.assemble(tangent, self._near, *transforms, tangents)
         if tangent is not A:
             tangent.destroy()
         return B
@@ -192,18 +197,18 @@ class ContactPreconditioner:
 
     def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """One application, as PETSc calls it."""
-        R, (whole, rest, gathered, y) = self._R.mat, self._work
+        R, (whole, rest, along_axes, y) = self._R.mat, self._work
         self._strip.solve(b, x)
         b.copy(whole)
         self._strip.subtract_product(x, whole)
         rest.array[:] = whole.array_r[: self._bulk.num_owned]
-        self._equations.mat.multTransposeAdd(rest, rest, gathered)
-        R.multTranspose(gathered, rest)
-        rest.array[self._prescribed] = 0.0
-        self._cycle.solve(rest, y)
+        self._add_product(self._equations.mat.multTranspose, rest)
+        R.multTranspose(rest, along_axes)
+        along_axes.array[self._prescribed] = 0.0
+        self._cycle.solve(along_axes, y)
         R.mult(y, rest)
-        self._motion.mat.multAdd(rest, rest, y)
-        x.array[: self._bulk.num_owned] += y.array_r
+        self._add_product(self._motion.mat.mult, rest)
+        x.array[: self._bulk.num_owned] += rest.array_r
 
     def applyTranspose(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """One application of the transpose, as PETSc calls it.
@@ -211,21 +216,28 @@ class ContactPreconditioner:
         The cycle is used as its own transpose: its matrix is symmetric except for contact terms,
         and its smoothing is symmetric.
         """
-        R, (whole, rest, gathered, y) = self._R.mat, self._work
+        R, (whole, rest, along_axes, y) = self._R.mat, self._work
         size = self._bulk.num_owned
         rest.array[:] = b.array_r[:size]
-        self._motion.mat.multTransposeAdd(rest, rest, gathered)
-        R.multTranspose(gathered, rest)
-        self._cycle.solve(rest, y)
+        self._add_product(self._motion.mat.multTranspose, rest)
+        R.multTranspose(rest, along_axes)
+        self._cycle.solve(along_axes, y)
         y.array[self._prescribed] = 0.0
         R.mult(y, rest)
-        self._equations.mat.multAdd(rest, rest, y)
+        self._add_product(self._equations.mat.mult, rest)
         x.set(0.0)
-        x.array[:size] = y.array_r
+        x.array[:size] = rest.array_r
         b.copy(whole)
         self._strip.subtract_transposed(x, whole)
         self._strip.solve(whole, x, transpose=True)
-        x.array[:size] += y.array_r
+        x.array[:size] += rest.array_r
+
+    def _add_product(self, multiply: Callable[[PETSc.Vec, PETSc.Vec], None], x: PETSc.Vec) -> None:
+        """Add to ``x`` its product with a matrix of the dofs near contact."""
+        near, product = self._work_near
+        near.array[:] = x.array_r[self._near.local]
+        multiply(near, product)
+        x.array[self._near.local] += product.array_r
 
     def _turn_axes(self) -> None:
         """Set R."""
@@ -254,8 +266,8 @@ class ContactPreconditioner:
         for slave, other, share, followed in self._partners():
             motion.append(Block(slave, other, share * followed))
             equations.append(Block(slave, other, share * (followed - gathered)))
-        self._motion.assemble(motion)
-        self._equations.assemble(equations)
+        self._motion.assemble(self._near.in_submatrix(motion))
+        self._equations.assemble(self._near.in_submatrix(equations))
 
     def _idle_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
         """Blocks of the motions outside the range of T, along the axes."""

@@ -105,32 +105,41 @@ class SomeRows:
         num_owned: Number of rows of the large matrix owned by this rank.
 
     Attributes:
+        rows: Numbers of the rows without duplicates, replicated, ascending.
         numbers: Numbers in the small matrix of the rows owned by this rank.
         owned: Numbers of these rows in the large matrix, ascending.
         local: ``owned`` as local numbers.
     """
 
     def __init__(self, rows: Indices, first: int, num_owned: int) -> None:
-        self._rows = np.unique(rows)
-        start, end = np.searchsorted(self._rows, (first, first + num_owned))
+        self.rows = np.unique(rows)
+        start, end = np.searchsorted(self.rows, (first, first + num_owned))
         self.numbers: Indices = np.arange(start, end)
-        self.owned: Indices = self._rows[start:end]
+        self.owned: Indices = self.rows[start:end]
         self.local: Indices = self.owned - first
 
     def number(self, rows: Indices) -> Indices:
         """Numbers of ``rows`` (n,) in the small matrix, shape (n,); -1 stays -1 (local)."""
-        return np.where(rows >= 0, np.searchsorted(self._rows, rows), -1)
+        return np.where(rows >= 0, np.searchsorted(self.rows, rows), -1)
 
     def renumbered(self, blocks: Iterable[Block]) -> list[Block]:
         """Blocks of the large matrix with the row numbers of the small one."""
         return [Block(self.number(rows), columns, values) for rows, columns, values in blocks]
 
+    def in_submatrix(self, blocks: Iterable[Block]) -> list[Block]:
+        """Blocks in the principal submatrix of these rows, which include all of the blocks."""
+        return [Block(self.number(i), self.number(j), values) for i, j, values in blocks]
+
+    def starts(self, starts: npt.NDArray, num_owned: int) -> npt.NDArray:
+        """Starts of the rows of a large matrix whose entries are those of the small one (local)."""
+        sizes = np.zeros(num_owned + 1, PETSc.IntType)
+        sizes[self.local + 1] = np.diff(starts)
+        return np.cumsum(sizes, dtype=PETSc.IntType)
+
     def zeros(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:
         """Large matrix of ``num_owned`` rows with zeros at the entries of the small one."""
         starts, columns, values = small.getValuesCSR()
-        sizes = np.zeros(num_owned + 1, PETSc.IntType)
-        sizes[self.local + 1] = np.diff(starts)
-        csr = np.cumsum(sizes, dtype=PETSc.IntType), columns, np.zeros_like(values)
+        csr = self.starts(starts, num_owned), columns, np.zeros_like(values)
         return PETSc.Mat().createAIJ(((num_owned, None),) * 2, csr=csr, comm=small.comm)
 
 

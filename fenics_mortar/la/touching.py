@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from fenics_mortar.bulk.local_csr import CSR, from_local_csr, local_csr
 from fenics_mortar.kernels.node_axes import count_blocks, turn_to_axes
+from fenics_mortar.la.sparse import SomeRows
 from fenics_mortar.utils.arrays import Array, Indices
 
 # Parts of a matrix: starts, columns, dofs and values, see ``kernels.node_axes``.
@@ -27,16 +28,16 @@ class TouchingTangent:
         self._of_own, self._of_others = Memory(), Memory()
 
     def assemble(
-        self, A: PETSc.Mat, near: Indices, motion: PETSc.Mat, equations: PETSc.Mat, tangents: Array
+        self, A: PETSc.Mat, near: SomeRows, motion: PETSc.Mat, equations: PETSc.Mat, tangents: Array
     ) -> PETSc.Mat:
         """The matrix, with entries in the memory of the last one, which must not be used any more.
 
         Args:
             A: Tangent of the displacements, with two dofs per node [stress].
-            near: Local numbers of the owned dofs near contact, shape (n,): all entries of A in rows
-                or columns of T - 1 and L - 1 lie in their rows and columns.
-            motion: T - 1 [1].
-            equations: L^T - 1 [1].
+            near: The dofs near contact: all entries of A in rows or columns of T - 1 and L - 1 lie
+                in their rows and columns.
+            motion: T - 1 of these dofs [1].
+            equations: L^T - 1 of these dofs [1].
             tangents: First axis of each owned node, shape (nodes, 2) [1].
         """
         change, num_nodes = _change_by_contact(A, near, motion, equations), len(tangents)
@@ -101,30 +102,24 @@ def _numbered_parts(A: PETSc.Mat, change: CSR) -> tuple[Parts, npt.NDArray]:
     return tuple(parts), numbers.astype(PETSc.IntType)
 
 
-def _change_by_contact(A: PETSc.Mat, near: Indices, motion: PETSc.Mat, equations: PETSc.Mat) -> CSR:
+def _change_by_contact(
+    A: PETSc.Mat, near: SomeRows, motion: PETSc.Mat, equations: PETSc.Mat
+) -> CSR:
     """L A T - A, with entries near contact only."""
-    first, _ = A.getOwnershipRange()
-    dofs = PETSc.IS().createGeneral((near + first).astype(PETSc.IntType), A.comm)
-    K, T, L = (matrix.createSubMatrix(dofs, dofs) for matrix in (A, motion, equations))
-    change = K.matMult(T)
+    dofs = PETSc.IS().createGeneral(near.owned.astype(PETSc.IntType), A.comm)
+    K = A.createSubMatrix(dofs, dofs)
+    change = K.matMult(motion)
     K.axpy(1.0, change, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    gathered = L.transposeMatMult(K)
+    gathered = equations.transposeMatMult(K)
     change.axpy(1.0, gathered, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    rows = _enlarged(change, near, A)
-    for matrix in (K, T, L, gathered, change):
+    starts, columns, values = change.getValuesCSR()
+    for matrix in (K, gathered, change):
         matrix.destroy()
-    return rows
-
-
-def _enlarged(small: PETSc.Mat, rows: Indices, A: PETSc.Mat) -> CSR:
-    """Entries of a small matrix, of the rows and columns ``rows`` of A, as rows of A's size."""
-    first, _ = A.getOwnershipRange()
-    num_owned, _ = A.getLocalSize()
-    starts, columns, values = small.getValuesCSR()
-    numbers = np.concatenate(A.comm.tompi4py().allgather(rows + first)).astype(PETSc.IntType)
-    sizes = np.zeros(num_owned + 1, PETSc.IntType)
-    sizes[rows + 1] = np.diff(starts)
-    return np.cumsum(sizes, dtype=PETSc.IntType), numbers[columns], values
+    return (
+        near.starts(starts, A.getLocalSize()[0]),
+        near.rows[columns].astype(PETSc.IntType),
+        values,
+    )
 
 
 def _values_at(A: PETSc.Mat, values: Array, nodes: Indices) -> Array:

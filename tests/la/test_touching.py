@@ -17,6 +17,16 @@ ADD = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 5, "layers_lower": 5}
 
 
+def enlarged(small, near, A):
+    """A matrix of the size of ``A`` with the entries of one of the dofs ``near`` contact."""
+    large = PETSc.Mat().createAIJ(A.getSizes(), nnz=20, comm=comm)
+    starts, columns, values = small.getValuesCSR()
+    for i, start, end in zip(near.owned, starts[:-1], starts[1:], strict=True):
+        large.setValues(int(i), near.rows[columns[start:end]].astype("i"), values[start:end])
+    large.assemble()
+    return large
+
+
 def checked(monkeypatch):
     """Errors of the products of all cycles that are made from now on."""
     errors, compute = [], TouchingTangent.assemble
@@ -28,7 +38,7 @@ def checked(monkeypatch):
         for i, t in zip(range(first, end, 2), tangents, strict=True):
             R.setValues([i, i + 1], [i, i + 1], [t[0], -t[1], t[1], t[0]])
         R.assemble()
-        T_R, L_T_R = motion.matMult(R), equations.matMult(R)
+        T_R, L_T_R = (enlarged(small, near, A).matMult(R) for small in (motion, equations))
         for matrix in (T_R, L_T_R):
             matrix.axpy(1.0, R, ADD)
         product = L_T_R.transposeMatMult(A.matMult(T_R))
