@@ -28,9 +28,8 @@ constraints and resolves local motions of the surfaces, above all motions of the
 slave nodes: these are soft modes in a stiff neighbourhood, which multigrid cannot represent. 2.
 x = x_0 + T y, where y is one cycle of multigrid for B y = L (b - A x_0).
 
-A strip has few unknowns, O(1/h), and is factorized in each Newton iteration. The cycle is reused
-until the excess iterations, relative to those of a new cycle, have cost two fifths of a new one;
-more are expected where the active set has changed since.
+A strip has few unknowns, O(1/h), and is factorized in each Newton iteration. The cycle is reused,
+see ``replacement``.
 
 All multipliers of a saddle-point matrix A belong to the strip. Its rows are not combined, so that
 L = T^T, and step 2 changes displacements only. With a standard basis D is not diagonal: D_jj is
@@ -44,6 +43,7 @@ by conjugate gradients with the cycle.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -57,19 +57,13 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.axes import quarter_turns, sliding_nodes, turned_axes
+from fenics_mortar.la.replacement import Replacement
 from fenics_mortar.la.sparse import BlockMatrix, SomeRows, is_symmetric
 from fenics_mortar.la.strip import Strip, dofs_near
 from fenics_mortar.la.touching import TouchingTangent
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import TINY
 
-# Excess iterations, so far and expected, after which the cycle is rebuilt. A new cycle costs as
-# much as about twenty iterations but is used in several solves.
-MAX_EXCESS = 8
-# Excess iterations per digit of a cycle made for a different active set, over the share of active
-# nodes that have changed since [1]. The cycle for the first three nodes in contact needs 7 to 15
-# more iterations for five digits with about a hundred active nodes, however many of them change.
-EXCESS_OF_OTHER_SET = 2
 # Stiffness of motions outside the range of T over that of the node [1]: affects only the coarse
 # grids of the cycle, which would be too stiff with a large value.
 IDLE_STIFFNESS = 1e-2
@@ -107,8 +101,12 @@ class ContactPreconditioner:
         self._prefix = f"{prefix}cycle_"
         self._cycle: Any = None
         self._tangent = TouchingTangent()
-        self._best, self._excess, self._sets = 0.0, 0.0, list[Flags]()
-        self.tolerance = 1e-5  # of the next solve [1]
+        self._replacement, self._sets = Replacement(), list[Flags]()
+        self._digits, self._place = 5.0, 0  # of the next solve: digits [1], place in the load step
+
+    def begin_solve(self, tolerance: float, *, same_step: bool) -> None:
+        """Set the relative tolerance of the next solve, and whether the last one is of its step."""
+        self._digits, self._place = _digits(tolerance), self._place + 1 if same_step else 0
 
     def setUp(self, pc: PETSc.PC) -> None:
         """Prepare for the present matrix and active sets, as PETSc calls it."""
@@ -140,17 +138,13 @@ class ContactPreconditioner:
         now = [contact.active for contact in self._contacts]
         changed = sum(int((a != b).sum()) for a, b in zip(now, self._sets, strict=True))
         share = changed / max(sum(int(active.sum()) for active in now), 1)
-        expected = EXCESS_OF_OTHER_SET * share * -np.log10(self.tolerance)
-        return self._excess + expected > MAX_EXCESS
+        return self._replacement.is_due(share, self._digits)
 
     def postSolve(self, pc: PETSc.PC, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Record the number of iterations of a solve, as PETSc calls it."""
-        left = ksp.getResidualNorm() / max(b.norm(), TINY)
-        digits, iterations = -np.log10(max(left, 1e-16)), ksp.getIterationNumber()
-        if digits > 0.0 and np.isfinite(digits):
-            self._best = self._best or iterations / digits
-            excess = self._excess + iterations - self._best * digits
-            self._excess = max(excess, 0.0)  # a difficult first solve is not credited
+        digits = _digits(ksp.getResidualNorm() / max(b.norm(), TINY))
+        if digits > 0.0 and math.isfinite(digits):
+            self._replacement.record(ksp.getIterationNumber(), digits, self._place)
 
     def _make_cycle(self, A: PETSc.Mat, nodes: list[tuple[Indices, Array, Array]]) -> None:
         if self._cycle is not None:
@@ -170,7 +164,7 @@ class ContactPreconditioner:
         self._cycle.setType("cg" if reduced else "preonly")
         self._cycle.setOperators(B)
         self._cycle.setUp()
-        self._best, self._excess = 0.0, 0.0
+        self._replacement = Replacement()
         self._sets = [contact.active.copy() for contact in self._contacts]
 
     def _touching_tangent(self, A: PETSc.Mat) -> PETSc.Mat:
@@ -293,6 +287,11 @@ class ContactPreconditioner:
             weight[weight < MIN_WEIGHT * contact.slave.nodal_areas] = np.inf
             dofs, j, share = dofs[~own], j[~own], -values[~own] / weight[j[~own]]
             yield slave.dofs[j], dofs, share[:, None, None], followed[j]
+
+
+def _digits(reduction: float) -> float:
+    """Decimal digits, at most 16, by which a residual is reduced."""
+    return -math.log10(max(reduction, 1e-16))
 
 
 def _entries(block: Block) -> tuple[Indices, Indices, Array]:

@@ -176,7 +176,7 @@ class LinearSolver:
             self.ksp.setTolerances(rtol=max(self.forcing, self._finest))
             self._allowed = max(LINEAR_TOLERANCE, 2.0 * self.forcing)
             if self.multigrid is not None:
-                self.multigrid.tolerance, *_ = self.ksp.getTolerances()
+                self.multigrid.begin_solve(self.ksp.getTolerances()[0], same_step=self.same_step)
         elif self._may_lag(matrix) and not transpose:
             found = self._solve_with_last_factors(matrix, rhs)
             if found is not None:

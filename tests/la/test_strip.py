@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from scenes import pressed_blocks
 
+from fenics_mortar.la.replacement import Replacement
+
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 12, "n_lower": 20, "layers_upper": 12, "layers_lower": 12}
 
@@ -45,7 +47,7 @@ def test_cycle_is_kept_while_a_small_share_of_the_active_nodes_changes():
     multigrid, _, scene = solved()
     active = scene.problem.equations.contacts[0].active
     assert active.sum() >= 10
-    multigrid._excess, multigrid._sets = 0.0, [active.copy()]
+    multigrid._replacement, multigrid._sets = Replacement(), [active.copy()]
     multigrid._sets[0][np.flatnonzero(active)[:2]] = False
     assert not multigrid._is_outdated()
     multigrid._sets[0][:] = False
