@@ -33,9 +33,13 @@ def assembled(form):
     return rows
 
 
-def form_on(n, degree, *, facets):
-    """Form of a square of n by n by two triangles, with an integral over interior facets or not."""
-    square = mesh.create_unit_square(comm, n, n, ghost_mode=mesh.GhostMode.shared_facet)
+def square_of(n):
+    """A square of n by n by two triangles. Each call may distribute it in another way."""
+    return mesh.create_unit_square(comm, n, n, ghost_mode=mesh.GhostMode.shared_facet)
+
+
+def form_on(square, degree, *, facets):
+    """Form of a square, with an integral over interior facets or not."""
     V = fm.vector_space(square, degree)
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     x = ufl.SpatialCoordinate(square)
@@ -51,7 +55,7 @@ def form_on(n, degree, *, facets):
     (1, 1, False), (4, 1, False), (4, 2, False), (4, 1, True), (3, 2, True)
 ])  # fmt: skip
 def test_rows_are_sums_over_ranks(n, degree, facets):
-    form = form_on(n, degree, facets=facets)
+    form = form_on(square_of(n), degree, facets=facets)
     expected, rows = assembled(form), assembled(form)
     blocks = CellBlocks(rows)
     for factor in (3.0, 2.0):
@@ -62,7 +66,8 @@ def test_rows_are_sums_over_ranks(n, degree, facets):
 
 
 def test_entries_outside_of_all_blocks_become_zero():
-    narrow, wide = form_on(4, 1, facets=False), form_on(4, 1, facets=True)
+    square = square_of(4)
+    narrow, wide = (form_on(square, 1, facets=facets) for facets in (False, True))
     rows = assembled(narrow)
     blocks = CellBlocks(rows)
     rows.axpy(1.0, assembled(wide), PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
