@@ -9,6 +9,7 @@ quadratic extrapolation does not save more, since states have kinks where nodes 
 contact slides by whole facets with friction, linear extrapolation fails, and the moving frame saves
 two to seven iterations.
 
+The kind of the last step is used again without a comparison while its residual does not increase.
 The extrapolation is rejected if its residual is larger than at the last state, as where the path
 turns. It is abandoned if the first iteration from linear extrapolation hardly reduces the residual,
 or after too many iterations: consecutive states are then unrelated. In this case the step restarts
@@ -47,9 +48,13 @@ class Point(NamedTuple):
 
 @dataclass
 class _Kind:
-    """A kind of guess: residual allowed after its first iteration [1], steps to be paused."""
+    """A kind of guess: residual allowed after its first iteration [1], steps to be paused.
+
+    ``residual``: that of its guess for the last step, zero if it was not used [stress length].
+    """
 
     max_left: float
+    residual: float = 0.0
     pause: int = 0
     left: int = 0
 
@@ -69,13 +74,15 @@ class Predictor:
     def __init__(self, problem: ContactEquations, time: float) -> None:
         self._problem = problem
         self._frame = MovingFrame(problem)
-        self.begin(time)
         self._line, self._moving = _Kind(EQUATIONS.max_residual_left), _Kind(np.inf)
+        self.begin(time)
         self._used: _Kind | None = None
+        self._evaluated: State | None = None
 
     def begin(self, time: float) -> None:
         """Set the present state as the first one of a path, at a time (collective)."""
         self._path = deque([self._point(time)], maxlen=2)
+        self._line.residual = self._moving.residual = 0.0
 
     @property
     def time(self) -> float:
@@ -109,7 +116,8 @@ class Predictor:
         here = self._problem.state()
         kind = self._go_to_guess(time, here) if guesses else None
         for other in (self._line, self._moving):
-            other.left = max(other.left - (other is not kind), 0)
+            if other is not kind:
+                other.left, other.residual = max(other.left - 1, 0), 0.0
         self._used = kind or self._used
         try:
             report = solve() if kind is None else self._solve_from_guess(kind, here, solve)
@@ -123,7 +131,7 @@ class Predictor:
     def _go_to_guess(self, time: float, here: State) -> _Kind | None:
         """Set the guess with the smallest residual, if smaller than at the present state.
 
-        In the guess floating bodies have to be supported by contact, and pairs under pressure have
+        The kind of the last step is the only one if its residual has not increased. In the guess floating bodies have to be supported by contact, and pairs under pressure have
         to remain under pressure; otherwise the solve would move bodies and obstacles rigidly before
         the first iteration. The present state is evaluated only if its distance from the prescribed
         values does not exclude it.
@@ -131,21 +139,27 @@ class Predictor:
         problem = self._problem
         if len(self._path) < 2 or not problem.floating.supported_by_contact:
             return None
-        guesses = self._find_guesses(time - self.time)
-        if not guesses:
-            return None
         begin_step(problem.contacts)
         presses, smallest = self._under_pressure(), problem.residual.of_prescribed()
-        found = list[tuple[float, _Kind, State]]()
-        for kind, guess in guesses:
+        best: tuple[float, _Kind | None, State] = np.inf, None, here
+        self._evaluated = None
+        for kind in sorted((self._line, self._moving), key=lambda kind: kind is not self._used):
+            guess = self._guess(kind, time - self.time)
+            if guess is None:
+                continue
             places = np.where(problem.motions.driven, guess.places, here.places)
             guess = guess.replaced(places=places).with_settings_of(here)
             guessed = self._residual_at(guess)
-            if not (presses & ~self._under_pressure()).any():
-                found.append((guessed, kind, guess))
-        best = min(found, key=itemgetter(0), default=(np.inf, None, here))
+            if guessed < best[0] and not (presses & ~self._under_pressure()).any():
+                best = guessed, kind, guess
+                if guessed <= kind.residual:
+                    break
+        if self._evaluated is None:
+            return None
         if best[0] >= smallest and best[0] >= self._residual_at(here):
-            best = (np.inf, None, here)
+            best = np.inf, None, here
+        if best[1] is not None:
+            best[1].residual = best[0]
         if self._evaluated is not best[2]:
             problem.restore(best[2])
         elif problem.floating.bodies or problem.motions.any_driven:
@@ -154,18 +168,16 @@ class Predictor:
             problem.evaluated = best[2], self._status
         return best[1]
 
-    def _find_guesses(self, step: float) -> list[tuple[_Kind, State]]:
-        """Guesses for a step of this length, except paused kinds; the last used kind is last."""
+    def _guess(self, kind: _Kind, step: float) -> State | None:
+        """Guess of a kind for a step of this length; ``None`` if paused or without one."""
+        if kind.left:
+            return None
         before, last = self._path[-2], self._path[-1]
-        ratio, guesses = step / (last.time - before.time), list[tuple[_Kind, State | None]]()
-        if not self._line.left:
-            guesses.append((self._line, last.state.towards(before.state, -ratio)))
-        if not self._moving.left:
-            moved = last.contact_centres - before.contact_centres
-            guess = self._frame.guess(last.state, before.state, moved, ratio)
-            guesses.append((self._moving, guess))
-        found = [(kind, guess) for kind, guess in guesses if guess is not None]
-        return sorted(found, key=lambda each: each[0] is self._used)
+        ratio = step / (last.time - before.time)
+        if kind is self._line:
+            return last.state.towards(before.state, -ratio)
+        moved = last.contact_centres - before.contact_centres
+        return self._frame.guess(last.state, before.state, moved, ratio)
 
     def _residual_at(self, state: State) -> float:
         """Set and evaluate a state; its residual, inf for inverted cells [stress length]."""

@@ -2,6 +2,8 @@
 """Steps begun at the extrapolation of the last two states: iterations saved, and exceptions."""
 
 from dataclasses import replace
+from itertools import pairwise
+from operator import itemgetter
 
 import numpy as np
 import pytest
@@ -52,6 +54,38 @@ def test_sliding_by_facets_takes_fewer_iterations(law, facets):
     assert np.median(counts(guessed)[5:]) <= 5
     z, exact = (problem.equations.contacts[0].z for problem in (other, one))
     assert np.abs(z - exact).max() < 1e-8 * np.abs(exact).max()
+
+
+@pytest.mark.once
+@pytest.mark.serial
+def test_kinds_are_compared_only_if_the_residual_increases(monkeypatch):
+    """The tool moves along: both kinds of guesses exist from the third step of this motion on."""
+    tried, guess, residual_at = list[list](), Predictor._guess, Predictor._residual_at
+
+    def record_guess(predictor, kind, step):
+        found = guess(predictor, kind, step)
+        if found is not None:
+            tried[-1].append(kind)
+        return found
+
+    def record_residual(predictor, state):
+        tried[-1].append(residual_at(predictor, state))
+        return tried[-1][-1]
+
+    monkeypatch.setattr(Predictor, "_guess", record_guess)
+    monkeypatch.setattr(Predictor, "_residual_at", record_residual)
+    problem, set_loads = ironing(law=ROUGH)
+    predictor = Predictor(problem.equations, 0.0)
+    for step in range(1, 15):
+        set_loads(step / 3 if step <= 3 else 1 + 0.8 * (step - 3) * FACET)
+        tried.append([])
+        predictor.solve(float(step), problem.solve)
+    alone = []
+    for last, now in pairwise(tried[5:]):
+        used, residual = min(zip(last[::2], last[1::2], strict=True), key=itemgetter(1))
+        alone.append(now[1] <= residual)
+        assert now[0] is used and len(now) == (2 if alone[-1] else 4)
+    assert any(alone) and not all(alone)
 
 
 def travelling(columns, degree):
