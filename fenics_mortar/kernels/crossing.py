@@ -209,7 +209,7 @@ def find_crossings(x, segments, after, before, lengths, bodies, allowed):
     """
     boxes = build_tree(x, segments)
     leaves = boxes.shape[0] // 2
-    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
+    hits = np.empty(boxes.shape[0] // 2, np.int64)
     rows, count = np.empty((64, 6)), 0
     walked = np.full((segments.shape[0], 2), -1)
     size = segments.shape[0]
@@ -221,7 +221,7 @@ def find_crossings(x, segments, after, before, lengths, bodies, allowed):
         np.empty(2, np.int64),
     )
     for e in range(segments.shape[0]):
-        found = query_tree(boxes, boxes[leaves + e], None, stack, hits)
+        found = query_tree(boxes, boxes[leaves + e], None, hits)
         for f in hits[:found]:
             if f <= e or share_node(segments[e], segments[f]):
                 continue

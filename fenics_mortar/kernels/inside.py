@@ -40,11 +40,11 @@ def find_inside(x, cells, labels, outline, points, bodies, inside):
         return
     examined = cells[near[:count]]
     boxes = build_tree(x, examined)
-    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
+    hits = np.empty(boxes.shape[0] // 2, np.int64)
     for p in range(len(points)):
         for d in range(2):
             box[d] = box[2 + d] = points[p, d]
-        found = query_tree(boxes, box, None, stack, hits)
+        found = query_tree(boxes, box, None, hits)
         for e in hits[:found]:
             if labels[examined[e, 0]] != bodies[p] and contains(x, examined[e], outline, points[p]):
                 inside[p] = True

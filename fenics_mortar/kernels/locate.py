@@ -37,14 +37,14 @@ def interpolate(points, boxes, x, triangles, values, result):
         values: Values at the nodes, shape (nodes, 2) [unit].
         result: Values at the points, shape (n, 2) [unit]; filled.
     """
-    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
+    hits = np.empty(boxes.shape[0] // 2, np.int64)
     box = np.empty(4)
     rounding = ROUNDING * max(boxes[1, 2] - boxes[1, 0], boxes[1, 3] - boxes[1, 1])
     for p in range(len(points)):
         x0, y0 = points[p, 0], points[p, 1]
         result[p, 0] = result[p, 1] = np.nan
         box[0], box[1], box[2], box[3] = x0 - rounding, y0 - rounding, x0 + rounding, y0 + rounding
-        for h in range(query_tree(boxes, box, None, stack, hits)):
+        for h in range(query_tree(boxes, box, None, hits)):
             i, j, k = triangles[hits[h], 0], triangles[hits[h], 1], triangles[hits[h], 2]
             whole = double_area(x[i, 0], x[i, 1], x[j], x[k])
             if whole == 0.0:

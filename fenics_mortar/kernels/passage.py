@@ -55,13 +55,13 @@ def find_events(x0, x1, segments, bodies, node_bodies, which):
         for k in range(2):
             corners[e, k], corners[e, 2 + k] = segments[e, k], size + segments[e, k]
     boxes = build_tree(both, corners)
-    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
+    hits = np.empty(boxes.shape[0] // 2, np.int64)
     box = np.empty(4)
     rows, count = np.empty((64, 7)), 0
     for p in range(size):
         for d in range(2):
             box[d], box[2 + d] = min(x0[p, d], x1[p, d]), max(x0[p, d], x1[p, d])
-        found = query_tree(boxes, box, None, stack, hits)
+        found = query_tree(boxes, box, None, hits)
         for e in hits[:found]:
             a, b = segments[e]
             if which != ALL and (bodies[e] == node_bodies[p]) != (which == OWN):

@@ -33,10 +33,10 @@ def control_points(values, facets):
 
 
 @kernel
-def query_strip(boxes, controls, nodes, radius, stack, hits):
+def query_strip(boxes, controls, nodes, radius, hits):
     """Master facets whose boxes intersect the strip of one slave facet, shape (h,).
 
-    ``boxes``, ``stack`` and ``hits`` as in ``tree``; ``controls`` = control points of the slave's
+    ``boxes`` and ``hits`` as in ``tree``; ``controls`` = control points of the slave's
     positions and normals, each (n, 2); ``nodes`` (K,) are those of the facet.
     """
     x, n = controls
@@ -55,7 +55,7 @@ def query_strip(boxes, controls, nodes, radius, stack, hits):
     strip[:2] -= ROUNDING * length
     strip[2:] += ROUNDING * length
     along = tx, ty, low - ROUNDING * length * length, high + ROUNDING * length * length
-    return hits[: query_tree(boxes, strip, along, stack, hits)]
+    return hits[: query_tree(boxes, strip, along, hits)]
 
 
 @kernel
@@ -81,13 +81,13 @@ def find_points(geometry, slave_facets, master_facets, radius, behind, limits, p
     boxes = build_tree(control_points(m, master_facets), master_facets)
     controls = control_points(x, slave_facets), control_points(n, slave_facets)
     starts = curve_starts(master_facets, m.shape[0])
-    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
+    hits = np.empty(boxes.shape[0] // 2, np.int64)
     partners = np.empty(points.size, np.int64)
     offsets = np.zeros(slave_facets.shape[0] + 1, np.int64)
     rows = np.empty((points.size * slave_facets.shape[0], 3), np.int64)
     for e in range(slave_facets.shape[0]):
         nodes = slave_facets[e]
-        near = query_strip(boxes, controls, nodes, radius, stack, hits)
+        near = query_strip(boxes, controls, nodes, radius, hits)
         paired = point_partners(
             geometry,
             e,
@@ -135,13 +135,13 @@ def find_segments(geometry, slave_facets, master_facets, radius, behind, limits,
     x, n, m = geometry
     boxes = build_tree(control_points(m, master_facets), master_facets)
     controls = control_points(x, slave_facets), control_points(n, slave_facets)
-    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
+    hits = np.empty(boxes.shape[0] // 2, np.int64)
     found = np.empty((64, 7))
     offsets = np.zeros(slave_facets.shape[0] + 1, np.int64)
     rows = np.empty((4 * slave_facets.shape[0] + 64, 7))
     for e in range(slave_facets.shape[0]):
         nodes = slave_facets[e]
-        near = query_strip(boxes, controls, nodes, radius, stack, hits)
+        near = query_strip(boxes, controls, nodes, radius, hits)
         if near.size > found.shape[0]:
             found = np.empty((2 * near.size, 7))
         kept = facet_segments(

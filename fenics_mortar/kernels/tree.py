@@ -55,31 +55,32 @@ def is_outside_strip(box, along):
 
 
 @kernel
-def query_tree(boxes, box, along, stack, hits):
+def query_tree(boxes, box, along, hits):
     """Fill ``hits`` with the facets whose boxes intersect a query; return their number.
+
+    The right child of a node is visited before the left one, then the left sibling of the nearest
+    ancestor that is a right child.
 
     Args:
         boxes: The tree, shape (2 P, 4).
         box: Box of the query, shape (4,).
         along: Range (tx, ty, low, high) of a strip, or None.
-        stack: Nodes to be visited, longer than twice the depth of the tree; overwritten.
         hits: Facets, shape (P,); filled.
     """
     leaves = boxes.shape[0] // 2
-    count, top = 0, 1
-    stack[0] = 1
-    while top > 0:
-        top -= 1
-        i = stack[top]
-        if are_disjoint(boxes[i], box):
-            continue
+    count, i = 0, 1
+    while True:
+        meets = not are_disjoint(boxes[i], box)
         if along is not None:
-            if is_outside_strip(boxes[i], along):
-                continue
-        if i >= leaves:
+            meets = meets and not is_outside_strip(boxes[i], along)
+        if meets and i < leaves:
+            i = 2 * i + 1
+            continue
+        if meets:
             hits[count] = i - leaves
             count += 1
-        else:
-            stack[top], stack[top + 1] = 2 * i, 2 * i + 1
-            top += 2
-    return count
+        while i & 1 == 0:
+            i >>= 1
+        if i == 1:
+            return count
+        i -= 1
