@@ -5,7 +5,12 @@ from __future__ import annotations
 
 import pytest
 
-from fenics_mortar.la.replacement import EXCESS_OF_OTHER_SET, MAX_EXCESS, Replacement
+from fenics_mortar.la.replacement import (
+    EXCESS_OF_OTHER_SET,
+    MAX_EXCESS,
+    NEGLIGIBLE,
+    Replacement,
+)
 
 DIGITS = 5.0
 # Iterations per digit of the solves of a load step with a new cycle.
@@ -34,13 +39,19 @@ def test_cycle_is_kept_if_only_right_hand_sides_differ(begin, rates):
     assert not rule.is_due(0.0, DIGITS)
 
 
+def test_small_lasting_losses_are_not_counted():
+    rule = Replacement()
+    solve_steps(rule, 1)
+    assert solve_steps(rule, 100, factor=1.0 + 0.99 * NEGLIGIBLE) == 100 * len(STEP)
+
+
 @pytest.mark.parametrize("factor", [1.2, 1.5, 2.0])
 def test_cycle_is_replaced_as_soon_as_lasting_losses_have_cost_the_limit(factor):
     rule = Replacement()
     solve_steps(rule, 10)
     solves = solve_steps(rule, 20, factor=factor)
     assert rule.is_due(0.0, DIGITS)
-    slowest = max(STEP) * DIGITS * (factor - 1.0)
+    slowest = max(STEP) * DIGITS * (factor - 1.0 - NEGLIGIBLE)
     assert MAX_EXCESS / slowest < solves < 1.0 + MAX_EXCESS / (slowest * STEP[0] / STEP[-1])
 
 
@@ -55,8 +66,10 @@ def test_losses_within_one_long_load_step_count():
 
 def test_better_solves_are_subtracted_but_not_credited():
     rule = Replacement()
-    for excess, is_due in ((0.0, 0), (-0.5, 0), (0.9, 0), (-0.3, 0), (0.35, 0), (0.1, 1)):
-        rule.record(2.0 * DIGITS + excess * MAX_EXCESS, DIGITS, 0)
+    usual = 2.0 * DIGITS
+    rule.record(usual, DIGITS, 0)
+    for excess, is_due in ((-0.5, 0), (0.9, 0), (-0.3, 0), (0.35, 0), (0.1, 1)):
+        rule.record((1.0 + NEGLIGIBLE) * usual + excess * MAX_EXCESS, DIGITS, 0)
         assert rule.is_due(0.0, DIGITS) == is_due
 
 
