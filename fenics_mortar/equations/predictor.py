@@ -21,7 +21,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -131,10 +130,11 @@ class Predictor:
     def _go_to_guess(self, time: float, here: State) -> _Kind | None:
         """Set the guess with the smallest residual, if smaller than at the present state.
 
-        The kind of the last step is the only one if its residual has not increased. In the guess floating bodies have to be supported by contact, and pairs under pressure have
-        to remain under pressure; otherwise the solve would move bodies and obstacles rigidly before
-        the first iteration. The present state is evaluated only if its distance from the prescribed
-        values does not exclude it.
+        The kind of the last step is the only one if its residual has not increased. In the guess
+        floating bodies have to be supported by contact, and pairs under pressure have to remain
+        under pressure; otherwise the solve would move bodies and obstacles rigidly before the first
+        iteration. The present state is evaluated only if its distance from the prescribed values
+        does not exclude it.
         """
         problem = self._problem
         if len(self._path) < 2 or not problem.floating.supported_by_contact:
