@@ -69,7 +69,7 @@ problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="
 
 # +
 motion = fm.Dynamics(problem, density, energy=energy)
-motion.velocity.interpolate(lambda x: (x[1] > 0.0) * np.array([[0.2], [-fall]]))
+motion.velocity.interpolate(lambda x: (x[1] > gap / 2) * np.array([[0.2], [-fall]]))
 steps, forces = fm.SteppingOptions(step=0.0125), []
 
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 MAX_EXCESS = 5
 # Excess iterations of a solve over the first one at its place [1] that are not counted. Where only
 # the right-hand side changes, rates vary by as much, and a new cycle is no better.
-NEGLIGIBLE = 0.1
+IGNORED_EXCESS = 0.1
 # Excess iterations per digit of a cycle made for a different active set, over the share of active
 # nodes that have changed since [1]. The cycle for the first three nodes in contact needs 7 to 15
 # more iterations for five digits with about a hundred active nodes, however many of them change.
@@ -53,7 +53,7 @@ class Replacement:
         """
         rate = iterations / digits
         if place in self._rates:
-            usual = (1.0 + NEGLIGIBLE) * self._rates[place]
+            usual = (1.0 + IGNORED_EXCESS) * self._rates[place]
         else:
             usual = max(self._rates.values(), default=rate)
             self._rates[place] = rate

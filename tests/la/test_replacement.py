@@ -7,8 +7,8 @@ import pytest
 
 from fenics_mortar.la.replacement import (
     EXCESS_OF_OTHER_SET,
+    IGNORED_EXCESS,
     MAX_EXCESS,
-    NEGLIGIBLE,
     Replacement,
 )
 
@@ -42,7 +42,7 @@ def test_cycle_is_kept_if_only_right_hand_sides_differ(begin, rates):
 def test_small_lasting_losses_are_not_counted():
     rule = Replacement()
     solve_steps(rule, 1)
-    assert solve_steps(rule, 100, factor=1.0 + 0.99 * NEGLIGIBLE) == 100 * len(STEP)
+    assert solve_steps(rule, 100, factor=1.0 + 0.99 * IGNORED_EXCESS) == 100 * len(STEP)
 
 
 @pytest.mark.parametrize("factor", [1.2, 1.5, 2.0])
@@ -51,7 +51,7 @@ def test_cycle_is_replaced_as_soon_as_lasting_losses_have_cost_the_limit(factor)
     solve_steps(rule, 10)
     solves = solve_steps(rule, 20, factor=factor)
     assert rule.is_due(0.0, DIGITS)
-    slowest = max(STEP) * DIGITS * (factor - 1.0 - NEGLIGIBLE)
+    slowest = max(STEP) * DIGITS * (factor - 1.0 - IGNORED_EXCESS)
     assert MAX_EXCESS / slowest < solves < 1.0 + MAX_EXCESS / (slowest * STEP[0] / STEP[-1])
 
 
@@ -69,7 +69,7 @@ def test_better_solves_are_subtracted_but_not_credited():
     usual = 2.0 * DIGITS
     rule.record(usual, DIGITS, 0)
     for excess, is_due in ((-0.5, 0), (0.9, 0), (-0.3, 0), (0.35, 0), (0.1, 1)):
-        rule.record((1.0 + NEGLIGIBLE) * usual + excess * MAX_EXCESS, DIGITS, 0)
+        rule.record((1.0 + IGNORED_EXCESS) * usual + excess * MAX_EXCESS, DIGITS, 0)
         assert rule.is_due(0.0, DIGITS) == is_due
 
 

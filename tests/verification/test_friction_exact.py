@@ -244,7 +244,8 @@ def test_block_pushed_into_a_narrower_channel():
     assert path.num_cuts == 0
     assert np.median([step.report.num_iterations for step in path.steps]) <= 5
     above, below = np.transpose(forces, (1, 0, 2))
-    assert np.abs(above - below * [1.0, -1.0]).max() < 1e-12 * np.abs(above).max()
+    # Newton's method ends at 1e-10 of the forces, where rounding of the iterates is not symmetric
+    assert np.abs(above - below * [1.0, -1.0]).max() < 1e-11 * np.abs(above).max()
     pushes, normal = -above[:, 0], -above[:, 1]
     entering = slice(0, 6)
     ratio = pushes[entering] / normal[entering]
