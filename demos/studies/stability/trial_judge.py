@@ -145,19 +145,19 @@ def measure(scene: Scene) -> Record:
     x = case.x + problem.equations.bulk.by_input_node()[1]
     jacobians = corner_areas(x[case.cells]) / corner_areas(case.x[case.cells])
     size = max(float(np.ptp(body.x)) for body in case.bodies)
-    scale = 1.0 if case.pressed else min(body.E for body in case.bodies)
+    no_force = NOTHING * min(body.E for body in case.bodies) * size
     return {
         "min_J": float(jacobians.min()),
         "stretch": float(stretches(case, x).max()),
         "force": [contact.total_force.tolist() for contact in problem.equations.contacts],
         "response": response(scene, x).tolist(),
-        "no_response": NOTHING * scale * size,
+        "no_response": NOTHING * size if case.pressed else no_force,
         "overlap": max(overlap(case, x, *pair) for pair in case.pairs),
         "separation": max(
             map(partial(separation, case, x), case.pairs, problem.equations.contacts)
         ),
         "moved": float(np.linalg.norm(x - case.x, axis=1).max()),
-        "unbalance": unbalance(scene),
+        "unbalance": unbalance(scene, no_force),
         "remarks": problem.certificate().remarks(),
     }
 
@@ -226,13 +226,14 @@ def separation(case: Case, x: np.ndarray, pair: tuple[str, str], contact: Any) -
     return float(least) / max(float(facets.max()) for facets in (lengths(one), lengths(other)))
 
 
-def unbalance(scene: Scene) -> float:
+def unbalance(scene: Scene, no_force: float) -> float:
     """Difference of contact force and the stresses' force on the slaves, relative (collective).
 
-    Prescribed components of slave nodes contain reactions, and are left out.
+    Prescribed components of slave nodes contain reactions, and are left out. Forces below
+    ``no_force`` are zero: a body that has just lifted off carries rounding.
     """
     if isinstance(scene.case, (SupportedCase, ShapeCase)):
-        return unbalance_of_nodes(scene)
+        return unbalance_of_nodes(scene, no_force)
     problem, worst = scene.problem, 0.0
     r = compat.create_vector(problem.equations.bulk.V)
     compat.assemble_vector(r, compat.form(scene.residual))
@@ -242,15 +243,14 @@ def unbalance(scene: Scene) -> float:
     for contact in problem.equations.contacts:
         free = contact.free.all(axis=0)
         own = contact.slave.gather(forces).sum(axis=0)
-        size = np.abs(contact.operators.force(contact.z)[0]).sum()
-        if size > 0.0:
-            difference = np.abs(own - contact.total_force)[free].max(initial=0.0)
-            worst = max(worst, float(difference) / float(size))
+        size = max(float(np.abs(contact.operators.force(contact.z)[0]).sum()), no_force)
+        difference = np.abs(own - contact.total_force)[free].max(initial=0.0)
+        worst = max(worst, float(difference) / size)
     return worst
 
 
-def unbalance_of_nodes(scene: Scene) -> float:
-    """Imbalance at each free node, which may be in several pairs (collective)."""
+def unbalance_of_nodes(scene: Scene, no_force: float) -> float:
+    """Imbalance at free nodes, which may be in several pairs; see ``unbalance`` (collective)."""
     problem = scene.problem
     bulk = problem.equations.bulk
     r = compat.create_vector(bulk.V)
@@ -264,7 +264,7 @@ def unbalance_of_nodes(scene: Scene) -> float:
         sizes += float(np.abs(on_slave).sum())
     total[bulk.prescribed_dofs] = 0.0
     largest = bulk.comm.allreduce(float(np.abs(total).max(initial=0.0)), MPI.MAX)
-    return largest / sizes if sizes > 0.0 else 0.0
+    return largest / max(sizes, no_force)
 
 
 def check_again(case: Case, record: Record) -> None:
