@@ -36,8 +36,8 @@ def control_points(values, facets):
 def query_strip(boxes, controls, nodes, radius, hits):
     """Master facets whose boxes intersect the strip of one slave facet, shape (h,).
 
-    ``boxes`` and ``hits`` as in ``tree``; ``controls`` = control points of the slave's
-    positions and normals, each (n, 2); ``nodes`` (K,) are those of the facet.
+    ``boxes`` and ``hits`` as in ``tree``; ``controls`` = control points of the slave's positions
+    and normals, each (n, 2); ``nodes`` (K,) are those of the facet.
     """
     x, n = controls
     a, b = x[nodes[0]], x[nodes[-1]]

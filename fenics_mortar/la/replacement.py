@@ -8,8 +8,8 @@ Iterations per digit also depend on the right-hand side. The first one of a load
 takes 1.4 per digit, the next ones, which are concentrated at the contact, up to 1.8 even with a new
 cycle. A solve is therefore compared with the first one by the same cycle at the same place in
 Newton's method; at a place without one, with the slowest of the first ones at other places. Rates
-at one place vary by a tenth where only the right-hand side changes. Counted as excess, they built a
-cycle in every fourth run of ``ranks`` on two ranks, whose partition is random.
+at one place vary by a tenth where only the right-hand side changes, which is not counted: a new
+cycle would be no better.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from __future__ import annotations
 # Excess iterations, so far and expected, after which the cycle is rebuilt. A new cycle costs as
 # much as about twenty iterations but is used in several solves.
 MAX_EXCESS = 5
-# Excess iterations of a solve over the first one at its place [1] that are not counted. Where only
-# the right-hand side changes, rates vary by as much, and a new cycle is no better.
+# Excess iterations of a solve over the first one at its place [1] that are not counted: rates vary
+# by as much where only the right-hand side changes.
 IGNORED_EXCESS = 0.1
 # Excess iterations per digit of a cycle made for a different active set, over the share of active
 # nodes that have changed since [1]. The cycle for the first three nodes in contact needs 7 to 15
