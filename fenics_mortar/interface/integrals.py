@@ -16,7 +16,7 @@ from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
 from fenics_mortar.interface.segments import Segments, find_segments
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import facets, normals
-from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view
+from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view, summed
 from fenics_mortar.utils.clock import clock
 
 
@@ -140,8 +140,7 @@ def sum_over_facets(
     on_facets[0], on_facets[1], on_facets[2] = D.diagonal(axis1=1, axis2=2), gap, cover
     on_facets[3] = D.sum(axis=2)
     rows = nodes + count * np.arange(4)[:, None, None]
-    nodal = np.empty((4, count))  # bincount of an empty array returns integers
-    nodal.ravel()[:] = np.bincount(rows.ravel(), on_facets.ravel(), nodal.size)
+    nodal = summed(on_facets.ravel(), rows.ravel(), 4 * count).reshape(4, count)
     slave.comm.Allreduce(MPI.IN_PLACE, nodal)
     return nodal[0], nodal[1], nodal[2], nodal[3]
 
@@ -179,8 +178,7 @@ def _integrate(
     if slave.degree > 1:
         cover = np.empty(nodes.shape)
         facets.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover, thickness)
-        nodal = np.zeros(slave.num_nodes)  # bincount of an empty array returns integers
-        nodal += np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
+        nodal = summed(cover.ravel(), nodes.ravel(), slave.num_nodes)
         slave.comm.Allreduce(MPI.IN_PLACE, nodal)
         multiplier_nodes = multiplier_nodes & (nodal > 0.0)
     weights = hand_over(multiplier_nodes[nodes])

@@ -38,7 +38,7 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import projection
 from fenics_mortar.kernels.blocks import weigh_derivatives
 from fenics_mortar.kernels.forces import add_contact_forces
-from fenics_mortar.utils.arrays import Array, Indices, read_only_view
+from fenics_mortar.utils.arrays import Array, Indices, read_only_view, summed
 
 
 class Block(NamedTuple):
@@ -325,8 +325,7 @@ def minus_offset(o: MortarOperators, offset: Array) -> MortarOperators:
     """
     s, nodes = o.segments, o.facet_nodes
     change = np.einsum("ejk,ek->ej", o.D, offset[nodes])
-    nodal = np.zeros(o.slave.num_nodes)  # bincount of an empty array returns integers
-    nodal += np.bincount(nodes.ravel(), change.ravel(), o.slave.num_nodes)
+    nodal = summed(change.ravel(), nodes.ravel(), o.slave.num_nodes)
     o.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
     derivative = np.einsum("sjkq,sk->sjq", o.dD, offset[s.slave])
     return replace(o, gap=o.gap - nodal, dgap=o.dgap - derivative)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Dense blocks of sparse matrices: rows of the contact law, derivatives of forces, entries."""
 
+import numpy as np
+
 from fenics_mortar.kernels import kernel
 
 
@@ -176,28 +178,48 @@ def pack_rows(rows, columns, values, counts, packed_rows, starts, packed_columns
 
 
 @kernel
-def pack_sparse(numbers, offsets, columns, values, counts, packed_rows, starts, packed_columns,
-                packed_values):  # fmt: skip
-    """As ``pack_rows``, for a sparse matrix.
+def pack_product(i, j, v, offsets, columns, values, numbers, num_columns, counts, packed_rows,
+                 starts, packed_columns, packed_values):  # fmt: skip
+    """As ``pack_rows``, for the product of two sparse matrices; each row is summed.
 
     Args:
-        numbers: Number of each row, shape (r,).
-        offsets: Entries of row p are offsets[p]:offsets[p + 1], shape (r + 1,).
-        columns: Columns of the entries.
-        values: Values of the entries.
+        i: Rows of the entries of the first matrix, in any order, shape (e,).
+        j: Columns of these entries, shape (e,).
+        v: Values of these entries, shape (e,); duplicates are summed.
+        offsets: Entries of row p of the second matrix are offsets[p]:offsets[p + 1].
+        columns: Columns of the entries of the second matrix.
+        values: Values of the entries of the second matrix.
+        numbers: Number of each row of the product, shape (rows,).
+        num_columns: Number of columns.
         counts: See ``pack_rows``.
         packed_rows: See ``pack_rows``.
         starts: See ``pack_rows``.
         packed_columns: See ``pack_rows``.
         packed_values: See ``pack_rows``.
     """
-    row, entry = counts
-    for r in range(numbers.shape[0]):
-        for e in range(offsets[r], offsets[r + 1]):
-            if values[e] != 0.0:
-                packed_columns[entry] = columns[e]
-                packed_values[entry] = values[e]
-                entry += 1
+    ends = np.zeros(numbers.size + 1, np.int64)
+    for e in range(i.size):
+        ends[i[e] + 1] += 1
+    for r in range(numbers.size):
+        ends[r + 1] += ends[r]
+    by_row = np.empty(i.size, np.int64)
+    for e in range(i.size):
+        by_row[ends[i[e]]] = e
+        ends[i[e]] += 1
+    places = np.full(num_columns, -1)  # of columns among the packed ones of the row
+    begin, (row, entry) = 0, counts
+    for r in range(numbers.size):
+        for p in range(begin, ends[r]):
+            e = by_row[p]
+            for q in range(offsets[j[e]], offsets[j[e] + 1]):
+                column = columns[q]
+                if values[q] != 0.0:
+                    if places[column] < starts[row]:
+                        places[column] = entry
+                        packed_columns[entry], packed_values[entry] = column, 0.0
+                        entry += 1
+                    packed_values[places[column]] += v[e] * values[q]
+        begin = ends[r]
         if entry > starts[row]:
             packed_rows[row] = numbers[r]
             row += 1

@@ -42,6 +42,7 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import gather_forces
+from fenics_mortar.la.elimination import Elimination
 from fenics_mortar.la.sparse import BlockMatrix, Entries, SomeRows, add_blocks, flatten
 from fenics_mortar.la.system import LinearSystem, components
 from fenics_mortar.utils import errors
@@ -73,9 +74,9 @@ class CondensedSystem(LinearSystem):
         self._rows_of_sides = [
             [self._rows.number(side.dofs) for side in (c.slave, c.master)] for c in contacts
         ]
-        self._R = BlockMatrix(self.comm, self._rows.local.size, mine)
+        self._R = Elimination(self.comm, self._rows, 2 * self._first_multiplier, mine)
         self._slave_K: Any = None
-        self._vectors: dict[str, tuple[PETSc.Vec, PETSc.Vec]] = {}
+        self._vectors: Any = None  # with the layout of the columns and rows of K_S
         dofs = np.empty((self.num_multipliers, 2), np.int64)
         for contact, _, owned, local in self._numbered:
             dofs[local] = contact.slave.dofs[owned]
@@ -96,11 +97,9 @@ class CondensedSystem(LinearSystem):
             self._extend_pattern(entries)
         K = self.bulk.tangent_to_change()
         add_blocks(K, self.force_derivative())
-        R = self._R.assemble_entries(*entries)
+        self._R.set_entries(*entries)
         self._slave_K = K.createSubMatrix(self._slave_rows, None, self._slave_K)
-        product = R.matMult(self._slave_K)
-        add_blocks(K, self._C_blocks(pair_rows), self._rows, product)
-        product.destroy()
+        add_blocks(K, self._C_blocks(pair_rows), self._R.of_slave_rows(self._slave_K))
         self.matrix = K
         self._collect_rows(pair_rows, inverses)
         self._prescribe_rows(self.matrix, self.bulk.first)
@@ -127,12 +126,14 @@ class CondensedSystem(LinearSystem):
         of_small = small.createSubMatrix(PETSc.IS().createGeneral(of_slave, self.comm))
         slave_K.axpy(1.0, of_small, different)
         zeros_of_R = flatten(rows.renumbered(self._R_zeros()))
-        R = self._R.assemble_entries(*map(np.append, R_entries, zeros_of_R))
+        R = BlockMatrix(self.comm, rows.local.size, 2 * self.num_multipliers).assemble_entries(
+            *map(np.append, R_entries, zeros_of_R)
+        )
         product = R.matMult(slave_K)
         small.axpy(1.0, product, different)
         zeros = rows.zeros(small, size)
         self.bulk.extend_tangent(zeros)
-        for matrix in (small, slave_K, of_small, product, zeros, self._slave_K):
+        for matrix in (small, slave_K, of_small, R, product, zeros, self._slave_K):
             if matrix is not None:
                 matrix.destroy()
         self._slave_K = None
@@ -207,18 +208,14 @@ class CondensedSystem(LinearSystem):
         """Solve A x = [f, h], where h is zero in rows with Z = 0 (collective)."""
         prescribed, slave = self.bulk.prescribed_dofs, self._slave_dofs
         rhs = f.copy()
-        rhs[self._rows.local] += _times(self._R.mat, f[slave], self._vectors_of("R", self._R.mat))
+        rhs[self._rows.local] += self._R.times(f[slave])
         rhs += np.bincount(slave, h, rhs.size)  # a node may be a slave of several pairs
         rhs[prescribed] = self._prescribed_scale * f[prescribed]
         dd = self.solver.solve(self.matrix, rhs)
-        forces = _times(self._slave_K, dd, self._vectors_of("K_S", self._slave_K))
+        if self._vectors is None:
+            self._vectors = self._slave_K.createVecs()
+        forces = _times(self._slave_K, dd, self._vectors)
         return np.concatenate([dd, self._Z * (f[slave] - forces)])
-
-    def _vectors_of(self, name: str, matrix: PETSc.Mat) -> tuple[PETSc.Vec, PETSc.Vec]:
-        """Vectors with the layout of a matrix, which is constant (collective at the first call)."""
-        if name not in self._vectors:
-            self._vectors[name] = matrix.createVecs()
-        return self._vectors[name]
 
     def _solve_transposed(self, a: Array, b: Array) -> Array:
         """Solve A^T x = [a, b] (collective)."""
@@ -229,7 +226,7 @@ class CondensedSystem(LinearSystem):
         )
         at_prescribed, w[prescribed] = self._prescribed_scale * w[prescribed], 0.0
         y = w.copy()
-        gathered = t + _times(self._R.mat, w[self._rows.local], transpose=True)
+        gathered = t + self._R.transposed_times(w[self._rows.local])
         np.add.at(y, slave, gathered)
         forces = self._at_prescribed(y) if self._partly_prescribed else np.zeros_like(b)
         multipliers = np.where(self._Z == 0.0, self._solve_left_out(b - forces), w[slave])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.kernels.blocks import pack_rows, pack_sparse
+from fenics_mortar.kernels.blocks import pack_product, pack_rows
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.petsc_functions import POINTER, petsc_function
@@ -96,6 +96,20 @@ class BlockMatrix:
         self.num_patterns += 1
 
 
+class Product(NamedTuple):
+    """Product of two sparse matrices, in some rows of a large one.
+
+    Attributes:
+        entries: Entries of the first matrix, without the factors of other ranks' rows.
+        csr: Starts, columns and values of the rows of the second matrix on this rank.
+        numbers: Number in the large matrix of each row of the product.
+    """
+
+    entries: Entries
+    csr: tuple[npt.NDArray, npt.NDArray, npt.NDArray]
+    numbers: Indices
+
+
 class SomeRows:
     """A subset of the rows of a large matrix as the rows of a small one; methods are local.
 
@@ -143,37 +157,33 @@ class SomeRows:
         return PETSc.Mat().createAIJ(((num_owned, None),) * 2, csr=csr, comm=small.comm)
 
 
-def add_blocks(
-    matrix: PETSc.Mat,
-    blocks: Iterable[Block],
-    some: SomeRows | None = None,
-    small: PETSc.Mat | None = None,
-) -> None:
-    """Add blocks, and a matrix of some rows, to existing entries of a matrix (collective).
+def add_blocks(matrix: PETSc.Mat, blocks: Iterable[Block], product: Product | None = None) -> None:
+    """Add blocks and a product of sparse matrices to existing entries of a matrix (collective).
 
-    Any rank may add blocks to any row; negative indices and zeros are dropped. The cost is
-    independent of the size of the matrix.
+    Any rank may add to any row; negative indices and zeros of blocks are dropped. The cost does
+    not depend on the number of entries of the matrix.
 
     Args:
         matrix: The matrix, changed in place.
         blocks: The blocks.
-        some: The rows of ``small`` in the matrix.
-        small: A matrix of these rows.
+        product: The product.
     """
     given, num_rows, num_entries = list(blocks), 0, 0
     for block in given:
         num_rows, num_entries = num_rows + block.rows.size, num_entries + block.values.size
-    if some is not None and small is not None:
-        sparse = small.getValuesCSR()
-        num_rows, num_entries = num_rows + some.owned.size, num_entries + sparse[1].size
+    if product is not None:
+        num_rows += product.numbers.size
+        num_entries += int(np.diff(product.csr[0])[product.entries[1]].sum())
     rows, starts = np.empty(num_rows, PETSc.IntType), np.empty(num_rows + 1, PETSc.IntType)
     columns, values = np.empty(num_entries, PETSc.IntType), np.empty(num_entries)
     counts = np.zeros(2, np.int64)
     starts[0] = 0
+    packed = counts, rows, starts, columns, values
     for block in given:
-        pack_rows(*map(np.ascontiguousarray, block), counts, rows, starts, columns, values)
-    if some is not None and small is not None:
-        pack_sparse(some.owned, *sparse, counts, rows, starts, columns, values)
+        pack_rows(*map(np.ascontiguousarray, block), *packed)
+    if product is not None:
+        size = matrix.getSize()[1]
+        pack_product(*product.entries, *product.csr, product.numbers, size, *packed)
     row, entry = counts
     matrix.setValuesIJV(
         starts[: row + 1], columns[:entry], values[:entry], PETSc.InsertMode.ADD_VALUES, rows[:row]

@@ -35,7 +35,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.rows import Frame, Rows
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.la.coupling import Coupling
+from fenics_mortar.la.coupling import MARGIN, MAX_MARGIN, Coupling
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.solver import LinearSolver
 from fenics_mortar.utils.arrays import Array, Indices
@@ -87,6 +87,7 @@ class LinearSystem(ABC):
             self.comm, prefix, options, lambda: ContactPreconditioner(bulk, contacts, prefix, rows)
         )
         self._couplings: list[Coupling] = []
+        self._margins = [MARGIN] * len(self.contacts)
         self._pattern = 0
         self.matrix: PETSc.Mat
         self.frames: list[Frame] = []
@@ -221,16 +222,20 @@ class LinearSystem(ABC):
     # Assembly
 
     def _update_pattern(self) -> bool:
-        """Replace the reaches if contact exceeds them; return whether it does (collective)."""
+        """Replace the couplings if contact exceeds them or K is new (collective).
+
+        Returns:
+            Whether they were replaced.
+        """
         now = [(c.operators, c.coupled_by_slip()) for c in self.contacts]
         fits = self._pattern == self.bulk.num_patterns
-        if fits:
-            for contact, coupling, state in zip(self.contacts, self._couplings, now, strict=True):
-                acting = contact.acts | contact.z.any(axis=1)
-                fits = fits and coupling.contains(*state, acting)
+        for i, coupling in enumerate(self._couplings):
+            contact = self.contacts[i]
+            if not coupling.contains(*now[i], contact.acts | contact.z.any(axis=1)):
+                fits, self._margins[i] = False, min(2 * self._margins[i], MAX_MARGIN)
         if on_all_ranks(self.comm, fits):
             return False
-        self._couplings = [Coupling(*state) for state in now]
+        self._couplings = [Coupling(*state, m) for state, m in zip(now, self._margins, strict=True)]
         self._pattern = self.bulk.num_patterns
         return True
 

@@ -39,6 +39,12 @@ class Value:
         return new
 
 
+def summed(values: Array, numbers: Indices, size: int) -> Array:
+    """Sums (size,) of ``values`` (n,) [any unit] with equal ``numbers`` (n,), or n = 0 (local)."""
+    sums = np.bincount(numbers, values, size)
+    return sums.astype(np.float64, copy=False)  # without values numpy returns integers
+
+
 def read_only_view(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """A read-only view of an array (local)."""
     view = array.view()

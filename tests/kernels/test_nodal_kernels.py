@@ -193,21 +193,21 @@ def test_entries_of_condensed_forces():
     assert count == 2 + 4 + 4
 
 
-def test_blocks_and_sparse_rows_are_packed():
+def test_blocks_and_products_are_packed():
     rows, columns = np.array([[7, -1, 8]]), np.array([[2, -1, 3]])
     values = np.array([[[1.0, 2.0, 0.0], [3.0, 4.0, 5.0], [0.0, 6.0, 0.0]]])
     numbers, starts, places = np.empty(9, int), np.zeros(10, int), np.empty(9, int)
     counts, packed = np.zeros(2, np.int64), np.empty(9)
-    blocks.pack_rows(rows, columns, values, counts, numbers, starts, places, packed)
+    list_ = counts, numbers, starts, places, packed
+    blocks.pack_rows(rows, columns, values, *list_)
     assert counts.tolist() == [1, 1]  # the last row has a value in column -1 only
-    offsets = np.array([0, 1, 3])
-    blocks.pack_sparse(
-        np.array([4, 5]), offsets, np.array([1, 2, 6]), np.array([0.0, 7.0, 8.0]), counts, numbers,
-        starts, places, packed,
-    )  # fmt: skip
-    assert counts.tolist() == [2, 3] and numbers[:2].tolist() == [7, 5]
-    assert starts[:3].tolist() == [0, 1, 3] and places[:3].tolist() == [2, 2, 6]
-    assert packed[:3].tolist() == [1.0, 7.0, 8.0]
+    # rows 5: 2 (row 0) + 3 (row 1) and 6: -1 (row 1), of rows 0: 7 and 8, 1: 9 and zero
+    entries = np.array([2, 1, 1]), np.array([1, 0, 1]), np.array([-1.0, 2.0, 3.0])
+    csr = np.array([0, 2, 4]), np.array([2, 6, 6, 0]), np.array([7.0, 8.0, 9.0, 0.0])
+    blocks.pack_product(*entries, *csr, np.array([4, 5, 6]), 7, *list_)
+    assert counts.tolist() == [3, 4] and numbers[:3].tolist() == [7, 5, 6]
+    assert starts[:4].tolist() == [0, 1, 3, 4] and places[:4].tolist() == [2, 2, 6, 6]
+    assert packed[:4].tolist() == [1.0, 14.0, 16.0 + 27.0, -9.0]
 
 
 def test_only_acting_multipliers_need_room_in_the_pattern():

@@ -12,7 +12,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.bulk.residual import MAX_GROWTHS
-from fenics_mortar.la.coupling import MARGIN, _faced
+from fenics_mortar.la.coupling import MARGIN, MAX_MARGIN, _faced
 from meshes import half_cylinder_on_block
 
 comm = MPI.COMM_WORLD
@@ -42,6 +42,10 @@ def test_pattern_stays_while_contact_slides_over_fewer_facets_than_the_margin(de
         assert entries(scene) == before and scene.problem.equations.system.matrix is matrix
     slide(scene, 0.5 * MARGIN)
     assert entries(scene) > before
+    before = entries(scene)
+    for _ in range(3):  # the margin is wider now
+        slide(scene, 0.3 * MAX_MARGIN)
+        assert entries(scene) == before
 
 
 @pytest.mark.once
@@ -51,7 +55,7 @@ def test_outdated_zeros_are_removed():
     scene.problem.solve()
     matrices, sizes = scene.problem.equations.bulk.num_patterns, []
     for _ in range(2 * MAX_GROWTHS):
-        slide(scene, 0.6 * MARGIN)
+        slide(scene, 0.6 * MAX_MARGIN)
         sizes.append(entries(scene))
     assert scene.problem.equations.bulk.num_patterns == matrices + 1
     assert np.diff(sizes).min() < 0.0 and sizes[-1] < 1.2 * sizes[0]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Small matrices of some rows, added to a large one: result and cost."""
+"""Blocks, products and small matrices of some rows, added to a large matrix: result and cost."""
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -9,7 +9,8 @@ import pytest
 from scenes import pressed_blocks
 
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.la.sparse import BlockMatrix, SomeRows, add_blocks
+from fenics_mortar.la.elimination import Elimination
+from fenics_mortar.la.sparse import BlockMatrix, Product, SomeRows, add_blocks
 
 comm = MPI.COMM_WORLD
 OWNED = 5  # rows of each rank
@@ -44,19 +45,37 @@ def everywhere(row, column, value):
     return Block(np.array([[row]]), np.array([[column]]), np.full((1, 1, 1), value / comm.size))
 
 
-def test_rows_are_added_where_they_belong():
-    """Blocks are added to existing entries, to several rows, and to rows of other ranks."""
+def test_products_are_added_where_they_belong():
+    """Each rank multiplies rows of its own; the sums are added to rows of any rank."""
     large = tridiagonal()
-    last = large.getSize()[0] - 1
-    before, entries = dense(large), large.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
-    blocks = [everywhere(last, last - 1, 3.0), everywhere(2, 2, 5.0), everywhere(-1, 2, 7.0)]
-    some, small = with_rows(large, [last, 2, last], blocks)
-    assert small.getSize() == (2, last + 1)
-    add_blocks(large, [], some, small)
-    before[last, last - 1] += 3.0
+    before, last = dense(large), large.getSize()[0] - 1
+    entries = np.array([1, 0, 1, 1]), np.array([0, 1, 1, 1]), np.array([2.0, 3.0, 5.0, 7.0])
+    csr = np.array([0, 2, 4]), np.array([last - 1, last, last, 0]), np.array([1.0, 4.0, 6.0, 0.0])
+    with_zero_row = np.array([last, last - 1, 0])
+    add_blocks(large, [everywhere(2, 2, 5.0)], Product(entries, csr, with_zero_row))
     before[2, 2] += 5.0
-    assert np.abs(dense(large) - before).max() < 1e-14
-    assert large.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"] == entries
+    before[last, last] += comm.size * 3.0 * 6.0
+    before[last - 1, [last - 1, last]] += comm.size * np.array([2.0, 2.0 * 4.0 + 12.0 * 6.0])
+    assert np.abs(dense(large) - before).max() < 1e-13
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_elimination_multiplies_as_the_matrix_of_its_entries(seed):
+    """Entries for columns of all ranks are given on any rank; duplicates are summed."""
+    generator, columns = np.random.default_rng(seed), 3
+    large = tridiagonal()
+    some = SomeRows(np.arange(0, large.getSize()[0], 2), large.getOwnershipRange()[0], OWNED)
+    shape = some.rows.size, columns * comm.size
+    i, j = (generator.integers(size, size=(comm.size, 40)) for size in shape)
+    v, x = generator.normal(size=(comm.size, 40)), generator.normal(size=shape[1])
+    w, R = generator.normal(size=shape[0]), np.zeros(shape)
+    np.add.at(R, (i, j), v)
+    mine = slice(columns * comm.rank, columns * (comm.rank + 1))
+    elimination = Elimination(comm, some, mine.start, columns)
+    elimination.set_entries(i[comm.rank], j[comm.rank], v[comm.rank])
+    assert np.abs(elimination.times(x[mine]) - (R @ x)[some.numbers]).max() < 1e-13
+    transposed = elimination.transposed_times(w[some.numbers])
+    assert np.abs(transposed - (R.T @ w)[mine]).max() < 1e-13
 
 
 def test_blocks_are_added_where_they_belong():
@@ -81,7 +100,7 @@ def test_zeros_are_at_the_entries_of_the_small_matrix():
     before, entries = dense(large), large.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
     large.axpy(1.0, room, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     assert large.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"] == entries + 1
-    add_blocks(large, [], some, small)
+    add_blocks(large, [everywhere(0, last, 4.0)])
     before[0, last] = 4.0
     assert np.abs(dense(large) - before).max() < 1e-14
 
@@ -89,9 +108,8 @@ def test_zeros_are_at_the_entries_of_the_small_matrix():
 @pytest.mark.serial
 def test_entry_outside_of_the_pattern_raises():
     large = tridiagonal()
-    some, small = with_rows(large, [0], [everywhere(0, OWNED - 1, 4.0)])
     with pytest.raises(PETSc.Error):
-        add_blocks(large, [], some, small)
+        add_blocks(large, [everywhere(0, OWNED - 1, 4.0)])
 
 
 def test_tangent_of_slave_nodes_is_taken_from_K_in_place_while_the_pattern_stays():
@@ -102,5 +120,3 @@ def test_tangent_of_slave_nodes_is_taken_from_K_in_place_while_the_pattern_stays
         scene.problem.solve()
         kept.append(scene.problem.equations.system._slave_K)
     assert kept[0] is kept[1]
-    rows = 2 * (scene.contact.slave.num_nodes + scene.contact.master.num_nodes)
-    assert scene.problem.equations.system._R.mat.getSize()[0] == rows
