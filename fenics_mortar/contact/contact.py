@@ -207,9 +207,10 @@ class Contact(Interface):
         and z becomes tensile. The active set of such a node is therefore decided by its force; if
         decided by z, the node would be open for one or two iterations.
         """
-        old, o, adhesion, force_decided = self.z, self.operators, self.now.adhesion[0], None
+        old, o, adhesion = self.z, self.operators, self.now.adhesion[0]
         z = old + fraction * (z - old) if fraction < 1.0 else z
-        pulls = self.active & (np.einsum("ja,ja->j", o.n, z) + adhesion < 0.0)
+        self.change(z=z, force_decided=None)
+        pulls = self.active & (self.now.z_n + adhesion < 0.0)
         if pulls.any():
             sides = self.slave.gather(step), self.master.gather(step)
             change = fraction * change_along(self.now, o.weight_derivative(), *sides)
@@ -217,7 +218,7 @@ class Contact(Interface):
             force = o.weight[:, None] * z + change[:, None] * old
             min_force = -o.weight * adhesion
             force_decided = (pulls & (np.einsum("ja,ja->j", o.n, force) > min_force), force)
-        self.change(z=z, force_decided=force_decided)
+            self.change(force_decided=force_decided)
 
     def accept(self, slid: Flags | None = None) -> None:
         """Find the partners at the last evaluated state (collective).

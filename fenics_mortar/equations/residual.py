@@ -61,6 +61,7 @@ class Residual:
     ) -> None:
         self._bulk, self._contacts = bulk, contacts
         self._floating, self._motions, self._stiffest = floating, motions, stiffest
+        self._per_distance = stiffest / bulk.units[bulk.prescribed_dofs]
         self.begin()
 
     def begin(self) -> None:
@@ -83,27 +84,24 @@ class Residual:
         free, contact, reactions = add_forces(
             bulk.r.array_r, self.contact_force(), bulk.to_force, bulk.prescribed, self.total
         )
-        moves = self._rows_of_prescribed(self.distance)
-        u = bulk.u.x.array
-        inertia = np.empty(0) if bulk.inertia is None else bulk.inertia.forces(u)
-        sums = np.array(
-            [free + moves @ moves, contact, reactions, inertia @ inertia, rows, rows**2]
-        )
-        bulk.comm.Allreduce(MPI.IN_PLACE, sums)
-        largest = sums[1:4].max()
+        moves, inertia = self._per_distance * self.distance, 0.0
+        free += float(moves @ moves)
+        if bulk.inertia is not None:
+            inertia = float((bulk.inertia.forces(bulk.u.x.array) ** 2).sum())
         if bulk.comm.size > 1:
-            check_equal_on_ranks(float(sums[4]), float(sums[5]), largest, bulk.comm.size)
-        self.force, self.attainable = math.sqrt(largest), self.roundoff()
-        return math.sqrt(sums[0] + rows)
+            sums = np.array([free, contact, reactions, inertia, rows, rows * rows])
+            bulk.comm.Allreduce(MPI.IN_PLACE, sums)
+            free, contact, reactions, inertia, all_rows, squares = sums.tolist()
+            largest = max(contact, reactions, inertia)
+            check_equal_on_ranks(all_rows, squares, largest, bulk.comm.size)
+        self.force = math.sqrt(max(contact, reactions, inertia))
+        self.attainable = self.roundoff()
+        return math.sqrt(free + rows)
 
     def of_prescribed(self) -> float:
         """Norm of the rows of prescribed dofs, a lower bound of ``measure`` [stress length]."""
-        rows = self._rows_of_prescribed(self._bulk.distance_to_prescribed())
+        rows = self._per_distance * self._bulk.distance_to_prescribed()
         return float(np.sqrt(self._bulk.comm.allreduce(float(rows @ rows))))
-
-    def _rows_of_prescribed(self, distance: Array) -> Array:
-        """Distances to prescribed values, (prescribed dofs,) [length], as forces (local)."""
-        return self._stiffest * distance / self._bulk.units[self._bulk.prescribed_dofs]
 
     def roundoff(self) -> float:
         """Attainable accuracy of the residual, limited by roundoff [stress length]."""

@@ -201,18 +201,21 @@ def hand_over(multiplier_nodes: Flags) -> Array:
     Multiplier nodes keep their own function; other functions are split equally among the nearest
     multiplier nodes of the facet.
     """
-    size = multiplier_nodes.shape[1]
-    return _hand_overs(size)[multiplier_nodes @ (1 << np.arange(size))]
+    bits, of_sets = _hand_overs(multiplier_nodes.shape[1])
+    return of_sets.take(multiplier_nodes.dot(bits), axis=0)
 
 
 @cache
-def _hand_overs(size: int) -> Array:
-    """``hand_over`` for all sets of multiplier nodes on a facet, shape (2**K, K, K) [1].
+def _hand_overs(size: int) -> tuple[Indices, Array]:
+    """``hand_over`` for all sets of multiplier nodes on a facet.
 
-    Bit j of the number of a set is one if node j carries a multiplier.
+    Returns:
+        Contribution of each node that carries a multiplier to the number of the set, shape (K,),
+        and the fractions of each set, shape (2**K, K, K) [1].
     """
     index = np.arange(size)
     carries = (np.arange(1 << size)[:, None] >> index & 1 == 1)[:, :, None]
     distance = np.where(carries, np.abs(index[:, None] - index).astype(float), np.inf)
     nearest = (distance == distance.min(axis=1, keepdims=True)) & carries
-    return read_only_view(nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1))
+    fractions = nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1)
+    return 1 << index, read_only_view(fractions)

@@ -11,8 +11,6 @@ a           adhesion at the mean gap, zero without one
 ==========  ==========================================================================
 """
 
-import numpy as np
-
 from fenics_mortar.kernels import kernel
 
 
@@ -76,8 +74,9 @@ def update_sets(
     Returns:
         Whether the active set changes, and whether multipliers do.
     """
-    largest = np.abs(x).max()
-    resets = moves = False
+    largest, resets, moves = 0.0, False, False
+    for j in range(x.shape[0]):
+        largest = max(largest, abs(x[j, 0]), abs(x[j, 1]))
     for j in range(gap.shape[0]):
         push = 0.0 if attracted[j] else z_n[j] + a[j]
         closes = push - c_n * foundation[j] * gap[j] > 0.0

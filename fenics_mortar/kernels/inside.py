@@ -4,6 +4,7 @@
 import numpy as np
 
 from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.rows import copy_row
 from fenics_mortar.kernels.tree import build_tree, query_tree
 
 
@@ -23,22 +24,23 @@ def find_inside(x, cells, labels, outline, points, bodies, inside):
         bodies: Body of each point, shape (p,).
         inside: Marks, shape (p,), bool; filled.
     """
-    inside[:] = False
     box, one_body = np.empty(4), True
-    box[:2], box[2:] = np.inf, -np.inf
+    box[0] = box[1] = np.inf
+    box[2] = box[3] = -np.inf
     for p in range(len(points)):
+        inside[p] = False
         one_body = one_body and bodies[p] == bodies[0]
         for d in range(2):
             box[d], box[2 + d] = min(box[d], points[p, d]), max(box[2 + d], points[p, d])
-    near, count = np.empty(cells.shape[0], np.int64), 0
+    near, count = np.empty_like(cells), 0
     for e in range(cells.shape[0]):
         if (one_body and labels[cells[e, 0]] == bodies[0]) or is_away(x, cells[e], box):
             continue
-        near[count] = e
+        copy_row(cells[e], near[count])
         count += 1
     if count == 0:
         return
-    examined = cells[near[:count]]
+    examined = near[:count]
     boxes = build_tree(x, examined)
     hits = np.empty(boxes.shape[0] // 2, np.int64)
     for p in range(len(points)):

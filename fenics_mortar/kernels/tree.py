@@ -24,8 +24,9 @@ def build_tree(x, facets):
     while leaves < facets.shape[0]:
         leaves *= 2
     boxes = np.empty((2 * leaves, 4))
-    boxes[:, :2] = np.inf
-    boxes[:, 2:] = -np.inf
+    for i in range(2 * leaves):
+        boxes[i, 0] = boxes[i, 1] = np.inf
+        boxes[i, 2] = boxes[i, 3] = -np.inf
     for f in range(facets.shape[0]):
         for node in facets[f]:
             for d in range(2):

@@ -32,9 +32,9 @@ from fenics_mortar.utils.rounding import LAST_DIGITS, TINY
 # Largest relative residual of an accepted solution [1]: above it the matrix of a direct solver is
 # singular.
 LINEAR_TOLERANCE = 1e-5
-# Number of unknowns from which factors serve further iterations [1]: with fewer a factorization
-# takes two milliseconds or less, a fraction of the iteration.
-MIN_LAGGED = 4_000
+# Number of unknowns from which factors serve further iterations [1]: below it a factorization takes
+# as long as some steps of GMRES.
+MIN_LAGGED = 500
 # PETSc's reasons for the end of a linear solve by number, and those of a zero or nan pivot.
 REASONS = {
     number: name

@@ -154,7 +154,8 @@ def _certify_pair(
     excess, tension = np.abs(contact.z_tau) - limit, contact.now.tension
     smallest = LIMITS.min_pressure * float(contact.modulus.max())
     largest = max(float(np.abs(pressure).max()), smallest)
-    gap = np.nan_to_num(contact.now.closing_gap) / contact.slave.nodal_lengths
+    gap = contact.now.closing_gap / contact.slave.nodal_lengths
+    gap[np.isnan(gap)] = 0.0  # uncovered nodes
     gradient, gradient_at = gradient_error(contact)
     return PairCertificate(
         **action_and_reaction(contact),
