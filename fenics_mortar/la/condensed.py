@@ -43,7 +43,7 @@ from fenics_mortar.contact.rows import Rows
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import gather_forces
 from fenics_mortar.la.elimination import Elimination
-from fenics_mortar.la.sparse import BlockMatrix, Entries, SomeRows, add_blocks, flatten
+from fenics_mortar.la.sparse import BlockMatrix, Entries, Product, SomeRows, add_blocks, flatten
 from fenics_mortar.la.system import LinearSystem, components
 from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import Array, Indices
@@ -99,7 +99,8 @@ class CondensedSystem(LinearSystem):
         add_blocks(K, self.force_derivative())
         self._R.set_entries(*entries)
         self._slave_K = K.createSubMatrix(self._slave_rows, None, self._slave_K)
-        add_blocks(K, self._C_blocks(pair_rows), self._R.of_slave_rows(self._slave_K))
+        product = Product(self._R.entries, self._slave_K.getValuesCSR(), self._rows.rows)
+        add_blocks(K, self._C_blocks(pair_rows), product)
         self.matrix = K
         self._collect_rows(pair_rows, inverses)
         self._prescribe_rows(self.matrix, self.bulk.first)

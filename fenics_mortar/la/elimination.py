@@ -10,11 +10,10 @@ on patterns than on values.
 from __future__ import annotations
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar.la.sparse import Entries, Product, SomeRows
+from fenics_mortar.la.sparse import Entries, SomeRows
 from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
 
 
@@ -26,11 +25,14 @@ class Elimination:
         rows: The contact dofs.
         first: First multiplier component of this rank.
         size: Number of multiplier components of this rank.
+
+    Attributes:
+        entries: Rows, columns and values of the entries [1] in the columns of this rank.
     """
 
     def __init__(self, comm: MPI.Comm, rows: SomeRows, first: int, size: int) -> None:
         self._comm, self._rows, self._first, self._size = comm, rows, first, size
-        self._entries: Entries
+        self.entries: Entries
 
     def set_entries(self, i: Indices, j: Indices, v: Array) -> None:
         """Set the entries to the sum of those of all ranks (collective).
@@ -49,19 +51,15 @@ class Elimination:
                 here = self._has(columns - self._first)
                 parts.append((rows[here], columns[here] - self._first, values[here]))
             i, j, v = (np.concatenate(part) for part in zip(*parts, strict=True))
-        self._entries = i, j, v
+        self.entries = i, j, v
 
     def _has(self, j: Indices) -> Flags:
         """Whether multipliers are those of this rank, shape of ``j``, bool (local)."""
         return (j >= 0) & (j < self._size)
 
-    def of_slave_rows(self, K_S: PETSc.Mat) -> Product:
-        """R K_S, with the slave rows K_S of all ranks (local)."""
-        return Product(self._entries, K_S.getValuesCSR(), self._rows.rows)
-
     def times(self, values: Array) -> Array:
         """R x [unit of x] in the owned contact dofs, for ``values`` x of this rank (collective)."""
-        i, j, v = self._entries
+        i, j, v = self.entries
         product = summed(v * values[j], i, self._rows.rows.size)
         if self._comm.size > 1:
             self._comm.Allreduce(MPI.IN_PLACE, product)
@@ -73,5 +71,5 @@ class Elimination:
         everywhere[self._rows.numbers] = values
         if self._comm.size > 1:
             self._comm.Allreduce(MPI.IN_PLACE, everywhere)
-        i, j, v = self._entries
+        i, j, v = self.entries
         return summed(v * everywhere[i], j, self._size)
