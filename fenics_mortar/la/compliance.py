@@ -7,7 +7,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-from scipy.linalg import LinAlgError, inv
+from scipy.linalg import LinAlgError, inv, lapack
 from scipy.sparse import csr_array
 
 from fenics_mortar.bulk.residual import Bulk
@@ -201,7 +201,7 @@ def _compliance(bulk: Bulk, dofs: ContactDofs, prefix: str) -> tuple[Array, PETS
     factors = factored_bulk(bulk, prefix, rest)
     A, error = schur_complement(factors.getFactorMatrix(), rest.size), None
     try:
-        A = inv(A, overwrite_a=True) if A.size else A
+        A = _inverse(A) if A.size else A
     except LinAlgError:
         error = MortarError("the stiffness of the bodies is singular")
     raise_together(bulk.comm, error)
@@ -212,3 +212,15 @@ def _compliance(bulk: Bulk, dofs: ContactDofs, prefix: str) -> tuple[Array, PETS
         factors.destroy()
         factors = factored_bulk(bulk, prefix)
     return A, factors
+
+
+def _inverse(S: Array) -> Array:
+    """Inverse of a symmetric matrix (n, n), faster if it is positive definite (local).
+
+    Raises:
+        LinAlgError: If it is singular.
+    """
+    L, fails = lapack.dpotrf(S, lower=1)  # zero above the diagonal
+    if not fails:
+        lower, fails = lapack.dpotri(L, lower=1, overwrite_c=1)
+    return inv(S, overwrite_a=True) if fails else (lower + np.tril(lower, -1).T).T
