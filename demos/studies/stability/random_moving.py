@@ -47,7 +47,8 @@ def _blocks(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], Any]
             for name, n, w, h, place in zip(("low", "high"), counts, widths, heights, places)
         ]
         law = fm.Coulomb(mu) if mu else None
-        made = scene(grids, [("high/bottom", "low/top")], law=law, is_linear=linear and mu == 0.0)
+        is_linear = linear and mu == 0.0
+        made = scene(grids, [("high/bottom", "low/top")], law=law, is_linear=is_linear)
         motion = made.dynamics("conserving")
         ahead = np.array([[0.0, 0.3 * speed], [slide, -speed]]) @ turn
         flights = ((*v, spin) for v, spin in zip(ahead, spins))
@@ -63,7 +64,8 @@ def _blocks(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], Any]
         mass = RHO * (widths * heights).sum()
         errors = [] if touched else ["the blocks did not meet"]
         errors += differs("momentum over m v", 1.0 + change[:2] / (mass * speed), 1.0, 1e-9)
-        errors += differs("moment over m v l", 1.0 + change[2] / (mass * speed), 1.0, OF_MOMENT)
+        if not is_linear:  # linear elastic stresses resist rotations, which changes the moment
+            errors += differs("moment over m v l", 1.0 + change[2] / (mass * speed), 1.0, OF_MOMENT)
         total = motion.energies().total / energy
         if not (total < 1.0 + OF_ENERGY and (mu or total > 1.0 - OF_ENERGY)):
             errors.append(f"the energy ends at {total:.4f} of that at the start")
