@@ -85,18 +85,16 @@ class Residual:
             bulk.r.array_r, self.contact_force(), bulk.to_force, bulk.prescribed, self.total
         )
         moves, inertia = self._per_distance * self.distance, 0.0
-        free += float(moves @ moves)
         if bulk.inertia is not None:
-            inertia = float((bulk.inertia.forces(bulk.u.x.array) ** 2).sum())
+            inertia = (bulk.inertia.forces(bulk.u.x.array) ** 2).sum()
+        sums = np.array([free + moves @ moves, contact, reactions, inertia, rows, rows * rows])
         if bulk.comm.size > 1:
-            sums = np.array([free, contact, reactions, inertia, rows, rows * rows])
             bulk.comm.Allreduce(MPI.IN_PLACE, sums)
-            free, contact, reactions, inertia, all_rows, squares = sums.tolist()
-            largest = max(contact, reactions, inertia)
-            check_equal_on_ranks(all_rows, squares, largest, bulk.comm.size)
-        self.force = math.sqrt(max(contact, reactions, inertia))
-        self.attainable = self.roundoff()
-        return math.sqrt(free + rows)
+        largest = sums[1:4].max()  # nan if one of them is
+        if bulk.comm.size > 1:
+            check_equal_on_ranks(float(sums[4]), float(sums[5]), largest, bulk.comm.size)
+        self.force, self.attainable = math.sqrt(largest), self.roundoff()
+        return math.sqrt(sums[0] + rows)
 
     def of_prescribed(self) -> float:
         """Norm of the rows of prescribed dofs, a lower bound of ``measure`` [stress length]."""

@@ -140,7 +140,7 @@ def sum_over_facets(
     on_facets[0], on_facets[1], on_facets[2] = D.diagonal(axis1=1, axis2=2), gap, cover
     on_facets[3] = D.sum(axis=2)
     rows = nodes + count * np.arange(4)[:, None, None]
-    nodal = np.empty((4, count))
+    nodal = np.empty((4, count))  # bincount of an empty array returns integers
     nodal.ravel()[:] = np.bincount(rows.ravel(), on_facets.ravel(), nodal.size)
     slave.comm.Allreduce(MPI.IN_PLACE, nodal)
     return nodal[0], nodal[1], nodal[2], nodal[3]

@@ -48,7 +48,6 @@ class BlockMatrix:
 
     Attributes:
         mat: The matrix, after ``assemble``.
-        num_patterns: Number of patterns created so far.
     """
 
     def __init__(self, comm: MPI.Comm, rows: int, columns: int, block_size: int = 1) -> None:
@@ -57,7 +56,6 @@ class BlockMatrix:
         self._block_size = block_size
         self._pattern: tuple[npt.NDArray, npt.NDArray] | None = None
         self.mat: Any = None
-        self.num_patterns = 0
 
     def assemble(self, blocks: Iterable[Block]) -> PETSc.Mat:
         """Sum the blocks into the matrix and return it."""
@@ -93,14 +91,14 @@ class BlockMatrix:
         rows, columns = i.copy(), j.copy()  # PETSc overwrites them
         _set_pattern(self.mat.handle, i.size, rows.ctypes.data, columns.ctypes.data)
         self._pattern = (i, j)
-        self.num_patterns += 1
 
 
 class Product(NamedTuple):
     """Product of two sparse matrices, in some rows of a large one.
 
     Attributes:
-        entries: Entries of the first matrix, without the factors of other ranks' rows.
+        entries: Entries of the first matrix in the columns that correspond to rows of the second
+            one on this rank; columns are local numbers.
         csr: Starts, columns and values of the rows of the second matrix on this rank.
         numbers: Number in the large matrix of each row of the product.
     """

@@ -198,13 +198,13 @@ def test_blocks_and_products_are_packed():
     values = np.array([[[1.0, 2.0, 0.0], [3.0, 4.0, 5.0], [0.0, 6.0, 0.0]]])
     numbers, starts, places = np.empty(9, int), np.zeros(10, int), np.empty(9, int)
     counts, packed = np.zeros(2, np.int64), np.empty(9)
-    list_ = counts, numbers, starts, places, packed
-    blocks.pack_rows(rows, columns, values, *list_)
+    target = counts, numbers, starts, places, packed
+    blocks.pack_rows(rows, columns, values, *target)
     assert counts.tolist() == [1, 1]  # the last row has a value in column -1 only
     # rows 5: 2 (row 0) + 3 (row 1) and 6: -1 (row 1), of rows 0: 7 and 8, 1: 9 and zero
     entries = np.array([2, 1, 1]), np.array([1, 0, 1]), np.array([-1.0, 2.0, 3.0])
     csr = np.array([0, 2, 4]), np.array([2, 6, 6, 0]), np.array([7.0, 8.0, 9.0, 0.0])
-    blocks.pack_product(*entries, *csr, np.array([4, 5, 6]), 7, *list_)
+    blocks.pack_product(*entries, *csr, np.array([4, 5, 6]), 7, *target)
     assert counts.tolist() == [3, 4] and numbers[:3].tolist() == [7, 5, 6]
     assert starts[:4].tolist() == [0, 1, 3, 4] and places[:4].tolist() == [2, 2, 6, 6]
     assert packed[:4].tolist() == [1.0, 14.0, 16.0 + 27.0, -9.0]
