@@ -20,6 +20,7 @@ os.environ.setdefault("NUMBA_CACHE_DIR", folder_of_kernels())
 from mpi4py import MPI  # noqa: E402
 
 import pytest  # noqa: E402
+from progress_log import progress_log  # noqa: E402
 from rank_failures import RankFailures  # noqa: E402
 
 # Without JIT a kernel takes a hundred times as long: one of this many cases of a test is run.
@@ -37,6 +38,9 @@ FAILURES = RankFailures(MPI.COMM_WORLD)
 
 
 def pytest_configure(config):
+    log = progress_log(config)
+    if log is not None:
+        config.pluginmanager.register(log)
     if MPI.COMM_WORLD.size > 1:
         config.pluginmanager.register(FAILURES)
 

@@ -10,7 +10,8 @@
 #                         tests marked long, which see on long paths or fine meshes what others see
 # FENICS_MORTAR_LONG      1: those marked long in serial, whatever the number of cases
 # FENICS_MORTAR_RUNS      which of these runs, "serial 2 3 kernels" if not set
-# FENICS_MORTAR_TIMEOUT   seconds after which one of these runs counts as hanging (1200)
+# FENICS_MORTAR_TIMEOUT   seconds without the end of a test after which one of these runs counts as
+#                         hanging (1200); how long the run takes does not matter, as on a slow machine
 
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -47,12 +48,13 @@ run() { # TITLE COMMAND...: run it, and note how it ended
     shift
     echo
     echo "##### $title"
-    timeout --foreground --kill-after=30 "$limit" "$@" </dev/null || code=$?
+    # Also prints the tests that failed or were running, if the run is stopped.
+    /usr/bin/python3 "$root/tests/watch.py" "$limit" "$@" || code=$?
     if [ $code -ne 0 ]; then
         failed=1
         outcome="FAILED (exit code $code)"
-        if [ $code -eq 124 ] || [ $code -eq 137 ]; then
-            outcome="FAILED (stopped after $limit s)"
+        if [ $code -eq 124 ]; then
+            outcome="FAILED (stopped: no test ended for $limit s)"
         fi
         echo
         echo "##### $title: $outcome"

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: MIT
+"""Record of the tests that a process has begun, ended and failed, for ``tests/watch.py``."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+# Name of the environment variable with the folder of the records.
+FOLDER = "FENICS_MORTAR_PROGRESS"
+
+
+class ProgressLog:
+    """Plugin of pytest: writes a line at once when a test begins, ends or fails.
+
+    Args:
+        folder: Folder of the records, with one file for each process that runs tests.
+    """
+
+    def __init__(self, folder):
+        rank = os.environ.get("OMPI_COMM_WORLD_RANK", "")
+        self._path = Path(folder) / f"{rank or 'serial'}-{os.getpid()}"
+
+    def _write(self, what, name):
+        with self._path.open("a") as file:
+            file.write(f"{what}\t{name}\n")
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_runtest_protocol(self, item):
+        self._write("begun", item.nodeid)
+        yield
+        self._write("ended", item.nodeid)
+
+    def pytest_runtest_logreport(self, report):
+        if report.failed:
+            self._write("FAILED" if report.when == "call" else "ERROR", report.nodeid)
+
+    def pytest_collectreport(self, report):
+        if report.failed:
+            self._write("ERROR", report.nodeid)
+
+
+def progress_log(config):
+    """The plugin for this process, ``None`` if nobody watches or xdist's workers run the tests."""
+    is_worker = hasattr(config, "workerinput")
+    if FOLDER not in os.environ or (getattr(config.option, "numprocesses", None) and not is_worker):
+        return None
+    return ProgressLog(os.environ.pop(FOLDER))  # not for programs that the tests start
