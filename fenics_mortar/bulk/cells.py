@@ -17,7 +17,7 @@ from fenics_mortar.kernels.inside import find_inside
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import count_points
-from fenics_mortar.utils.ranks import on_any_rank
+from fenics_mortar.utils.ranks import any_over_ranks, on_any_rank
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Nodes of a cell along its outline, by the number of nodes: dolfinx orders corners, edges,
@@ -126,8 +126,7 @@ class Cells:
         inside = np.zeros(len(points), bool)
         if len(points) and len(self._nodes):
             find_inside(x, self._nodes, labels, self._outline, points, bodies, inside)
-        self._comm.Allreduce(MPI.IN_PLACE, inside, MPI.LOR)
-        return inside
+        return any_over_ranks(self._comm, inside)
 
 
 def _areas(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:

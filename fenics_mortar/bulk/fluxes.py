@@ -15,8 +15,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from mpi4py import MPI
-
 import numpy as np
 import numpy.typing as npt
 
@@ -32,6 +30,7 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.ranks import largest_over_ranks
 from fenics_mortar.utils.rounding import ROUNDING
 
 Subdomain = tuple[Any, Any]
@@ -136,8 +135,8 @@ class Fluxes:
 
     def _refuse_fluxes(self, fluxes: Array, values: Array) -> None:
         """Raise if fluxes are not rounding compared with all values (collective)."""
-        largest = np.array([np.abs(a).max(initial=0.0) for a in (fluxes, values)])
-        self._mesh.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+        mine = [np.abs(a).max(initial=0.0) for a in (fluxes, values)]
+        largest = largest_over_ranks(self._mesh.comm, mine)
         if largest[0] > ROUNDING * largest[1]:
             raise MortarError(
                 "the error cannot be estimated: the residual has the gradient of a test function "
@@ -152,13 +151,13 @@ class Fluxes:
             dP_iJ / dF_kL, shape (cells, 2, 2, 2, 2) [stress], and derivatives of the constraints,
             shape (cells, constraints, 2, 2).
         """
-        values = self._evaluate(self._moduli)
-        sums = np.zeros((self._num_cells, 4 + self._num_constraints, 2, 2))
+        values, rows = self._evaluate(self._moduli)[:, 0, 1:], 4 + self._num_constraints
+        values = values.reshape(self._num_cells, len(self._in_cells), rows, 2, 2)
+        sums = np.zeros((self._num_cells, rows, 2, 2))
         for number, subdomain in enumerate(self._in_cells):
-            on, size = self._cells_of(subdomain), sums[0].size
-            here = values[on, 0, size * number + 1 : size * number + size + 1]
-            sums[on] += here.reshape(-1, *sums.shape[1:])
-        return sums[:, :4].reshape(-1, 2, 2, 2, 2), sums[:, 4:]
+            on = self._cells_of(subdomain)
+            sums[on] += values[on, number]
+        return sums[:, :4].reshape(self._num_cells, 2, 2, 2, 2), sums[:, 4:]
 
     def loads(self, cells: Indices, sides: Indices, facets: Indices) -> Array:
         """Tractions of the form on boundary sides of cells (local).

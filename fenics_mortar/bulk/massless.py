@@ -66,7 +66,7 @@ def _scales(space: DisplacementSpace, M: PETSc.Mat, moved: PETSc.Mat) -> Array |
     comm, dofs = space.V.mesh.comm, space.owned_dofs
     labels, count = label_bodies(space.V)
     labels, X = labels[: len(dofs)], space.V.tabulate_dof_coordinates()[: len(dofs), :2]
-    scales = np.ones(space.num_owned)
+    num_nodes, scales = space.V.dofmap.index_map.size_global, np.ones(space.num_owned)
     for label in range(count):
         mine = labels == label
         centre, size = centre_and_size(X[mine], comm)
@@ -79,7 +79,8 @@ def _scales(space: DisplacementSpace, M: PETSc.Mat, moved: PETSc.Mat) -> Array |
         for _ in range(MAX_STEPS):
             scaled = (1.0 + factors @ powers) * fields
             missing = target - _moments(moved, scaled, scaled, comm)
-            if np.abs(missing).max() <= EPSILON * len(X) * np.abs(target).max():
+            # the number of all nodes: no rank may leave this loop alone
+            if np.abs(missing).max() <= EPSILON * num_nodes * np.abs(target).max():
                 break
             by_factors = [2.0 * _moments(moved, scaled, p * fields, comm) for p in powers]
             factors = factors + np.linalg.lstsq(np.transpose(by_factors), missing, rcond=None)[0]

@@ -5,14 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mpi4py import MPI
-
 import numpy as np
 
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.interface_fields import InterfaceFields
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.ranks import sum_over_ranks
 
 
 def change_along(
@@ -38,8 +37,7 @@ def change_along(
         index = order[np.searchsorted(dofs[order], np.maximum(block.columns, dofs.min()))]
         direction = np.where(block.columns >= 0, values[index], 0.0)
         np.add.at(change, block.rows, np.einsum("bjq,bq->bj", block.values, direction))
-    sides[0].comm.Allreduce(MPI.IN_PLACE, change)
-    return change
+    return sum_over_ranks(sides[0].comm, change)
 
 
 def gap_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:

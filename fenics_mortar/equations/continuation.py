@@ -20,8 +20,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from mpi4py import MPI
-
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
@@ -31,7 +29,7 @@ from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import as_text
-from fenics_mortar.utils.ranks import on_all_ranks
+from fenics_mortar.utils.ranks import on_all_ranks, sum_over_ranks
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Attributes of an interface's state that a user may have changed since the last solve.
@@ -122,8 +120,7 @@ class Continuation:
         for a, b, c in zip(before.values, last.values, loads.values, strict=True):
             done, next_ = b - a, c - b
             parts.append((done @ done, done @ next_, next_ @ next_, a @ a + b @ b + c @ c))
-        sums = np.array(parts).reshape(-1, 4)
-        self._equations.comm.Allreduce(MPI.IN_PLACE, sums)
+        sums = sum_over_ranks(self._equations.comm, np.reshape(parts, (-1, 4)))
         sums[:, :3] *= sums[:, :3].max(axis=1, keepdims=True) > ROUNDING**2 * sums[:, 3:]
         done2, product, next2, _ = sums.T
         if before.laws != loads.laws or last.laws != loads.laws or not done2.any():

@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from mpi4py import MPI
-
 import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
@@ -24,6 +22,7 @@ from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.ranks import sum_over_ranks
 
 
 class Residual:
@@ -88,13 +87,12 @@ class Residual:
         if bulk.inertia is not None:
             inertia = (bulk.inertia.forces(bulk.u.x.array) ** 2).sum()
         sums = np.array([free + moves @ moves, contact, reactions, inertia, rows, rows * rows])
-        if bulk.comm.size > 1:
-            bulk.comm.Allreduce(MPI.IN_PLACE, sums)
+        sums = sum_over_ranks(bulk.comm, sums)
         largest = sums[1:4].max()  # nan if one of them is
         if bulk.comm.size > 1:
             check_equal_on_ranks(float(sums[4]), float(sums[5]), largest, bulk.comm.size)
         self.force, self.attainable = math.sqrt(largest), self.roundoff()
-        return math.sqrt(sums[0] + rows)
+        return math.sqrt(sums[0] + sums[4] / bulk.comm.size)  # equal on all ranks
 
     def of_prescribed(self) -> float:
         """Norm of the rows of prescribed dofs, a lower bound of ``measure`` [stress length]."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.proximal import solve_with_springs, solve_with_weak_springs
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import NotConvergedError
+from fenics_mortar.utils.ranks import agreed
 from fenics_mortar.verify.certificate import Certificate, certify
 from fenics_mortar.verify.tipping import tipping_bodies
 
@@ -74,13 +76,20 @@ class Solver:
             contact.start_step()
         self._equations.crossings.accept(self._equations.motions.places)
 
-    def certificate(self) -> Certificate:
-        """Measure balance, signs, penetration and crossings of the last evaluated state."""
+    def certificate(self, **of_step: Any) -> Certificate:
+        """Measure balance, signs, penetration and crossings of the last evaluated state.
+
+        All ranks have the numbers of rank 0, so that no rank refuses a state alone.
+
+        Args:
+            of_step: Measures of the step that led to the state, see ``Certificate``.
+        """
         e = self._equations
         certificate = certify(e.bulk, e.contacts, e.floating.labels, e.motions.residual())
         tipping = tipping_bodies(e.floating, certificate.pairs)
         springs, crossings = e.springs.largest(), e.crossings.find()
-        return replace(certificate, springs=springs, crossings=crossings, tipping=tipping)
+        found = {"springs": springs, "crossings": crossings, "tipping": tipping, **of_step}
+        return agreed(e.comm, replace(certificate, **found))
 
     def solve(self, remarks: Sequence[str], *, accept_violations: bool) -> NewtonReport:
         """Solve from the present state; see ``ContactProblem.solve``.
@@ -115,9 +124,8 @@ class Solver:
         commit(e.contacts, instants)
         e.bulk.free_garbage()
         passages = e.crossings.passages(e.motions.places)
-        report.certificate = replace(
-            self.certificate(), drift=e.motions.slide_along_driven(), passages=passages
-        )
+        drift = e.motions.slide_along_driven()
+        report.certificate = self.certificate(drift=drift, passages=passages)
         violations = report.certificate.violations()
         messages = [f"VIOLATED: {violation}" for violation in violations]
         judged = messages or report.certificate.remarks()

@@ -18,6 +18,7 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import facets, normals
 from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view, summed
 from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.ranks import sum_over_ranks
 
 
 def evaluate_normals(
@@ -140,9 +141,8 @@ def sum_over_facets(
     on_facets[0], on_facets[1], on_facets[2] = D.diagonal(axis1=1, axis2=2), gap, cover
     on_facets[3] = D.sum(axis=2)
     rows = nodes + count * np.arange(4)[:, None, None]
-    nodal = np.empty((4, count))  # bincount of an empty array returns integers
-    nodal.ravel()[:] = np.bincount(rows.ravel(), on_facets.ravel(), nodal.size)
-    slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+    sums = np.bincount(rows.ravel(), on_facets.ravel(), 4 * count)
+    nodal = sum_over_ranks(slave.comm, sums.reshape(4, count))
     return nodal[0], nodal[1], nodal[2], nodal[3]
 
 
@@ -180,7 +180,7 @@ def _integrate(
         cover = np.empty(nodes.shape)
         facets.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover, thickness)
         nodal = summed(cover.ravel(), nodes.ravel(), slave.num_nodes)
-        slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+        nodal = sum_over_ranks(slave.comm, nodal)
         multiplier_nodes = multiplier_nodes & (nodal > 0.0)
     weights = hand_over(multiplier_nodes[nodes])
     size = nodes.shape[1]

@@ -29,8 +29,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Self
 
-from mpi4py import MPI
-
 import numpy as np
 
 from fenics_mortar.interface.segments import Segments
@@ -39,6 +37,7 @@ from fenics_mortar.kernels import projection
 from fenics_mortar.kernels.blocks import weigh_derivatives
 from fenics_mortar.kernels.forces import add_contact_forces
 from fenics_mortar.utils.arrays import Array, Indices, read_only_view, summed
+from fenics_mortar.utils.ranks import sum_over_ranks
 
 
 class Block(NamedTuple):
@@ -172,8 +171,8 @@ class MortarOperators:
             on_slave,
             on_master,
         )
-        self.slave.comm.Allreduce(MPI.IN_PLACE, forces)
-        return on_slave, on_master
+        forces = sum_over_ranks(self.slave.comm, forces)
+        return forces[:count], forces[count:]
 
     def reaction(self, z: Array) -> tuple[Array, Array]:
         """Points of the master and forces there, each (master nodes, 2) (collective).
@@ -292,8 +291,7 @@ class MortarOperators:
         total = np.zeros_like(self.x)
         np.add.at(total, nodes, np.einsum("ejk,ekc->ejc", self.D, on_slave[nodes]))
         np.add.at(total, s.slave, -np.einsum("sjl,slc->sjc", self.M, on_master[s.master]))
-        self.slave.comm.Allreduce(MPI.IN_PLACE, total)
-        return total
+        return sum_over_ranks(self.slave.comm, total)
 
     def normal_columns(self) -> Indices:
         """Displacement dofs of the columns of ``dn``, shape (slave nodes, 4 K - 2)."""
@@ -326,7 +324,7 @@ def minus_offset(o: MortarOperators, offset: Array) -> MortarOperators:
     s, nodes = o.segments, o.facet_nodes
     change = np.einsum("ejk,ek->ej", o.D, offset[nodes])
     nodal = summed(change.ravel(), nodes.ravel(), o.slave.num_nodes)
-    o.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+    nodal = sum_over_ranks(o.slave.comm, nodal)
     derivative = np.einsum("sjkq,sk->sjq", o.dD, offset[s.slave])
     return replace(o, gap=o.gap - nodal, dgap=o.dgap - derivative)
 

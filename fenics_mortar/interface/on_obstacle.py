@@ -23,8 +23,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Self
 
-from mpi4py import MPI
-
 import numpy as np
 import numpy.typing as npt
 
@@ -38,6 +36,7 @@ from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import call_together
+from fenics_mortar.utils.ranks import sum_over_ranks
 
 
 @dataclass(frozen=True)
@@ -98,13 +97,13 @@ class ObstacleOperators(MortarOperators):
         near = self.slave.along(nodes[:, 0], range(-degree, 2 * degree + 1))
         there = near >= 0
         sums = np.zeros((3, self.slave.num_nodes, 3, 2))
-        by_nodes, by_multipliers, forces = sums[0], sums[1], sums[2, :, 0]
         change = -np.einsum("ejkq,ejc,ekmc->emq", self.dD, z[nodes], self.V[nodes])
         change = np.swapaxes(change.reshape(len(nodes), 3, near.shape[1], 2), 1, 2)
-        np.add.at(by_nodes, near[there], change[there])
-        np.add.at(by_multipliers, nodes, -np.einsum("ejk,ekmc->ejmc", self.D, self.V[nodes]))
-        np.add.at(forces, nodes, np.einsum("ejk,ejc->ekc", self.D, z[nodes]))
-        self.slave.comm.Allreduce(MPI.IN_PLACE, sums)
+        np.add.at(sums[0], near[there], change[there])
+        np.add.at(sums[1], nodes, -np.einsum("ejk,ekmc->ejmc", self.D, self.V[nodes]))
+        np.add.at(sums[2, :, 0], nodes, np.einsum("ejk,ejc->ekc", self.D, z[nodes]))
+        sums = sum_over_ranks(self.slave.comm, sums)
+        by_nodes, by_multipliers, forces = sums[0], sums[1], sums[2, :, 0]
         turned = forces[:, ::-1] * [1.0, -1.0] / self.arm
         by_nodes[:, 2] -= turned
         by_motions = np.zeros((3, 3))
@@ -203,7 +202,7 @@ def evaluate_obstacle(
     nodal = sum_over_facets(slave, nodes, D, gap, cover)
     dgap_dq = np.zeros((len(x), 3))
     np.add.at(dgap_dq, nodes, by_motions)
-    slave.comm.Allreduce(MPI.IN_PLACE, dgap_dq)
+    dgap_dq = sum_over_ranks(slave.comm, dgap_dq)
     count, size, columns = dgap.shape
     return ObstacleOperators(
         slave, master, x, master.X, n, dn, _as_segments(facets, nodes, rule), D,

@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-from mpi4py import MPI
-
 import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.ranks import largest_over_ranks
 
 # Number of points per direction of the grid on which outlines of obstacles are searched: its cells
 # are narrower than the lines of a picture.
@@ -20,7 +19,7 @@ def bounding_box(bulk: Bulk) -> tuple[Array, Array]:
     """Lower and upper corner of a box around deformed bodies, (2,) [length] (collective)."""
     x = bulk.positions()
     ends = np.concatenate([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
-    bulk.comm.Allreduce(MPI.IN_PLACE, ends, MPI.MAX)
+    ends = largest_over_ranks(bulk.comm, ends)
     return with_margin(-ends[:2], ends[2:])
 
 

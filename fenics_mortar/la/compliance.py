@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -16,6 +15,7 @@ from fenics_mortar.la.factored import column_groups, factored_bulk, factored_bul
 from fenics_mortar.la.sparse import is_indefinite, schur_complement
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, raise_together
+from fenics_mortar.utils.ranks import sum_over_ranks
 from fenics_mortar.utils.rounding import SOLVED
 
 # Number of single solves after which factors by CHOLMOD pay: they take about 40 times as long as a
@@ -56,10 +56,9 @@ class FactoredBulk:
         self._factors.getFactorMatrix().matSolve(PETSc.Mat().createTranspose(loads), moved)
         values = np.zeros((self._dofs.size, count))
         values[self._numbers] = moved.getDenseArray()[self._local]
-        self._bulk.comm.Allreduce(MPI.IN_PLACE, values)
         loads.destroy()
         moved.destroy()
-        return values
+        return sum_over_ranks(self._bulk.comm, values)
 
     def _loads(self, forces: csr_array) -> PETSc.Mat:
         """Forces (k, size) as rows (k, dofs), all on rank 0, as MUMPS requires (collective)."""

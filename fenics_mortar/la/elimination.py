@@ -15,6 +15,7 @@ import numpy as np
 
 from fenics_mortar.la.sparse import Entries, SomeRows
 from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
+from fenics_mortar.utils.ranks import sum_over_ranks
 
 
 class Elimination:
@@ -61,15 +62,12 @@ class Elimination:
         """R x [unit of x] in the owned contact dofs, for ``values`` x of this rank (collective)."""
         i, j, v = self.entries
         product = summed(v * values[j], i, self._rows.rows.size)
-        if self._comm.size > 1:
-            self._comm.Allreduce(MPI.IN_PLACE, product)
-        return product[self._rows.numbers]
+        return sum_over_ranks(self._comm, product)[self._rows.numbers]
 
     def transposed_times(self, values: Array) -> Array:
         """R^T w [unit of w], for ``values`` w of the owned contact dofs (collective)."""
         everywhere = np.zeros(self._rows.rows.size)
         everywhere[self._rows.numbers] = values
-        if self._comm.size > 1:
-            self._comm.Allreduce(MPI.IN_PLACE, everywhere)
+        everywhere = sum_over_ranks(self._comm, everywhere)
         i, j, v = self.entries
         return summed(v * everywhere[i], j, self._size)

@@ -62,6 +62,7 @@ from fenics_mortar.la.sparse import BlockMatrix, SomeRows, is_symmetric
 from fenics_mortar.la.strip import Strip, dofs_near
 from fenics_mortar.la.touching import TouchingTangent
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.ranks import any_over_ranks, sum_over_ranks
 from fenics_mortar.utils.rounding import TINY
 
 # Stiffness of motions outside the range of T over that of the node [1]: affects only the coarse
@@ -283,7 +284,7 @@ class ContactPreconditioner:
             own = np.isin(dofs[:, 0], slave.dofs[contact.acts, 0])
             weight = np.zeros(slave.num_nodes)
             np.add.at(weight, j[own], values[own])
-            slave.comm.Allreduce(MPI.IN_PLACE, weight)
+            weight = sum_over_ranks(slave.comm, weight)
             weight[weight < MIN_WEIGHT * contact.slave.nodal_areas] = np.inf
             dofs, j, share = dofs[~own], j[~own], -values[~own] / weight[j[~own]]
             yield slave.dofs[j], dofs, share[:, None, None], followed[j]
@@ -324,5 +325,4 @@ def _slide(contact: Interface) -> Flags:
     s = contact.operators.segments
     stuck = np.zeros(contact.master.num_nodes, bool)
     stuck[s.master[contact.sticking[s.slave].any(axis=1)]] = True
-    contact.master.comm.Allreduce(MPI.IN_PLACE, stuck, MPI.LOR)
-    return ~stuck[contact.master.owned]
+    return ~any_over_ranks(contact.master.comm, stuck)[contact.master.owned]

@@ -26,7 +26,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -39,7 +38,7 @@ from fenics_mortar.la.coupling import MARGIN, MAX_MARGIN, Coupling
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.solver import LinearSolver
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.ranks import on_all_ranks
+from fenics_mortar.utils.ranks import on_all_ranks, sum_over_ranks
 
 
 class LinearSystem(ABC):
@@ -178,8 +177,7 @@ class LinearSystem(ABC):
         for contact, _, owned, local in self._numbered:
             values = np.zeros((contact.slave.num_nodes, 2))
             values[owned] = mine[local]
-            self.comm.Allreduce(MPI.IN_PLACE, values)
-            z.append(values)
+            z.append(sum_over_ranks(self.comm, values))
         return x[: self.bulk.num_owned].copy(), z
 
     # Blocks

@@ -20,8 +20,6 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 
 import ufl
@@ -42,6 +40,7 @@ from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MeshError, call_together, check_same_texts, together
+from fenics_mortar.utils.ranks import sum_over_ranks
 
 PREFIX = "fenics_mortar_elastic_obstacle_"
 
@@ -116,7 +115,7 @@ class ElasticObstacle:
         load = np.zeros_like(self._surface.X)
         for points in touching:
             points.add_tractions(load)
-        self._surface.comm.Allreduce(MPI.IN_PLACE, load)
+        load = sum_over_ranks(self._surface.comm, load)
         force, solution = self._bulk.K.createVecs()
         self._surface.scatter_add(load, force.array)
         force.array[self._bulk.prescribed_dofs] = 0.0
@@ -186,7 +185,7 @@ class _Touching:
         sums = np.zeros((2, self._contact.slave.num_nodes))
         for target, part in zip(sums, parts, strict=True):
             np.add.at(target, self._points.slave, part)
-        self._contact.slave.comm.Allreduce(MPI.IN_PLACE, sums)
+        sums = sum_over_ranks(self._contact.slave.comm, sums)
         return np.asarray(sums[0] / np.where(sums[1] > 0.0, sums[1], 1.0))
 
     def _at_nearest(self, nodal: Array) -> Array:

@@ -43,6 +43,7 @@ from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import suppressed_failures
+from fenics_mortar.utils.ranks import agreed
 
 
 @dataclass(frozen=True)
@@ -266,7 +267,7 @@ def deviations(model: Model) -> Array:
         found += [strain, relative(rotation**2, strain)]
     if model.is_small:
         found += np.max([largest_slip(c) for c in sliding_little(model.problem)], axis=0).tolist()
-    return np.array(found)
+    return agreed(model.problem.equations.comm, np.array(found))
 
 
 def error_of_linear_bulk(other: ContactProblem, problem: ContactProblem) -> Errors:

@@ -33,6 +33,7 @@ from fenics_mortar.models.variant import adopt
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
+from fenics_mortar.utils.ranks import agreed, largest_over_ranks
 
 ENERGY, FORCE, PEAK = "energy norm", "total force", "peak pressure"
 QUANTITIES = (ENERGY, FORCE, PEAK)
@@ -152,13 +153,14 @@ def differences(
         bulk.K.mult(x, y)
         return abs(x.dot(y))
 
-    return {
+    errors = {
         ENERGY: float(
             np.sqrt(relative(energy(one.u - other.u), energy(strained(problem, other.u))))
         ),
         FORCE: relative(np.linalg.norm(one.force - other.force), np.linalg.norm(other.force)),
         PEAK: relative(np.abs(one.peak - other.peak).max(), np.abs(other.peak).max()),
     }
+    return agreed(problem.equations.comm, errors)
 
 
 def strained(problem: ContactProblem, u: Array) -> Array:
@@ -209,8 +211,8 @@ def largest_strain(problem: ContactProblem) -> tuple[float, float]:
     if bulk.space.is_axisymmetric:
         strains = np.maximum(strains, np.abs(bulk.cells.hoop_strains(bulk.positions())))
     mine = np.array([np.abs(values).max(initial=0.0) for values in (rotation, strains)])
-    problem.equations.comm.Allreduce(MPI.IN_PLACE, mine, MPI.MAX)
-    return float(mine[0]), float(mine[1])
+    rotation, strain = largest_over_ranks(problem.equations.comm, mine)
+    return float(rotation), float(strain)
 
 
 def shear_demand(problem: ContactProblem) -> float:

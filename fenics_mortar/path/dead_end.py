@@ -26,6 +26,7 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError, format_point
+from fenics_mortar.utils.ranks import agreed
 from fenics_mortar.utils.rounding import HALF_FACET
 
 # Largest number n of sliding nodes for which all 2^n combinations of stick and slip are tried.
@@ -42,7 +43,11 @@ def reason_for_end(problem: ContactProblem) -> str:
         problem: At the last equilibrium, with slightly advanced loads; its state is restored.
     """
     return _reason(
-        problem, lambda start: "; ".join(_slipping_off(problem)) or _deadlock(problem, start)
+        problem,
+        lambda start: (
+            agreed(problem.equations.comm, "; ".join(_slipping_off(problem)))
+            or _deadlock(problem, start)
+        ),
     )
 
 
@@ -113,7 +118,10 @@ def describe_jump(problem: ContactProblem, before: State) -> str:
         problem: The problem at the new state.
         before: The state at the start of the step.
     """
-    return _past_each_other(problem, before) or _slid_away(problem, before)
+    comm = problem.equations.comm
+    return agreed(comm, _past_each_other(problem, before)) or agreed(
+        comm, _slid_away(problem, before)
+    )
 
 
 def _past_each_other(problem: ContactProblem, before: State) -> str:

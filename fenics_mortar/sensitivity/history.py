@@ -23,6 +23,7 @@ from fenics_mortar.sensitivity.pair_vectors import (
 )
 from fenics_mortar.sensitivity.partials.history import Earlier, PairHistory
 from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.ranks import agreed
 from fenics_mortar.utils.rounding import ROUNDING
 
 
@@ -100,6 +101,7 @@ def earlier_state_of(e: ContactEquations, i: int, contact: Contact, before: Stat
     o, given = contact.operators, contact.partners
     difference = np.abs(found.gap_vectors(o) - given.gap_vectors(o)).max()
     difference = max(difference, np.abs(found.start - given.start).max())
+    difference = agreed(e.comm, float(difference))
     if not difference <= ROUNDING * contact.slave.extent:
         raise MortarError(
             f"the slip of {contact.pair!r} is not counted from the state before, but from one "

@@ -10,7 +10,7 @@ from typing import ParamSpec, TypeVar
 
 from mpi4py import MPI
 
-import numpy as np
+from fenics_mortar.utils.ranks import largest_over_ranks
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -54,8 +54,7 @@ class Clock:
         mine = self.read()
         if comm.size == 1:
             return mine
-        slowest = np.array(list(mine.values()))
-        comm.Allreduce(MPI.IN_PLACE, slowest, MPI.MAX)
+        slowest = largest_over_ranks(comm, list(mine.values()))
         return dict(zip(mine, slowest.tolist(), strict=True))
 
 

@@ -15,6 +15,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.ranks import sum_over_ranks
 from fenics_mortar.utils.rounding import ROUNDING
 from fenics_mortar.verify.limits import LIMITS
 
@@ -49,9 +50,8 @@ def balance_of_bodies(
     body = labels[: len(dofs)]
     num_bodies = comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1
     components = total[dofs].T[1:] if bulk.space.is_axisymmetric else total[dofs].T
-    defects = np.array([np.bincount(body, component, num_bodies) for component in components])
-    comm.Allreduce(MPI.IN_PLACE, defects)
-    size = comm.allreduce(float(np.abs(r[dofs]).sum()))
+    mine = [np.bincount(body, component, num_bodies) for component in components]
+    defects, size = sum_over_ranks(comm, mine), comm.allreduce(float(np.abs(r[dofs]).sum()))
     motion = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
     stiffness = max((float(c.stiffness.max()) for c in contacts), default=bulk.stiffness)
     extent = max((float(np.ptp(c.slave.X, axis=0).max()) for c in contacts), default=0.0)

@@ -6,8 +6,6 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
@@ -15,6 +13,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
+from fenics_mortar.utils.ranks import any_over_ranks
 from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.limits import LIMITS
 
@@ -47,7 +46,7 @@ def paired_nodes(contact: Contact | Tie) -> Indices:
     """Global numbers of the nodes of both surfaces that have a partner, (n,) (collective)."""
     paired = np.zeros(contact.master.num_nodes, bool)
     paired[contact.intersections().master.ravel()] = True
-    contact.slave.comm.Allreduce(MPI.IN_PLACE, paired, MPI.LOR)
+    paired = any_over_ranks(contact.slave.comm, paired)
     return np.concatenate(
         [contact.slave.nodes[contact.now.has_partner], contact.master.nodes[paired]]
     )

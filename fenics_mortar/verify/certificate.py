@@ -23,6 +23,7 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.markdown import Markdown
+from fenics_mortar.utils.ranks import agreed
 from fenics_mortar.verify.balance import action_and_reaction, balance_of_bodies
 from fenics_mortar.verify.between_nodes import between_nodes, count_unpaired, paired_nodes
 from fenics_mortar.verify.corners import end_pressure, mean_friction, oblique_forces, runs_of
@@ -140,7 +141,7 @@ def certify(
     ]
     raise_stored(bulk.comm, contacts)
     balance = balance_of_bodies(bulk, contacts, labels, unbalanced)
-    return Certificate(pairs, balance, inverted)
+    return agreed(bulk.comm, Certificate(pairs, balance, inverted))
 
 
 def _certify_pair(

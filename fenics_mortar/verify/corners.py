@@ -17,14 +17,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import STICK
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
+from fenics_mortar.utils.ranks import agreed, any_over_ranks, sum_over_ranks
 from fenics_mortar.verify.balance import positive_or_one
 from fenics_mortar.verify.limits import LIMITS
 
@@ -45,7 +44,7 @@ def oblique_forces(contact: Contact, pressure: Array) -> dict[str, Any]:
     along = forces * np.abs(np.einsum("sjc,sc->sj", o.n[s.slave], chords))
     size = contact.slave.num_nodes
     nodal = np.stack([np.bincount(s.slave.ravel(), v.ravel(), size) for v in (forces, along)])
-    contact.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+    nodal = sum_over_ranks(contact.slave.comm, nodal)
     total = positive_or_one(float(nodal[0].sum()))
     return {
         "oblique": float(nodal[1].sum()) / total,
@@ -81,6 +80,7 @@ def _at_corners(contact: Contact, forces: Array, total: float) -> dict[str, Any]
     o = contact.operators
     before, after = facet_angles(contact)
     corners = (contact.active & (after - before > LIMITS.corner)).nonzero()[0]
+    corners = agreed(contact.slave.comm, corners)
     if not corners.size:
         return {}
     runs = np.where(contact.active, runs_of(contact), -1)
@@ -157,7 +157,7 @@ def _master_around(contact: Contact, run: Flags) -> tuple[Array, bool]:
     o, s, master = contact.operators, contact.operators.segments, contact.master
     faced = np.zeros(master.num_nodes, bool)
     faced[s.master[run[s.slave].any(axis=1)]] = True
-    contact.slave.comm.Allreduce(MPI.IN_PLACE, faced, MPI.LOR)
+    faced = any_over_ranks(contact.slave.comm, faced)
     on_facet = faced[master.facets].all(axis=1)
     for _ in range(LIMITS.around_corner):
         faced[master.facets[on_facet]] = True

@@ -6,8 +6,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-from mpi4py import MPI
-
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
@@ -19,6 +17,7 @@ from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together
+from fenics_mortar.utils.ranks import sum_over_ranks
 
 # Integrals over slave facets: dyads [length^3], and work [stress length^2].
 Defects = tuple[Array, Array]
@@ -115,5 +114,5 @@ def _on_facets(pair: Interface, here: Points, wrong: Array, work: Array) -> Defe
     if thickness is not None:  # the stiffness of the layer includes the thickness
         work = work * here.of(thickness.at(pair.operators.x))
     np.add.at(sums, here.facet, np.column_stack([dyads, (measure * work).sum(axis=1)]))
-    pair.slave.comm.Allreduce(MPI.IN_PLACE, sums)
+    sums = sum_over_ranks(pair.slave.comm, sums)
     return sums[:, :4].reshape(-1, 2, 2), sums[:, 4]

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import format_point
+from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
+from fenics_mortar.verify.balance import positive_or_one
 
 
 def beyond_cover(contact: Contact, runs: Indices) -> dict[str, Any]:
@@ -53,18 +53,17 @@ def _beyond(contact: Contact, nodes: Indices, forces: Array) -> tuple[float, str
     marked[nodes] = True
     touched = marked[s.slave].any(axis=1)
     first, last = o.x[s.slave[touched, 0]], o.x[s.slave[touched, -1]]
-    along = (last - first).sum(axis=0)
-    contact.slave.comm.Allreduce(MPI.IN_PLACE, along)
+    along = sum_over_ranks(contact.slave.comm, (last - first).sum(axis=0))
     size = float(np.linalg.norm(along))
-    pulls = bool((forces[nodes] < 0.0).any()) or not forces[nodes].any()
-    if pulls or size == 0.0:
-        return 0.0, ""
-    along = along / size
+    along = along / positive_or_one(size)
     fractions = 0.5 * (1.0 + s.ends[touched])
     covered = (first @ along)[:, None] + ((last - first) @ along)[:, None] * fractions
     longest = float(np.linalg.norm(last - first, axis=1).max(initial=0.0))
     bounds = np.array([covered.max(initial=-np.inf), -covered.min(initial=np.inf), longest])
-    contact.slave.comm.Allreduce(MPI.IN_PLACE, bounds, MPI.MAX)
+    bounds = largest_over_ranks(contact.slave.comm, bounds)
+    pulls = bool((forces[nodes] < 0.0).any()) or not forces[nodes].any()
+    if pulls or size == 0.0:
+        return 0.0, ""
     centre = forces[nodes] @ o.x[nodes] / forces[nodes].sum()
     at = float(centre @ along)
     return max(at - bounds[0], -at - bounds[1], 0.0) / float(bounds[2]), format_point(centre)

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mpi4py import MPI
-
 import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.sparse import coo_matrix
@@ -16,6 +14,7 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.facing import Points, Rule, points_behind, points_of
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.ranks import sum_over_ranks
 from fenics_mortar.verify.limits import LIMITS
 
 
@@ -75,8 +74,7 @@ def _sum_over_facets(surface: Surface, here: Points, values: Array) -> Array:
     """Sum values (n, ...) of segments over their facets, shape (facets, ...) (collective)."""
     sums = np.zeros((len(surface.facets), *values.shape[1:]))
     np.add.at(sums, here.facet, values)
-    surface.comm.Allreduce(MPI.IN_PLACE, sums)
-    return sums
+    return sum_over_ranks(surface.comm, sums)
 
 
 def _solve_on_covered(surface: Surface, blocks: Array, forces: Array, clamped: Flags) -> Array:

@@ -6,13 +6,12 @@ Multipliers, displacement, active set and weights of the rows are fixed.
 
 from __future__ import annotations
 
-from mpi4py import MPI
-
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.ranks import sum_over_ranks
 
 
 def weights_of_gaps(contact: Contact) -> Array:
@@ -56,8 +55,7 @@ def _nodal_sums(o: MortarOperators, entries: Array) -> Array:
     """Sums of entries of this rank's facets, shape (f, K), at the slave nodes (collective)."""
     total = np.zeros(len(o.x))
     np.add.at(total, o.facet_nodes, entries)
-    o.slave.comm.Allreduce(MPI.IN_PLACE, total)
-    return total
+    return sum_over_ranks(o.slave.comm, total)
 
 
 def rows_by_offset(contact: Contact, offset: Array) -> Array:

@@ -10,13 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from mpi4py import MPI
-
 import numpy as np
 
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.ranks import sum_over_ranks
 
 
 class PairVector(NamedTuple):
@@ -92,8 +91,7 @@ class Dofs:
         for block in blocks:
             part = np.einsum("brc,bc->br", block.values, values[self.indices(block.columns)])
             np.add.at(product, block.rows, part)
-        self.sides[0].comm.Allreduce(MPI.IN_PLACE, product)
-        return product
+        return sum_over_ranks(self.sides[0].comm, product)
 
     def back(self, blocks: Sequence[Block], values: Array) -> Array:
         """Product of the transposed blocks, summed over the ranks: as ``flat`` (collective).
@@ -106,7 +104,7 @@ class Dofs:
         for block in blocks:
             part = np.einsum("brc,br->bc", block.values, values[block.rows])
             np.add.at(product, self.indices(block.columns), part)
-        self.sides[0].comm.Allreduce(MPI.IN_PLACE, product)
+        product = sum_over_ranks(self.sides[0].comm, product)
         product[-1] = 0.0
         return product
 

@@ -11,8 +11,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from mpi4py import MPI
-
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
@@ -23,6 +21,7 @@ from fenics_mortar.sensitivity.partials.gap import weights_of_gaps
 from fenics_mortar.sensitivity.partials.history import Earlier
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, call_together
+from fenics_mortar.utils.ranks import sum_over_ranks
 
 
 class FieldChange(NamedTuple):
@@ -73,7 +72,7 @@ def change_by_shape(
         what,
         lambda: (_gap(contact, name, directions), _normals(contact, o, name, directions)),
     )
-    o.slave.comm.Allreduce(MPI.IN_PLACE, gap)
+    gap = sum_over_ranks(o.slave.comm, gap)
     dtau = np.stack([-dn[..., 1], dn[..., 0]], axis=-1)
     slip = np.zeros_like(gap)
     if contact.pair.law.has_friction or contact.pair.law.needs_nodal_state:
