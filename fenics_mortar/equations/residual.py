@@ -87,10 +87,12 @@ class Residual:
         if bulk.inertia is not None:
             inertia = (bulk.inertia.forces(bulk.u.x.array) ** 2).sum()
         sums = np.array([free + moves @ moves, contact, reactions, inertia, rows, rows * rows])
-        sums = sum_over_ranks(bulk.comm, sums)
-        largest = sums[1:4].max()  # nan if one of them is
         if bulk.comm.size > 1:
-            check_equal_on_ranks(float(sums[4]), float(sums[5]), largest, bulk.comm.size)
+            sums = sum_over_ranks(bulk.comm, sums)
+            check_equal_on_ranks(
+                float(sums[4]), float(sums[5]), float(sums[1:4].max()), bulk.comm.size
+            )
+        largest = sums[1:4].max()  # nan if one of them is
         self.force, self.attainable = math.sqrt(largest), self.roundoff()
         return math.sqrt(sums[0] + sums[4] / bulk.comm.size)  # equal on all ranks
 

@@ -31,7 +31,10 @@ def sum_over_ranks(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
     Returns:
         The sums in double precision, of the shape of ``values`` [their unit].
     """
-    total = _floats(values)
+    if isinstance(values, np.ndarray) and values.dtype == np.float64 and values.flags.carray:
+        total: npt.NDArray[Any] = values
+    else:
+        total = _floats(values)
     if comm.size > 1:
         comm.Allreduce(MPI.IN_PLACE, total)
     return total
@@ -87,6 +90,4 @@ def on_all_ranks(comm: MPI.Comm, flag: bool) -> bool:
 
 def _floats(values: npt.ArrayLike) -> npt.NDArray[Any]:
     """A contiguous, writable array of at least double precision (local)."""
-    if isinstance(values, np.ndarray) and values.dtype == np.float64 and values.flags.carray:
-        return values
     return np.require(values, np.result_type(np.asarray(values), np.float64), ["C", "W"])
