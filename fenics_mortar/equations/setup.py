@@ -14,6 +14,7 @@ from fenics_mortar.bulk.axis import check_axis, check_radius
 from fenics_mortar.bulk.checks import check_cells, check_slave_nodes, check_space, refuse_inertia
 from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
+from fenics_mortar.bulk.subdomains import check_subdomains
 from fenics_mortar.contact.binding import bind
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.pair import ContactPair
@@ -89,6 +90,9 @@ def equations_of(
     weight = thickness_of(geometry, thickness)
     space = DisplacementSpace(u.function_space, displacement, weight)
     check_space(space.V, pairs)
+    for name, form in (("residual", residual), ("jacobian", jacobian)):
+        if form is not None:
+            check_subdomains(name, form, space.V.mesh, [pair.data for pair in pairs])
     if solver == "iterative" and space.is_mixed:
         raise ValueError("solver='iterative': mixed functions need solver='direct'")
     prescribed = mark_prescribed(space, u, bcs)

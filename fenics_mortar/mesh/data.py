@@ -13,6 +13,7 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.mesh.input_nodes import nodal_values, node_dofs
+from fenics_mortar.mesh.tags import check_tags
 from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError
@@ -37,6 +38,10 @@ class MeshData:
 
     Raises:
         ValueError: If a tag is not an integer.
+        MeshError: On all ranks, if tags belong to another mesh.
+
+    Note:
+        The constructor is collective.
 
     Example:
         A mesh that is not from gmsh, with two of its sides as boundaries 1 and 2:
@@ -62,12 +67,14 @@ class MeshData:
     boundaries: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Raise an error for tags that are not integers (local)."""
+        """Raise an error for tags that are not integers or of another mesh (collective)."""
         for what in ("bodies", "boundaries"):
             names = getattr(self, what)
             check_kind(what, names, dict, "a dictionary of tags by name")
             for name, tag in names.items():
                 check_number(f"{what}[{name!r}]", tag, "an integer", np.isfinite, whole=True)
+        for what in ("cell_tags", "facet_tags"):
+            check_tags(what, getattr(self, what), self.mesh)
 
     def body_tag(self, name: str | int) -> int:
         """Return the tag of a body (local); integers are returned unchanged.

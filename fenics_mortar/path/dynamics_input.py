@@ -12,6 +12,7 @@ from ufl.algorithms.analysis import extract_arguments, extract_coefficients, ext
 from ufl.domain import extract_domains
 
 from fenics_mortar.bulk.inertia import Rates
+from fenics_mortar.bulk.subdomains import check_subdomains
 from fenics_mortar.bulk.velocity import Origin, Velocity
 from fenics_mortar.equations.state import State
 from fenics_mortar.problem import ContactProblem
@@ -48,7 +49,7 @@ def check_dynamics(
 def check_dynamics_on_ranks(
     problem: ContactProblem, density: Any, scheme: str, rho_inf: Any, velocity: Any, energy: Any
 ) -> None:
-    """Reject arguments of ``Dynamics`` that differ between ranks (collective).
+    """Reject arguments of ``Dynamics`` that differ between ranks, and unknown tags (collective).
 
     Raises:
         MortarError: On all ranks.
@@ -61,6 +62,9 @@ def check_dynamics_on_ranks(
     check_same_texts(problem.equations.comm, "Dynamics", given)
     constants = [] if is_number else extract_constants(density)
     check_same(problem.equations.comm, [("a constant of density", c.value) for c in constants])
+    if energy is not None:
+        named = [contact.pair.data for contact in problem.equations.contacts]
+        check_subdomains("energy", energy, problem.equations.bulk.V.mesh, named)
 
 
 def _check_density(density: Any, mesh: Any) -> None:

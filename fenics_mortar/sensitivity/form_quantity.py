@@ -9,6 +9,7 @@ from typing import Any
 import ufl
 
 from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.bulk.subdomains import check_subdomains
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.controls import Before
@@ -36,12 +37,18 @@ class FormQuantity:
         self._by_controls: dict[Any, FormDerivative] = {}
 
     @cached_property
+    def _checked(self) -> ufl.Form:
+        """The form, whose tags belong to the mesh."""
+        check_subdomains("objective", self.form, self._mesh, ())
+        return self.form
+
+    @cached_property
     def _value(self) -> AssembledForm:
-        return AssembledForm(self.form, self._mesh.comm)
+        return AssembledForm(self._checked, self._mesh.comm)
 
     @cached_property
     def _by_u(self) -> FormDerivative:
-        return derivative_by(self._mesh, self.form, self._u)
+        return derivative_by(self._mesh, self._checked, self._u)
 
     def value(self, problem: ContactProblem, before: Before = None) -> float:
         """Value at the present state [its unit]."""
@@ -67,5 +74,5 @@ class FormQuantity:
         if not self.depends_on(control):
             return 0.0
         if control.data not in self._by_controls:
-            self._by_controls[control.data] = derivative_by(self._mesh, self.form, control.data)
+            self._by_controls[control.data] = derivative_by(self._mesh, self._checked, control.data)
         return self._by_controls[control.data].transposed()

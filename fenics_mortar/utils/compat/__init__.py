@@ -29,6 +29,7 @@ from fenics_mortar.utils.compat.libraries import (
     scalar_is_complex,
 )
 from fenics_mortar.utils.compat.meshes import (
+    are_tags_of,
     cell_name,
     create_mesh,
     geometry_dofmap,
@@ -45,6 +46,7 @@ from fenics_mortar.utils.compat.spaces import (
 )
 
 __all__ = [
+    "are_tags_of",
     "assemble_matrix",
     "assemble_vector",
     "cell_name",

@@ -98,3 +98,14 @@ def as_table(table: Any, layout: Any) -> npt.NDArray[np.int32]:
     if isinstance(table, np.ndarray):
         return table
     return table.array.reshape(table.num_nodes, layout.num_dofs)
+
+
+def are_tags_of(tags: Any, mesh: dmesh.Mesh) -> bool:
+    """Whether tags were made on the topology of a mesh (local, equal on all ranks).
+
+    Tags of release 0.5 have a mesh, those of later ones a topology, which from 0.9 on is within an
+    object of Python.
+    """
+    own = tags.topology if hasattr(tags, "topology") else tags.mesh.topology
+    other = mesh.topology
+    return getattr(own, "_cpp_object", own) is getattr(other, "_cpp_object", other)
