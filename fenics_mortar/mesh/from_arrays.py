@@ -19,6 +19,7 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.mesh.hanging_nodes import check_hanging_nodes
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Indices
@@ -46,7 +47,8 @@ def mesh_from_arrays(
     """Create a mesh with named bodies and boundaries from arrays (collective).
 
     Bodies are joined where they have nodes in common. Nodes of equal positions with different
-    numbers stay separate, so that bodies may touch.
+    numbers stay separate, so that bodies may touch. Hanging nodes, which lie inside an edge of
+    another cell, are refused: the body would not be joined there.
 
     Args:
         points: Positions of the nodes, shape (n, 2) [length]; (n, 3) if the last column is
@@ -152,6 +154,7 @@ def _checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> CheckedAr
     _check_cells(x, nodes)
     body_of_cell = _body_of_cell(bodies, x, nodes)
     facets, tags = _facets(boundaries, x, nodes)
+    check_hanging_nodes(x, nodes, KINDS[nodes.shape[1]][2], facets, tags)
     tag_of_body, tag_of_boundary = (
         {name: tag for tag, name in enumerate(some, 1)} for some in (bodies, boundaries)
     )

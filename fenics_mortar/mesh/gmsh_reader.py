@@ -75,15 +75,15 @@ def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> Mes
             raise MeshError(f"rank {rank} should read the mesh, but there are {ranks}")
     check_same_texts(comm, "read_gmsh", {"rank": rank})
     with ExitStack() as stack:
-        model, names, error = None, None, None
+        model, names, file, error = None, None, None, None
         if comm.rank == rank:
             try:
                 model = stack.enter_context(_gmsh_model(source))
                 names = _check_model(model)
+                file = model.given(*names) if isinstance(model, MshFile) else None
             except MeshError as exception:
                 error = exception
         raise_together(comm, error)
-        file = model.given(*names) if names and isinstance(model, MshFile) else None
         (bodies, boundaries), in_arrays = comm.bcast((names, file is not None), root=rank)
         if in_arrays:
             return distributed(comm, rank, file)

@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.mesh.from_arrays import CheckedArrays, Tagged
+from fenics_mortar.mesh.from_arrays import KINDS, CheckedArrays, Tagged
+from fenics_mortar.mesh.hanging_nodes import check_hanging_nodes
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError
 
@@ -110,12 +111,18 @@ class MshFile:
         return np.concatenate(nodes), np.concatenate(tags)
 
     def given(self, bodies: dict[str, int], boundaries: dict[str, int]) -> CheckedArrays:
-        """The mesh as arrays with names of its groups; needs nodes numbered from 1 without gaps."""
+        """The mesh as arrays with names of its groups; needs nodes numbered from 1 without gaps.
+
+        Raises:
+            MeshError: If a node lies inside an edge of another cell.
+        """
         cells, body_of_cell = self.tagged_elements(2)
         facets, tags = self.tagged_elements(1)
         ends = np.sort(facets[:, :2], axis=1)
         tagged = Tagged(cells.shape[1], bodies, boundaries, body_of_cell, ends, tags)
-        return CheckedArrays(self.x[np.argsort(self.tags), :2], cells, tagged)
+        x = self.x[np.argsort(self.tags), :2]
+        check_hanging_nodes(x, cells, KINDS[cells.shape[1]][2], ends, tags)
+        return CheckedArrays(x, cells, tagged)
 
     def getNodes(self) -> tuple[Indices, Array, None]:
         """Numbers (n,) and positions (3 n,) [length] of all nodes, as gmsh returns them."""

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: MIT
+"""Hanging nodes: nodes inside an edge of another cell, along which the body is not joined.
+
+An edge of one cell only belongs to the outline of a body. Near a hanging node the outline runs
+from a node along one side of a line and back along the other one. The same is true of a slit; but
+the nodes of its sides coincide in pairs, or its sides are named boundaries: of different names if
+the two ends of the slit are nodes of both sides, as the edges at a hanging node may also be parts
+of one name. Surfaces that touch without a common node are not considered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.errors import MeshError, format_point
+from fenics_mortar.utils.rounding import MAX_STEPS, ROUNDING, SAME_PLACE
+
+
+def check_hanging_nodes(
+    x: Array, cells: Indices, corners: int, facets: Indices, tags: npt.NDArray[np.int32]
+) -> None:
+    """Reject nodes inside an edge of another cell (local).
+
+    Args:
+        x: Positions of the nodes, shape (n, 2) [length].
+        cells: Nodes of the cells, corners first and then the middles of the edges, shape (m, k).
+        corners: Number of corners of a cell.
+        facets: Ends of the facets of all boundaries, ascending, shape (f, 2).
+        tags: Tags of these boundaries, shape (f,).
+
+    Raises:
+        MeshError: The message has the first node, its position, and the edge.
+    """
+    outline = _Outline(x, cells, corners, facets, tags)
+    found = dict[int, int]()
+    for one, other in outline.seams():
+        found |= outline.hanging(one, other)
+    if found:
+        node = min(found)
+        half = found[node]
+        a, b = sorted((outline.start[half], outline.end[half]))
+        raise MeshError(
+            f"{len(found)} hanging nodes: node {node} at {format_point(x[node])} lies inside the "
+            f"edge from node {a} to node {b} of cell {outline.cell[half]}, so that the body is not "
+            "joined there: divide this cell at the node, too. For a slit, make its two sides "
+            "boundaries of different names"
+        )
+
+
+class _Outline:
+    """Edges of one cell only, in both directions ("half edges", h) (local).
+
+    Attributes:
+        start, end: Their nodes, (h,).
+        cell: Their cells, (h,).
+    """
+
+    def __init__(
+        self,
+        x: Array,
+        cells: Indices,
+        corners: int,
+        facets: Indices,
+        tags: npt.NDArray[np.int32],
+    ) -> None:
+        around = cells[:, :corners]
+        ends = np.stack([around, np.roll(around, -1, axis=1)], axis=-1).reshape(-1, 2)
+        codes = ends.min(axis=1) * len(x) + ends.max(axis=1)
+        codes, first, count = np.unique(codes, return_index=True, return_counts=True)
+        codes, once = codes[count == 1], first[count == 1]
+        cell, ends = once // corners, ends[once]
+        second_order = cells.shape[1] >= 2 * corners
+        middle = x[ends].mean(axis=1)
+        if second_order:
+            middle = x[cells[cell, corners + once % corners]]
+        inward = x[around[cell]].mean(axis=1) - x[ends[:, 0]]
+        side = np.sign(_cross(x[ends[:, 1]] - x[ends[:, 0]], inward))
+        of_facets = facets[:, 0] * len(x) + facets[:, 1]
+        order = np.argsort(of_facets)
+        at = np.searchsorted(of_facets[order], codes)
+        tag = np.zeros(len(codes), np.int32)
+        if order.size:
+            at = order[np.minimum(at, order.size - 1)]
+            tag = np.where(of_facets[at] == codes, tags[at], 0).astype(np.int32)
+        self._x = x
+        start, end = np.concatenate([ends, ends[:, ::-1]]).T
+        middle = np.concatenate([middle, middle])
+        tangents = 4.0 * middle - 3.0 * x[start] - x[end]
+        order = np.lexsort((np.arctan2(tangents[:, 1], tangents[:, 0]), start))
+        self.start, self.end = start[order], end[order]
+        self.cell = np.concatenate([cell, cell])[order]
+        self._side, self._tag = np.concatenate([side, -side])[order], np.tile(tag, 2)[order]
+        self._middle, self._tangents = middle[order], tangents[order]
+
+    def seams(self) -> Iterator[tuple[int, int]]:
+        """Half edges with a common start of which one lies on the other, on different sides."""
+        count = len(self.start)
+        if not count:
+            return
+        first = np.searchsorted(self.start, self.start, side="left")
+        after = np.searchsorted(self.start, self.start, side="right")
+        one = np.arange(count)
+        other = np.where(one + 1 < after, one + 1, first)  # in the order of angles, around the node
+        chosen = (one != other) & (self._side[one] * self._side[other] < 0.0)
+        one, other = one[chosen], other[chosen]
+        same = (self._tangents[one] * self._tangents[other]).sum(axis=1) > 0.0
+        one, other = one[same], other[same]
+        meets = self._lie_on(one, self.end[other]) | self._lie_on(other, self.end[one])
+        yield from zip(one[meets].tolist(), other[meets].tolist(), strict=True)
+
+    def hanging(self, one: int, other: int) -> dict[int, int]:
+        """Hanging nodes from a seam's start to where its sides meet or separate, with half edges.
+
+        Empty if all nodes coincide in pairs, or if the sides are those of a slit by their names.
+        """
+        found, sides, meet = dict[int, int](), (set[int](), set[int]()), False
+        for _ in range(len(self.start)):
+            b, c = int(self.end[one]), int(self.end[other])
+            meet = b == c
+            on_one, on_other = self._lies_on(one, c), self._lies_on(other, b)
+            if not (on_one or on_other):
+                break
+            for tags, half in zip(sides, (one, other), strict=True):
+                tags.add(int(self._tag[half]))
+            if on_one and not on_other:
+                found[c] = one
+            if on_other and not on_one:
+                found[b] = other
+            after = self._after(one) if on_other else one, self._after(other) if on_one else other
+            if meet or -1 in after:
+                break
+            one, other = after
+        named = 0 not in sides[0] | sides[1] and not (meet and sides[0] & sides[1])
+        return {} if named else found
+
+    def _after(self, half: int) -> int:
+        """The half edge with the cell on the same side that continues another one, or -1."""
+        node = self.end[half]
+        some = np.arange(*np.searchsorted(self.start, [node, node + 1]))
+        some = some[(self._side[some] == self._side[half]) & (self.end[some] != self.start[half])]
+        if not some.size:
+            return -1
+        backwards = 4.0 * self._middle[half] - 3.0 * self._x[node] - self._x[self.start[half]]
+        along = self._tangents[some] / np.linalg.norm(self._tangents[some], axis=1)[:, None]
+        return int(some[np.argmin(along @ backwards)])
+
+    def _lies_on(self, half: int, node: int) -> bool:
+        return bool(self._lie_on(np.array([half]), np.array([node]))[0])
+
+    def _lie_on(self, halves: Indices, nodes: Indices) -> Flags:
+        """Whether nodes lie on half edges, which are parabolas in second order, both (k,)."""
+        a, b, x = self._x[self.start[halves]], self._x[self.end[halves]], self._x[nodes]
+        chord, bend = b - a, 2.0 * (a + b) - 4.0 * self._middle[halves]
+        square = np.maximum((chord**2).sum(axis=1), np.finfo(float).tiny)
+        along, curve = ((v * chord).sum(axis=1) / square for v in (x - a, bend))
+        t = along.copy()  # of a + t chord + t (t - 1) bend
+        for _ in range(MAX_STEPS if curve.any() else 0):
+            slope = 1.0 + (2.0 * t - 1.0) * curve
+            step = (t + t * (t - 1.0) * curve - along) / np.where(slope > 0.0, slope, 1.0)
+            t -= step
+            if np.abs(step).max(initial=0.0) < ROUNDING:
+                break
+        rest = a + t[:, None] * chord + (t * (t - 1.0))[:, None] * bend - x
+        near = (rest**2).sum(axis=1) <= SAME_PLACE**2 * square
+        inside = (t >= -SAME_PLACE) & (t <= 1.0 + SAME_PLACE)
+        return np.asarray(near & inside)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross product of vectors (n, 2), shape (n,)."""
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
