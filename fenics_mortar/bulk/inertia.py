@@ -67,6 +67,7 @@ class Inertia:
         origin: o, array of all local dofs [length].
         moving: Whether a time step is being solved; otherwise c and o follow from the rates.
         rate: Velocity in the forms of the bodies, or ``None``.
+        scheme: Description of the time scheme to which the rates belong.
 
     Raises:
         MortarError: On all ranks, if a mass is not positive, or the body is too thin.
@@ -87,6 +88,7 @@ class Inertia:
         self.velocity = fem.Function(space.whole, name="velocity")
         self.factor, self.moving = 0.0, False
         self.rate: Velocity | None = None
+        self.scheme = ""
         zero = np.zeros_like(self.velocity.x.array)
         self.origin: Array = zero
         self._rates = Rates(zero, zero, zero)

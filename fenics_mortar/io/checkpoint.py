@@ -8,7 +8,8 @@ run continued from a checkpoint equals the uninterrupted one, except for the ini
 first step: ``follow_path`` extrapolates its own steps only.
 
 A checkpoint is compared with a problem by the names of the pairs, a digest of the cells and the
-coordinates of all nodes, which do not depend on the number of ranks.
+coordinates of all nodes, which do not depend on the number of ranks. That of a motion continues the
+same motion only: scheme, spectral radius and masses are compared, too.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ from fenics_mortar.utils.rounding import ROUNDING
 Arrays = dict[str, npt.NDArray[Any]]
 # Values of a contact in the file; the last one is that of ``place_of``.
 SAVED = (*INDEPENDENT, "reference_place")
+# Name in the file of the time scheme of a motion; without it, the file is of a state at rest.
+MOTION = "motion"
 # Arrays that must be finite.
 FINITE = (
     "velocity", "acceleration", "average", "u", "x", "places", "z", "c_n", "offset",
@@ -74,8 +77,8 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
         path: Path of the file, used on the first rank; ``.npz`` is appended.
 
     Raises:
-        MortarError: On all ranks, if the file cannot be read, belongs to another problem or mesh,
-            or is incomplete.
+        MortarError: On all ranks, if the file cannot be read, belongs to another problem, mesh or
+            motion, or is incomplete.
     """
     file = _state_file(problem, path)
     first, message = problem.equations.comm.rank == 0, f"cannot read '{file}'"
@@ -119,7 +122,9 @@ def _arrays_of(problem: ContactProblem) -> Arrays:
         "converged": np.array(problem.state().converged),
     }
     inertia = problem.equations.bulk.inertia
-    data |= {} if inertia is None else inertia.saved_data()
+    if inertia is not None:
+        data |= {MOTION: np.array(inertia.scheme), "mass": np.array(inertia.largest_mass)}
+        data |= inertia.saved_data()
     for i, contact in enumerate(problem.equations.contacts):
         kept = {name: getattr(contact.state, name) for name in INDEPENDENT}
         kept["reference_place"] = place_of(contact.state.reference)
@@ -132,6 +137,22 @@ def _arrays_of(problem: ContactProblem) -> Arrays:
 def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
     """Reasons why data of a file are not a state of the present problem (local)."""
     other = "is the state of a problem with other pairs, or on another mesh or degree"
+    theirs, ours = (str(some.get(MOTION, "")) for some in (data, mine))
+    if theirs and not ours:
+        yield (
+            f"is a state of a motion, of Dynamics with {theirs}, and this problem is one of "
+            "statics: set up the same Dynamics of it before load_state"
+        )
+    if ours and not theirs and "velocity" not in data:
+        yield (
+            f"is a state at rest, and this problem has a Dynamics with {ours}: use load_state "
+            "before Dynamics(...), which starts at rest from it"
+        )
+    if ours and theirs and ours != theirs:
+        yield (
+            f"is a state of Dynamics with {theirs}, and this problem has {ours}: set up a Dynamics "
+            "with the scheme of the file"
+        )
     missing = sorted(set(mine) - set(data))
     if missing:
         yield f"is not a state of this problem: '{missing[0]}' is missing"
@@ -156,6 +177,11 @@ def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
         yield f"{other}: its node at {format_point(where)} is {far:.3g} away from this position"
     if not np.array_equal(data["cells"], mine["cells"]):
         yield f"{other}: its cells have other nodes"
+    if ours and not np.isclose(data["mass"], mine["mass"], rtol=ROUNDING, atol=0.0):
+        yield (
+            f"is a state of bodies with other masses: the largest one of a node is "
+            f"{data['mass']:.6g}, here {mine['mass']:.6g}; give Dynamics the density of the file"
+        )
 
 
 def _state_file(problem: ContactProblem, path: str | Path) -> Path:

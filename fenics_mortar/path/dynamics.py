@@ -120,6 +120,7 @@ class Dynamics:
         self._density = DensityValues(density)
         self._inertia = Inertia(equations.bulk.space, density, nodes)
         self._inertia.rate = velocity
+        self._inertia.scheme = f"scheme='{scheme}', rho_inf={self._scheme.rho:g}"
         self._energy = None if energy is None else compat.form(energy)
         equations.add_inertia(self._inertia)
         self.velocity = self._inertia.velocity

@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from refusal import refused
 from scenes import TIGHT, internal, neo_hookean, nodal, pressed_blocks
 from test_model_hierarchy import hierarchy_path
 
@@ -238,3 +239,56 @@ def test_small_sliding_keeps_its_reference_operators(shared_path):
     again.solve()
     z, w = problem.equations.contacts[0].z, again.equations.contacts[0].z
     assert np.abs(z).max() > 0.1 and np.abs(z - w).max() < 1e-11 * np.abs(z).max()  # Newton's
+
+
+# Of this motion
+
+
+def in_motion(density=1.0, **options):
+    """Blocks with a Dynamics, after one step unless ``density`` is ``None``: then at rest."""
+    problem = pressed_blocks(**MESH).problem
+    if density is None:
+        problem.solve()
+    else:
+        fm.Dynamics(problem, density, **options).step(0.01)
+    return problem
+
+
+@pytest.mark.each
+@pytest.mark.parametrize(
+    "theirs, ours, message",
+    [
+        ({}, {"density": None}, "scheme='conserving', rho_inf=1, .* statics: set up the same Dyn"),
+        ({"density": None}, {}, "state at rest, and .* rho_inf=1: use load_state before Dynamics"),
+        ({}, {"scheme": "massless"}, "with scheme='conserving', .* has scheme='massless', rho_inf"),
+        (
+            {"scheme": "generalized_alpha"},
+            {"scheme": "generalized_alpha", "rho_inf": 0.5},
+            "rho_inf=0.8, and this .*rho_inf=0.5: set up a Dynamics with the scheme of the file",
+        ),
+        ({}, {"density": 2.0}, "bodies with other masses: the largest one of a node is .*, here"),
+    ],
+    ids=["statics", "at rest", "scheme", "radius", "density"],
+)
+def test_a_state_of_another_motion_is_refused_with_what_to_do(shared_path, theirs, ours, message):
+    fm.save_state(in_motion(**theirs), shared_path / "state")
+    problem = in_motion(**ours)
+    u = problem.equations.bulk.u.x.array.copy()
+    with refused(fm.MortarError, message):
+        fm.load_state(problem, shared_path / "state")
+    assert np.array_equal(problem.equations.bulk.u.x.array, u)
+
+
+def test_a_motion_starts_from_a_state_at_rest_that_is_loaded_before(shared_path):
+    problem = in_motion(None)
+    fm.save_state(problem, shared_path / "state")
+    again = pressed_blocks(**MESH).problem
+    fm.load_state(again, shared_path / "state")
+    motions = [fm.Dynamics(one, 1.0) for one in (problem, again)]
+    for motion in motions:
+        motion.step(0.01)
+    u, w = (nodal(motion.problem) for motion in motions)
+    assert np.abs(u - w).max() < 1e-14
+    fm.save_state(problem, shared_path / "moving")
+    fm.load_state(again, shared_path / "moving")
+    assert motions[1].time == 0.01

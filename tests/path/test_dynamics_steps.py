@@ -79,7 +79,7 @@ def test_a_checkpoint_of_statics_is_refused(shared_path):
     made = free_block()
     fm.save_state(made.problem, shared_path / "state")
     made.dynamics("massless")
-    with pytest.raises(fm.MortarError, match="'acceleration' is missing"):
+    with pytest.raises(fm.MortarError, match="is a state at rest, and this problem has a Dynamics"):
         fm.load_state(made.problem, shared_path / "state")
 
 
