@@ -33,6 +33,7 @@ from fenics_mortar.utils.errors import (
     as_text,
     check_same,
     check_same_texts,
+    format_point,
     together,
 )
 from fenics_mortar.utils.rounding import ROUNDING, SAME_PLACE
@@ -52,6 +53,7 @@ class Inputs:
     ) -> None:
         self._bulk, self._contacts, self._obstacles = bulk, contacts, obstacles
         self._as_bound = [_options(contact.pair) for contact in contacts]
+        self._turned = [_pivot_and_angle(obstacle) for obstacle in obstacles]
         self._conflicts = Conflicts(bulk)
         self._axis = AxisConditions(bulk.space, bulk.u, bulk.bcs)
         self._on_radius = remark_on_radius(bulk.residual, bulk.u, bulk.space)
@@ -77,8 +79,9 @@ class Inputs:
                 raise ValueError(f"sensitivity={sensitivity!r}: expected a fm.sensitivity.Numerics")
             for contact, as_bound in zip(self._contacts, self._as_bound, strict=True):
                 _check_contact(contact, as_bound)
-            for obstacle in self._obstacles:
+            for obstacle, before in zip(self._obstacles, self._turned, strict=True):
                 check_obstacle(obstacle)
+                _check_pivot(obstacle, *before)
                 if self._bulk.space.is_axisymmetric:
                     check_axial(obstacle)
         is_given = np.array(float(sensitivity is not None))
@@ -90,6 +93,7 @@ class Inputs:
         check_same_texts(comm, "what was set of the problem", texts)
         self._check_distances()
         self._axis.check()
+        self._turned = [_pivot_and_angle(obstacle) for obstacle in self._obstacles]
         remarks, self._on_radius = [self._on_radius], ""
         return [*filter(None, remarks), *self._conflicts.describe()]
 
@@ -237,6 +241,24 @@ def check_obstacle(obstacle: Obstacle) -> None:
             raise MortarError(f"{what} of obstacle '{name}' is {given!r}: {expected}")
         if not np.isfinite(allowed).all():
             raise NotFiniteError(f"{what} of obstacle '{name}' is {given}: {expected}")
+
+
+def _pivot_and_angle(obstacle: Obstacle) -> tuple[Array, float]:
+    """Copies of pivot (2,) [length] and angle [radian] of an obstacle (local)."""
+    return np.array(obstacle.pivot), float(obstacle.place[2])
+
+
+def _check_pivot(obstacle: Obstacle, pivot: Array, angle: float) -> None:
+    """Reject a new pivot of an obstacle that had turned by ``angle`` about ``pivot`` (local)."""
+    if np.isfinite(obstacle.load[2]):  # driven: turned by the last solve
+        angle = float(obstacle.place[2])
+    if angle != 0.0 and (np.asarray(obstacle.pivot) != pivot).any():
+        raise MortarError(
+            f"pivot of obstacle '{obstacle.name}' was changed from {format_point(pivot)} to "
+            f"{format_point(obstacle.pivot)} after the obstacle had turned by {angle:.4g} radian, "
+            "which would shift its surface: set the pivot before it turns, e.g. Circle(centre, "
+            "radius, pivot=...)"
+        )
 
 
 def check_axial(obstacle: Obstacle) -> None:

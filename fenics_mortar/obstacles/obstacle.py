@@ -34,7 +34,9 @@ class Obstacle(ABC):
 
     Attributes:
         name: Name used in messages and tables.
-        pivot: Initial centre of rotations, moves with the obstacle, shape (2,) [length].
+        pivot: Initial centre of rotations, moves with the obstacle, shape (2,) [length]. The
+            surface in its initial position does not depend on it. It may be set as long as the
+            obstacle has not turned.
         place: Present translation from the initial position and counter-clockwise rotation about
             the pivot: (x, y, angle) [length, length, radian].
         load: Driving force (x, y) and moment about the pivot, nan for prescribed motions, shape

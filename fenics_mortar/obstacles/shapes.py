@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Shapes of rigid obstacles: plane, circle, spline, polygon with rounded corners."""
+"""Shapes of rigid obstacles: plane, circle, spline, polygon with rounded corners.
+
+The pivot is the centre of rotations only: a shape does not depend on it.
+"""
 
 from __future__ import annotations
 
@@ -24,17 +27,26 @@ class Plane(Obstacle):
     """Half plane; ``normal`` points out of the solid.
 
     Args:
-        point: Point of the surface and pivot, shape (2,) [length].
+        point: Point of the surface, shape (2,) [length].
         normal: Outward normal of the solid, of any length, shape (2,).
+        pivot: Centre of rotations; the point by default [length].
         name: Name used in messages.
 
     Raises:
         ValueError: If an argument is not finite, or the normal is zero.
     """
 
-    def __init__(self, point: npt.ArrayLike, normal: npt.ArrayLike, *, name: str = "plane") -> None:
+    def __init__(
+        self,
+        point: npt.ArrayLike,
+        normal: npt.ArrayLike,
+        *,
+        pivot: npt.ArrayLike | None = None,
+        name: str = "plane",
+    ) -> None:
         """Normalise the normal."""
-        super().__init__(name, check_vector("point", point))
+        self._point = check_vector("point", point)
+        super().__init__(name, self._point if pivot is None else pivot)
         normal = check_vector("normal", normal)
         if not np.linalg.norm(normal) > 0.0:
             raise ValueError("normal=(0, 0): expected the outward normal of the solid, not zero")
@@ -43,16 +55,17 @@ class Plane(Obstacle):
     def local(self, x: Array) -> Fields:
         """Distance to a straight line; see ``Obstacle.local``."""
         gradient = np.broadcast_to(self._normal, x.shape)
-        return (x - self.pivot) @ self._normal, gradient, np.zeros((len(x), 2, 2))
+        return (x - self._point) @ self._normal, gradient, np.zeros((len(x), 2, 2))
 
 
 class Circle(Obstacle):
     """Disk, or with ``inside`` a solid with a round hole.
 
     Args:
-        centre: Centre and pivot, shape (2,) [length].
+        centre: Centre, shape (2,) [length].
         radius: Radius [length].
         inside: Contact on the inside: the solid lies outside the circle.
+        pivot: Centre of rotations; the centre of the circle by default [length].
         name: Name used in messages.
 
     Raises:
@@ -65,10 +78,12 @@ class Circle(Obstacle):
         radius: float,
         *,
         inside: bool = False,
+        pivot: npt.ArrayLike | None = None,
         name: str = "circle",
     ) -> None:
         """Check the radius."""
-        super().__init__(name, check_vector("centre", centre))
+        self._centre = check_vector("centre", centre)
+        super().__init__(name, self._centre if pivot is None else pivot)
         check_flag("inside", inside)
         self.set_shape("radius", np.asarray(radius))
         self._sign = -1.0 if inside else 1.0
@@ -94,7 +109,7 @@ class Circle(Obstacle):
 
         At the centre the gradient is set to the y direction.
         """
-        d = x - self.pivot
+        d = x - self._centre
         d = np.where(np.abs(d).max(axis=1, keepdims=True) > 0.0, d, [0.0, EPSILON * self._radius])
         r = np.sqrt((d * d).sum(axis=1))
         e = d / r[:, None]
@@ -104,7 +119,7 @@ class Circle(Obstacle):
 
     def salient_points(self) -> Array:
         """Eight points of the circle; see ``Obstacle.salient_points``."""
-        return self.pivot + self._radius * AROUND / np.linalg.norm(AROUND, axis=1)[:, None]
+        return self._centre + self._radius * AROUND / np.linalg.norm(AROUND, axis=1)[:, None]
 
 
 class Spline(Obstacle):
@@ -162,7 +177,8 @@ class Spline(Obstacle):
         self._samples = np.append(starts, self._end)
         drawn = self._curve(self._samples)
         check_simple("spline", drawn[:-1] if closed else drawn, closed=closed)
-        self._points = drawn - self.pivot
+        self._origin = points.mean(axis=0)
+        self._points = drawn - self._origin
         self._squares = (self._points**2).sum(axis=1)
 
     def local(self, x: Array) -> Fields:
@@ -177,7 +193,7 @@ class Spline(Obstacle):
 
     def salient_points(self) -> Array:
         """The samples; see ``Obstacle.salient_points``."""
-        return self._points + self.pivot
+        return self._points + self._origin
 
     def local_by_shapes(self, x: Array, name: str, directions: Array) -> tuple[Array, Array]:
         """By differentiating the spline; see ``Obstacle.local_by_shapes``."""
@@ -189,7 +205,7 @@ class Spline(Obstacle):
     def _feet(self, x: Array) -> Array:
         """Parameters of the nearest points of the curve, shape (n,) [length]."""
         t = self._samples[
-            np.argmin(self._squares - 2.0 * (x - self.pivot) @ self._points.T, axis=1)
+            np.argmin(self._squares - 2.0 * (x - self._origin) @ self._points.T, axis=1)
         ]
         if not self._closed:
             t = self._beyond_ends(x, t)

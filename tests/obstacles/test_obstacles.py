@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from refusal import refused
 from scenes import TIGHT, internal, linear_elastic, neo_hookean, pair_options, read
 
 from dolfinx import fem
@@ -53,6 +54,94 @@ def block_under(obstacle, *, degree=1, pair=None, material=neo_hookean, width=1.
         internal(u, material(u, E, NU)), u,
         [fm.ContactPair(data, "lower/top", obstacle, **pair_options(pair))], bcs=bcs, **options,
     )  # fmt: skip
+
+
+# Pivot
+
+
+PIVOT, SHIFT = np.array((2.0, -3.0)), np.array((0.1, -0.2))
+WITH_PIVOT = {
+    "plane": lambda **given: fm.Plane((0.5, 1.01), (0.1, -1.0), **given),
+    "circle": lambda **given: fm.Circle((0.6, 2.0), 1.0, **given),
+    "hole": lambda **given: fm.Circle((0.6, -1.0), 2.01, inside=True, **given),
+    "open": lambda **given: fm.Spline([(-0.5, 1.2), (0.5, 1.0), (0.9, 1.05), (1.5, 1.3)], **given),
+    "closed": lambda **given: fm.Spline(
+        [(0.1, 0.0), (1.0, 0.1), (1.1, 1.0), (0.0, 0.9)], closed=True, **given
+    ),
+    "polygon": lambda **given: fm.Polygon(
+        [(-0.2, 2.0), (0.4, 0.96), (0.7, 0.99), (1.2, 2.0)], 0.1, **given
+    ),
+    "function": lambda **given: fm.SignedDistance(ellipse, **given),
+}
+
+
+def same_fields(one, other, x):
+    fields = zip(one.evaluate(x), other.evaluate(x), strict=True)
+    return all(np.allclose(a, b, rtol=1e-12, atol=1e-12) for a, b in fields) and np.allclose(
+        one.salient_points(), other.salient_points(), rtol=1e-14, atol=1e-14
+    )
+
+
+@pytest.mark.each
+@pytest.mark.parametrize("kind", WITH_PIVOT)
+def test_surface_does_not_depend_on_the_pivot(kind):
+    """Neither on a pivot given at first nor on one set later; rotations are about it."""
+    x = np.random.default_rng(1).uniform(-0.5, 2.5, (20, 2))
+    usual, given, later = (WITH_PIVOT[kind](**options) for options in ({}, {"pivot": PIVOT}, {}))
+    later.pivot = PIVOT.copy()
+    assert same_fields(usual, given, x) and same_fields(usual, later, x)
+    for obstacle in (usual, given, later):
+        obstacle.move(x=SHIFT[0], y=SHIFT[1])
+    assert same_fields(usual, given, x) and same_fields(usual, later, x)
+    c, s = np.cos(0.7), np.sin(0.7)
+    turned = (x - PIVOT) @ np.array([[c, s], [-s, c]]) + PIVOT
+    phi = usual.evaluate(x + SHIFT)[0]
+    for obstacle in (given, later):
+        obstacle.move(angle=0.7)
+        assert np.allclose(obstacle.evaluate(turned + SHIFT)[0], phi, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "kind, name, value",
+    [
+        ("circle", "radius", 0.8),
+        ("hole", "radius", 1.5),
+        ("open", "points", [(-0.4, 1.3), (0.4, 1.1), (0.9, 1.0), (1.4, 1.2)]),
+        ("closed", "points", [(0.0, 0.0), (1.0, 0.0), (1.2, 1.0), (0.0, 1.0)]),
+    ],
+)
+def test_shape_that_is_set_does_not_depend_on_pivot_and_place(kind, name, value):
+    """The same holds for derivatives by the shape."""
+    x = np.random.default_rng(2).uniform(-0.5, 2.5, (20, 2))
+    usual, other = WITH_PIVOT[kind](), WITH_PIVOT[kind](pivot=PIVOT)
+    other.move(x=SHIFT[0], y=SHIFT[1])
+    for obstacle in (usual, other):
+        obstacle.set_shape(name, np.array(value))
+    assert np.array_equal(other.pivot, PIVOT) and np.array_equal(other.place, (*SHIFT, 0.0))
+    fields = zip(usual.evaluate(x), other.evaluate(x + SHIFT), strict=True)
+    assert all(np.allclose(a, b, rtol=1e-11, atol=1e-11) for a, b in fields)
+    direction = np.random.default_rng(3).normal(size=np.shape(value))
+    changes = (o.local_by_shape(x, name, direction) for o in (usual, other))
+    assert all(np.allclose(a, b, rtol=1e-9, atol=1e-9) for a, b in zip(*changes, strict=True))
+
+
+def test_pivot_of_a_turned_obstacle_is_not_changed():
+    """Before it turns its solution does not depend on it."""
+    found = []
+    for pivot in ((0.6, 2.0), PIVOT):
+        circle = fm.Circle((0.6, 2.0), 1.01)
+        problem = block_under(circle)
+        circle.pivot = np.array(pivot)
+        problem.solve()
+        found.append(problem.contacts[0].tractions)
+    assert np.allclose(*found, rtol=1e-9, atol=1e-9)
+    circle.move(angle=0.01)
+    problem.solve()
+    circle.pivot = np.array((0.0, 0.0))
+    with refused(fm.MortarError, r"pivot of obstacle 'circle' .* after .* turned by 0.01 radian"):
+        problem.solve()
+    circle.pivot = PIVOT.copy()
+    assert problem.solve().converged
 
 
 @pytest.mark.each
