@@ -105,6 +105,8 @@ class Law(ABC):
     fields: tuple[str, ...] = ()
     needs_time: bool = False
     bridges_gap: bool = False
+    # Methods that give the friction limit at a node
+    _nodal_limits: tuple[str, ...] = ("friction_limit_at",)
 
     def __repr__(self) -> str:
         """Name and public numbers, equal on all ranks."""
@@ -247,6 +249,16 @@ class Law(ABC):
         return type(self).adhesion_at is not Law.adhesion_at
 
     @property
+    def has_nodal_limit(self) -> bool:
+        """Whether the friction limit is that of a node, by the most derived class that defines it.
+
+        A law derived from ``Coulomb`` with another ``limit`` has another ``friction_limit``, too.
+        """
+        names = {"friction_limit", *self._nodal_limits}
+        kind = next(kind for kind in type(self).__mro__ if names & vars(kind).keys())
+        return kind is Law or "friction_limit" not in vars(kind)
+
+    @property
     def varying(self) -> dict[str, Any]:
         """Parameters in ``fields`` that are not numbers, by name."""
         given = {name: getattr(self, name) for name in self.fields}
@@ -255,14 +267,13 @@ class Law(ABC):
     @property
     def needs_nodal_state(self) -> bool:
         """Whether the law has more than a tangential row, a friction limit and an adhesion a(g)."""
-        kind = type(self)
         return bool(
             self.memory
             or self.has_closing_gap
             or self.bridges_gap
             or self.varying
             or self.has_nodal_adhesion
-            or kind.friction_limit is Law.friction_limit
+            or self.has_nodal_limit
         )
 
 

@@ -98,6 +98,7 @@ class Friction(Law):
     """
 
     c_t = 0.1  # default for laws that do not call ``__init__`` of this class
+    _nodal_limits = (*Law._nodal_limits, "limit")
 
     def __init__(self, c_t: float = c_t) -> None:
         self.c_t = c_t

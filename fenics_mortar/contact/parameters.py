@@ -15,7 +15,7 @@ from fenics_mortar.contact.law import Law
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import call_together, check_same
+from fenics_mortar.utils.errors import call_together, check_same, format_point
 
 
 class Parameters:
@@ -52,7 +52,15 @@ class Parameters:
         """One parameter at the slave nodes, checked (local)."""
         found = value(self._slave.X.copy()) if callable(value) else value
         numbers = check_numbers(law, name, found, self._slave.num_nodes)
-        law.check_field(name, numbers)
+        try:
+            law.check_field(name, numbers)
+        except ValueError as error:
+            low, high = (
+                f"{numbers[j]:g} at {format_point(self._slave.X[j])}"
+                for j in (numbers.argmin(), numbers.argmax())
+            )
+            on = f"on '{self._slave.name}' it is {low} and {high}"
+            raise ValueError(f"{law!r}: {error} ({on})") from error
         return numbers
 
     def _check_function(self, law: Law, name: str, function: fem.Function) -> None:

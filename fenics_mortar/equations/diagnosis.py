@@ -17,7 +17,7 @@ from fenics_mortar.equations.set_record import SetsOfPairs
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MortarError, format_point
+from fenics_mortar.utils.errors import MortarError, NotFiniteError, format_point
 
 
 def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> None:
@@ -61,7 +61,7 @@ def diagnose(
     force: float,
     recent: Sequence[SetsOfPairs],
 ) -> str:
-    """Describe inverted cells, loose bodies, peeling edges and deep overlaps; "" if none.
+    """Describe inverted cells, loose bodies, wrong laws, peeling edges and overlaps; "" if none.
 
     Args:
         bulk: The bodies.
@@ -74,7 +74,8 @@ def diagnose(
     first = describe_inverted(bulk)
     if not first:
         free = floating.describe(floating.loose()), obstacles.describe(force)
-        first = ", ".join(filter(None, free)) or _describe_peeling(contacts, recent)
+        first = ", ".join(filter(None, free)) or _describe_limits(contacts)
+        first = first or _describe_peeling(contacts, recent)
     return "; ".join(filter(None, (first, *map(describe_overlap, contacts))))
 
 
@@ -82,6 +83,20 @@ def describe_inverted(bulk: Bulk) -> str:
     """Number and position of inverted cells; "" if there are none."""
     count, where = bulk.inverted_cells()
     return f"{count} cells are inverted, one at {where}: try smaller load steps" * bool(count)
+
+
+def _describe_limits(contacts: Sequence[Interface]) -> str:
+    """Describe friction limits that are negative or nan at the last pressures; "" if none."""
+    for contact in contacts:
+        if not isinstance(contact, Contact) or not contact.pair.law.has_friction:
+            continue
+        calls, now = contact.law_calls, contact.now
+        before, calls.error = calls.error, None
+        now.friction_limit(np.where(contact.active, np.maximum(now.z_n, 0.0), 0.0))
+        found, calls.error = calls.error, before
+        if isinstance(found, NotFiniteError):
+            return str(found)
+    return ""
 
 
 def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]) -> str:

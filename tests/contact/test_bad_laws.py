@@ -9,6 +9,7 @@ from small_scenes import small_blocks
 from spoilt_law import Spoilt, rubbing_blocks
 
 import fenics_mortar as fm
+from fenics_mortar.contact.laws import Friction
 from fenics_mortar.utils.errors import NotFiniteError
 
 
@@ -166,3 +167,48 @@ def test_law_cannot_write_into_the_state():
 
     with refused(ValueError, "read-only"):
         rubbing_blocks(Careless(0.3)).problem.solve()
+
+
+class Weak(fm.Coulomb):
+    """Coulomb's law with a limit reduced by a constant; ``friction_limit`` is inherited."""
+
+    def limit(self, node):
+        limit, by_gap, by_z_n = super().limit(node)
+        return limit - 0.5, by_gap, by_z_n
+
+
+class WeakAtNodes(fm.Coulomb):
+    def friction_limit_at(self, node):
+        return -0.3 * node.z_n
+
+
+class Reversed(Friction):
+    """Newton's method does not converge."""
+
+    def __init__(self, factor):
+        super().__init__()
+        self.factor = factor
+
+    def limit(self, node):
+        pressed = node.z_n > 0.0
+        return -self.factor * np.where(pressed, node.z_n, 0.0), 0.0, -self.factor * pressed
+
+
+@pytest.mark.each
+@pytest.mark.parametrize(
+    "law, kind", [(Weak(0.3), NotFiniteError), (WeakAtNodes(0.3), NotFiniteError),
+                  (Reversed(0.3), NotFiniteError), (Reversed(3.0), fm.NotConvergedError)],
+)  # fmt: skip
+def test_negative_friction_limit_is_named_with_law_and_place(law, kind):
+    """Without a limit of its own, the certificate would compare with the one of Coulomb's law."""
+    scene = small_blocks(pair={"law": law})
+    scene.loads["push"].value[:] = 0.02, -0.02
+    named = rf"{type(law).__name__}\(.*friction_limit returned -\d.* for a pressure of \d"
+    with refused(kind, named + r".*, at 'upper/bottom' \(.*\); expected zero, a positive number"):
+        scene.problem.solve()
+
+
+def test_negative_coefficients_are_refused_with_their_place():
+    where = r"on 'upper/bottom' it is -0.5 at \(1.6, 1\) and 0 at \(0.6, 1\)"
+    with refused(ValueError, r"Coulomb\(function\): mu=-0.5 at a slave node.*" + where):
+        small_blocks(pair={"law": fm.Coulomb(lambda X: 0.3 - 0.5 * X[:, 0])})
