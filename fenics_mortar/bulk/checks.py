@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 
 import ufl
+from dolfinx import fem
+from ufl.coefficient import Coefficient
 from ufl.constantvalue import ScalarValue
 from ufl.corealg.traversal import unique_pre_traversal
+from ufl.geometry import GeometricQuantity
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
@@ -170,9 +173,39 @@ def _check_numbers(name: str, form: Any) -> None:
                 )
 
 
+def check_domain(name: str, form: Any, mesh: Any) -> None:
+    """Reject forms with measures, functions or coordinates of another mesh (local).
+
+    Constants are numbers, whatever their mesh.
+
+    Args:
+        name: Description of the form.
+        form: The UFL form.
+        mesh: UFL domain of the mesh.
+
+    Raises:
+        ValueError: If another mesh occurs; names the object.
+    """
+    for integral in form.integrals():
+        if integral.ufl_domain() != mesh:
+            raise ValueError(
+                f"the {name} has an integral over {_DOMAINS.get(integral.integral_type(), 'parts')}"
+                " of another mesh than that of u"
+            )
+        for part in unique_pre_traversal(integral.integrand()):
+            if isinstance(part, (Coefficient, GeometricQuantity)) and part.ufl_domain() != mesh:
+                is_function = isinstance(part, fem.Function)
+                what = f"function '{part.name}'" if is_function else f"{type(part).__name__}"
+                raise ValueError(
+                    f"the {name} contains {what} of another mesh than that of u: define it on "
+                    "u.function_space.mesh"
+                )
+
+
 def _check_form(name: str, form: Any, count: int, u: Any, expected: str) -> None:
     """Reject forms without exactly ``count`` arguments of the space of ``u`` (local)."""
     check_kind(name, form, ufl.Form, "a UFL form")
+    check_domain(name, form, u.function_space.ufl_domain())
     try:
         arguments = form.arguments()
     except Exception as error:  # UFL's error, whose type differs between releases

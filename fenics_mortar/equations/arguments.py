@@ -28,7 +28,7 @@ def check_arguments(residual: Any, u: Any, pairs: Any, bcs: Any, jacobian: Any) 
         raise ValueError(f"pairs={pairs!r}: expected a list of ContactPair and TiedPair")
     if not isinstance(bcs, Sequence):
         raise ValueError(f"bcs is a {type(bcs).__name__}: expected a list of Dirichlet conditions")
-    if not all(hasattr(bc, "function_space") for bc in bcs):
+    if not all(hasattr(bc, "dof_indices") for bc in bcs):
         raise ValueError(f"bcs={bcs!r}: expected a list of Dirichlet conditions")
     for pair in pairs:
         pair.check()

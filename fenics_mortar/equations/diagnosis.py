@@ -18,6 +18,7 @@ from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, NotFiniteError, format_point
+from fenics_mortar.utils.rounding import SMALL_ANGLE
 
 
 def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> None:
@@ -35,10 +36,19 @@ def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> Non
         reason = describe_inverted(bulk) or "check the residual form"
         raise MortarError(f"the bulk tangent is not finite at the initial displacement: {reason}")
     dofs = bulk.space.owned_dofs
-    if bulk.comm.allreduce(float(diagonal[dofs].max(initial=-np.inf)), MPI.MAX) < 0.0:
+    labels = floating.labels[: len(dofs)]
+    of_body = dict[int, float]()
+    for some in bulk.comm.allgather(
+        {int(k): float(diagonal[dofs[labels == k]].max()) for k in np.unique(labels)}
+    ):
+        of_body |= {k: max(value, of_body.get(k, value)) for k, value in some.items()}
+    negative = sorted(label for label, largest in of_body.items() if largest < 0.0)
+    if negative:
+        names = ", ".join(map(floating.name_of, negative))
+        which = f" of {names}" if len(negative) < len(of_body) else ""
         raise MortarError(
-            "all stiffnesses are negative: check the signs of the residual, which is internal "
-            "minus applied forces, of the jacobian, and of Young's modulus"
+            f"all stiffnesses{which} are negative: check the signs of the residual, which is "
+            "internal minus applied forces, of the jacobian, and of Young's modulus"
         )
     loose = np.zeros(diagonal.size, bool)
     loose[dofs] = (diagonal[dofs] == 0.0) & ~bulk.prescribed[dofs]
@@ -61,7 +71,7 @@ def diagnose(
     force: float,
     recent: Sequence[SetsOfPairs],
 ) -> str:
-    """Describe inverted cells, loose bodies, wrong laws, peeling edges and overlaps; "" if none.
+    """Describe inverted cells, loose bodies, wrong laws, edges and overlaps; "" if none.
 
     Args:
         bulk: The bodies.
@@ -75,7 +85,7 @@ def diagnose(
     if not first:
         free = floating.describe(floating.loose()), obstacles.describe(force)
         first = ", ".join(filter(None, free)) or _describe_limits(contacts)
-        first = first or _describe_peeling(contacts, recent)
+        first = first or _describe_twice(contacts) or _describe_peeling(contacts, recent)
     return "; ".join(filter(None, (first, *map(describe_overlap, contacts))))
 
 
@@ -96,6 +106,25 @@ def _describe_limits(contacts: Sequence[Interface]) -> str:
         found, calls.error = calls.error, before
         if isinstance(found, NotFiniteError):
             return str(found)
+    return ""
+
+
+def _describe_twice(contacts: Sequence[Interface]) -> str:
+    """Describe nodes whose gap two pairs close along the same normal; "" if none (local)."""
+    pairs = [contact for contact in contacts if isinstance(contact, Contact)]
+    for k, one in enumerate(pairs):
+        for other in pairs[k + 1 :]:
+            _, i, j = np.intersect1d(one.slave.nodes, other.slave.nodes, return_indices=True)
+            cosine = (one.operators.n[i] * other.operators.n[j]).sum(axis=1)
+            parallel = one.active[i] & other.active[j] & (cosine > np.cos(SMALL_ANGLE))
+            if parallel.any():
+                where = one.operators.x[i[np.argmax(parallel)]]
+                return (
+                    f"{parallel.sum()} nodes of '{one.slave.name}' are pressed along the same "
+                    f"normal by '{one.master.name}' and '{other.master.name}', one at "
+                    f"{format_point(where)}, so that their pressures are not unique; leave out one "
+                    "of these pairs there"
+                )
     return ""
 
 

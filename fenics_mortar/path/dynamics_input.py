@@ -11,6 +11,7 @@ import ufl
 from ufl.algorithms.analysis import extract_arguments, extract_coefficients, extract_constants
 from ufl.domain import extract_domains
 
+from fenics_mortar.bulk.checks import check_domain
 from fenics_mortar.bulk.inertia import Rates
 from fenics_mortar.bulk.subdomains import check_subdomains
 from fenics_mortar.bulk.velocity import Origin, Velocity
@@ -103,8 +104,7 @@ def _check_energy(energy: Any, mesh: Any) -> None:
     check_kind("energy", energy, ufl.Form, "a UFL form, such as psi * dx")
     if energy.arguments():
         raise ValueError("energy has a test function: expected a scalar form, such as psi * dx")
-    if any(integral.ufl_domain() != mesh for integral in energy.integrals()):
-        raise ValueError("energy belongs to another mesh than the problem")
+    check_domain("energy", energy, mesh)
 
 
 class DensityValues:

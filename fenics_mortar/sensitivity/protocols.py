@@ -17,6 +17,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
+from fenics_mortar.bulk.checks import check_domain
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.combined import Combined
@@ -158,6 +159,7 @@ def _quantity_of(problem: ContactProblem, quantity: Any) -> Quantity:
                 f"the objective is a form with {len(quantity.arguments())} arguments: expected a "
                 "form without test functions"
             )
+        check_domain("objective", quantity, bulk.V.ufl_domain())
         return _keep(bulk, quantity, lambda: FormQuantity(bulk, quantity))
     if not hasattr(quantity, "value") or not hasattr(quantity, "gradient"):
         raise ValueError(

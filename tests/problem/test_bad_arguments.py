@@ -229,3 +229,36 @@ def tool_of(**more):
 def test_tool_of_a_wrong_type_is_refused(more, kind, message):
     with refused_with_address(kind, message):
         tool_of(**more)
+
+
+def test_a_body_with_negative_stiffness_is_named():
+    """The other body has a positive one."""
+    data = blocks_of_arrays()
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    X = ufl.SpatialCoordinate(data.mesh)
+    E = ufl.conditional(ufl.gt(X[1], 1.0), 100.0, -50.0)
+    residual = internal(u, linear_elastic(u, E, 0.3))
+    with refused(fm.MortarError, r"all stiffnesses of the body around \(1, 0.5\) are negative"):
+        fm.ContactProblem(
+            residual, u, [fm.ContactPair(data, "slave", "master")],
+            bcs=bcs_of(data, u.function_space), petsc_options_prefix="negative_",
+        )  # fmt: skip
+
+
+def test_nodes_pressed_twice_along_the_same_normal_are_named():
+    """By two obstacles with the same surface: the system is singular."""
+    data = blocks_of_arrays()
+    planes = [fm.Plane((0.0, 1.0), (0.0, 1.0), name=name) for name in ("one", "two")]
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    pairs = [fm.ContactPair(data, "slave", plane) for plane in planes]
+    problem = problem_on(data, pairs, u=u, bcs=bcs_of(data, u.function_space))
+    named = "4 nodes of 'slave' are pressed along the same normal by 'one' and 'two', one at"
+    with refused(fm.NotConvergedError, named, "leave out one"):
+        problem.solve()
+
+
+def test_a_function_among_the_conditions_is_refused():
+    data = blocks_of_arrays()
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    with refused_with_address(ValueError, "expected a list of Dirichlet conditions"):
+        problem_on(data, u=u, bcs=[*bcs_of(data, u.function_space), u])
