@@ -194,6 +194,7 @@ class ContactProblem:
                 law; displacement and multipliers are then restored to their values before the call.
         """
         self._present.renew_if_interrupted()
+        setup.check_attributes(self, self._given)
         self.equations.bulk.input_data.check()
         remarks = self._inputs.check(
             self.equations.newton, sensitivity, accept_violations=accept_violations, predict=predict

@@ -10,6 +10,8 @@ from mpi4py import MPI
 
 import numpy as np
 
+from dolfinx import fem
+
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags
@@ -36,6 +38,7 @@ class InputData:
         self._comm: MPI.Comm = self._mesh.comm
         self._constants = list(dict.fromkeys(c for form in forms for c in form.constants()))
         self._coefficients = {c for form in forms for c in form.coefficients()}
+        self._prescribed = fem.Function(u.function_space)
         self._nodes = self._mesh.geometry.x.copy()
         self._X = space.V.tabulate_dof_coordinates()[:, :2].copy()
 
@@ -74,6 +77,35 @@ class InputData:
         same = [("a constant of the residual", c.value) for c in self._constants]
         same += [("a prescribed displacement", compat.prescribed_value(bc)) for bc in self._bcs]
         check_same(self._comm, same)
+        self._check_ghosts()
+
+    def _check_ghosts(self) -> None:
+        """Reject functions whose values at ghosts are not those of the owner (collective).
+
+        Raises:
+            MortarError: On all ranks.
+        """
+        if self._comm.size == 1:
+            return
+        self._prescribed.x.array[:] = self._u.x.array
+        self._prescribed.x.scatter_forward()
+        compat.set_prescribed(self._prescribed.x.array, self._bcs)
+        named = [("the prescribed displacement", self._prescribed)] + [
+            (f"function '{function.name}' of the residual", function)
+            for function in sorted(self._coefficients - {self._u}, key=lambda f: f.count())
+        ]
+        for name, function in named:
+            given = function.x.array.copy()
+            function.x.scatter_forward()
+            change = np.abs(function.x.array - given)
+            function.x.array[:] = given
+            largest = self._comm.allreduce(float(np.abs(given).max(initial=0.0)), MPI.MAX)
+            wrong = self._comm.allreduce(int((change > ROUNDING * largest).sum()))
+            if wrong:
+                raise MortarError(
+                    f"{name} has other values at {wrong} ghost dofs than on the rank that owns "
+                    "them: set it on all ranks, and call x.scatter_forward() of the function"
+                )
 
     def loads(self) -> list[Array]:
         """Copies of prescribed values, constants and functions but u, in a fixed order (local).

@@ -20,12 +20,20 @@ from fenics_mortar.bulk.checks import have_common_facet
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law import Law, check_names
+from fenics_mortar.contact.laws import BUILT_IN
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arguments import check_flag, check_kind, check_lengths, check_number
+from fenics_mortar.utils.arguments import (
+    check_flag,
+    check_kind,
+    check_lengths,
+    check_no_effect,
+    check_number,
+    parameters_of,
+)
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import (
     MortarError,
@@ -77,13 +85,13 @@ class Inputs:
                 check_flag(name, flag)
             if sensitivity is not None and not callable(getattr(sensitivity, "of", None)):
                 raise ValueError(f"sensitivity={sensitivity!r}: expected a fm.sensitivity.Numerics")
-            for contact, as_bound in zip(self._contacts, self._as_bound, strict=True):
-                _check_contact(contact, as_bound)
             for obstacle, before in zip(self._obstacles, self._turned, strict=True):
                 check_obstacle(obstacle)
                 _check_pivot(obstacle, *before)
                 if self._bulk.space.is_axisymmetric:
                     check_axial(obstacle)
+            for contact, as_bound in zip(self._contacts, self._as_bound, strict=True):
+                _check_contact(contact, as_bound)
         is_given = np.array(float(sensitivity is not None))
         check_same(comm, [*self._numbers(), ("whether sensitivity is given", is_given)])
         for contact in self._contacts:
@@ -223,6 +231,11 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
         check_number("contact.c_n", contact.c_n, "a positive number", lambda c: 0.0 < c < np.inf)
         check_names(pair.law)
         pair.law.check()
+        if type(pair.law) in BUILT_IN:
+            known = parameters_of(pair.law)
+            others = [name for name in vars(pair.law) if name not in known]
+            cure = f"this law has {', '.join(known) or 'no parameters'}"
+            check_no_effect(f"{pair.law!r}", pair.law, others, cure)
 
 
 def check_obstacle(obstacle: Obstacle) -> None:
@@ -230,6 +243,7 @@ def check_obstacle(obstacle: Obstacle) -> None:
 
     Raises:
         MortarError: If a value has another shape or type, or is not finite.
+        ValueError: If a dimension of a shape of the package was set as an attribute.
     """
     name = obstacle.name
     for what, size in (("place", 3), ("load", 3), ("pivot", 2)):
@@ -241,6 +255,11 @@ def check_obstacle(obstacle: Obstacle) -> None:
             raise MortarError(f"{what} of obstacle '{name}' is {given!r}: {expected}")
         if not np.isfinite(allowed).all():
             raise NotFiniteError(f"{what} of obstacle '{name}' is {given}: {expected}")
+    if type(obstacle).__module__.startswith(Obstacle.__module__.rpartition(".")[0]):
+        of_shape = [what for what in parameters_of(obstacle) if what not in ("name", "pivot")]
+        shape = " or ".join(f"set_shape({what!r}, ...)" for what in obstacle.shape())
+        cure = f"use {shape or 'another obstacle in a new problem'}"
+        check_no_effect(f"obstacle '{name}'", obstacle, of_shape, cure)
 
 
 def _pivot_and_angle(obstacle: Obstacle) -> tuple[Array, float]:

@@ -30,8 +30,8 @@ from fenics_mortar.la.options import SolverName
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import Geometry, thickness_of
 from fenics_mortar.newton.options import NewtonOptions
-from fenics_mortar.utils import garbage
-from fenics_mortar.utils.arguments import check_kind
+from fenics_mortar.utils import compat, garbage
+from fenics_mortar.utils.arguments import check_kind, check_no_effect
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_same_texts, together
 
@@ -53,7 +53,9 @@ def check_given(
     forms = {name: given[name] for name in ("residual", "u", "bcs", "jacobian")}
     options = {name: value for name, value in given.items() if name not in forms}
     check_kind("u", given["u"], fem.Function, "a function of dolfinx")
-    comm = given["u"].function_space.mesh.comm
+    mesh = given["u"].function_space.mesh
+    compat.settle_coordinate_element(mesh)
+    comm = mesh.comm
     with together(comm, "ContactProblem"):
         check_arguments(pairs=pairs, **forms)
         check_options(**options, adequacy=adequacy)
@@ -62,6 +64,17 @@ def check_given(
     options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
     counts = {"pairs": len(pairs), "bcs": len(given["bcs"])}
     check_same_texts(comm, "ContactProblem", {**counts, **options})
+
+
+def check_attributes(problem: Any, given: dict[str, Any]) -> None:
+    """Reject arguments of ``ContactProblem`` that were set as attributes later (collective).
+
+    Raises:
+        ValueError: On all ranks.
+    """
+    cure = "set up a new problem, or see variant(); problem.equations.newton may be set"
+    with together(problem.equations.comm, "ContactProblem"):
+        check_no_effect("the problem", problem, [*given, "pairs", "adequacy"], cure)
 
 
 def equations_of(

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -80,3 +81,26 @@ def check_kind(name: str, value: Any, kind: type | tuple[type, ...], expected: s
     """
     if not isinstance(value, kind):
         raise ValueError(f"{name}={value!r}: expected {expected}")
+
+
+def parameters_of(given: Any) -> list[str]:
+    """Names of the arguments of an object's constructor (local)."""
+    found = inspect.signature(type(given)).parameters.values()
+    return [p.name for p in found if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+
+
+def check_no_effect(owner: str, given: Any, names: Iterable[str], cure: str) -> None:
+    """Reject attributes that were set although nothing reads them (local).
+
+    Args:
+        owner: Description of the object.
+        given: The object.
+        names: Names that it does not have itself.
+        cure: What to do instead.
+
+    Raises:
+        ValueError: If the object has one of them.
+    """
+    found = sorted(vars(given).keys() & set(names))
+    if found:
+        raise ValueError(f"{found[0]} of {owner} was set, which has no effect: {cure}")

@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: MIT
 """Differences between ranks raise errors on all ranks."""
 
+import numpy as np
 import pytest
-from array_meshes import bcs_of, blocks_of_arrays, problem_on
-from one_rank import either, raised_on_the_last_rank, several_ranks
+from array_meshes import bcs_of, blocks_of_arrays, grid, mesh_of, problem_on, tagged
+from one_rank import COMM, either, raised_on_the_last_rank, several_ranks
 from refusal import refused
-from scenes import neo_hookean, pair_options
+from scenes import internal, neo_hookean, pair_options
 from small_scenes import small_blocks
 
+import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.utils import compat
 
 
 @several_ranks
@@ -116,3 +119,43 @@ def test_steps_that_differ_on_one_rank_are_refused():
         fm.follow_path(
             scene.problem, lambda t: None, fm.SteppingOptions(0.5), stop=either(1.0, 2.0)
         )
+
+
+@several_ranks
+@pytest.mark.parametrize("which", ["rank 0", "owned"])
+@pytest.mark.parametrize("what", ["load", "displacement"])
+def test_function_that_is_not_set_on_all_ranks_is_refused(what, which):
+    """Each rank would take its own values at common nodes: the result depends on the partition."""
+    data = tagged(
+        mesh_of(*grid(6, 6)),
+        slave=lambda x: np.isclose(x[1], 1.0),
+        base=lambda x: np.isclose(np.abs(x[0] - 0.5), 0.5) | np.isclose(x[1], 0.0),
+    )
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    V, v = u.function_space, ufl.TestFunction(u.function_space)
+    given = fem.Function(V, name="given")
+    residual = internal(u, neo_hookean(u, 100.0, 0.3))
+    if what == "load":
+        residual -= ufl.inner(given, v) * ufl.dx
+    bcs = [fm.dirichlet(V, data, "base", given if what == "displacement" else (0.0, 0.0))]
+    pair = fm.ContactPair(data, "slave", fm.Plane((0.0, 1.001), (0.0, -1.0)))
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="given_")
+    if which == "owned":
+        given.x.array[: 2 * V.dofmap.index_map.size_local] = 0.01
+    elif COMM.rank == 0:
+        given.x.array[:] = 0.01
+    name = "function 'given' of the residual" if what == "load" else "the prescribed displacement"
+    with refused(fm.MortarError, f"{name} has other values at .* ghost dofs than", "scatter_forw"):
+        problem.solve()
+    given.x.array[:] = 0.01
+    assert problem.solve().converged
+
+
+@several_ranks
+def test_forms_have_equal_signatures_whichever_rank_compiles():
+    """The compiler of dolfinx 0.5 replaces an element of the mesh on the ranks that compile."""
+    data = blocks_of_arrays()
+    if COMM.rank == 0:
+        compat.settle_coordinate_element(data.mesh)
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    assert problem_on(data, u=u, bcs=bcs_of(data, u.function_space)).solve().converged

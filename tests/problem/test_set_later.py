@@ -103,3 +103,55 @@ def test_invalid_newton_options_are_refused(newton):
     scene.problem.equations.newton = newton
     with refused(ValueError, "newton=.*: expected an instance of NewtonOptions"):
         scene.problem.solve()
+
+
+@pytest.mark.each
+@pytest.mark.parametrize(
+    "obstacle, name, value, cure",
+    [
+        (lambda: fm.Plane((0.0, 1.0), (0.0, 1.0)), "normal", (0.0, -1.0), "another obstacle in a"),
+        (lambda: fm.Plane((0.0, 1.0), (0.0, 1.0)), "point", (0.0, 3.0), "another obstacle in a"),
+        (lambda: fm.Circle((0.9, -9.0), 10.0), "radius", 0.2, r"use set_shape\('radius', ...\)"),
+        (lambda: fm.Circle((0.9, -9.0), 10.0), "centre", (0.9, 0.0), "use set_shape"),
+        (
+            lambda: fm.Spline([(3.0, 1.0), (0.9, 1.0), (-1.0, 1.0)], name="circle"),
+            "points",
+            [(3.0, 0.0), (0.9, 0.0), (-1.0, 0.0)],
+            r"use set_shape\('points', ...\)",
+        ),
+    ],
+)
+def test_dimension_of_an_obstacle_that_is_set_as_an_attribute_is_refused(
+    obstacle, name, value, cure
+):
+    """Such attributes are not read; the solve would be that of the old shape."""
+    data, tool = blocks_of_arrays(), obstacle()
+    problem = problem_on(data, [fm.ContactPair(data, "slave", tool)])
+    setattr(tool, name, value)
+    with refused(ValueError, f"{name} of obstacle '.*' was set, which has no effect: .*{cure}"):
+        problem.solve()
+
+
+@pytest.mark.each
+@pytest.mark.parametrize(
+    "law, name, known",
+    [
+        (fm.Coulomb(0.3), "friction", "this law has mu, max_shear, c_t, limit_by"),
+        (fm.Tresca(0.3), "limit_by", "this law has stress, c_t"),
+        (fm.Frictionless(), "mu", "this law has no parameters"),
+    ],
+)
+def test_parameter_that_a_law_does_not_have_is_refused(law, name, known):
+    scene = rubbing_blocks(law)
+    setattr(law, name, 0.1)
+    with refused(ValueError, rf"{name} of {type(law).__name__}\(.*no effect: {known}"):
+        scene.problem.solve()
+
+
+def test_argument_of_a_problem_that_is_set_as_an_attribute_is_refused():
+    problem = small_blocks().problem
+    problem.newton = fm.NewtonOptions(max_iterations=1)
+    with refused(
+        ValueError, "newton of the problem was set, .* problem.equations.newton may be set"
+    ):
+        problem.solve()

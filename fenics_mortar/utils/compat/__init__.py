@@ -35,6 +35,7 @@ from fenics_mortar.utils.compat.meshes import (
     geometry_dofmap,
     model_to_mesh,
     num_corners,
+    settle_coordinate_element,
 )
 from fenics_mortar.utils.compat.spaces import (
     dofmap,
@@ -73,5 +74,6 @@ __all__ = [
     "scalar_is_complex",
     "scalar_space",
     "set_prescribed",
+    "settle_coordinate_element",
     "vector_space",
 ]

@@ -109,3 +109,21 @@ def are_tags_of(tags: Any, mesh: dmesh.Mesh) -> bool:
     own = tags.topology if hasattr(tags, "topology") else tags.mesh.topology
     other = mesh.topology
     return getattr(own, "_cpp_object", own) is getattr(other, "_cpp_object", other)
+
+
+def settle_coordinate_element(mesh: dmesh.Mesh) -> None:
+    """Give the mesh's domain the element that the form compiler gives it, on all ranks (local).
+
+    FFCx 0.5 replaces the element by one with a variant while it compiles a form. Ranks that load
+    the result from the cache keep the old one, so that signatures of later forms differ.
+    """
+    domain = mesh.ufl_domain()
+    element = getattr(domain, "_ufl_coordinate_element", None)
+    if not hasattr(ufl, "VectorElement") or not isinstance(element, ufl.VectorElement):
+        return
+    if element.sub_elements()[0]._variant is None:
+        degree, rule = element.degree(), element.quadrature_scheme()
+        scalar = ufl.FiniteElement(
+            element.family(), element.cell(), degree, rule, variant="equispaced"
+        )
+        domain._ufl_coordinate_element = ufl.VectorElement(scalar)
