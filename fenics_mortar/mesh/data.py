@@ -37,8 +37,8 @@ class MeshData:
         boundaries: Tag of each named boundary.
 
     Raises:
-        ValueError: If a tag is not an integer.
-        MeshError: On all ranks, if tags belong to another mesh.
+        ValueError: If a tag is not an integer, or mesh or tags are of another type.
+        MeshError: On all ranks, if tags belong to another mesh, or those of cells to facets.
 
     Note:
         The constructor is collective.
@@ -75,6 +75,11 @@ class MeshData:
                 check_number(f"{what}[{name!r}]", tag, "an integer", np.isfinite, whole=True)
         for what in ("cell_tags", "facet_tags"):
             check_tags(what, getattr(self, what), self.mesh)
+        if self.cell_tags is not None and self.cell_tags.dim != self.mesh.topology.dim:
+            raise MeshError(
+                f"cell_tags are of dimension {self.cell_tags.dim}; expected tags of dimension "
+                f"{self.mesh.topology.dim}"
+            )
 
     def body_tag(self, name: str | int) -> int:
         """Return the tag of a body (local); integers are returned unchanged.

@@ -10,6 +10,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.utils import compat
+from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.errors import MeshError, raise_together
 
 # Names of the entities of a plane mesh by dimension, in messages.
@@ -26,9 +27,13 @@ def check_tags(what: str, tags: Any, mesh: dmesh.Mesh) -> None:
 
     Raises:
         MeshError: On all ranks.
+        ValueError: If tags or mesh are of another type.
     """
     if tags is None:
         return
+    if not all(hasattr(tags, name) for name in ("find", "indices", "dim")):
+        raise ValueError(f"{what}={tags!r}: expected tags of dolfinx.mesh.meshtags, or None")
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx")
     error = None
     if not compat.are_tags_of(tags, mesh):
         error = MeshError(

@@ -147,7 +147,7 @@ def check_step(dt: Any, time: float) -> None:
     """
     check_number("dt", dt, "a positive number", lambda dt: 0.0 < dt < np.inf)
     expected = f"a step that the time {time:g} can resolve"
-    check_number("dt", dt, expected, lambda dt: time + dt > time and dt * dt > 0.0)
+    check_number("dt", dt, expected, lambda dt: time + dt > time and 0.0 < dt * dt < np.inf)
 
 
 def check_rates(problem: ContactProblem) -> None:

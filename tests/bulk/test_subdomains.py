@@ -62,6 +62,17 @@ def test_facets_that_the_mesh_does_not_have_are_refused():
         fm.MeshData(data.mesh, None, tags)
 
 
+def test_tags_of_another_kind_are_refused():
+    """Facet tags in the place of cell tags gave the bodies of facets."""
+    data = blocks_of_arrays()
+    with refused(fm.MeshError, "cell_tags are of dimension 1; expected tags of dimension 2"):
+        fm.MeshData(data.mesh, data.facet_tags, data.facet_tags)
+    with refused(ValueError, "facet_tags=array.*: expected tags of dolfinx.mesh.meshtags"):
+        fm.MeshData(data.mesh, None, np.arange(4))
+    with refused(ValueError, "mesh=None: expected a mesh of dolfinx"):
+        fm.MeshData(None, None, data.facet_tags)
+
+
 @pytest.mark.each
 @pytest.mark.parametrize(
     "measure, message",
