@@ -106,7 +106,7 @@ def build(case: Case, comm: MPI.Comm) -> Scene:
     mu, lmbda = (_by_body(case, data, parameters) for parameters in zip(*_lame(case)))
     P = neo_hookean(u, mu, lmbda)
     traction = fem.Constant(mesh, np.zeros(2))
-    on = data.boundaries.get(case.pressed, 0)
+    on = data.boundaries.get(case.pressed)
     ds = ufl.Measure("ds", mesh, subdomain_data=data.facet_tags)
     dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 3})
     residual = ufl.inner(P, ufl.grad(v)) * dx
@@ -114,7 +114,7 @@ def build(case: Case, comm: MPI.Comm) -> Scene:
     if isinstance(case, SupportedCase):
         forces = Forces(case, data)
         residual -= ufl.inner(forces.density, v) * dx
-    else:
+    elif on is not None:
         residual -= ufl.inner(traction, v) * ds(on)
     prescribed, bcs = [], []
     for given in case.prescribed:
