@@ -13,6 +13,9 @@ if __name__ != "fenics_mortar":
 
 import gc
 
+# First: with DOLFINx from PyPI mpi4py finds the MPI library that dolfinx and PETSc then need.
+from mpi4py import MPI as _MPI  # noqa: F401
+
 from fenics_mortar.bulk.velocity import Velocity
 from fenics_mortar.contact import laws as laws
 from fenics_mortar.contact.discretization import Discretization

@@ -46,7 +46,7 @@ class FloatingBody:
 
     def displacement(self, X: Array) -> Array:
         """Free motions at the points ``X`` (n, 2) [length], shape (motions, n, 2) [1] (local)."""
-        return np.einsum("fm,mnc->fnc", self.motions, _rigid_motions(X, self.centre, self.size))
+        return np.einsum("fm,mnc->fnc", self.motions, rigid_motions(X, self.centre, self.size))
 
     def describe(self, motion: Array, *, directed: bool = False) -> str:
         """Describe a free motion (local).
@@ -63,7 +63,7 @@ class FloatingBody:
         return f"move along {format_point((x + 0.0, y + 0.0))}"
 
 
-def _rigid_motions(X: Array, centre: Array, size: float) -> Array:
+def rigid_motions(X: Array, centre: Array, size: float) -> Array:
     """Two translations and the rotation about ``centre`` over ``size``, shape (3, n, 2)."""
     r = (X - centre) / size
     one, zero = np.ones(len(X)), np.zeros(len(X))
@@ -131,7 +131,7 @@ def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[F
         mine = labels == label
         body = centre_and_size(X[mine], bulk.comm)
         motions = np.zeros((3, bulk.num_owned))
-        motions[:, dofs[mine]] = _rigid_motions(X[mine], *body)
+        motions[:, dofs[mine]] = rigid_motions(X[mine], *body)
         at_prescribed = np.where(bulk.prescribed[: bulk.num_owned], motions, 0.0)
         stiffest = diagonal[dofs[mine]].max(initial=0.0)
         stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), TINY)

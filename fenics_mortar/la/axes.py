@@ -5,18 +5,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from petsc4py import PETSc
+
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.bulk.bodies import centre_and_size, label_bodies, rigid_motions
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.rounding import SMALL_ANGLE
+from fenics_mortar.utils.rounding import ROUNDING, SMALL_ANGLE
 
 ComplexArray = npt.NDArray[np.complex128]
 
 # Maximum number of tangents per contact that define axes: neighbouring tangents differ little.
 TANGENTS = 32
+# Maximum number of bodies with rigid motions of their own in the near-null space: an aggregate of
+# some ten nodes has 20 dofs, and becomes a node with one dof for each motion.
+OWN_MOTIONS = 4
 
 
 def turned_axes(bulk: Bulk, contacts: Sequence[Interface]) -> Array:
@@ -61,3 +67,34 @@ def sliding_nodes(contact: Interface) -> tuple[ComplexArray, ComplexArray]:
     j = np.flatnonzero(contact.active & (np.einsum("jab,jba->j", F, F) < 1.5))
     j = j[np.linspace(0.0, max(j.size - 1, 0), min(j.size, TANGENTS)).astype(int)]
     return o.x[j] @ [1.0, 1.0j], o.tau[j] @ [1.0, 1.0j]
+
+
+def rigid_motions_along(axes: Array, bulk: Bulk, B: PETSc.Mat) -> PETSc.NullSpace:
+    """Near-null space of the tangent along nodal axes: rigid motions of each body (collective).
+
+    With motions of all bodies together there are a third more iterations: bodies may slide.
+
+    Args:
+        axes: As of ``turned_axes``.
+        bulk: The bodies.
+        B: Tangent of the owned dofs along the axes.
+    """
+    dofs = bulk.space.owned_dofs
+    x = bulk.positions()[: len(dofs)]
+    labels, count = label_bodies(bulk.V)
+    bodies = [labels[: len(dofs)] == body for body in range(count)]
+    if count > OWN_MOTIONS:
+        bodies = [np.ones(len(dofs), bool)]
+    vectors: list[PETSc.Vec] = []
+    for body in bodies:
+        for motion in rigid_motions(x, *centre_and_size(x[body], bulk.comm)):
+            vector = B.createVecRight()
+            along = np.einsum("na,nab->nb", motion, axes[dofs[:, 0]])
+            vector.array[dofs] = np.where(body[:, None], along, 0.0)
+            vector.array[bulk.prescribed_dofs] = 0.0
+            size = vector.norm()
+            for other in vectors:
+                vector.axpy(-other.dot(vector), other)
+            if vector.normalize() > ROUNDING * size:
+                vectors.append(vector)
+    return PETSc.NullSpace().create(vectors=vectors, comm=B.comm)

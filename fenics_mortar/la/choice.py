@@ -82,14 +82,10 @@ def _in_contact_with_itself(contacts: Sequence[Interface]) -> str:
 
 
 def _is_small(bulk: Bulk, prefix: str, options: dict[str, Any] | None) -> bool:
-    """Whether factorization without pivoting is tried first: few unknowns, one rank (collective).
-
-    Its elimination order is AMD of SuiteSparse, which newer PETSc lists under a separate name.
-    """
+    """Whether factorization without pivoting is tried first: few unknowns on one rank."""
     given = PETSc.Options(prefix).getAll() or options
     few = bulk.comm.size == 1 and bulk.r.getSize() <= COSTS.few
-    has_amd = any(PETSc.Sys.hasExternalPackage(name) for name in ("suitesparse", "amd"))
-    return few and not given and has_amd
+    return few and not given
 
 
 def _against_multigrid(

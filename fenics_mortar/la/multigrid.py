@@ -56,11 +56,17 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.la.axes import quarter_turns, sliding_nodes, turned_axes
+from fenics_mortar.la.axes import (
+    quarter_turns,
+    rigid_motions_along,
+    sliding_nodes,
+    turned_axes,
+)
 from fenics_mortar.la.replacement import Replacement
 from fenics_mortar.la.sparse import BlockMatrix, SomeRows, is_symmetric
 from fenics_mortar.la.strip import Strip, dofs_near
 from fenics_mortar.la.touching import TouchingTangent
+from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.ranks import any_over_ranks, sum_over_ranks
 from fenics_mortar.utils.rounding import TINY
@@ -82,6 +88,9 @@ class ContactPreconditioner:
         prefix: Prefix of the options; those of the cycle and the strip begin with it.
         multipliers: Rows of multipliers that follow the rows of this rank's dofs; ``None`` if the
             system is condensed.
+
+    Attributes:
+        by: " by" and the name of a cycle other than hypre's.
     """
 
     def __init__(
@@ -101,6 +110,7 @@ class ContactPreconditioner:
         self._slaves = [_nodes_near(bulk, contact.slave) for contact in contacts]
         self._prefix = f"{prefix}cycle_"
         self._cycle: Any = None
+        self.by = ""
         self._tangent = TouchingTangent()
         self._replacement, self._sets = Replacement(), list[Flags]()
         self._digits, self._place = 5.0, 0  # of the next solve: digits [1], place in the load step
@@ -164,6 +174,9 @@ class ContactPreconditioner:
         reduced = self._condensed and self._all_tied(nodes) and is_symmetric(B)
         self._cycle.setType("cg" if reduced else "preonly")
         self._cycle.setOperators(B)
+        if self._cycle.getPC().getType() == "gamg":
+            self.by = " by PETSc's gamg" + ("" if compat.petsc_has("hypre") else ", without hypre")
+            B.setNearNullSpace(rigid_motions_along(self._axes, self._bulk, B))
         self._cycle.setUp()
         self._replacement = Replacement()
         self._sets = [contact.active.copy() for contact in self._contacts]

@@ -20,6 +20,10 @@ DIRECT = {
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 50,
 }
+# Elimination order in blocks: AMD of SuiteSparse, which newer PETSc lists under a separate name, or
+# PETSc's nested dissection: on grids its factors have 2 to 7 % more entries. Reports say so.
+ORDER = "amd" if compat.petsc_has("suitesparse", "amd") else "nd"
+ORDERED = "" if ORDER == "amd" else f" in order {ORDER}, without SuiteSparse"
 # PETSc's own factorization without pivoting, for few unknowns on one rank, where MUMPS spends most
 # of its time on analysis, pivoting and copies. Only an exact zero pivot is an error; small pivots
 # are detected by the residual of the solution.
@@ -27,18 +31,18 @@ SMALL = {
     "ksp_type": "preonly",
     "pc_type": "lu",
     "pc_factor_mat_solver_type": "petsc",
-    "pc_factor_mat_ordering_type": "amd",
+    "pc_factor_mat_ordering_type": ORDER,
     "pc_factor_zeropivot": 0.0,
 }
-# Multigrid's cycle. Measured: sweeps have half the cost of the default ones and need a few more
-# iterations. With this interpolation iterations grow less if contact is curved; on flat contact
-# they take 20 % more time. With HMIS and a threshold of 0.5 there are a tenth fewer iterations, but
+# Tolerances of conjugate gradients with the cycle; the enclosing GMRES, with a separate tolerance,
+# needs one iteration with this one.
+TIED = {"ksp_rtol": 1e-9, "ksp_max_it": 500}
+# Multigrid's cycle by hypre. Measured: sweeps have half the cost of the default ones and need a few
+# more iterations. With this interpolation iterations grow less if contact is curved; on flat
+# contact they take 20 % more time. With HMIS and a threshold of 0.5 there are a tenth fewer iterations, but
 # a cycle takes a fifth longer. With "l1" the cycle is positive definite on any number of ranks;
-# without it CG broke down for small bodies on three ranks. The enclosing GMRES, with a separate
-# tolerance, needs one iteration with this tolerance of conjugate gradients.
-CYCLE = {
-    "ksp_rtol": 1e-9,
-    "ksp_max_it": 500,
+# without it CG broke down for small bodies on three ranks.
+HYPRE = {
     "pc_type": "hypre",
     "pc_hypre_boomeramg_coarsen_type": "PMIS",
     "pc_hypre_boomeramg_interp_type": "ext+i",
@@ -48,6 +52,16 @@ CYCLE = {
     "pc_hypre_boomeramg_strong_threshold": 0.25,
     "pc_hypre_boomeramg_P_max": 4,
 }
+# The cycle by PETSc's smoothed aggregation, with the rigid motions as near-null space, where PETSc
+# has no hypre. Iterations for eight digits are in the performance README. Two sweeps save a
+# tenth of them, Chebyshev with Jacobi needs a tenth more.
+GAMG = {
+    "pc_type": "gamg",
+    "mg_levels_ksp_type": "richardson",
+    "mg_levels_ksp_max_it": 1,
+    "mg_levels_pc_type": "sor",
+}
+CYCLE = TIED | (HYPRE if compat.petsc_has("hypre") else GAMG)
 # Largest relative residual with factors without pivoting [1], in the strip without, otherwise after
 # one refinement; above it half of the digits are lost by growth of the pivots.
 WITHOUT_PIVOTING = 1e-10

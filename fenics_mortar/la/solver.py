@@ -19,6 +19,7 @@ from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.options import (
     COMPLIANCE,
     DIRECT,
+    ORDERED,
     SMALL,
     WITHOUT_PIVOTING,
     options_added,
@@ -137,9 +138,9 @@ class LinearSolver:
         kind, pc = self.ksp.getType(), self.ksp.getPC()
         name = f"{kind} with {pc.getType()}"
         if self.multigrid is not None:
-            name = f"{kind} with multigrid"
+            name = f"{kind} with multigrid{self.multigrid.by}"
         elif kind == "preonly":
-            name = f"factors by {pc.getFactorSolverType()}"
+            name = f"factors by {pc.getFactorSolverType()}{'' if self._pivots else ORDERED}"
         text = f"{name} ({self.reason})" if self.reason else name
         if self._num_lagged:
             solutions = self._num_lagged + self._num_others

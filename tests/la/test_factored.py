@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fenics_mortar.la.factored import factored, factored_by_cholmod
+from fenics_mortar.utils import compat
 
 pytestmark = pytest.mark.serial
 
@@ -26,6 +27,7 @@ def solve(pc, b):
     return x.array
 
 
+@pytest.mark.skipif(not compat.petsc_has("suitesparse"), reason="PETSc has no SuiteSparse")
 def test_definite_matrix_is_factored_by_cholmod():
     pc = factored_by_cholmod(matrix([[4.0, 1.0], [1.0, 3.0]]), "definite_")
     assert solve(pc, [1.0, 2.0]) == pytest.approx([1.0 / 11.0, 7.0 / 11.0])

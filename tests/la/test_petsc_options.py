@@ -94,6 +94,7 @@ def test_linear_solver_that_does_not_converge_is_not_called_singular():
 
 SCRIPT = """
 import sys
+from mpi4py import MPI
 import petsc4py
 petsc4py.init(sys.argv)
 from test_petsc_options import solved_with

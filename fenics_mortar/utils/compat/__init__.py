@@ -26,6 +26,7 @@ from fenics_mortar.utils.compat.expressions import (
 from fenics_mortar.utils.compat.libraries import (
     gmsh_is_initialized,
     option_is_used,
+    petsc_has,
     scalar_is_complex,
 )
 from fenics_mortar.utils.compat.meshes import (
@@ -68,6 +69,7 @@ __all__ = [
     "model_to_mesh",
     "num_corners",
     "option_is_used",
+    "petsc_has",
     "petsc_vec",
     "prescribed_value",
     "quiet_compiler",

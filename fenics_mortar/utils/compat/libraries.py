@@ -22,6 +22,11 @@ def scalar_is_complex() -> bool:
     return np.issubdtype(PETSc.ScalarType, np.complexfloating)
 
 
+def petsc_has(*packages: str) -> bool:
+    """Whether PETSc was built with one of these packages (local)."""
+    return any(PETSc.Sys.hasExternalPackage(package) for package in packages)
+
+
 def option_is_used(name: str) -> bool:
     """Whether PETSc has used an option of its database, given with prefix (local).
 
