@@ -39,9 +39,9 @@ SMALL = {
 TIED = {"ksp_rtol": 1e-9, "ksp_max_it": 500}
 # Multigrid's cycle by hypre. Measured: sweeps have half the cost of the default ones and need a few
 # more iterations. With this interpolation iterations grow less if contact is curved; on flat
-# contact they take 20 % more time. With HMIS and a threshold of 0.5 there are a tenth fewer iterations, but
-# a cycle takes a fifth longer. With "l1" the cycle is positive definite on any number of ranks;
-# without it CG broke down for small bodies on three ranks.
+# contact they take 20 % more time. With HMIS and a threshold of 0.5 there are a tenth fewer
+# iterations, but a cycle takes a fifth longer. With "l1" the cycle is positive definite on any
+# number of ranks; without it CG broke down for small bodies on three ranks.
 HYPRE = {
     "pc_type": "hypre",
     "pc_hypre_boomeramg_coarsen_type": "PMIS",
