@@ -41,12 +41,14 @@ class PathReport(Markdown):
         finished: Whether the end of the path was reached.
         dead_end: Reason why no equilibrium exists beyond the last step, if this is certain; else
             "".
+        notes: Remarks on the whole path.
     """
 
     steps: list[PathStep] = field(default_factory=list)
     failures: list[NewtonReport] = field(default_factory=list)
     finished: bool = False
     dead_end: str = ""
+    notes: list[str] = field(default_factory=list)
 
     @property
     def num_iterations(self) -> int:
@@ -61,7 +63,7 @@ class PathReport(Markdown):
         return sum(len(step.failures) for step in self.steps) + len(self.failures)
 
     def table(self) -> str:
-        """Markdown table, one row per accepted step, and the reasons of failures.
+        """Markdown table, one row per accepted step, reasons of failures, and remarks.
 
         The last column is ``Work.defect``.
         """
@@ -78,6 +80,7 @@ class PathReport(Markdown):
             lines.append(f"| {' | '.join(cells)} |")
             reasons += [f"- step {number}: {failure.reason}" for failure in step.failures]
         reasons += [f"- step {len(self.steps) + 1}: {failure.reason}" for failure in self.failures]
+        reasons += [f"- {note}" for note in self.notes]
         return "\n".join([*lines, *(["", *reasons] if reasons else [])])
 
     def __str__(self) -> str:

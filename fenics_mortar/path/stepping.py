@@ -18,6 +18,7 @@ from fenics_mortar.equations.undo import Snapshot, as_interruption
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.alternate_damping import AlternateDamping
 from fenics_mortar.path.dead_end import describe_jump, describe_turning_point, reason_for_end
+from fenics_mortar.path.idle_loads import IdleLoads
 from fenics_mortar.path.options import SteppingOptions
 from fenics_mortar.path.progress import Progress, check_bar
 from fenics_mortar.path.report import PathReport, PathStep
@@ -101,7 +102,7 @@ def follow_path(
         forces_of(problem),
         _LastStep(start, Snapshot(problem.equations)),
     )
-    solver = AlternateDamping(problem)
+    solver, idle = AlternateDamping(problem), IdleLoads(problem)
 
     def load(time: float) -> None:
         problem.time = time
@@ -139,12 +140,13 @@ def follow_path(
             last.reached = time, Snapshot(problem.equations)
             path.steps.append(PathStep(time, step, report, path.failures, work))
             path.failures = []
+            idle.look()
             shown.accept(time, report)
             if on_step is not None:
                 call_together(problem.equations.comm, "on_step", partial(on_step, time, report))
             if report.num_iterations <= options.easy:
                 step = min(options.growth * step, largest)
-    path.finished = True
+    path.finished, path.notes = True, idle.remarks(len(path.steps))
     return path
 
 

@@ -6,6 +6,8 @@ import pytest
 from refusal import refused
 from small_scenes import small_blocks
 
+from dolfinx import fem
+
 import fenics_mortar as fm
 
 
@@ -44,3 +46,19 @@ def test_path_from_its_end_has_no_steps():
     options = fm.SteppingOptions(0.5)
     path = fm.follow_path(scene.problem, lambda time: None, options, start=1.0, stop=1.0)
     assert path.finished and not path.steps
+
+
+@pytest.mark.parametrize("in_place", [True, False])
+def test_loads_that_never_change_are_remarked(in_place):
+    """A new constant in ``set_loads`` is no part of the problem."""
+    scene = small_blocks()
+    push = scene.loads["push"]
+
+    def set_loads(time):
+        given = push if in_place else fem.Constant(scene.data.mesh, (0.0, 0.0))
+        given.value[1] = -0.02 * time
+
+    path = fm.follow_path(scene.problem, set_loads, fm.SteppingOptions(step=0.5))
+    remarks = [note for note in path.notes if "set_loads changed no constant" in note]
+    assert len(remarks) == (0 if in_place else 1)
+    assert all(note in str(path) for note in path.notes)
