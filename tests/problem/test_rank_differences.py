@@ -152,6 +152,21 @@ def test_function_that_is_not_set_on_all_ranks_is_refused(what, which):
 
 
 @several_ranks
+def test_values_in_cells_of_other_ranks_do_not_matter():
+    """A modulus by cells, set on the cells of each rank."""
+    data = blocks_of_arrays()
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    E = fem.Function(compat.scalar_space(data.mesh, 0, "DG"))
+    E.x.array[: data.mesh.topology.index_map(2).size_local] = 100.0
+    residual = internal(u, neo_hookean(u, E, 0.3))
+    problem = fm.ContactProblem(
+        residual, u, [fm.ContactPair(data, "slave", "master")], bcs=bcs_of(data, u.function_space),
+        petsc_options_prefix="cells_",
+    )  # fmt: skip
+    assert problem.solve().converged
+
+
+@several_ranks
 def test_forms_have_equal_signatures_whichever_rank_compiles():
     """The compiler of dolfinx 0.5 replaces an element of the mesh on the ranks that compile."""
     data = blocks_of_arrays()
