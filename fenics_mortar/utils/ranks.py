@@ -44,7 +44,14 @@ def largest_over_ranks(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
     """Largest values of an array over all ranks, nan if one of them is nan (collective).
 
     The result of MPI's maximum of nan and a number depends on their order, which differs between
-    ranks. Shapes and units are those of ``sum_over_ranks``.
+    ranks.
+
+    Args:
+        comm: Communicator.
+        values: Numbers [any unit], of one shape on all ranks.
+
+    Returns:
+        The largest values in double precision, of the shape of ``values`` [their unit].
     """
     mine = _floats(values)
     if comm.size == 1:
