@@ -95,7 +95,7 @@ def difference(one, other):
     return ""
 
 
-@pytest.mark.parametrize("ranks", [3, 5])
+@pytest.mark.parametrize("ranks", [3, pytest.param(5, marks=pytest.mark.once)])
 def test_results_on_ranks_without_cells_are_those_on_one_rank(ranks, alone, tmp_path):
     found = on_ranks(ranks, cases(ranks), tmp_path)
     differ = {case: difference(alone[0][case], results) for case, results in found.items()}
