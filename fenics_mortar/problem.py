@@ -20,7 +20,7 @@ from fenics_mortar.equations.inputs import Inputs
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.present import PresentState
 from fenics_mortar.equations.state import State
-from fenics_mortar.equations.undo import restored_if_interrupted
+from fenics_mortar.equations.undo import restored_if_interrupted, unchanged_if_refused
 from fenics_mortar.la import options as solvers
 from fenics_mortar.la.choice import Algorithm
 from fenics_mortar.mesh.thickness import Geometry
@@ -124,20 +124,21 @@ class ContactProblem:
             "geometry": geometry, "thickness": thickness,
         }  # fmt: skip
         setup.check_given(self._given, pairs, adequacy)
-        self.equations = setup.equations_of(
-            residual, u, pairs, bcs, jacobian, solver=solver, linearization=linearization,
-            newton=newton or NewtonOptions(), displacement=displacement, geometry=geometry,
-            thickness=thickness,
-        )  # fmt: skip
-        self._solver = setup.solver_of(
-            self.equations, petsc_options_prefix, petsc_options, algorithm, solver, linear_bulk
-        )
-        self._continuation = Continuation(self.equations)
-        self._present = PresentState(self.equations, self._solver)
-        self._inputs = Inputs(self.equations.bulk, self.equations.contacts, self.obstacles)
-        self.equations.adequacy = adequacy
-        if adequacy is not None:
-            adequacy.prepare(self)
+        with unchanged_if_refused(u):
+            self.equations = setup.equations_of(
+                residual, u, pairs, bcs, jacobian, solver=solver, linearization=linearization,
+                newton=newton or NewtonOptions(), displacement=displacement, geometry=geometry,
+                thickness=thickness, algorithm=algorithm,
+            )  # fmt: skip
+            self._solver = setup.solver_of(
+                self.equations, petsc_options_prefix, petsc_options, algorithm, solver, linear_bulk
+            )
+            self._continuation = Continuation(self.equations)
+            self._present = PresentState(self.equations, self._solver)
+            self._inputs = Inputs(self.equations.bulk, self.equations.contacts, self.obstacles)
+            self.equations.adequacy = adequacy
+            if adequacy is not None:
+                adequacy.prepare(self)
 
     @property
     def contacts(self) -> tuple[PairView, ...]:
@@ -191,7 +192,10 @@ class ContactProblem:
                 if input differs between ranks, if the mesh was moved after set-up, or if bodies
                 have inertia: ``Dynamics`` solves for their time steps.
             BaseException: Any other exception, such as KeyboardInterrupt or an error of a user's
-                law; displacement and multipliers are then restored to their values before the call.
+                law.
+
+        With any exception but ``NotConvergedError`` the state of the problem is restored: all is
+        as it was before the call.
         """
         self._present.renew_if_interrupted()
         setup.check_attributes(self, self._given)

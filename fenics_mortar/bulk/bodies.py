@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mpi4py import MPI
@@ -47,6 +47,19 @@ class FloatingBody:
     def displacement(self, X: Array) -> Array:
         """Free motions at the points ``X`` (n, 2) [length], shape (motions, n, 2) [1] (local)."""
         return np.einsum("fm,mnc->fnc", self.motions, rigid_motions(X, self.centre, self.size))
+
+    def without_rotation(self, distance: Array) -> FloatingBody:
+        """This body with its motions that move two points alike; it may have none left (local).
+
+        Args:
+            distance: Vector from one point to the other, shape (2,) [length].
+        """
+        here, there = np.moveaxis(
+            self.displacement(self.centre + np.stack([0.0 * distance, distance])), 1, 0
+        )
+        left, sizes, _ = np.linalg.svd((there - here) * (self.size / np.linalg.norm(distance)))
+        rank = int((sizes > ROUNDING).sum())
+        return replace(self, motions=left[:, rank:].T @ self.motions)
 
     def describe(self, motion: Array, *, directed: bool = False) -> str:
         """Describe a free motion (local).

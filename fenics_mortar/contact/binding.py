@@ -8,7 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import NO_WELDS, Interface
+from fenics_mortar.contact.crosspoints import (
+    drop_contact_nodes,
+    drop_crosspoints,
+    drop_shared_multipliers,
+    tied_nodes,
+)
+from fenics_mortar.contact.interface import NO_NODES, NO_WELDS
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.tied_pair import TiedPair
@@ -21,6 +27,8 @@ def bind(
     pairs: Sequence[ContactPair | TiedPair],
     space: DisplacementSpace,
     prescribed: Flags,
+    *,
+    chains: bool = True,
 ) -> list[Contact | Tie]:
     """Bind all pairs; remove the gaps of tied ones from the mesh (collective).
 
@@ -28,6 +36,7 @@ def bind(
         pairs: The pairs.
         space: Nodes and dofs of the displacement; nodes of the mesh may be moved.
         prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
+        chains: Whether nodes may follow nodes that follow others; see ``crosspoints``.
 
     Returns:
         Contacts and ties in the order of the pairs.
@@ -36,25 +45,23 @@ def bind(
         SurfaceError: On all ranks, if a surface is unsuitable or a gap cannot be removed.
     """
     ties = {pair: Tie(pair, space, prescribed) for pair in pairs if isinstance(pair, TiedPair)}
-    welds = np.concatenate([NO_WELDS, *(tie.welds() for tie in ties.values())])
+    every_tie = list(ties.values())
+    if chains:
+        drop_crosspoints(every_tie)
+    tied = tied_nodes(every_tie) if chains else NO_NODES
+    welds = np.concatenate([NO_WELDS, *(tie.welds() for tie in every_tie)])
 
     def all_bound() -> list[Contact | Tie]:
         return [
-            ties[pair] if isinstance(pair, TiedPair) else Contact(pair, space, prescribed, welds)
+            ties[pair]
+            if isinstance(pair, TiedPair)
+            else Contact(pair, space, prescribed, welds, tied)
             for pair in pairs
         ]
 
     bound = all_bound()
-    drop_shared_multipliers(list(ties.values()), bound)
-    return all_bound() if close_gaps(list(ties.values()), space) else bound
-
-
-def drop_shared_multipliers(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
-    """Remove the multipliers of tied nodes that belong to other pairs (collective)."""
-    used = [c.nodes for c in bound]
-    for tie in ties:
-        others = [nodes for nodes, c in zip(used, bound, strict=True) if c is not tie]
-        tie.drop(np.isin(tie.slave.nodes, np.concatenate([np.empty(0, np.int64), *others])))
+    (drop_contact_nodes if chains else drop_shared_multipliers)(every_tie, bound)
+    return all_bound() if close_gaps(every_tie, space) else bound
 
 
 def close_gaps(ties: Sequence[Tie], space: DisplacementSpace) -> bool:

@@ -32,7 +32,14 @@ from fenics_mortar.contact.active_set import next_sets
 from fenics_mortar.contact.directions import change_along
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.instant import first_instant
-from fenics_mortar.contact.interface import NO_PAIRS, NO_WELDS, Interface, read_only, settable
+from fenics_mortar.contact.interface import (
+    NO_NODES,
+    NO_PAIRS,
+    NO_WELDS,
+    Interface,
+    read_only,
+    settable,
+)
 from fenics_mortar.contact.law_calls import LawCalls, raise_stored
 from fenics_mortar.contact.law_fields import LawFields
 from fenics_mortar.contact.laws import Frictionless, Nodal
@@ -92,8 +99,18 @@ class Contact(Interface):
         space: DisplacementSpace,
         prescribed: Flags,
         welds: Indices = NO_WELDS,
+        tied: Indices = NO_NODES,
     ) -> None:
-        """Extract the surfaces (collective); see ``Interface``."""
+        """Extract the surfaces (collective); see ``Interface``.
+
+        Args:
+            pair: See ``Interface``, as the next three.
+            space: Nodes and dofs of the displacement.
+            prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
+            welds: Pairs of nodes to be merged, shape (k, 2).
+            tied: Global nodes with the multiplier of a tie, shape (k,). They hand their multiplier
+                functions of the contact over to their neighbours, if there are any.
+        """
         super().__init__(pair, space, prescribed, welds)
         self.rows = ContactRows(self)
         choice = pair.discretization
@@ -105,6 +122,9 @@ class Contact(Interface):
         on_master, _ = evaluate_normals(self.master, self.master.X, "opposite")
         self.master_planes: Array = normals_on_planes(on_master, self.master_free)
         self._multiplier_nodes.possible &= ~self.slave.weightless
+        free_of_ties = ~np.isin(self.slave.nodes, tied)
+        if (self._multiplier_nodes.possible & free_of_ties).any():
+            self._multiplier_nodes.possible &= free_of_ties
         self.may_carry = self._multiplier_nodes.possible
         self.plane_normals = self._multiplier_nodes.plane_normals
         self.follows_law: Flags = self.free.all(axis=1)

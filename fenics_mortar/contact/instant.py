@@ -38,6 +38,10 @@ class Instant:
             values.flags.writeable = False
         return cls(time, step, MappingProxyType(kept))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How a pickle or a deep copy makes it again: a mapping proxy has no pickle (local)."""
+        return Instant.of, (self.time, self.step, dict(self.memory))
+
     def begins(self, law: Law) -> bool:
         """Whether the memory has other names than that of ``law``."""
         return tuple(self.memory) != tuple(law.memory)

@@ -24,6 +24,7 @@ from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 NO_WELDS: Indices = np.empty((0, 2), np.int64)
+NO_NODES: Indices = np.empty(0, np.int64)
 NO_PAIRS: tuple[Indices, Indices] = (np.empty(0, np.int64), np.empty(0, np.int64))
 
 

@@ -29,11 +29,19 @@ NO_PLACE = np.full(3, np.nan)
 
 
 class Reference(NamedTuple):
-    """Frozen operators of the undeformed mesh, with multiplier nodes and obstacle position."""
+    """Frozen operators of the undeformed mesh, with multiplier nodes and obstacle position.
+
+    A pickle omits the operators, which belong to a communicator; they are ``None`` then, and are
+    integrated again in the next evaluation.
+    """
 
     operators: Any
     multiplier_nodes: Flags
     place: Array
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How a pickle or a deep copy makes it again (local)."""
+        return Reference, (None, self.multiplier_nodes, self.place)
 
 
 def place_of(reference: Reference | None) -> Array:
@@ -101,6 +109,8 @@ class OperatorEvaluation:
         if not self.small:
             return self._at(x, m, state.multiplier_nodes, linearization, behind), None
         kept = state.reference
+        if kept is not None and kept.operators is None:
+            kept = self.reference_at(kept.place, state.multiplier_nodes)
         if kept is None or not np.array_equal(kept.multiplier_nodes, state.multiplier_nodes):
             kept = self.evaluate_reference(state.multiplier_nodes)
         if self.obstacle is None:

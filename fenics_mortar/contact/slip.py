@@ -50,7 +50,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -86,6 +86,10 @@ class Pairing:
         found = self._build()
         del self._build
         return found
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The matrices, for a pickle: the function may have none (local)."""
+        return {"built": self.built}
 
 
 @dataclass(frozen=True)

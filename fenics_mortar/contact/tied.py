@@ -5,8 +5,11 @@ With D and M of the reference configuration, the slave's displacement follows th
 
     sum_k D[j, k] u_k - sum_l M[j, l] u_l = 0    for every multiplier node j,
 
-in both components. The constraint is linear. With linear bulk the matrix of the whole system is
-constant, and elimination of the slave by u_s = D^-1 M u_m results in the symmetric matrix Q^T K Q.
+in both components. If a jump is prescribed, u_l is the sum of the displacement of the master and
+the jump; if the sides are at a distance, as those of a periodic cell, X_m below is the position
+translated onto the slave. The constraint is linear. With linear bulk the matrix of the whole system
+is constant, and elimination of the slave by u_s = D^-1 M u_m results in the symmetric matrix
+Q^T K Q.
 
 If also D X_s = M X_m, which ``close_gaps`` ensures, the constraint holds for current positions:
 rigid motions are free of stress, and the torques of D^T z and M^T z cancel to rounding (Puso 2004).
@@ -14,9 +17,9 @@ Otherwise the gap vector g = D X_s - M X_m of a faceted curve remains and does n
 rotation by an angle a strains the bodies by about a |g| over their size, and the torques of the two
 sides differ by g x z.
 
-A node that is prescribed or belongs to another pair, for example where several tied interfaces
-meet, would be constrained twice. It carries no multiplier, and its function is handed over to its
-neighbours (Wohlmuth 2000), so that constants are reproduced on the whole interface.
+A node that is prescribed, or constrained by another pair, would be constrained twice. It carries no
+multiplier, and its function is handed over to its neighbours (Wohlmuth 2000), so that constants are
+reproduced on the whole interface. Where joints meet or end at contact, see ``crosspoints``.
 
 Where a joint ends at a contact surface, the corners of the two bodies are merged into one node,
 that of the master. The contact surface is then continuous across the joint.
@@ -31,7 +34,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import spsolve
 
-from fenics_mortar.contact.interface import Interface, read_only, settable
+from fenics_mortar.contact.interface import NO_WELDS, Interface, read_only, settable
 from fenics_mortar.contact.sides import points_per_segment
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.tied_rows import TiedFields, TiedOperators, TiedRows
@@ -57,7 +60,9 @@ class Tie(Interface):
     Attributes:
         D: Slave matrix, rows of multiplier nodes only, (slave nodes, slave nodes) [length].
         M: Master matrix, rows of multiplier nodes only, (slave nodes, master nodes) [length].
-        jump: D u_s - M u_m at the last evaluated displacement, shape (slave nodes, 2) [length^2].
+        jump: D u_s - M (u_m + jump) at the last evaluated displacement, shape (slave nodes, 2)
+            [length^2].
+        open_ends: Slave nodes whose multiplier yielded to that of another pair, (slave nodes,).
     """
 
     now: TiedFields
@@ -71,7 +76,9 @@ class Tie(Interface):
     def __init__(self, pair: TiedPair, space: DisplacementSpace, prescribed: Flags) -> None:
         """Extract the surfaces and integrate D and M (collective)."""
         super().__init__(pair, space, prescribed)
+        self.master = replace(self.master, X=self.master.X + pair.translation)
         self.rows, self.arm = TiedRows(self), 0.0
+        self.open_ends = np.zeros(self.slave.num_nodes, bool)
         longest = max(float(side.lengths.max()) for side in (self.slave, self.master))
         choice = pair.discretization
         points = points_per_segment(pair, self.slave, self.master)
@@ -91,6 +98,11 @@ class Tie(Interface):
                 f"increase search_radius"
             )
         self.drop(self.operators.cover < MIN_SHARE * self.slave.full_cover)
+
+    def yield_at(self, nodes: Flags) -> None:
+        """Remove multipliers as ``drop``; the joint may open at these nodes (collective)."""
+        self.open_ends = nodes & self.may_carry
+        self.drop(nodes)
 
     def drop(self, nodes: Flags) -> None:
         """Remove the multipliers of ``nodes`` (slave nodes,), bool (collective).
@@ -163,7 +175,9 @@ class Tie(Interface):
         return np.concatenate([self.slave.nodes[self.now.has_partner], self.master.nodes[masters]])
 
     def welds(self) -> Indices:
-        """Coinciding ends of slave and master: global nodes, shape (k, 2)."""
+        """Coinciding ends of slave and master: global nodes, shape (k, 2); none at a distance."""
+        if self.pair.translation.any():
+            return NO_WELDS
         ends = [np.flatnonzero((side.previous < 0) | (side.following < 0)) for side in self._sides]
         gaps = self.slave.X[ends[0], None] - self.master.X[ends[1]]
         near = np.linalg.norm(gaps, axis=2) < SAME_PLACE * self.slave.nodal_lengths[ends[0], None]
@@ -176,7 +190,7 @@ class Tie(Interface):
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate jump, positions and normals at ``u``, shape (local dofs,) (collective)."""
-        on_slave, on_master = self.slave.gather(u), self.master.gather(u)
+        on_slave, on_master = self.slave.gather(u), self.master.gather(u) + self.pair.present_jump()
         x, m = self.slave.X + on_slave, self.master.X + on_master
         n, dn = evaluate_normals(self.slave, x, self.options.weighting)
         weighted_jump = self.D @ on_slave - self.M @ on_master
@@ -210,7 +224,7 @@ class Tie(Interface):
         """Update the reference positions from the mesh (collective)."""
         X = space.positions()
         self.slave = replace(self.slave, X=self.slave.gather(X))
-        self.master = replace(self.master, X=self.master.gather(X))
+        self.master = replace(self.master, X=self.master.gather(X) + self.pair.translation)
 
     def force_blocks(self) -> list[Block]:
         """B^T, see ``Interface``; constant."""

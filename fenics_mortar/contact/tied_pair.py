@@ -3,19 +3,29 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem
 
 from fenics_mortar.contact.discretization import Discretization, as_discretization
 from fenics_mortar.contact.pair import check_search_radius
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
+from fenics_mortar.obstacles.points import check_vector
 from fenics_mortar.utils.arguments import check_choice, check_kind
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_same_texts, together
 
 Gap = Literal["removed", "kept"]
 
 
 class TiedPair:
-    """Mesh tying of a slave and a master surface with nonmatching meshes.
+    """Mesh tying of a slave and a master surface with nonmatching meshes, also at a distance.
+
+    The displacement is tied, with D u_s = D (u_m + jump) in weak form. Further unknowns of a mixed
+    function, such as a pressure or a temperature, are not.
 
     Args:
         data: Mesh, tags and names.
@@ -30,7 +40,12 @@ class TiedPair:
             - "kept": mesh and gap vector are unchanged. The vector does not rotate with the bodies,
               so that a nonzero gap is admissible for small rotations only.
         search_radius: Largest distance of partners along the slave normal [length]; half the
-            longest facet of both sides by default. Nodes without partner are not tied.
+            longest facet of both sides by default. Nodes without partner are not tied. With a
+            translation, the distance from the translated master.
+        translation: Vector from the master to the slave in the mesh, shape (2,) [length]; zero for
+            a joint. Tied left and right sides of a cell are periodic boundaries.
+        jump: u_s - u_m, shape (2,) [length]: numbers, or a constant whose value may change between
+            solves. With a macroscopic deformation gradient F it is (F - 1) translation.
         discretization: ``Discretization``, of which a tie uses basis, points and max_angle only, or
         "default".
 
@@ -48,6 +63,14 @@ class TiedPair:
             problem = fm.ContactProblem(
                 residual, u, [tie, contact], bcs=bcs, petsc_options_prefix="tied_"
             )
+
+        One period of a rough layer of width L in contact, stretched by 1 %. Nonmatching meshes of
+        the two sides are no obstacle::
+
+            stretch = fem.Constant(data.mesh, (0.01 * L, 0.0))
+            periodic = fm.TiedPair(
+                data, slave="layer/right", master="layer/left", translation=(L, 0.0), jump=stretch
+            )
     """
 
     def __init__(
@@ -58,6 +81,8 @@ class TiedPair:
         *,
         gap: Gap = "removed",
         search_radius: float | None = None,
+        translation: npt.ArrayLike = (0.0, 0.0),
+        jump: fem.Constant | npt.ArrayLike = (0.0, 0.0),
         discretization: str | Discretization = "default",
     ) -> None:
         check_kind("data", data, MeshData, "the MeshData of the mesh")
@@ -67,6 +92,10 @@ class TiedPair:
         self.gap, self.search_radius = gap, search_radius
         with together(data.mesh.comm, "TiedPair"):
             self.discretization = as_discretization(discretization)
+            self.translation: Array = check_vector("translation", translation)
+            self.jump: Any = jump
+            if not isinstance(jump, fem.Constant):
+                self.jump = check_vector("jump", jump)
             self.check()
             self.slave_tags = data.boundary_tags(slave)
             data.boundary_tags(master)
@@ -85,6 +114,15 @@ class TiedPair:
         check_kind("discretization", self.discretization, Discretization, expected)
         self.discretization.check_for_tie()
         check_search_radius(self.search_radius)
+        self.present_jump()
+
+    def present_jump(self) -> Array:
+        """Present value of ``jump``, shape (2,) [length] (local).
+
+        Raises:
+            ValueError: If it does not consist of two finite numbers.
+        """
+        return check_vector("jump", np.array(getattr(self.jump, "value", self.jump)))
 
     def __repr__(self) -> str:
         """The two sides."""

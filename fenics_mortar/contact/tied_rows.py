@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Operators, fields and rows of a tied pair.
 
-The row of a multiplier node is the jump of the displacement, D u_s - M u_m, in both components.
+The row of a multiplier node is the jump of the displacement, D u_s - M u_m, in both components; a
+prescribed jump is included in u_m.
 """
 
 from __future__ import annotations

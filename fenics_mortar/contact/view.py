@@ -37,7 +37,7 @@ class PairView:
 
     def __repr__(self) -> str:
         """Pair, total force and number of active nodes."""
-        force = ", ".join(f"{component:.6g}" for component in self.total_force)
+        force = ", ".join(f"{component + 0.0:.6g}" for component in self.total_force)
         return f"<{self.pair!r}: force ({force}), {self.active.sum()} nodes active>"
 
     def __dir__(self) -> list[str]:
@@ -150,9 +150,10 @@ class PairView:
     def offset(self) -> Array:
         """Length subtracted from the pointwise gap, shape (slave nodes,) [length].
 
-        May be set. An interference of the mesh is ramped by ``contact.offset = (1 - t) * overlap``
-        with ``t`` from 0 to 1, where ``overlap = np.nan_to_num(contact.gap).clip(max=0)`` at the
-        start; the wear of the last step is removed by ``contact.offset -= depth``.
+        May be set, also by one number for all nodes. An interference of the mesh is ramped by
+        ``contact.offset = (1 - t) * overlap`` with ``t`` from 0 to 1, where
+        ``overlap = np.nan_to_num(contact.gap).clip(max=0)`` at the start; the wear of the last step
+        is removed by ``contact.offset -= depth``.
 
         Raises:
             ValueError: If the new offset has a wrong shape or is not finite.
@@ -160,7 +161,7 @@ class PairView:
         return self._interface.offset.copy()
 
     @offset.setter
-    def offset(self, lengths: Array) -> None:
+    def offset(self, lengths: Array | float) -> None:
         self._interface.offset = lengths
 
     @property

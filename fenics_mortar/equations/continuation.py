@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.predictor import Predictor
@@ -107,6 +108,7 @@ class Continuation:
         on_obstacles = np.where(motions.driven, motions.push(), motions.places)
         values = [*self._equations.bulk.input_data.loads(), *on_obstacles]
         values += [np.array(contact.offset, float).ravel() for contact in contacts]
+        values += [contact.pair.present_jump() for contact in contacts if isinstance(contact, Tie)]
         laws = [as_text(c.pair.law) for c in contacts if isinstance(c, Contact)]
         return _Loads(values, laws)
 

@@ -18,7 +18,7 @@ from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, NotFiniteError, format_point
-from fenics_mortar.utils.rounding import SMALL_ANGLE
+from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING, ROUNDING, SMALL_ANGLE
 
 
 def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> None:
@@ -126,6 +126,28 @@ def _describe_twice(contacts: Sequence[Interface]) -> str:
                     "of these pairs there"
                 )
     return ""
+
+
+def describe_idle(bulk: Bulk, floating: FloatingBodies, force: float) -> str:
+    """Describe bodies that nothing supports, strains or touches; "" otherwise.
+
+    Args:
+        bulk: The bodies.
+        floating: Those that Dirichlet conditions leave free to move rigidly.
+        force: Size of contact forces and reactions in the state that was found [stress length].
+    """
+    size = max((body.size for body in floating.bodies), default=0.0)
+    if not size or force > ASSEMBLY_ROUNDING * bulk.stiffness * size:
+        return ""
+    F = bulk.cells.deformation_gradients(bulk.positions())
+    strain = np.abs(np.einsum("cki,ckj->cij", F, F) - np.eye(2)).max(initial=0.0)
+    if bulk.comm.allreduce(bool(bulk.prescribed.any() or strain > ROUNDING), MPI.LOR):
+        return ""
+    return (
+        f"no Dirichlet condition supports {floating.names(floating.bodies)}, and no load or "
+        "contact acts: any rigid motion would be a solution, and the initial one is returned; "
+        "check bcs and the loads"
+    )
 
 
 def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]) -> str:

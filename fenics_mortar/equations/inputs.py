@@ -18,10 +18,12 @@ import numpy as np
 from fenics_mortar.bulk.axis import AxisConditions, remark_on_radius
 from fenics_mortar.bulk.checks import have_common_facet
 from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.bulk.thickness_factor import remark_on_thickness
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law import Law, check_names
 from fenics_mortar.contact.laws import BUILT_IN
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.contact.tied_remarks import remarks_on_ties
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.obstacles.obstacle import Obstacle
@@ -45,6 +47,7 @@ from fenics_mortar.utils.errors import (
     together,
 )
 from fenics_mortar.utils.rounding import ROUNDING, SAME_PLACE
+from fenics_mortar.verify.obstacle_gradient import check_user_gradient
 
 
 class Inputs:
@@ -64,7 +67,9 @@ class Inputs:
         self._turned = [_pivot_and_angle(obstacle) for obstacle in obstacles]
         self._conflicts = Conflicts(bulk)
         self._axis = AxisConditions(bulk.space, bulk.u, bulk.bcs)
-        self._on_radius = remark_on_radius(bulk.residual, bulk.u, bulk.space)
+        self._begins = True
+        self._first = [remark_on_radius(bulk.residual, bulk.u, bulk.space)]
+        self._first += remarks_on_ties(contacts, is_mixed=bulk.space.is_mixed)
 
     def check(self, newton: Any, sensitivity: Any = None, **flags: Any) -> list[str]:
         """Reject invalid values; return remarks on questionable ones (collective).
@@ -100,15 +105,22 @@ class Inputs:
         texts = {**dict(self._texts(newton)), **flags}
         check_same_texts(comm, "what was set of the problem", texts)
         self._check_distances()
+        for contact in self._contacts if self._begins else ():
+            check_user_gradient(contact)
+        if self._begins:
+            bulk, self._begins = self._bulk, False
+            self._first.append(remark_on_thickness(bulk.residual, bulk.u, bulk.space))
         self._axis.check()
         self._turned = [_pivot_and_angle(obstacle) for obstacle in self._obstacles]
-        remarks, self._on_radius = [self._on_radius], ""
+        remarks, self._first = self._first, []
         return [*filter(None, remarks), *self._conflicts.describe()]
 
     def _numbers(self) -> Iterator[tuple[str, Any]]:
         """Arrays that have to be equal on all ranks, by name."""
         for contact in self._contacts:
             yield f"offset of '{contact.slave.name}'", contact.offset
+            if isinstance(contact, Tie):
+                yield f"jump of {contact.pair!r}", contact.pair.present_jump()
             yield "the time", contact.state.load_time
         for obstacle in self._obstacles:
             yield f"the place of obstacle '{obstacle.name}'", obstacle.place
@@ -225,6 +237,8 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
                 f"{name} of {pair!r} has shape {given.shape} and type {given.dtype}; expected "
                 f"{shape} and {kind.__name__}"
             )
+    if isinstance(contact, Tie):
+        contact.pair.present_jump()
     if isinstance(contact, Contact):
         expected = "an instance of Frictionless, Coulomb, Tresca or Law"
         check_kind(f"law of {pair!r}", pair.law, Law, expected)
@@ -297,18 +311,22 @@ def check_axial(obstacle: Obstacle) -> None:
 def _check_side(contact: Contact, x: Array, phi: Array, gradient: Array) -> None:
     """Reject an obstacle whose solid is on the body's side of the slave surface (local).
 
-    In this case all nodes lie on or in the obstacle, and no normal points towards it. The normals
-    of a body that merely penetrates too far still point towards it.
+    In this case most nodes lie on or in the obstacle, and at the node next to its surface the
+    normal points out of it. The normals of a body that merely penetrates too far, or of one that
+    the solid surrounds with an interference, point towards the solid.
     """
     normals, _ = evaluate_normals(contact.slave, x, contact.options.weighting)
     along = (normals * gradient).sum(axis=1) / np.linalg.norm(gradient, axis=1)
-    within = phi - contact.offset <= SAME_PLACE * contact.slave.nodal_lengths
-    if (within & (along >= contact.options.min_cosine)).all():
+    gap = phi - contact.offset
+    within = gap <= SAME_PLACE * contact.slave.nodal_lengths
+    if 2 * within.sum() > within.size and along[np.abs(gap).argmin()] >= contact.options.min_cosine:
         raise MortarError(
             f"'{contact.slave.name}' lies inside obstacle '{contact.obstacle}', on the far side of "
             "its surface: the solid is on the side of the body. The outward normal, along which "
             "the distance increases, has to point to the body (reverse the normal of a Plane, set "
-            "inside of a Circle, reverse the order of the points of a Spline)"
+            "inside of a Circle, reverse the order of the points of a Spline). A SignedDistance "
+            "has to be negative in the solid: here its sign and that of its derivatives are "
+            "probably wrong"
         )
 
 

@@ -90,6 +90,7 @@ def equations_of(
     displacement: int,
     geometry: Geometry,
     thickness: float | Callable[[Array], Any] | None,
+    algorithm: Algorithm | None,
 ) -> ContactEquations:
     """Equations of a problem, for arguments of ``ContactProblem`` (collective).
 
@@ -111,7 +112,7 @@ def equations_of(
     prescribed = mark_prescribed(space, u, bcs)
     check_axis(space, prescribed)
     check_radius(residual, u, space)
-    contacts = bind(pairs, space, prescribed)  # may move nodes
+    contacts = bind(pairs, space, prescribed, chains=algorithm != "condensed")  # may move nodes
     bulk = Bulk(residual, u, list(bcs), jacobian, space)
     garbage.keep_communicators(bulk.comm, bulk.r, bulk.K)
     check_slave_nodes(contacts)

@@ -13,6 +13,7 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.messages import describe_start
 from fenics_mortar.contact.steps import begin_step, commit, instants_of
+from fenics_mortar.equations.diagnosis import describe_idle
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linear_bulk import LinearBulk
 from fenics_mortar.la.system import LinearSystem
@@ -129,9 +130,12 @@ class Solver:
         violations = report.certificate.violations()
         messages = [f"VIOLATED: {violation}" for violation in violations]
         judged = messages or report.certificate.remarks()
+        idle = filter(None, [describe_idle(e.bulk, e.floating, e.residual.force)])
         reactions = e.motions.record()
         begun = [*remarks, *filter(None, self._starts)]
-        report.notes[:] = merge_repeated([*begun, *moved, *judged, *reactions, *report.notes])
+        report.notes[:] = merge_repeated(
+            [*begun, *moved, *idle, *judged, *reactions, *report.notes]
+        )
         self._starts = []
         if violations and not accept_violations:
             e.last_converged = False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Undo of interrupted solves: the problem is restored to its previous state.
+"""Undo of interrupted or refused solves and set-ups: all is as it was before.
 
 An interruption is a KeyboardInterrupt or any other exception that does not come from the equations,
 such as an error of a user's function. It may occur anywhere and on one rank only; therefore a state
@@ -11,12 +11,30 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.la.options import drop_added_options
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
+from fenics_mortar.utils.errors import MortarError, NotConvergedError
+
+
+@contextmanager
+def unchanged_if_refused(u: Any) -> Iterator[None]:
+    """Context that restores mesh and displacement if a set-up raises any exception (local).
+
+    Ties move nodes, and cheaper models may displace them.
+
+    Args:
+        u: The function of the unknowns.
+    """
+    positions, values = u.function_space.mesh.geometry.x, u.x.array
+    before = positions.copy(), values.copy()
+    try:
+        yield
+    except BaseException:
+        positions[:], values[:] = before
+        raise
 
 
 class Snapshot:
@@ -49,13 +67,14 @@ class Snapshot:
 
 @contextmanager
 def restored_if_interrupted(equations: ContactEquations) -> Iterator[None]:
-    """Context that restores a problem if any exception but a ``MortarError`` is raised."""
+    """Context that restores a problem if any exception but ``NotConvergedError`` is raised."""
     before = Snapshot(equations)
     try:
         yield
-    except MortarError as error:
-        if isinstance(error, RaisedElsewhereError):  # on the other rank it is another error
-            before.revert(renew=True)
+    except NotConvergedError:
+        raise
+    except MortarError:
+        before.revert(renew=True)
         raise
     except BaseException as error:
         before.revert(renew=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""UFL expressions evaluated at the midpoints of the cells."""
+"""UFL expressions evaluated at the midpoints of the cells, or averaged over them."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from ufl.algorithms import extract_arguments
 from ufl.domain import extract_domains
 
 from fenics_mortar.bulk.reference_cell import ReferenceCell
+from fenics_mortar.io.cell_means import CellMeans, degree_of_points
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array
@@ -20,6 +21,8 @@ from fenics_mortar.utils.files import try_together
 
 class CellField:
     """A UFL expression at the midpoints of the owned cells, compiled once (collective).
+
+    If it contains functions that exist at quadrature points only, its mean over each cell.
 
     Args:
         problem: The problem on whose mesh it is evaluated.
@@ -36,6 +39,7 @@ class CellField:
         self._mesh = V.mesh
         self._shape: tuple[int, ...] = ()
         self._compiled: Any = None
+        self._means: CellMeans | None = None
 
         def compile_it() -> None:
             _check_name(name)
@@ -47,6 +51,10 @@ class CellField:
                 raise ValueError("it contains a test or trial function")
             if any(domain != V.ufl_domain() for domain in extract_domains(ufl.as_ufl(expression))):
                 raise ValueError("it contains a function or constant of another mesh")
+            degree = degree_of_points(ufl.as_ufl(expression))
+            if degree is not None:
+                self._means = CellMeans(V.mesh, ufl.as_ufl(expression), degree)
+                return
             midpoint = ReferenceCell(compat.cell_name(V.mesh)).midpoint
             self._compiled = compat.create_expression(expression, midpoint)
 
@@ -56,6 +64,8 @@ class CellField:
 
     def evaluate(self) -> Array:
         """Values [unit of the field], shape (owned cells,) and that of the expression (local)."""
+        if self._means is not None:
+            return self._means.evaluate()
         cells = np.arange(self._mesh.topology.index_map(2).size_local, dtype=np.int32)
         values = compat.evaluate_expression(self._compiled, self._mesh, cells)
         return np.asarray(values).reshape(cells.size, *self._shape)

@@ -56,7 +56,8 @@ class ResultsWriter:
         fields: Functions and UFL expressions by name: scalars, vectors or tensors, padded with
             zeros to three dimensions. Scalar and vector functions of Lagrange spaces up to the
             degree of the displacement, and parts ``w.sub(i)`` of mixed ones, are written at nodes,
-            all others are evaluated at the midpoints of cells.
+            all others are evaluated at the midpoints of cells. Expressions with functions that
+            exist at quadrature points only are averaged over each cell.
 
     Raises:
         MortarError: On all ranks, if a field cannot be evaluated or the folder not be created.

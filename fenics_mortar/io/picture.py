@@ -51,7 +51,8 @@ def plot(
         problem: The problem to draw.
         path: Path of a PNG file, used on the first rank; ``.png`` is appended, missing folders are
             created. ``None`` if ``ax`` is given.
-        stress: Scalar UFL expression whose values at the midpoints colour the cells.
+        stress: Scalar UFL expression whose values at the midpoints colour the cells, or its means
+            over the cells if it contains functions at quadrature points.
         label: Label of the colour bar.
         title: Title of the picture.
         scale: Factor of the displacement [1].

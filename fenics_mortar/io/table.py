@@ -27,8 +27,10 @@ def contact_table(problem: ContactProblem) -> MarkdownText:
         forces = [-force.sum(axis=0) for force in (o.force(z)[0], o.reaction(z)[1])]
         gap = (contact.gap / contact.slave.nodal_lengths)[contact.covered]
         cells = [f"{contact.slave.name} - {contact.master.name}"]
-        cells += [f"({f[0]:.4e}, {f[1]:.4e})" for f in (*forces, forces[0] + forces[1])]
+        sums = [force + 0.0 for force in (*forces, forces[0] + forces[1])]  # -0.0 becomes 0.0
+        cells += [f"({f[0]:.4e}, {f[1]:.4e})" for f in sums]
         cells += [f"{contact.active.sum()} of {contact.slave.num_nodes}"]
-        cells += [f"{contact.pressure.max():.4e}", f"{gap.min():.2e}" if gap.size else "-"]
+        gap_text = f"{gap.min() + 0.0:.2e}" if gap.size else "-"
+        cells += [f"{contact.pressure.max() + 0.0:.4e}", gap_text]
         rows.append(f"| {' | '.join(cells)} |")
     return MarkdownText("\n".join(rows))

@@ -9,23 +9,21 @@ may drop the inf and nan that indicate a failed projection.
 import logging
 
 import numba
-from numba.core import event
+from numba.core.compiler import Compiler
 
 
-class _Compilations(event.Listener):
-    """Logs each kernel of the package that is compiled, not loaded from the cache; level INFO."""
+class _NamingCompiler(Compiler):
+    """Numba's compiler, which logs the kernels that it compiles at level INFO.
 
-    def on_start(self, begun):
-        """Log the name of the kernel."""
-        function = begun.data["dispatcher"].py_func
-        if str(function.__module__).startswith(__name__):  # numba's own may have none
-            logging.getLogger("fenics_mortar").info(
-                "compiling the kernel %s; later runs load it from the cache", function.__qualname__
-            )
+    Kernels that are loaded from the cache are not logged, nor are functions of others.
+    """
 
-    def on_end(self, ended):
-        """Log nothing."""
+    def compile_extra(self, func):
+        """Log the name of the kernel, and compile it."""
+        logging.getLogger("fenics_mortar").info(
+            "compiling the kernel %s; later runs load it from the cache", func.__qualname__
+        )
+        return super().compile_extra(func)
 
 
-event.register("numba:compile", _Compilations())
-kernel = numba.njit(cache=True, error_model="numpy")
+kernel = numba.njit(cache=True, error_model="numpy", pipeline_class=_NamingCompiler)

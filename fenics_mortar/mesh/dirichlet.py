@@ -78,7 +78,7 @@ def _dirichlet_in_sub_space(
     if isinstance(value, fem.Constant):
         raise MeshError(
             "a constant cannot prescribe both components in a sub-space; prescribe one component "
-            "at a time, or use a function of the collapsed sub-space"
+            "at a time, by component=0 or component=1, or use a function of the collapsed sub-space"
         )
     if not isinstance(value, fem.Function):
         space, _ = sub_space.collapse()
@@ -113,5 +113,10 @@ def _boundary_value(
     if component is None and expected != (2,):
         raise MeshError("the space is not that of a displacement; of a mixed space W take W.sub(0)")
     if shape != expected:
-        raise MeshError(f"the prescribed value has shape {shape}; expected {expected}")
+        advice = ""
+        if component is None and shape == ():
+            advice = "; a number prescribes one component, component=0 or component=1"
+        elif component is not None and shape == (2,):
+            advice = "; omit component to prescribe both components"
+        raise MeshError(f"the prescribed value has shape {shape}; expected {expected}{advice}")
     return value

@@ -48,9 +48,11 @@ class BodyMotions:
         self._data: list[MeshData] = [contact.pair.data for contact in contacts]
         self._surface_labels: dict[int, Array] = {}
         self.labels, count = label_bodies(bulk.V)
-        links = [self._links(tie) for tie in contacts if isinstance(tie, Tie)]
+        ties = [tie for tie in contacts if isinstance(tie, Tie)]
+        links = [self._links(tie) for tie in ties]
         self.labels, self._num_bodies = join_bodies(self.labels, count, links)
         self._surface_labels.clear()  # these labels do not include joining by ties
+        self._periodic = [tie for tie in ties if tie.pair.translation.any()]
         self.bodies: list[FloatingBody] = []
 
     def _links(self, tie: Tie) -> Indices:
@@ -64,6 +66,13 @@ class BodyMotions:
         self.bodies = []
         if self.bulk.inertia is None:
             self.bodies = find_floating_bodies(self.bulk, self.labels, self._num_bodies)
+        for tie in self._periodic:
+            label, translation = int(self.labels_of(tie.slave)[0]), tie.pair.translation
+            self.bodies = [
+                body if body.label != label else body.without_rotation(translation)
+                for body in self.bodies
+            ]
+            self.bodies = [body for body in self.bodies if len(body.motions)]
 
     # Nodes
 

@@ -112,8 +112,8 @@ class ObstacleMotions:
         lines, is_axial = [], self._is_axisymmetric()
         for obstacle, force in zip(self.obstacles, -self.forces() * self.scales, strict=True):
             obstacle.reaction = force * [0.0, 1.0, 0.0] if is_axial else force
-            load = f"contact force {format_point(force)}, moment {force[2]:.4g}"
-            load = f"axial contact force {force[1]:.4g}" if is_axial else load
+            load = f"contact force {format_point(force)}, moment {force[2] + 0.0:.4g}"
+            load = f"axial contact force {force[1] + 0.0:.4g}" if is_axial else load
             lines.append(f"obstacle '{obstacle.name}'{_moved(obstacle.place)}: {load}")
         return lines
 

@@ -44,11 +44,15 @@ def check_number(
 def check_lengths(name: str, values: Any, count: int) -> npt.NDArray[np.float64]:
     """Reject all but finite lengths; return them, shape (count,) [length], not copied (local).
 
+    One number is the length at all nodes.
+
     Raises:
         ValueError: For other values.
     """
-    expected = f"expected finite lengths of shape ({count},), one per slave node"
+    expected = f"expected finite lengths of shape ({count},), one per slave node, or one for all"
     lengths = np.asarray(values)
+    if lengths.ndim == 0:
+        lengths = np.full(count, lengths)
     if lengths.shape != (count,) or lengths.dtype.kind not in "iuf":
         raise ValueError(f"{name} has shape {lengths.shape}, type {lengths.dtype}: {expected}")
     bad = np.flatnonzero(~np.isfinite(lengths))

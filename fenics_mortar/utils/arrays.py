@@ -21,6 +21,13 @@ class Value:
         for name, value in vars(self).items():
             vars(self)[name] = protected(value)
 
+    def __setstate__(self, values: dict[str, Any]) -> None:
+        """Values of a pickle or a deep copy, whose arrays are new and writable (local)."""
+        for value in values.values():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+        vars(self).update(values)
+
     def replaced(self, **values: Any) -> Self:
         """As ``dataclasses.replace``, without repeated checks of unchanged attributes (local).
 

@@ -40,6 +40,10 @@ class NotConvergedError(MortarError):
         super().__init__(message)
         self.report = report
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How a pickle makes it again (local)."""
+        return NotConvergedError, (str(self), self.report)
+
 
 class RaisedElsewhereError(MortarError):
     """A user's function raised an error on another rank.
@@ -211,7 +215,7 @@ def as_text(value: Any) -> str:
 
 def format_point(x: npt.NDArray[np.float64] | tuple[float, ...]) -> str:
     """Format a position (2,) [length] for messages (local)."""
-    return f"({x[0]:.4g}, {x[1]:.4g})"
+    return f"({x[0] + 0.0:.4g}, {x[1] + 0.0:.4g})"
 
 
 def count_points(comm: MPI.Comm, points: npt.NDArray[np.float64]) -> tuple[int, str]:

@@ -27,8 +27,9 @@ SAME_PLACE = 1e-6
 # Half a facet [facet lengths], the resolution of a mesh. Faceted curves in contact are nearer to
 # each other; deeper overlaps, and wider gaps between nodes in contact, are errors.
 HALF_FACET = 0.5
-# Frames that differ by less than this angle [radian] need not be rotated into each other: vectors
-# differ by 2 % across and 0.02 % along, paths of length L by L / 200.
+# Frames that differ by less than this angle [radian] need not be rotated into each other: vectors,
+# as contact forces with small sliding, differ by 2 % across and 0.02 % along, paths of length L by
+# L / 200.
 SMALL_ANGLE = 0.02
 # Maximum number of steps of an iteration per unknown. Bisection of an interval of length 2 down to
 # rounding takes 54, Newton's method for a few numbers 3 to 5, Lemke's method less than one pivot

@@ -32,6 +32,7 @@ from fenics_mortar.verify.limits import LIMITS
 from fenics_mortar.verify.obstacle_gradient import gradient_error
 from fenics_mortar.verify.pair_certificate import PairCertificate
 from fenics_mortar.verify.resultant import beyond_cover
+from fenics_mortar.verify.rotation import rotation_since_reference
 from fenics_mortar.verify.sharp_obstacle import along_facets
 
 
@@ -178,6 +179,7 @@ def _certify_pair(
         undecided_at=" and ".join(map(format_point, contact.operators.x[contact.undecided])),
         gradient=gradient,
         gradient_at=gradient_at,
+        rotation=rotation_since_reference(contact),
         unpaired=count_unpaired(bulk, contact, labels, paired),
         uncovered=int((contact.multiplier_nodes & ~contact.covered).sum()),
     )

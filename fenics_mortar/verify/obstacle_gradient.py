@@ -12,10 +12,11 @@ from functools import partial
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import Interface
 from fenics_mortar.obstacles.obstacle import Obstacle, SignedDistance
 from fenics_mortar.obstacles.shape_change import DIFFERENCE
-from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import call_together, format_point
+from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.errors import MortarError, call_together, format_point
 from fenics_mortar.utils.rounding import TINY
 
 
@@ -34,16 +35,38 @@ def gradient_error(contact: Contact) -> tuple[float, str]:
     obstacle, comm = contact.obstacle, contact.slave.comm
     if obstacle is None or not contact.active.any() or _is_of_package(obstacle):
         return 0.0, ""
-    call = partial(_errors, obstacle, contact)
+    call = partial(_errors, obstacle, contact, contact.active)
     errors = call_together(comm, f"the distance of '{obstacle.name}'", call)
     where = format_point(contact.operators.x[contact.active][int(errors.argmax())])
     return max(comm.allgather((float(np.median(errors)), where)))
 
 
-def _errors(obstacle: Obstacle, contact: Contact) -> Array:
-    """Sine of the angle between gradient and difference quotients, (active nodes,) (local)."""
-    x = contact.operators.x[contact.active]
-    step = DIFFERENCE * contact.slave.nodal_lengths[contact.active]
+def check_user_gradient(contact: Interface) -> None:
+    """Reject a user's gradient that points against the increase of its distance (collective).
+
+    Raises:
+        MortarError: On all ranks, if this is so at most slave nodes.
+    """
+    obstacle = contact.obstacle
+    if not isinstance(contact, Contact) or obstacle is None or _is_of_package(obstacle):
+        return
+    everywhere = np.ones(contact.slave.num_nodes, bool)
+    call = partial(_errors, obstacle, contact, everywhere)
+    errors = call_together(contact.slave.comm, f"the distance of '{obstacle.name}'", call)
+    if np.median(errors) == 1.0:
+        raise MortarError(
+            f"the gradient of the distance of '{obstacle.name}' points against its increase at "
+            f"most nodes of '{contact.slave.name}', one at "
+            f"{format_point(contact.operators.x[int(errors.argmax())])}: the sign of the distance "
+            "or that of its gradient is wrong; expected negative distances in the solid, and the "
+            "gradient out of it"
+        )
+
+
+def _errors(obstacle: Obstacle, contact: Contact, nodes: Flags) -> Array:
+    """Sine of the angle between gradient and difference quotients at ``nodes``, (k,) (local)."""
+    x = contact.operators.x[nodes]
+    step = DIFFERENCE * contact.slave.nodal_lengths[nodes]
     _, gradient, _ = obstacle.evaluate(x)
     moves = step[:, None, None] * np.eye(2)
     ahead, behind = (

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fenics_mortar.utils.rounding import SMALL_ANGLE
 from fenics_mortar.verify.limits import LIMITS
 
 
@@ -63,6 +64,8 @@ class PairCertificate:
         gradient: Error of the direction of a user's gradient, see ``obstacle_gradient``: sine of
             the angle by which contact forces are misdirected.
         gradient_at: Position of the largest error.
+        rotation: With small sliding, mean rotation of the normals since the undeformed mesh, by
+            which the resultant is misdirected [radian].
         unpaired: Nodes of the two surfaces inside another body without a partner in any pair.
         uncovered: Slave nodes without a partner.
     """
@@ -96,6 +99,7 @@ class PairCertificate:
     redundant_at: str = ""
     gradient: float = 0.0
     gradient_at: str = ""
+    rotation: float = 0.0
     unpaired: int = 0
     uncovered: int = 0
 
@@ -165,6 +169,13 @@ class PairCertificate:
             )
         if LIMITS.negligible < self.gradient <= LIMITS.wrong_gradient:
             yield self._wrong_gradient()
+        if abs(self.rotation) > SMALL_ANGLE:
+            yield (
+                f"{self.pair}: the contact surface has rotated by "
+                f"{np.degrees(abs(self.rotation)):.1f} degrees, but sliding='small' keeps the "
+                "directions of the undeformed mesh: contact forces are misdirected by this angle; "
+                "use sliding='finite'"
+            )
         if self.redundant:
             yield (
                 f"{self.pair}: {self.redundant} sticking nodes are constrained by other pairs as "

@@ -103,12 +103,12 @@ def test_contact_surface_may_cross_the_joint(slave):
 
 
 def test_a_contact_surface_may_end_at_the_joint():
-    """The corner has a multiplier in contact only, and carries the force handed over by the tie."""
+    """The corner has a multiplier of the tie only; the contact hands its function over."""
     problem, reports = tool_on_halves(slave="left/top")
     contact, tie = problem.equations.contacts
     corner = np.intersect1d(contact.slave.nodes, tie.slave.nodes)
-    assert np.isin(corner, contact.slave.nodes[contact.may_carry]).all() and corner.size == 1
-    assert not np.isin(corner, tie.slave.nodes[tie.may_carry]).any()
+    assert np.isin(corner, tie.slave.nodes[tie.may_carry]).all() and corner.size == 1
+    assert not np.isin(corner, contact.slave.nodes[contact.may_carry]).any()
     assert type(problem.equations.system).__name__ == "SaddleSystem"
     assert max(report.num_iterations for report in reports) <= 8
 

@@ -102,7 +102,7 @@ def test_load_that_is_not_finite_is_named():
 @pytest.mark.parametrize(
     ("offset", "message"),
     [
-        (0.01, r"shape \(\), type float64: .*shape \(5,\)"),
+        (np.nan, r"offset\[0\]=nan: expected finite lengths of shape \(5,\).*or one for all"),
         ([0.01], r"shape \(1,\), type float64"),
         ([[0.0, 0.0]] * 5, r"shape \(5, 2\), type float64"),
         ([1j] * 5, r"shape \(5,\), type complex128: expected finite lengths"),

@@ -58,14 +58,3 @@ def test_script_beside_the_clone_with_environment_runs(beside):
     ended = run(beside, {"PYTHONPATH": str(beside.parent / "fenics-mortar")})
     assert ended.returncode == 0, ended.stderr
     assert "fenics_mortar.mesh.gmsh_reader" in ended.stdout
-
-
-@pytest.mark.serial
-@pytest.mark.once
-def test_modules_are_exempt_from_garbage_collection():
-    program = "import gc, fenics_mortar; print(gc.get_freeze_count(), len(gc.get_objects()))"
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
-    exempt, others = map(int, done.stdout.split())
-    assert exempt > 10 * others

@@ -73,6 +73,11 @@ def assemble_vector(b: PETSc.Vec, L: fem.Form) -> None:
         b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
 
 
+def local_sums(L: fem.Form) -> Array:
+    """Contributions of this rank's cells to a linear form, (local dofs,) [its unit] (local)."""
+    return np.array(fem.assemble_vector(L).array)
+
+
 def petsc_vec(function: fem.Function) -> PETSc.Vec:
     """Return the PETSc vector, with ghosts, that shares the memory of ``function``.
 

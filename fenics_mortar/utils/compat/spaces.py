@@ -104,6 +104,18 @@ def is_part_of(V: fem.FunctionSpace, part: Any) -> bool:
     return outer.contains(inner)
 
 
+def quadrature_degree(function: Any) -> int | None:
+    """Degree of the quadrature points at which a function exists, ``None`` for others (local).
+
+    ``degree()`` of elements became ``embedded_superdegree`` with basix's elements, in 0.8.
+    """
+    element = function.ufl_element()
+    if "Quadrature" not in repr(element):
+        return None
+    degree = element.degree if hasattr(element, "degree") else element.embedded_superdegree
+    return int(degree() if callable(degree) else degree)
+
+
 def is_sub_space(V: fem.FunctionSpace) -> bool:
     """Whether ``V`` is a view of a part of another space, such as ``W.sub(0)`` (local)."""
     return len(getattr(V, "_cpp_object", V).component()) > 0

@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: MIT
+"""Mistakes that once passed without a word, and input that once needed a detour."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from scenes import TIGHT, internal, linear_elastic, pressed_blocks, rotation
+from small_scenes import small_blocks
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.errors import format_point
+
+MESH = {"n_upper": 5, "n_lower": 7, "layers_upper": 2, "layers_lower": 2}
+
+
+def turned_and_pressed(degrees, sliding, obstacle=None):
+    """Notes on two blocks, or one on an obstacle, turned as a whole and pressed by 2 %."""
+    scene = pressed_blocks(pair={"sliding": sliding}, **MESH)
+    data, V = scene.data, scene.u.function_space
+    turn = rotation(np.radians(degrees))
+    ends = fem.Function(V), fem.Function(V)
+    push = (0.02 * turn @ (0.0, -1.0))[:, None]
+    ends[0].interpolate(lambda X: (turn - np.eye(2)) @ X[:2])
+    ends[1].interpolate(lambda X: (turn - np.eye(2)) @ X[:2] + push)
+    names = ("lower/bottom", "upper/top")
+    bcs = [fm.dirichlet(V, data, *both) for both in zip(names, ends, strict=True)]
+    scene.u.x.array[:] = ends[0].x.array
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", sliding=sliding)
+    residual = scene.problem._given["residual"]
+    problem = fm.ContactProblem(
+        residual, scene.u, [pair], bcs=bcs, petsc_options_prefix="turned_", newton=TIGHT
+    )
+    return [n for n in problem.solve(accept_violations=True).notes if "has rotated" in n]
+
+
+@pytest.mark.parametrize("degrees", [5.0, -2.0])
+def test_small_sliding_after_a_rotation_is_reported_with_its_remedy(degrees):
+    """The force is off by the angle of the rotation."""
+    (note,) = turned_and_pressed(degrees, "small")
+    assert f"has rotated by {abs(degrees):.1f} degrees" in note and "sliding='finite'" in note
+
+
+@pytest.mark.parametrize("degrees, sliding", [(1.0, "small"), (5.0, "finite")])
+def test_small_rotations_and_finite_sliding_are_not_reported(degrees, sliding):
+    assert turned_and_pressed(degrees, sliding) == []
+
+
+def test_a_number_for_a_vector_is_refused_with_the_argument_that_is_missing():
+    data = small_blocks().data
+    V = fm.vector_space(data.mesh, 1)
+    for value in (0.0, fem.Constant(data.mesh, 0.0)):
+        with pytest.raises(fm.MeshError, match=r"shape \(\); expected \(2,\).*component=0"):
+            fm.dirichlet(V, data, "lower/bottom", value)
+    with pytest.raises(fm.MeshError, match=r"omit component"):
+        fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0), component=1)
+
+
+def test_an_offset_may_be_one_number():
+    contact = small_blocks().problem.contacts[0]
+    contact.offset = 0.1
+    assert np.array_equal(contact.offset, np.full(5, 0.1))
+    contact.offset += np.arange(5)
+    assert contact.offset[4] == 4.1
+
+
+@pytest.mark.parametrize("largest, first", [(0.05, 0.05), (0.5, 0.25), (None, 0.25)])
+def test_the_first_step_is_not_beyond_the_largest(largest, first):
+    assert fm.SteppingOptions(step=0.25, largest=largest).step == first
+
+
+@pytest.mark.parametrize("sliding", ["finite", "small"])
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda state: pickle.loads(pickle.dumps(state))])
+def test_states_are_pickled_and_restored(copied, sliding):
+    scene = pressed_blocks(pair={"sliding": sliding, "law": fm.Coulomb(0.3)}, **MESH)
+    scene.loads["push"].value[1] = -0.01
+    report = scene.problem.solve()
+    state = scene.problem.state()
+    kept = copied(state)
+    assert not kept.u.flags.writeable and not kept.interfaces[0].z.flags.writeable
+    scene.loads["push"].value[1] = -0.02
+    scene.problem.solve()
+    force = scene.contact.total_force
+    scene.problem.restore(kept)
+    assert np.array_equal(scene.problem.state().u, state.u)
+    assert scene.problem.solve().num_iterations <= report.num_iterations
+    assert scene.contact.total_force == pytest.approx(force, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "value", [fm.NewtonOptions(), fm.SteppingOptions(0.1), fm.Discretization(), fm.Coulomb(0.3)]
+)
+def test_options_are_pickled(value):
+    assert repr(pickle.loads(pickle.dumps(value))) == repr(value)
+
+
+def test_errors_are_pickled_with_their_report():
+    scene = small_blocks()
+    scene.loads["push"].value[1] = -0.01
+    error = fm.NotConvergedError("too far", scene.problem.solve())
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == "too far" and again.report.num_iterations == error.report.num_iterations
+
+
+def test_tables_have_no_negative_zero():
+    scene = small_blocks()
+    scene.loads["push"].value[1] = 0.1
+    scene.problem.solve()
+    assert "-0" not in str(fm.contact_table(scene.problem)).replace("e-0", "")
+    assert format_point((-0.0, 1.0)) == "(0, 1)"
+
+
+@pytest.mark.parametrize("supported", [False, True])
+def test_bodies_without_supports_and_loads_are_reported(supported):
+    """A zero state is returned; supports were probably forgotten."""
+    data = small_blocks().data
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0))] if supported else []
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top")
+    residual = internal(u, linear_elastic(u, 100.0, 0.3))
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="idle_")
+    found = [note for note in problem.solve().notes if "no Dirichlet condition supports" in note]
+    assert len(found) == (not supported)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.3])
+def test_a_squeezed_body_without_supports_and_loads_is_not_reported(start):
+    """An interference between two obstacles is a load; so is one of the mesh."""
+    data = small_blocks().data
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    u.interpolate(lambda X: np.stack([start + 0 * X[0], 0 * X[0]]))
+    pairs = [
+        fm.ContactPair(data, "lower/top", fm.Plane((0.0, 0.999), (0.0, -1.0)), law=fm.Coulomb(0.3)),
+        fm.ContactPair(
+            data, "lower/bottom", fm.Plane((0.0, 0.001), (0.0, 1.0)), law=fm.Coulomb(0.3)
+        ),
+    ]
+    bcs = [fm.dirichlet(V, data, "upper/top", (start, 0.0))] if start else []
+    residual = internal(u, linear_elastic(u, 100.0, 0.3))
+    problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="idle_")
+    assert not [note for note in problem.solve().notes if "no Dirichlet condition" in note]
+
+
+SIGNS = {"both": (-1.0, -1.0), "distance": (-1.0, 1.0), "gradient": (1.0, -1.0)}
+
+
+@pytest.mark.parametrize("sign", SIGNS)
+@pytest.mark.parametrize("slave", ["lower/top", ["lower/top", "lower/right", "lower/left"]])
+@pytest.mark.parametrize("depth", [-0.1, 0.05])
+def test_a_distance_of_the_wrong_sign_is_refused_by_name(slave, sign, depth):
+    """A lid above the block, with a gap or an overlap of its middle."""
+    data = small_blocks().data
+    of_phi, of_gradient = SIGNS[sign]
+
+    def lid(x):
+        phi = 1.0 - depth + 0.5 * (x[:, 0] - 0.5) ** 2 - x[:, 1]
+        gradient = np.stack([x[:, 0] - 0.5, -1.0 + 0.0 * x[:, 0]], axis=1)
+        hessian = np.zeros((len(x), 2, 2))
+        hessian[:, 0, 0] = 1.0
+        return of_phi * phi, of_gradient * gradient, of_gradient * hessian
+
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("lower/bottom", "upper/top")]
+    residual = internal(u, linear_elastic(u, 100.0, 0.3))
+    pair = fm.ContactPair(data, slave, fm.SignedDistance(lid))
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="sign_")
+    with pytest.raises(fm.MortarError, match="sign"):
+        problem.solve()
+
+
+def thickness_remarks(factor, thickness, **options):
+    """Remarks on the thickness of a residual with a factor, a function of the mesh."""
+    data = small_blocks().data
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    r = ufl.SpatialCoordinate(data.mesh)[0]
+    weight = factor(data.mesh, r)
+    dx = ufl.dx(metadata={"quadrature_degree": 2})
+    residual = weight * ufl.inner(linear_elastic(u, 100.0, 0.3), ufl.grad(v)) * dx
+    if options:
+        residual += weight * u[0] * v[0] / r * dx
+    names = ("lower/bottom", "upper/top", "lower/left", "upper/left")
+    bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in names]
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top")
+    problem = fm.ContactProblem(
+        residual, u, [pair], bcs=bcs, thickness=thickness, petsc_options_prefix="thick_", **options
+    )
+    notes = problem.solve().notes
+    assert not any("does not occur" in note for note in problem.solve().notes)  # said once
+    return [note for note in notes if "does not occur in the integrals of the residual" in note]
+
+
+def constant(mesh, value):
+    return fem.Constant(mesh, value)
+
+
+def uniform(mesh, value):
+    function = fem.Function(compat.scalar_space(mesh, 0, "DG"))
+    function.x.array[:] = value
+    return function
+
+
+FACTORS = {
+    "none": (lambda mesh, r: 1.0, 28.0, 1),
+    "of another value": (lambda mesh, r: constant(mesh, 27.0), 28.0, 1),
+    "none of a function": (lambda mesh, r: 3.0, lambda X: 1.0 + X[:, 0], 1),
+    "number": (lambda mesh, r: 28.0, 28.0, 0),
+    "constant": (lambda mesh, r: constant(mesh, 28.0), 28.0, 0),
+    "field": (lambda mesh, r: uniform(mesh, 28.0), 28.0, 0),
+    "position": (lambda mesh, r: 1.0 + r, lambda X: 1.0 + X[:, 0], 0),
+    "one": (lambda mesh, r: 1.0, 1.0, 0),
+}
+
+
+@pytest.mark.parametrize("name", FACTORS)
+def test_a_thickness_that_is_not_in_the_residual_is_reported(name):
+    """The bulk would be 28 times too soft."""
+    factor, thickness, count = FACTORS[name]
+    assert len(thickness_remarks(factor, thickness)) == count
+
+
+@pytest.mark.parametrize("factor, count", [(1.0, 1), (2 * np.pi, 0)])
+def test_a_radius_without_2_pi_is_reported(factor, count):
+    found = thickness_remarks(lambda mesh, r: factor * r, None, geometry="axisymmetric")
+    assert len(found) == count and all("2 pi of 6.283" in note for note in found)
