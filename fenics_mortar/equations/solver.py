@@ -124,9 +124,10 @@ class Solver:
             contact.accept()
         commit(e.contacts, instants)
         e.bulk.free_garbage()
-        passages = e.crossings.passages(e.motions.places)
-        drift = e.motions.slide_along_driven()
-        report.certificate = self.certificate(drift=drift, passages=passages)
+        passages, possible = e.crossings.passages_of_step(e.motions.places)
+        report.certificate = self.certificate(
+            drift=e.motions.slide_along_driven(), passages=passages, possible_passages=possible
+        )
         violations = report.certificate.violations()
         messages = [f"VIOLATED: {violation}" for violation in violations]
         judged = messages or report.certificate.remarks()

@@ -118,7 +118,7 @@ def follow_path(
             try:
                 report = predictor.solve(
                     time + step,
-                    partial(_solve_soundly, problem, solver, accepted),
+                    partial(_solve_soundly, problem, solver, accepted, step > options.smallest),
                     guesses=options.predict,
                 )
             except NotConvergedError as failure:
@@ -207,11 +207,17 @@ def _end_of_path(time: float, step: float, why: str, failure: NotConvergedError)
 
 
 def _solve_soundly(
-    problem: ContactProblem, solver: AlternateDamping, before: State
+    problem: ContactProblem, solver: AlternateDamping, before: State, may_cut: bool
 ) -> NewtonReport:
-    """Solve; refuse states that violate their certificate or lie beyond a jump (collective)."""
+    """Solve; refuse states that violate their certificate or lie beyond a jump (collective).
+
+    While the step may be cut, states that bodies may have reached by a passage are refused as well:
+    in smaller steps bodies turn less, and their motion is known.
+    """
     report = solver.solve()
-    wrong = "; ".join(report.certificate.violations()) or describe_jump(problem, before)
+    doubts = report.certificate.possible_passages if may_cut else []
+    wrong = "; ".join([*report.certificate.violations(), *doubts])
+    wrong = wrong or describe_jump(problem, before)
     if wrong:
         report.converged, report.reason = False, f"converged to a wrong state: {wrong}"
         raise NotConvergedError(report.reason, report)

@@ -31,6 +31,7 @@ from fenics_mortar.verify.crossing import Crossing
 from fenics_mortar.verify.limits import LIMITS
 from fenics_mortar.verify.obstacle_gradient import gradient_error
 from fenics_mortar.verify.pair_certificate import PairCertificate
+from fenics_mortar.verify.resolution import narrow_regions, uneven_gaps
 from fenics_mortar.verify.resultant import beyond_cover
 from fenics_mortar.verify.rotation import rotation_since_reference
 from fenics_mortar.verify.sharp_obstacle import along_facets
@@ -52,6 +53,7 @@ class Certificate(Markdown):
             is in equilibrium, but may not be reached by a path of equilibria.
         crossings: Crossings of outlines.
         passages: Bodies that passed through each other during the step, as messages.
+        possible_passages: Passages on motions that the ends of the step do not tell, as messages.
         tipping: Bodies that pressures on the covered surfaces cannot balance, as messages.
     """
 
@@ -62,6 +64,7 @@ class Certificate(Markdown):
     drift: float = 0.0
     crossings: list[Crossing] = field(default_factory=list)
     passages: list[str] = field(default_factory=list)
+    possible_passages: list[str] = field(default_factory=list)
     tipping: list[str] = field(default_factory=list)
 
     def violations(
@@ -104,6 +107,7 @@ class Certificate(Markdown):
                 f"{crossing}: smaller steps, finer facets, or a pair of these surfaces"
                 for crossing in crossings
             ),
+            *self.possible_passages,
         ]
 
     def __str__(self) -> str:
@@ -171,6 +175,8 @@ def _certify_pair(
         **between_nodes(contact),
         **oblique_forces(contact, pressure),
         **along_facets(contact),
+        **narrow_regions(contact, pressure),
+        **uneven_gaps(contact, pressure),
         friction=mean_friction(limit, pressure),
         **end_pressure(contact, pressure),
         **beyond_cover(contact, runs_of(contact)),

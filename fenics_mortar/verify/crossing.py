@@ -8,12 +8,8 @@ their own body, independently of the search for partners.
 contact overlap by their sagitta, and between nodes dual multipliers admit overlaps of this size;
 the limits are those of the penetration of a pair.
 
-**Step**: paths of nodes are straight from the last accepted state to the present one, including
-rigid moves before the solve. Since straight paths would shrink a rotating body, paths relative to
-it are computed in the frame that rotates with it, in several sections. A path passes through a body
-if the outward normals at entry and exit are opposed. It slides along the body if exit and entry
-coincide, as for chords of a curve, or if the outline between them is within a facet of the path, as
-at a tip. Paths that end deep inside another body are reported as well.
+**Step**: paths from the last accepted state, or the present one if free dofs of ``u`` were set; see
+``passages``.
 
 Cost on two blocks (``demos.studies.performance.crossing``): 0.9 ms with 10,500 unknowns (1.9 % of a
 Newton iteration), 2.6 ms with 161,000 (0.4 %). Rotating bodies cost more: 30 bricks with 1,200
@@ -25,10 +21,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.bulk.bodies import label_bodies
 from fenics_mortar.bulk.residual import Bulk
@@ -37,14 +32,13 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.outline import Outline, extract_outline
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.crossing import find_crossings
-from fenics_mortar.kernels.passage import ALL, OTHERS, OWN, find_events, find_passages
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array, Value
-from fenics_mortar.utils.errors import call_together, format_point
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import HALF_FACET
-from fenics_mortar.verify.node_paths import Motions, own_frame, passed_through
 from fenics_mortar.verify.obstacle_points import deepest_point
 from fenics_mortar.verify.outline_names import OutlineNames
+from fenics_mortar.verify.passages import Passages, StepEnds
 
 
 @dataclass(frozen=True)
@@ -94,6 +88,7 @@ class Crossings:
 
     Attributes:
         accepted: Positions at the start of the step.
+        in_step: Detection of passages.
     """
 
     def __init__(
@@ -114,10 +109,11 @@ class Crossings:
         self._segment_bodies = self.outline.segment_bodies
         self._slaves = [self.outline.indices_of(contact.slave.nodes) for contact in contacts]
         self._free: Array = 1.0 - self.outline.gather(bulk.prescribed.astype(float))
+        self._prescribed = (self._free == 0.0).all(axis=1)
         name_of_body = partial(floating.name_of, labels=self._labels)
         self._names = OutlineNames(self.outline, contacts, name_of_body)
-        self._excused: dict[tuple[int, int], float] = {}
         self._excused = self._as_meshed()
+        self.in_step = Passages(self.outline, contacts, self._slaves, self._names, self._excused)
         self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)))
         self._left: Array = self.accepted.x
         self._restored: Array | None = None
@@ -237,99 +233,16 @@ class Crossings:
         Args:
             places: Present positions of the obstacles, shape (obstacles, 3).
         """
-        x0, x1 = self.accepted.x, self._positions()
-        motions = Motions(x0, x1, self.outline.bodies)
-        if not len(x0) or np.array_equal(x0, x1):
-            found = []
-        elif motions.are_small:
-            found = self._through_bodies(np.array([x0, x1]), OTHERS)
-            found += self._through_bodies(np.array([motions.moved_with_own_body(), x1]), OWN)
-        else:
-            found = []
-            for i, body in enumerate(motions.labels):
-                relative = Motions(motions.moved_with(i), x1, self.outline.bodies)
-                found += self._through_bodies(
-                    relative.node_paths(), ALL, self._segment_bodies == body
-                )
-        return found + self._through_obstacles(x1, places)
+        return self.passages_of_step(places)[0]
 
-    def _through_bodies(
-        self, along: Array, which: int, segments: npt.NDArray[np.bool_] | None = None
-    ) -> list[str]:
-        """Messages on paths ``along`` (m + 1, n, 2) through marked segments (m,), bool.
+    def passages_of_step(self, places: Array) -> tuple[list[str], list[str]]:
+        """Messages on passages, and if there are none on possible ones.
 
-        ``which``: see ``find_events``.
+        The latter depend on motions that positions at the start and the end do not tell.
+
+        Args:
+            places: Present positions of the obstacles, shape (obstacles, 3).
         """
-        o, bodies, events = self.outline, self._segment_bodies, []
-        marked = np.arange(len(bodies)) if segments is None else np.flatnonzero(segments)
-        for k, (start, end) in enumerate(pairwise(along)):
-            rows = find_events(start, end, o.segments[marked], bodies[marked], o.bodies, which)
-            rows[:, 1], rows[:, 2] = marked[rows[:, 1].astype(np.int64)], rows[:, 2] + k
-            events.append(rows)
-        every = np.concatenate(events)
-        if not len(every):
-            return []
-        every = every[np.lexsort((every[:, 2], bodies[every[:, 1].astype(np.int64)], every[:, 0]))]
-        lengths, ends = o.lengths(along[-1]), (along[0], along[-1])
-        rows = find_passages(*ends, o.segments, *self._links, lengths, bodies, every)
-        return self._messages(rows, lengths, along[-1]) if len(rows) else []
-
-    def _messages(self, rows: Array, lengths: Array, x1: Array) -> list[str]:
-        """Messages on rows of ``find_passages``, one for each pair of bodies."""
-        node, entry, leaves = (rows[:, k].astype(np.int64) for k in range(3))
-        messages, through, depth = list[str](), leaves >= 0, rows[:, 3]
-        pairs = np.stack([self.outline.bodies[node], self._segment_bodies[entry]], axis=1)
-        inside = ~through & (pairs[:, 0] != pairs[:, 1])
-        inside &= depth - self._allowed(x1)[node] > HALF_FACET * lengths[entry]
-        for marked, ends_inside in ((through, False), (inside, True)):
-            for pair in np.unique(pairs[marked], axis=0) if marked.any() else ():
-                if self._excused.get((int(pair.min()), int(pair.max()))) == np.inf:
-                    continue
-                mine = np.flatnonzero(marked & (pairs == pair).all(axis=1))
-                first = mine[np.argmax(depth[mine])]
-                messages.append(self._message(rows[first], mine.size, x1, ends_inside=ends_inside))
-        return messages
-
-    def _message(self, row: Array, count: int, x1: Array, *, ends_inside: bool) -> str:
-        node, entry, leaves = row[:3].astype(np.int64).tolist()
-        what = f"nodes of {self._names.node(node)} went"
-        body = self._names.body(int(self._segment_bodies[entry]))
-        if ends_inside:
-            where = format_point(x1[node])
-            how = f"into {body}, and one at {where} ended {row[3]:.3g} below its surface"
-        else:
-            enters, exits = self._names.segment(entry), self._names.segment(leaves)
-            how = (
-                f"through {body}, entering at {enters} and leaving at {exits}, and "
-                f"one at {format_point(x1[node])} ended {row[3]:.3g} from the facet of entry"
-            )
-        return f"{count} {what} {how}, straight from the last accepted state: take smaller steps"
-
-    def _through_obstacles(self, x1: Array, places: Array) -> list[str]:
-        """Messages on paths of slave nodes through the obstacles of their pairs."""
-        messages = []
-        obstacles = list(dict.fromkeys(c.obstacle for c in self._contacts if c.obstacle))
-        for contact, there in zip(self._contacts, self._slaves, strict=True):
-            obstacle = contact.obstacle
-            if obstacle is None:
-                continue
-            number = obstacles.index(obstacle)
-            start = own_frame(obstacle, self.accepted.x, self.accepted.places[number])
-            end = own_frame(obstacle, x1, places[number])
-            knots = Motions(start, end, self.outline.bodies).node_paths()[:, there]
-            given = knots, contact.now.offset, contact.slave.nodal_lengths
-            depth = call_together(
-                self.outline.comm,
-                f"the distance of '{obstacle.name}'",
-                partial(passed_through, obstacle, *given),
-            )
-            through = np.flatnonzero(depth > 0.0)
-            if through.size:
-                first = through[np.argmax(depth[through])]
-                messages.append(
-                    f"{through.size} nodes of '{contact.slave.name}' went through obstacle "
-                    f"'{obstacle.name}', and one at {format_point(x1[there[first]])} ended "
-                    f"{depth[first]:.3g} beyond its surface, straight from the last accepted "
-                    "state: take smaller steps"
-                )
-        return messages
+        x1 = self._positions()
+        ends = StepEnds(self.accepted.x, x1, self._prescribed, self.accepted.places, places)
+        return self.in_step.find(ends, self._allowed)

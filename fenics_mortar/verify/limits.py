@@ -43,9 +43,17 @@ class Limits:
         end_pressure: Smallest ratio of the pressure beside clamped slave nodes to that of the next
             nodes for a remark [1].
         section_turn: Largest rotation of a body in one straight section of its path [radian], which
-            shrinks it by 8 %. A path did not pass through an obstacle if the normals at its ends
-            differ by less.
+            shrinks it by 8 %. A path of less than half a facet did not pass through an obstacle if
+            the normals at its ends differ by less.
+        two_ways: Rotation above which a body may have turned the other way in a step [radian]: a
+            sixth of a full turn, so that turns of up to five sixths are recognized.
+        deep: Depth of a path below the surface of an obstacle over its chord [1] above which it
+            does not slide along the surface. Paths through a round obstacle have 0.24 at least,
+            those of nodes pressed into it the depth over the diameter.
         max_points: Largest number of points on a path, which limits the time of the check.
+        fewest_nodes: Number of active nodes of a region of contact, below which it is too narrow.
+        uneven: Gap between active nodes over the approach of the bodies for a remark [1], at which
+            forces are 7 % too small.
         bare: Covered length of a facet, of length 2 in the reference element, below which it is
             uncovered [1].
         samples: Number of points on a segment at which gaps are evaluated.
@@ -65,7 +73,11 @@ class Limits:
     around_corner: int = 3
     end_pressure: float = 2.0
     section_turn: float = np.pi / 4
-    max_points: int = 400
+    two_ways: float = np.pi / 3
+    deep: float = 0.1
+    max_points: int = 2000
+    fewest_nodes: int = 3
+    uneven: float = 0.1
     bare: float = 0.02
     samples: int = POINTS
 

@@ -1,23 +1,64 @@
 # SPDX-License-Identifier: MIT
-"""Paths of nodes in a step: rotating frames of bodies, and passages through rigid obstacles.
+"""Paths of nodes in a step: bodies and obstacles that turn, one seen from another.
 
-The signed distance of an obstacle is sampled along a path in the frame of the obstacle, with steps
-equal to the distance (sphere tracing, Hart 1996), and steps of a small fraction of a facet near the
-surface. A path passes through the obstacle if the gradients at entry and exit are opposed and the
-obstacle extends by half a facet to both sides; otherwise the path goes round an edge. So some path
-passes through each round obstacle whose radius is a facet or more.
+The motion of an obstacle between two places is known: its pivot moves on a straight line, and its
+angle grows from one value to the other, also by more than a full turn. Of a body only the ends of
+the path of each node are known. Its motion is fitted: a centre on a straight line and a rotation,
+of less than half a turn. The centre is that of the prescribed nodes, if there are any, or the
+fixed point of their motion if this point is nearer than the farthest node, as for a paddle that
+turns about its hub. The fixed point of a wheel that rolls is not: it is R a / (2 sin a/2) > R away.
+Other bodies may be carried along: their paths are fitted in the frame in which they move least,
+that of space, of an obstacle or of a body with prescribed nodes.
+
+A rotation by more than a sixth of a turn may as well have had the other sense, or another centre:
+see ``Alternative``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.rounding import HALF_FACET, SMALL_ANGLE, TINY
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.rounding import SMALL_ANGLE, TINY
 from fenics_mortar.verify.limits import LIMITS
+
+
+class Rotation(NamedTuple):
+    """Motion of a rigid frame in a step: a point on a straight line, and a rotation about it.
+
+    Attributes:
+        point: The point at the start, shape (2,) [length].
+        shift: Its motion, shape (2,) [length].
+        angle: Angle of the rotation, of any size [radian].
+    """
+
+    point: Array
+    shift: Array
+    angle: float
+
+    def carry(self, x: Array, t: float) -> Array:
+        """Positions at the time ``t`` (0 to 1) of points at ``x`` (n, 2) at the start [length]."""
+        return self.point + t * self.shift + _turned(x - self.point, t * self.angle)
+
+    def back(self, x: Array, t: float) -> Array:
+        """Positions at the start of points that are at ``x`` (n, 2) at ``t`` [length]."""
+        return self.point + _turned(x - self.point - t * self.shift, -t * self.angle)
+
+
+# Alternative to the motions of bodies, see ``Motions``; "" for none.
+Alternative = Literal["", "sense", "centre"]
+AT_REST = Rotation(np.zeros(2), np.zeros(2), 0.0)
+
+
+def motion_of(obstacle: Obstacle, before: Array, after: Array) -> Rotation:
+    """The motion of an obstacle between two places (3,) [length, length, radian] (local)."""
+    change = after - before
+    return Rotation(obstacle.pivot + before[:2], change[:2], float(change[2]))
 
 
 class Motions:
@@ -27,158 +68,253 @@ class Motions:
         x0: Positions of the nodes at the start, shape (n, 2) [length].
         x1: Positions at the end, shape (n, 2) [length].
         bodies: Body of each node, shape (n,).
+        prescribed: Whether both components of a node are prescribed, shape (n,), bool.
+        other: Alternative to rotations by more than a sixth of a turn: "sense" for rotations in the
+            other sense, "centre" for those about the mean of the prescribed nodes instead of the
+            fixed point, or the reverse.
 
     Attributes:
         labels: The bodies, shape (b,).
         angles: Their rotations, shape (b,) [radian].
+        are_led: Whether a body has prescribed nodes, shape (b,), bool.
     """
 
-    def __init__(self, x0: Array, x1: Array, bodies: Indices) -> None:
+    def __init__(
+        self,
+        x0: Array,
+        x1: Array,
+        bodies: Indices,
+        prescribed: Flags | None = None,
+        *,
+        other: Alternative = "",
+    ) -> None:
         self._x0, self._x1 = x0, x1
         counts = np.bincount(bodies)
         self.labels: Indices = np.flatnonzero(counts)
-        self._of_node = (np.cumsum(counts > 0) - 1)[bodies]
-        counts = counts[self.labels, None]
-        self._start, self._end = self._sums(x0) / counts, self._sums(x1) / counts
-        y0, y1 = x0 - self._start[self._of_node], x1 - self._end[self._of_node]
-        products = np.stack([(y0 * y1).sum(axis=1), y0[:, 0] * y1[:, 1] - y0[:, 1] * y1[:, 0]], 1)
-        dot, cross = self._sums(products).T
-        self.angles: Array = np.arctan2(cross, dot)
+        self.of_node = (np.cumsum(counts > 0) - 1)[bodies]
+        led = np.zeros(len(x0), bool) if prescribed is None else prescribed
+        self.are_led: Flags = np.bincount(self.of_node[led], minlength=self.labels.size) > 0
+        weight = np.where(self.are_led[self.of_node], led, 1.0)[:, None]
+        self._start, self._end = self._mean(x0, weight), self._mean(x1, weight)
+        self.angles: Array = self._fit(weight)
+        far = np.abs(self.angles) > LIMITS.two_ways
+        if other == "sense":
+            self.angles -= np.where(far, 2.0 * np.pi * np.sign(self.angles), 0.0)
+        self._turn_about_fixed_points(far & (other == "centre"))
+
+    def _mean(self, values: Array, weight: Array) -> Array:
+        """Means of values (n, 2) with weights (n, 1) over the nodes of each body, (b, 2)."""
+        return self._sums(values * weight) / self._sums(weight)
 
     def _sums(self, values: Array) -> Array:
-        """Sums of values (n, 2) over the nodes of each body, shape (b, 2)."""
-        both = 2 * self._of_node[:, None] + np.arange(2)
-        sums = np.bincount(both.ravel(), values.ravel(), 2 * self.labels.size)
-        return np.asarray(sums.reshape(-1, 2), float)
+        """Sums of values (n, k) over the nodes of each body, shape (b, k)."""
+        k = values.shape[1]
+        at = (k * self.of_node[:, None] + np.arange(k)).ravel()
+        sums = np.bincount(at, values.ravel(), k * self.labels.size)
+        return np.asarray(sums.reshape(-1, k), float)
+
+    def _fit(self, weight: Array) -> Array:
+        """Angles of the rotations about the centres (b,); of all nodes if one is prescribed."""
+        y0, y1 = self._x0 - self._start[self.of_node], self._x1 - self._end[self.of_node]
+        products = np.stack([(y0 * y1).sum(axis=1), y0[:, 0] * y1[:, 1] - y0[:, 1] * y1[:, 0]], 1)
+        sums, every = self._sums(products * weight), self._sums(products)
+        is_point = np.abs(sums).max(axis=1) <= TINY
+        dot, cross = np.where(is_point[:, None], every, sums).T
+        return np.asarray(np.arctan2(cross, dot))
+
+    def _turn_about_fixed_points(self, exchanged: Flags) -> None:
+        """Move the centres of bodies with prescribed nodes to fixed points inside the bodies.
+
+        For bodies marked in ``exchanged`` (b,) to fixed points outside instead.
+        """
+        shift, half = self._end - self._start, 0.5 * self.angles
+        with np.errstate(divide="ignore", invalid="ignore"):
+            across = np.stack([-shift[:, 1], shift[:, 0]], axis=1) / np.tan(half)[:, None]
+            away = 0.5 * np.hypot(*shift.T) / np.abs(np.sin(half))
+        reach = np.zeros(self.labels.size)
+        np.maximum.at(reach, self.of_node, np.hypot(*(self._x0 - self._start[self.of_node]).T))
+        about = ((away < reach) != exchanged) & self.are_led
+        about &= np.abs(self.angles) > SMALL_ANGLE
+        fixed = 0.5 * (self._start + self._end + across)
+        self._start = np.where(about[:, None], fixed, self._start)
+        self._end = np.where(about[:, None], fixed, self._end)
 
     @property
     def are_small(self) -> bool:
         """Whether all rotations are small, so that no rotating frames are needed."""
         return float(np.abs(self.angles).max(initial=0.0)) <= SMALL_ANGLE
 
+    def of(self, body: int) -> Rotation:
+        """The motion of the body with the number ``body`` in ``labels``."""
+        start = self._start[body]
+        return Rotation(start, self._end[body] - start, float(self.angles[body]))
+
     def moved_with_own_body(self) -> Array:
         """Initial positions moved rigidly with the body of each node, shape (n, 2) [length]."""
-        i = self._of_node
+        i = self.of_node
         return self._end[i] + _turned(self._x0 - self._start[i], self.angles[i])
 
     def moved_with(self, body: int) -> Array:
         """Initial positions moved rigidly with one body, shape (n, 2) [length]."""
-        return self._end[body] + _turned(self._x0 - self._start[body], self.angles[body])
+        return self.of(body).carry(self._x0, 1.0)
 
-    def node_paths(self) -> Array:
-        """Positions at start, intermediate times and end, shape (m + 1, n, 2) [length].
+    def distances_to(self, x: Array) -> Array:
+        """Root mean squares of the distances of nodes from ``x`` (n, 2), by body, (b,) [length]."""
+        square = ((x - self._x0) ** 2).sum(axis=1)[:, None]
+        return np.asarray(np.sqrt(self._mean(square, np.ones_like(square))[:, 0]))
 
-        Centres of bodies move on straight lines, and bodies rotate about them. A common motion of
-        two bodies is reproduced only in the frame of one of them.
-        """
-        i, largest = self._of_node, float(np.abs(self.angles).max(initial=0.0))
-        sections = max(int(np.ceil(largest / LIMITS.section_turn)), 1)
+    def at(self, t: float) -> Array:
+        """Positions of the nodes at the time ``t``, 0 to 1, shape (n, 2) [length]."""
+        i = self.of_node
         y0 = self._x0 - self._start[i]
         y1 = _turned(self._x1 - self._end[i], -self.angles[i])
-        along = [self._x0]
-        for t in np.arange(1, sections) / sections:
-            centre = self._start + t * (self._end - self._start)
-            along.append(centre[i] + _turned(y0 + t * (y1 - y0), t * self.angles[i]))
-        return np.array([*along, self._x1])
+        centre = self._start + t * (self._end - self._start)
+        return centre[i] + _turned(y0 + t * (y1 - y0), t * self.angles[i])
+
+    def node_paths(self) -> Array:
+        """Positions at start, intermediate times and end, shape (m + 1, n, 2) [length]."""
+        largest = float(np.abs(self.angles).max(initial=0.0))
+        sections = max(int(np.ceil(largest / LIMITS.section_turn)), 1)
+        along = [self.at(t) for t in np.arange(1, sections) / sections]
+        return np.array([self._x0, *along, self._x1])
 
 
-def _turned(y: Array, angle: Array | float) -> Array:
+class Paths:
+    """Paths of all nodes in a step, as seen from bodies and obstacles (local).
+
+    A frame is a list of rotations, to be carried out in this order. Positions in a frame are moved
+    with it to the start of the step.
+
+    Args:
+        x0: Positions of the nodes at the start, shape (n, 2) [length].
+        x1: Positions at the end, shape (n, 2) [length].
+        bodies: Body of each node, shape (n,).
+        prescribed: Whether both components of a node are prescribed, shape (n,), bool.
+        obstacles: Motions of the obstacles.
+        resolution: Largest distance of a path from its straight sections [length].
+        other: Whether motions that the ends of the paths do not tell have the other alternative,
+            see ``Motions``.
+
+    Attributes:
+        motions: Motions of the bodies in space.
+    """
+
+    def __init__(
+        self,
+        x0: Array,
+        x1: Array,
+        bodies: Indices,
+        prescribed: Flags,
+        obstacles: Sequence[Rotation],
+        resolution: float,
+        *,
+        other: Alternative = "",
+    ) -> None:
+        self._x0, self._x1, self._resolution = x0, x1, resolution
+
+        def fit(end: Array) -> Motions:
+            return Motions(x0, end, bodies, prescribed, other=other)
+
+        self._fit: Callable[[Array], Motions] = fit
+        self.motions = fit(x1)
+        leaders = [self.motions.of(i) for i in np.flatnonzero(self.motions.are_led)]
+        self._carriers = [AT_REST, *(c for c in (*obstacles, *leaders) if c.angle)]
+        self._choose_carriers()
+
+    @property
+    def may_differ(self) -> bool:
+        """Whether a body turned so far that its motion may have had another form."""
+        return float(np.abs(self._relative.angles).max(initial=0.0)) > LIMITS.two_ways
+
+    def _choose_carriers(self) -> None:
+        """Find the frame in which each body moves least, and its motion there."""
+        i, led = self.motions.of_node, self.motions.are_led
+        ends = np.array([carrier.back(self._x1, 1.0) for carrier in self._carriers])
+        distances = np.array([self.motions.distances_to(end) for end in ends])
+        distances[1:, led] = np.inf
+        self._carrier: Indices = distances.argmin(axis=0)
+        self._least: Array = distances.min(axis=0)
+        self._relative = self._fit(ends[self._carrier[i], np.arange(len(i))])
+
+    def at(self, t: float) -> Array:
+        """Positions of the nodes in space at the time ``t``, 0 to 1, shape (n, 2) [length]."""
+        x = self._relative.at(t)
+        for k in np.unique(self._carrier):
+            mine = self._carrier[self.motions.of_node] == k
+            x[mine] = self._carriers[k].carry(x[mine], t)
+        return x
+
+    def frame_of(self, body: int) -> list[Rotation]:
+        """The frame of the body with the number ``body`` in ``motions.labels``."""
+        return [self._relative.of(body), self._carriers[self._carrier[body]]]
+
+    def seen_from(self, frame: Sequence[Rotation]) -> Array:
+        """Paths of the nodes in a frame, shape (m + 1, n, 2) [length].
+
+        Bodies that move less in this frame than in that of their carrier are carried by it.
+        """
+        end = _back(frame, self._x1, 1.0)
+        inside = self._fit(end)
+        carried = inside.distances_to(end) < self._least
+        angles = self._angles() + sum(abs(rotation.angle) for rotation in frame)
+        angle = float(np.where(carried, np.abs(inside.angles), angles).max(initial=0.0))
+        along, carried = list[Array](), carried[inside.of_node]
+        for t in self._times(angle, frame, self._x0):
+            far = self._x0 if carried.all() else _back(frame, self.at(t), t)
+            along.append(np.where(carried[:, None], inside.at(t), far))
+        return np.array([self._x0, *along, end])
+
+    def points_seen_from(self, body: int, obstacle: Rotation, points: Array) -> tuple[Array, Array]:
+        """Paths of points of an obstacle and of a body's nodes in the frame of the body.
+
+        Args:
+            body: Number of the body in ``motions.labels``.
+            obstacle: Motion of the obstacle.
+            points: Positions of its points at the start, shape (k, 2) [length].
+
+        Returns:
+            Of the points (m + 1, k, 2) and of the nodes (m + 1, n, 2) [length].
+        """
+        frame = self.frame_of(body)
+        end = obstacle.back(self._x1, 1.0)
+        if self.motions.distances_to(end)[body] < self._least[body]:
+            frame = [self._fit(end).of(body), obstacle]
+        end = _back(frame, self._x1, 1.0)
+        angle = abs(obstacle.angle) + sum(abs(rotation.angle) for rotation in frame)
+        times = np.array([0.0, *self._times(angle, [obstacle, *frame], points), 1.0])
+        along = [_back(frame, obstacle.carry(points, t), t) for t in times]
+        return np.array(along), self._x0 + times[:, None, None] * (end - self._x0)
+
+    def _angles(self) -> Array:
+        """Sums of the rotations of each body and its carrier, without signs, (b,) [radian]."""
+        carriers = np.array([carrier.angle for carrier in self._carriers])
+        return np.abs(carriers[self._carrier]) + np.abs(self._relative.angles)
+
+    def _times(self, angle: float, frame: Sequence[Rotation], points: Array) -> Array:
+        """Times between straight sections of paths with a rotation by ``angle``, 0 to 1."""
+        every = np.concatenate([points, self._x0, self._x1])
+        reach = max(float(np.hypot(*(every - r.point).T).max(initial=0.0)) for r in frame)
+        # the sagitta of a chord of angle a is r a^2 / 8
+        largest = min(np.sqrt(8.0 * self._resolution / max(reach, TINY)), LIMITS.section_turn)
+        sections = int(min(max(np.ceil(angle / max(largest, TINY)), 1), LIMITS.max_points))
+        return np.arange(1, sections) / sections
+
+
+def carry(frame: Sequence[Rotation], x: Array) -> Array:
+    """Move positions ``x`` (..., 2) [length] with a frame to the end of the step."""
+    for rotation in frame:
+        x = rotation.carry(x.reshape(-1, 2), 1.0).reshape(x.shape)
+    return x
+
+
+def _back(frame: Sequence[Rotation], x: Array, t: float) -> Array:
+    """Move positions ``x`` (n, 2) [length] with a frame from the time ``t`` to the start."""
+    for rotation in reversed(frame):
+        x = rotation.back(x, t)
+    return x
+
+
+def _turned(y: Array, angle: npt.NDArray[np.float64] | float) -> Array:
     """Vectors (n, 2), rotated by angles (n,) or one angle [radian]."""
     c, s = np.cos(angle), np.sin(angle)
     return np.stack([c * y[:, 0] - s * y[:, 1], s * y[:, 0] + c * y[:, 1]], axis=1)
-
-
-def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Array) -> Array:
-    """Distance from the surface of nodes that passed through an obstacle, else 0 (local).
-
-    Args:
-        obstacle: The obstacle; its present position is not used.
-        knots: Positions of s nodes in the frame of the obstacle at start, intermediate times and
-            end, shape (m + 1, s, 2) [length].
-        offset: Length subtracted from the distance of each node, shape (s,) [length].
-        lengths: Tributary length of each node, shape (s,) [length].
-
-    Returns:
-        Shape (s,) [length].
-    """
-    sections = np.linalg.norm(np.diff(knots, axis=0), axis=2)
-    far = np.concatenate([np.zeros((1, len(offset))), np.cumsum(sections, axis=0)])
-    (start, start_slope), (end, end_slope) = (
-        _distance(obstacle, knots[k], offset) for k in (0, -1)
-    )
-    is_hit = np.maximum(start, 0.0) + np.maximum(end, 0.0) <= far[-1]
-    turned = (start_slope * end_slope).sum(axis=1) < np.cos(LIMITS.section_turn)
-    which = np.flatnonzero(is_hit & turned & (far[-1] > 0.0))
-    through = np.zeros(len(offset))
-    if which.size:
-        passed = _trace(obstacle, knots[:, which], far[:, which], offset[which], lengths[which])
-        through[which] = np.where(passed, np.maximum(end[which], TINY), 0.0)
-    return through
-
-
-def own_frame(obstacle: Obstacle, x: Array, place: Array) -> Array:
-    """Points ``x`` (n, 2) [length] in the frame of an obstacle at ``place`` (3,), shape (n, 2)."""
-    c, s = np.cos(place[2]), np.sin(place[2])
-    return (x - obstacle.pivot - place[:2]) @ np.array([[c, -s], [s, c]]) + obstacle.pivot
-
-
-def _distance(obstacle: Obstacle, x: Array, offset: Array) -> tuple[Array, Array]:
-    """Distances (s,) minus offset, lower bounds if |grad phi| > 1, and unit gradients (s, 2)."""
-    phi, gradient, _ = obstacle.local(x)
-    size = np.maximum(np.hypot(*gradient.T), TINY)
-    return (phi - offset) / np.maximum(size, 1.0), gradient / size[:, None]
-
-
-def _trace(
-    obstacle: Obstacle, knots: Array, far: Array, offset: Array, lengths: Array
-) -> npt.NDArray[np.bool_]:
-    """Whether paths passed through; ``knots`` (m + 1, s, 2) at arc lengths ``far`` (m + 1, s)."""
-    total = far[-1]
-    # near the surface points are as close as the smallest distance with a remark
-    min_step = np.maximum(LIMITS.coarse_distance * lengths, total / LIMITS.max_points)
-    at, passed = np.zeros(len(total)), np.zeros(len(total), bool)
-    before = _at(knots, far, at)
-    distance, slope = _distance(obstacle, before, offset)
-    entry, entry_slope, inside = before.copy(), slope.copy(), distance < 0.0
-    for _ in range(2 * LIMITS.max_points):
-        if (at >= total).all():
-            break
-        at = np.minimum(at + np.maximum(np.abs(distance), min_step), total)
-        here = _at(knots, far, at)
-        distance, now = _distance(obstacle, here, offset)
-        enters, leaves = ~inside & (distance < 0.0), inside & (distance >= 0.0)
-        entry = np.where(enters[:, None], before, entry)
-        entry_slope = np.where(enters[:, None], slope, entry_slope)
-        step = here - before
-        skips = ~inside & (distance >= 0.0)  # thinner than the spacing of the points
-        skips &= ((step * slope).sum(axis=1) < 0.0) & ((step * now).sum(axis=1) > 0.0)
-        first = np.where(leaves[:, None], entry_slope, slope)
-        middle = np.where(leaves[:, None], 0.5 * (entry + here), 0.5 * (before + here))
-        opposed = (leaves | skips) & ((first * now).sum(axis=1) < OPPOSED)
-        if opposed.any():
-            opposed[opposed] = _goes_on(
-                obstacle, middle[opposed], first[opposed], lengths[opposed],
-                offset[opposed] + 2.0 * min_step[opposed],
-            )  # fmt: skip
-        passed |= opposed
-        before, slope, inside = here, now, distance < 0.0
-    return passed
-
-
-def _goes_on(
-    obstacle: Obstacle, x: Array, normal: Array, lengths: Array, offset: Array
-) -> npt.NDArray[np.bool_]:
-    """Whether the obstacle extends by half a facet to both sides of points on their paths."""
-    along = HALF_FACET * lengths[:, None] * np.stack([-normal[:, 1], normal[:, 0]], axis=1)
-    sides = [_distance(obstacle, x + sign * along, offset)[0] <= 0.0 for sign in (1.0, -1.0)]
-    return np.asarray(sides[0] & sides[1])
-
-
-def _at(knots: Array, far: Array, at: Array) -> Array:
-    """Points at arc lengths ``at`` (s,) of paths with ``knots`` (m + 1, s, 2) at ``far``."""
-    k = np.clip((far <= at).sum(axis=0) - 1, 0, len(far) - 2)
-    every = np.arange(len(at))
-    start, end = far[k, every], far[k + 1, every]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        fraction = np.nan_to_num((at - start) / (end - start), posinf=0.0, neginf=0.0)
-    return knots[k, every] + fraction[:, None] * (knots[k + 1, every] - knots[k, every])

@@ -11,6 +11,9 @@ import numpy as np
 from fenics_mortar.utils.rounding import SMALL_ANGLE
 from fenics_mortar.verify.limits import LIMITS
 
+# Remedy for curved surfaces with straight facets.
+CURVED = "cells of order 2 (gmsh.model.mesh.setOrder(2)) with displacements of degree 2"
+
 
 @dataclass(frozen=True)
 class PairCertificate:
@@ -57,6 +60,12 @@ class PairCertificate:
         sharp: Fraction of the normal forces that acts along the facets of the slave, as an obstacle
             is sharper than they are.
         sharp_at: Position of the largest contribution.
+        narrow: Fraction of the normal forces in regions of too few active nodes or narrower than a
+            facet.
+        narrow_at: The largest of these regions and the remedy, as text.
+        uneven: Gaps between active nodes, root mean square, over the approach of the bodies that
+            belongs to the pressures.
+        uneven_at: Position of the largest of these gaps.
         undecided_at: Positions of nodes whose cover is close to the threshold of a multiplier.
         redundant: Sticking nodes that other constraints fix as well: their shear is not unique,
             see ``redundancy``.
@@ -94,6 +103,10 @@ class PairCertificate:
     outside_at: str = ""
     sharp: float = 0.0
     sharp_at: str = ""
+    narrow: float = 0.0
+    narrow_at: str = ""
+    uneven: float = 0.0
+    uneven_at: str = ""
     undecided_at: str = ""
     redundant: int = 0
     redundant_at: str = ""
@@ -143,12 +156,24 @@ class PairCertificate:
         if self.penetration > LIMITS.coarse_penetration:
             yield (
                 f"{self.pair}: penetration of {self.penetration:.2f} facets between the nodes, at "
-                f"{self.where}; finer facets reduce it"
+                f"{self.where}; finer facets, or {CURVED}, reduce it"
             )
         if self.distance > LIMITS.coarse_distance:
             yield (
                 f"{self.pair}: a force acts, but the sides are {self.distance:.2f} facets apart; "
-                "finer facets of the slave reduce the distance"
+                f"finer facets of the slave, or {CURVED}, reduce the distance"
+            )
+        if self.narrow > LIMITS.at_corners:
+            yield (
+                f"{self.pair}: {self.narrow:.0%} of the normal forces act on regions that the mesh "
+                f"does not resolve: {self.narrow_at}"
+            )
+        if self.uneven > LIMITS.uneven:
+            yield (
+                f"{self.pair}: facets of the two sides do not fit: between the nodes, most of all "
+                f"at {self.uneven_at}, the gap is {self.uneven:.0%} of the approach of the bodies: "
+                "forces may be far too small, and single pressures far too large; take "
+                f"{CURVED}, or finer facets"
             )
         yield from self._remarks_on_corners()
         if LIMITS.of_friction < self.excess_shear <= LIMITS.at_corners:

@@ -8,25 +8,25 @@ from test_crossing_kernels import circle, outline, rectangle
 
 import fenics_mortar as fm
 from fenics_mortar.kernels import passage
-from fenics_mortar.verify.node_paths import Motions, own_frame, passed_through
+from fenics_mortar.verify.node_paths import Motions, Paths, carry
+from fenics_mortar.verify.through_obstacles import own_frame, passed_through
 
 
 def count_passages(x0, x1, segments, after, before, bodies):
-    """Number of paths through bodies, searched as in ``Crossings.passages``."""
-    motions, of_segments = Motions(x0, x1, bodies), bodies[segments[:, 0]]
+    """Number of paths through bodies, searched as in ``Passages``."""
+    none, of_segments = np.zeros(len(x0), bool), bodies[segments[:, 0]]
+    paths = Paths(x0, x1, bodies, none, [], 1e-3)
+    motions = paths.motions
     everything = np.ones(len(segments), bool)
     looks = [
         (np.array([x0, x1]), passage.OTHERS, everything),
         (np.array([motions.moved_with_own_body(), x1]), passage.OWN, everything),
     ]
     if not motions.are_small:
+        frames = [paths.frame_of(i) for i in range(len(motions.labels))]
         looks = [
-            (
-                Motions(motions.moved_with(i), x1, bodies).node_paths(),
-                passage.ALL,
-                of_segments == body,
-            )
-            for i, body in enumerate(motions.labels)
+            (carry(frame, paths.seen_from(frame)), passage.ALL, of_segments == body)
+            for frame, body in zip(frames, motions.labels)
         ]
     lengths, count = np.hypot(*(x1[segments[:, 1]] - x1[segments[:, 0]]).T), 0
     for along, which, marked in looks:

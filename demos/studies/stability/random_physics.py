@@ -10,6 +10,7 @@ moving          two blocks that collide in flight: momentum, energy; a bar on a 
 memory          a column on a turned plane: wear, soft layer, cohesive zone, Stribeck,
                 rate and state
 itself          C-rings closed by found and by chosen sides; folding honeycombs
+turning         obstacles that turn by up to 8 radian in a step: sampled motion
 ==============  ============================================================================
 
 Each draw returns the drawn values as text, and a function that solves the scene and returns the
@@ -30,12 +31,14 @@ from demos.studies.stability.random_itself import draw_itself
 from demos.studies.stability.random_memory import draw_memory
 from demos.studies.stability.random_moving import draw_moving
 from demos.studies.stability.random_revolved import draw_revolved
+from demos.studies.stability.random_turning import draw_turning
 
 DRAWS: dict[str, Callable[[np.random.Generator], tuple[dict[str, Any], Callable[[], Any]]]] = {
     "revolved": draw_revolved,
     "moving": draw_moving,
     "memory": draw_memory,
     "itself": draw_itself,
+    "turning": draw_turning,
 }
 
 

@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: MIT
+"""Passages in a step: nodes through bodies and obstacles, points of obstacles through bodies.
+
+Paths lead from the last accepted state to the present one, including rigid moves before the solve.
+In frames that do not turn they are straight. Since straight paths would shrink a rotating body,
+those past a rotating body or obstacle are computed in its frame, in sections so short that their
+sagittas are negligible; see ``node_paths``.
+
+A path passes through a body if the outward normals at entry and exit are opposed. It slides along
+the body if exit and entry coincide, as for chords of a curve, if the outline between them is within
+a facet of the path, as at a tip, or if the path between them is near the surface, as that of a node
+on a wheel that turns. Paths that end deep inside another body are reported as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.interface.outline import Outline
+from fenics_mortar.kernels.passage import (
+    ALL,
+    OPPOSED,
+    OTHERS,
+    OWN,
+    depths_inside,
+    find_events,
+    find_passages,
+)
+from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.errors import call_together, format_point
+from fenics_mortar.utils.rounding import HALF_FACET
+from fenics_mortar.verify.limits import LIMITS
+from fenics_mortar.verify.node_paths import Alternative, Paths, Rotation, carry, motion_of
+from fenics_mortar.verify.outline_names import OutlineNames
+from fenics_mortar.verify.through_obstacles import in_space, own_frame, passed_through
+
+# Number of points inside a body up to which a path along its surface is not recognized.
+FEW_POINTS = 2
+ADVICE = "since the last accepted state: take smaller steps"
+UNKNOWN = "the ends of the step do not tell how bodies turned in between"
+# Alternatives to the motions of bodies that turn far, as text.
+ALTERNATIVES: dict[Alternative, str] = {
+    "sense": "the other way round", "centre": "about another centre",
+}  # fmt: skip
+# Positions of the nodes (n, 2) to overlaps of the nodes that contacts admit, (n,) [length].
+AllowedOverlaps = Callable[[Array], Array]
+
+
+class StepEnds(NamedTuple):
+    """Start and end of a step.
+
+    Attributes:
+        x0: Positions of the outlines' nodes at the start, shape (n, 2) [length].
+        x1: Positions at the end, shape (n, 2) [length].
+        prescribed: Whether both components of a node are prescribed, shape (n,), bool.
+        before: Places of the obstacles at the start, (obstacles, 3) [length, length, radian].
+        after: Places at the end, shape (obstacles, 3).
+    """
+
+    x0: Array
+    x1: Array
+    prescribed: Flags
+    before: Array
+    after: Array
+
+
+class Passages:
+    """Detection of passages; all methods are collective.
+
+    Args:
+        outline: The outlines of the bodies.
+        contacts: All pairs.
+        slaves: Numbers of the slave nodes of each pair in the outlines.
+        names: Names of segments, nodes and bodies.
+        excused: Overlaps of bodies in the mesh [facets], inf for pairs without messages.
+    """
+
+    def __init__(
+        self,
+        outline: Outline,
+        contacts: Sequence[Contact | Tie],
+        slaves: Sequence[Indices],
+        names: OutlineNames,
+        excused: dict[tuple[int, int], float],
+    ) -> None:
+        self.outline, self._names, self._excused = outline, names, excused
+        self._links, self._segment_bodies = outline.neighbours(), outline.segment_bodies
+        self._obstacles: list[Obstacle] = list(
+            dict.fromkeys(c.obstacle for c in contacts if c.obstacle is not None)
+        )
+        self._on_obstacles = [
+            (c, slave)
+            for c, slave in zip(contacts, slaves, strict=True)
+            if isinstance(c, Contact) and c.obstacle is not None
+        ]
+
+    def find(self, ends: StepEnds, allowed: AllowedOverlaps) -> tuple[list[str], list[str]]:
+        """Messages on passages; if there are none, on those by alternative motions of bodies.
+
+        Passages that an alternative motion avoids are reported with this condition.
+
+        Args:
+            ends: Positions at both ends of the step.
+            allowed: Function of the overlaps admitted at the end.
+        """
+        still = np.array_equal(ends.before, ends.after) and np.array_equal(ends.x0, ends.x1)
+        if still or not len(ends.x0):
+            return [], []
+        paths = self._paths(ends, "")
+        found, possible = self._on(paths, ends, allowed), list[str]()
+        for other, motion in ALTERNATIVES.items() if paths.may_differ else ():
+            messages = self._on(self._paths(ends, other), ends, allowed)
+            if found and not messages:
+                found = [f"{message}, unless a body turned {motion}" for message in found]
+            elif not found:
+                possible += [f"{UNKNOWN}: if a body turned {motion}, {text}" for text in messages]
+        return found, possible
+
+    def _paths(self, ends: StepEnds, other: Alternative) -> Paths:
+        """The paths of all nodes, with an alternative motion of bodies."""
+        resolution = LIMITS.coarse_distance * float(self.outline.lengths(ends.x1).min())
+        places = zip(self._obstacles, ends.before, ends.after, strict=True)
+        motions = [motion_of(*each) for each in places]
+        of_nodes = ends.x0, ends.x1, self.outline.bodies, ends.prescribed
+        return Paths(*of_nodes, motions, resolution, other=other)
+
+    def _on(self, paths: Paths, ends: StepEnds, allowed: AllowedOverlaps) -> list[str]:
+        """Messages on passages on given paths."""
+        found, motions = list[str](), paths.motions
+        if np.array_equal(ends.x0, ends.x1):
+            pass
+        elif motions.are_small:
+            found += self._through_bodies(np.array(ends[:2]), OTHERS, allowed)
+            own = np.array([motions.moved_with_own_body(), ends.x1])
+            found += self._through_bodies(own, OWN, allowed)
+        else:
+            for i, body in enumerate(motions.labels):
+                frame = paths.frame_of(i)
+                along = carry(frame, paths.seen_from(frame))
+                marked = self._segment_bodies == body
+                found += self._through_bodies(along, ALL, allowed, marked)
+        for number, obstacle in enumerate(self._obstacles):
+            places = ends.before[number], ends.after[number]
+            found += self._at_obstacle(obstacle, places, paths, ends.x1)
+        return found
+
+    # Through bodies
+
+    def _through_bodies(
+        self, along: Array, which: int, allowed: AllowedOverlaps, marked: Flags | None = None
+    ) -> list[str]:
+        """Messages on paths ``along`` (m + 1, n, 2) through marked segments (m,), bool.
+
+        ``which``: see ``find_events``.
+        """
+        rows = self._rows(along, self.outline.bodies, which, marked)
+        return self._messages(rows, along[-1], allowed) if len(rows) else []
+
+    def _rows(self, along: Array, node_bodies: Indices, which: int, marked: Flags | None) -> Array:
+        """Rows of ``find_passages`` of nodes on paths ``along`` (m + 1, n, 2)."""
+        o, bodies, events = self.outline, self._segment_bodies, []
+        at = np.arange(len(bodies)) if marked is None else np.flatnonzero(marked)
+        for k, (start, end) in enumerate(pairwise(along)):
+            rows = find_events(start, end, o.segments[at], bodies[at], node_bodies, which)
+            rows[:, 1], rows[:, 2] = at[rows[:, 1].astype(np.int64)], rows[:, 2] + k
+            events.append(rows)
+        every = np.concatenate(events)
+        every = every[np.lexsort((every[:, 2], bodies[every[:, 1].astype(np.int64)], every[:, 0]))]
+        if not len(every):
+            return np.empty((0, 4))
+        lengths, ends = o.lengths(along[-1]), (along[0], along[-1])
+        rows = find_passages(*ends, o.segments, *self._links, lengths, bodies, every)
+        return rows[[row[2] < 0.0 or self._crosses(row, along, lengths) for row in rows]]
+
+    def _crosses(self, row: Array, along: Array, lengths: Array) -> bool:
+        """Whether a path through a body leads through its inside, not along its surface.
+
+        Args:
+            row: Row of ``find_passages``.
+            along: Paths of the nodes, the last positions as those of the body, (m + 1, n, 2).
+            lengths: Facet lengths of the segments, shape (segments,) [length].
+        """
+        node, entry, x = int(row[0]), int(row[1]), along[-1]
+        knots, spacing = along[:, node], LIMITS.coarse_distance * lengths[entry]
+        sizes = np.hypot(*np.diff(knots, axis=0).T)
+        far = np.concatenate([[0.0], np.cumsum(sizes)])
+        count = int(min(np.ceil(far[-1] / spacing), LIMITS.max_points))
+        at = np.linspace(0.0, far[-1], count + 1)
+        points = np.stack([np.interp(at, far, column) for column in knots.T], axis=1)
+        segments, body = self.outline.segments, self._segment_bodies[entry]
+        depths, nearest = depths_inside(x, segments, self._segment_bodies, body, points).T
+        inside = np.flatnonzero(depths > 0.0)
+        if inside.size <= FEW_POINTS:
+            return True
+        tangents = np.diff(x[segments[nearest[inside].astype(np.int64)]], axis=1)[:, 0]
+        tangents /= np.hypot(*tangents.T)[:, None]
+        flips = ((tangents[1:] * tangents[:-1]).sum(axis=1) < OPPOSED)[np.diff(inside) == 1]
+        chord = np.hypot(*(points[inside] - points[inside[0]]).T).max()
+        least = min(HALF_FACET * lengths[entry], LIMITS.deep * chord)
+        return bool(flips.any() or depths.max() > least)
+
+    def _messages(self, rows: Array, x1: Array, allowed: AllowedOverlaps) -> list[str]:
+        """Messages on rows of ``find_passages``, one for each pair of bodies."""
+        lengths, messages = self.outline.lengths(x1), list[str]()
+        node, entry, leaves = (rows[:, k].astype(np.int64) for k in range(3))
+        through, depth = leaves >= 0, rows[:, 3]
+        pairs = np.stack([self.outline.bodies[node], self._segment_bodies[entry]], axis=1)
+        inside = ~through & (pairs[:, 0] != pairs[:, 1])
+        inside &= depth - allowed(x1)[node] > HALF_FACET * lengths[entry]
+        for marked, ends_inside in ((through, False), (inside, True)):
+            for pair in np.unique(pairs[marked], axis=0) if marked.any() else ():
+                if self._excused.get((int(pair.min()), int(pair.max()))) == np.inf:
+                    continue
+                mine = np.flatnonzero(marked & (pairs == pair).all(axis=1))
+                first = mine[np.argmax(depth[mine])]
+                who = f"{mine.size} nodes of {self._names.node(int(node[first]))}"
+                where = x1[node[first]]
+                messages.append(self._message(who, rows[first], where, ends_inside=ends_inside))
+        return messages
+
+    def _message(self, who: str, row: Array, where: Array, *, ends_inside: bool = False) -> str:
+        """Message on a row of ``find_passages`` of a node that ends at ``where`` (2,)."""
+        entry, leaves = int(row[1]), int(row[2])
+        body, at = self._names.body(int(self._segment_bodies[entry])), format_point(where)
+        if ends_inside:
+            how = f"into {body}, and one at {at} ended {row[3]:.3g} below its surface"
+        else:
+            enters, exits = self._names.segment(entry), self._names.segment(leaves)
+            how = (
+                f"through {body}, entering at {enters} and leaving at {exits}, and "
+                f"one at {at} ended {row[3]:.3g} from the facet of entry"
+            )
+        return f"{who} went {how}, {ADVICE}"
+
+    # Obstacles
+
+    def _at_obstacle(
+        self, obstacle: Obstacle, places: tuple[Array, Array], paths: Paths, x1: Array
+    ) -> list[str]:
+        """Messages on an obstacle between two places (3,): nodes through it, its points."""
+        motion = motion_of(obstacle, *places)
+        pairs = [pair for pair in self._on_obstacles if pair[0].obstacle is obstacle]
+        along = paths.seen_from([motion])
+        along = own_frame(obstacle, along.reshape(-1, 2), places[0]).reshape(along.shape)
+        messages = []
+        for contact, there in pairs:
+            given = along[:, there], contact.now.offset, contact.slave.nodal_lengths
+            depth = call_together(
+                self.outline.comm,
+                f"the distance of '{obstacle.name}'",
+                partial(passed_through, obstacle, *given),
+            )
+            through = np.flatnonzero(depth > 0.0)
+            if through.size:
+                first = through[np.argmax(depth[through])]
+                messages.append(
+                    f"{through.size} nodes of '{contact.slave.name}' went through obstacle "
+                    f"'{obstacle.name}', and one at {format_point(x1[there[first]])} ended "
+                    f"{depth[first]:.3g} beyond its surface, {ADVICE}"
+                )
+        bodies = np.unique(self.outline.bodies[np.concatenate([there for _, there in pairs])])
+        points = in_space(obstacle, obstacle.salient_points(), places[0])
+        for body in bodies if len(points) else ():
+            rows = self._rows_of_points(paths, int(body), motion, points)
+            if len(rows):
+                first = rows[np.argmax(rows[:, 3])]
+                where = motion.carry(points, 1.0)[int(first[0])]
+                who = f"{len(rows)} points of obstacle '{obstacle.name}'"
+                messages.append(self._message(who, first, where))
+        return messages
+
+    def _rows_of_points(self, paths: Paths, body: int, motion: Rotation, points: Array) -> Array:
+        """Rows of ``find_passages`` of points of an obstacle that went through a body.
+
+        A narrow obstacle may pass between the nodes of a body. A row begins with the number of a
+        point.
+        """
+        o, label = self.outline, int(np.searchsorted(paths.motions.labels, body))
+        of_points, of_nodes = paths.points_seen_from(label, motion, points)
+        mine = of_nodes[:, o.bodies == body].reshape(-1, 2)
+        above = of_points.max(axis=0) > mine.min(axis=0)
+        below = of_points.min(axis=0) < mine.max(axis=0)
+        near = np.flatnonzero((above & below).all(axis=1))
+        if not near.size:
+            return np.empty((0, 4))
+        along = np.concatenate([of_nodes, of_points[:, near]], axis=1)
+        # nodes count as nodes of the body, which are not searched in its segments
+        node_bodies = np.concatenate([np.full(len(o.X), body), np.full(near.size, -1)])
+        rows = self._rows(along, node_bodies, OTHERS, self._segment_bodies == body)
+        rows = rows[rows[:, 2] >= 0.0]
+        rows[:, 0] = near[rows[:, 0].astype(np.int64) - len(o.X)]
+        return rows
