@@ -105,7 +105,8 @@ def _describe_if_narrow(contact: Contact, nodes: Indices, facets: tuple[Array, A
     if sharp[nodes].any() or _is_point_support(contact, nodes, float(facets[0][nodes].max())):
         return ""
     copies = 2 if on_plane[nodes].any() else 1
-    count = copies * (nodes.size - 1) + 1
+    active = int(contact.active[nodes].sum())
+    count = copies * (active - 1) + 1
     width = copies * float(slave.nodal_lengths[nodes].sum())
     own, opposite = (float(lengths[nodes].max()) for lengths in facets)
     is_narrow = count < LIMITS.fewest_nodes or width < own
@@ -119,9 +120,8 @@ def _describe_if_narrow(contact: Contact, nodes: Indices, facets: tuple[Array, A
     names = [slave.name] if is_narrow else []
     names += [contact.master.name] if opposite > 0.0 and contact.master is not slave else []
     sides = " and ".join(f"'{name}'" for name in names)
-    active = f"{nodes.size} active node{'s' * (nodes.size > 1)}"
     return (
-        f"{active} at {format_point(o.x[nodes].mean(axis=0))}, {width:.3g} wide "
+        f"{active} active node{'s' * (active > 1)} at {format_point(o.x[nodes].mean(axis=0))}, {width:.3g} wide "
         f"on facets of {max(own, opposite):.3g}: their resultant is known, but pressure and "
         f"approach are not; refine {sides} there to facets of {width / FACETS_OVER_WIDTH:.2g}, "
         f"{FACETS_OVER_WIDTH} over the width"
