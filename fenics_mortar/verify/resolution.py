@@ -120,8 +120,9 @@ def _describe_if_narrow(contact: Contact, nodes: Indices, facets: tuple[Array, A
     names = [slave.name] if is_narrow else []
     names += [contact.master.name] if opposite > 0.0 and contact.master is not slave else []
     sides = " and ".join(f"'{name}'" for name in names)
+    many, where = "s" if active > 1 else "", format_point(o.x[nodes].mean(axis=0))
     return (
-        f"{active} active node{'s' * (active > 1)} at {format_point(o.x[nodes].mean(axis=0))}, {width:.3g} wide "
+        f"{active} active node{many} at {where}, {width:.3g} wide "
         f"on facets of {max(own, opposite):.3g}: their resultant is known, but pressure and "
         f"approach are not; refine {sides} there to facets of {width / FACETS_OVER_WIDTH:.2g}, "
         f"{FACETS_OVER_WIDTH} over the width"
