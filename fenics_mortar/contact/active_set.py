@@ -15,7 +15,7 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, int]:
     """Active set and branches by the complementarity function (local).
 
     Nodes in ``state.force_decided`` take the multipliers of their forces, open nodes those of the
-    law.
+    law. Nodes of idle bodies are open.
 
     Args:
         f: Fields of the present state.
@@ -35,9 +35,10 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, int]:
         z = np.where(presses[:, None], force / np.where(presses, o.weight, 1.0)[:, None], z)
     if z is not state.z:
         f = f.after(state.replaced(z=z, force_decided=None))
+    may_close = f.covered & ~f.interface.set_aside
     law, active, new = f.interface.pair.law, np.empty(len(o.n), bool), np.empty((len(o.n), 2))
     resets, moves = complementarity.update_sets(
-        f.covered_gap, f.covered, f.z_n, f.state.z, o.n, f.adhesion[0], f.attracted,
+        f.covered_gap, may_close, f.z_n, f.state.z, o.n, f.adhesion[0], f.attracted,
         bool(law.bridges_gap), float(state.c_n), f.interface.modulus, f.interface.foundation,
         f.nodal_lengths, KINK if start else -np.inf, o.x, LAST_DIGITS, before.active, active, new,
     )  # fmt: skip

@@ -80,6 +80,8 @@ class Contact(Interface):
             shape (slave nodes,), bool.
         plane_normals: Normals of slave nodes on symmetry planes, nan elsewhere, (slave nodes, 2).
         master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, 2).
+        set_aside: Nodes of bodies that are set aside in a solve, see ``rigid.idle``, shape (slave
+            nodes,), bool.
         offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length]. May be set.
     """
 
@@ -134,6 +136,7 @@ class Contact(Interface):
             self.slave = self.master = in_contact_with_itself(self.slave, self.may_carry)
         if not self.may_carry.any():
             raise SurfaceError(f"all nodes of slave surface '{pair.slave_name}' are prescribed")
+        self.set_aside: Flags = np.zeros(self.slave.num_nodes, bool)
         self.arm = self.slave.extent
         on_surface = self.obstacle is None
         radius = min(self.slave.extent, self.master.extent) if on_surface else np.inf

@@ -34,6 +34,7 @@ class ContactInterface(InterfaceConstants, Protocol):
     parameters: dict[str, Array]
     follows_law: Flags
     plane_normals: Array
+    set_aside: Flags
 
 
 class Gaps(NamedTuple):

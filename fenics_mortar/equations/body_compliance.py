@@ -42,8 +42,7 @@ class BodyCompliance:
             weak = RIGID.weakest_spring * body.stiffest / body.num_nodes
             springs[dofs] = each
             rigid = np.zeros((len(body.motions), bulk.num_owned))
-            x = bulk.positions()[: bulk.space.num_nodes][mine]
-            rigid[:, dofs.ravel()] = body.displacement(x).reshape(len(rigid), -1)
+            rigid[:, dofs.ravel()] = floating.motions(body)[1]
             products = bulk.comm.allreduce(rigid @ rigid.T)
             motions.append(np.linalg.solve(np.linalg.cholesky(products), rigid))
             added.append(np.full(len(rigid), 1.0 / weak - 1.0 / each))

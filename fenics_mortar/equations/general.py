@@ -40,6 +40,7 @@ from fenics_mortar.newton.loop import Status, Step, forcing
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
+from fenics_mortar.rigid.idle import IdleBodies
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import together
@@ -64,6 +65,7 @@ class ContactEquations:
         contacts: The bound pairs.
         motions: The obstacles of the contacts.
         floating: Bodies that Dirichlet conditions leave free to move rigidly.
+        idle: Those of them that no force acts on.
         residual: Residual of the last evaluated state, and its forces.
         remedies: Remedies if active sets cycle or bodies do not come to rest.
         springs: Anchored springs on bodies and obstacles if Newton's method fails.
@@ -96,6 +98,7 @@ class ContactEquations:
         self._redundancy = Redundancy(contacts)
         self.bulk.assemble_tangent()
         self.floating = FloatingBodies(bulk, contacts)
+        self.idle = IdleBodies(self.floating)
         self._set_stiffness()
         self.floating.find()
         self.crossings = Crossings(bulk, contacts, self.floating)
@@ -139,9 +142,10 @@ class ContactEquations:
         if start and self.evaluated is not None:
             (_, status), self.evaluated = self.evaluated, None
             return status
+        if not start:
+            self.idle.place(self.evaluate_operators)
         self.bulk.assemble_residual()
-        if self.floating.bodies:
-            self.floating.add_spring_forces()
+        self.floating.add_spring_forces()
         return self.evaluate_without_bulk(start=start)
 
     def evaluate_without_bulk(self, *, start: bool) -> Status:
@@ -157,7 +161,10 @@ class ContactEquations:
             self.residual.begin()
             for contact in self.contacts:
                 contact.begin()
+            self.idle.begin()
         changed = self.evaluate_contacts(start=start)
+        if not start and self.idle.review():
+            changed += 1 + self.evaluate_contacts(start=False)
         residual = self.residual.measure()
         self._set_record.record(residual, changed)
         num_active, sets = 0, b""
@@ -194,7 +201,7 @@ class ContactEquations:
         return bulk, contact
 
     def seconds(self) -> dict[str, float]:
-        """Seconds since the last call by phase, see ``clock``; maximum over ranks."""
+        """Seconds since the last call by phase; maximum over ranks."""
         return clock.slowest(self.comm)
 
     def diagnose(self) -> str:

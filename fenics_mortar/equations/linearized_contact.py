@@ -322,7 +322,8 @@ def _may_touch(contact: Contact) -> Flags:
     """Active nodes and nodes with a gap below their nodal length, (slave nodes,), bool."""
     gap = np.where(contact.covered, np.nan_to_num(contact.gap), np.inf)
     pressed = contact.covered & (contact.partners.pressure > 0.0)
-    return contact.active | pressed | (gap <= contact.slave.nodal_lengths)
+    touches = contact.active | pressed | (gap <= contact.slave.nodal_lengths)
+    return touches & ~contact.set_aside
 
 
 def _columns(matrix: PETSc.Mat, used: Indices) -> Array:

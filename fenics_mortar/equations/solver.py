@@ -106,17 +106,20 @@ class Solver:
         try:
             e.motions.follow(e.evaluate_operators)
             moved = e.motions.settle(partial(e.evaluate_contacts, start=True))
-            moved += e.floating.settle(e.evaluate_forces)
+            moved += e.floating.settle(partial(e.idle.evaluate, e.evaluate_forces), e.idle.give_way)
             e.springs.remove_springs()
             if moved:
                 self._accept_moved()
+            e.idle.find(e.evaluate_forces)
             report = self._solve()
-            moved += e.floating.check()
+            moved += e.floating.check(e.idle.reach())
+            moved += e.idle.end()
             instants = instants_of(e.comm, e.contacts)
         except Exception:  # of any type, equal on all ranks
             e.last_converged = False
             e.crossings.leave()
             e.springs.remove_springs()
+            e.idle.end()
             raise
         e.last_converged = True
         accepted = [(c.accepted_partners, c.state.accepted_instant) for c in e.contacts]

@@ -22,10 +22,11 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
-from fenics_mortar.utils.rounding import SUM_ROUNDING
+from fenics_mortar.utils.rounding import ROUNDING, SUM_ROUNDING
 
 
 class BodyMotions:
@@ -39,7 +40,9 @@ class BodyMotions:
         bulk: The bodies.
         contacts: The contacts without ties.
         labels: Body of each local node, including ghosts, (local nodes,); tied bodies are one.
+        num_bodies: Number of bodies.
         bodies: The floating bodies, after ``find``.
+        aside: Labels of idle bodies that are set aside at present, see ``idle``.
     """
 
     def __init__(self, bulk: Bulk, contacts: Sequence[Contact | Tie]) -> None:
@@ -50,10 +53,11 @@ class BodyMotions:
         self.labels, count = label_bodies(bulk.V)
         ties = [tie for tie in contacts if isinstance(tie, Tie)]
         links = [self._links(tie) for tie in ties]
-        self.labels, self._num_bodies = join_bodies(self.labels, count, links)
+        self.labels, self.num_bodies = join_bodies(self.labels, count, links)
         self._surface_labels.clear()  # these labels do not include joining by ties
         self._periodic = [tie for tie in ties if tie.pair.translation.any()]
         self.bodies: list[FloatingBody] = []
+        self.aside: set[int] = set()
 
     def _links(self, tie: Tie) -> Indices:
         """Pairs of bodies joined by a tie, shape (n, 2)."""
@@ -65,7 +69,7 @@ class BodyMotions:
         """Find floating bodies from the assembled ``K``; with inertia no body floats."""
         self.bodies = []
         if self.bulk.inertia is None:
-            self.bodies = find_floating_bodies(self.bulk, self.labels, self._num_bodies)
+            self.bodies = find_floating_bodies(self.bulk, self.labels, self.num_bodies)
         for tie in self._periodic:
             label, translation = int(self.labels_of(tie.slave)[0]), tie.pair.translation
             self.bodies = [
@@ -93,8 +97,12 @@ class BodyMotions:
         return self.labels[: self.bulk.space.num_nodes] == body.label
 
     def motions(self, body: FloatingBody) -> tuple[Indices, Array]:
-        """Dofs of a body's owned nodes (nodes, 2), its motions there (motions, 2 nodes) [1]."""
-        x = self.bulk.positions()[: self.bulk.space.num_nodes][self._nodes_of(body)]
+        """Dofs of a body's owned nodes (nodes, 2), its motions there (motions, 2 nodes) [1].
+
+        Forces of a linear bulk have no moment in the undeformed configuration.
+        """
+        x = self.bulk.cells.X if self.bulk.is_linear else self.bulk.positions()
+        x = x[: self.bulk.space.num_nodes][self._nodes_of(body)]
         return self.dofs_of(body), body.displacement(x).reshape(len(body.motions), -1)
 
     def shortest_facet(self) -> float:
@@ -112,7 +120,7 @@ class BodyMotions:
     # Motions
 
     def move(self, body: FloatingBody, coefficients: Array) -> None:
-        """Add a rigid motion with a finite rotation, which causes no strain.
+        """Add a rigid motion without strain; its rotation is finite unless the bulk is linear.
 
         Args:
             body: The body.
@@ -123,6 +131,8 @@ class BodyMotions:
         mine = np.flatnonzero(self.labels == body.label)
         arm = self.bulk.positions()[mine] - body.centre
         cosine, sine = np.cos(angle) - 1.0, np.sin(angle)
+        if self.bulk.is_linear:
+            arm, cosine, sine = self.bulk.cells.X[mine] - body.centre, 0.0, angle
         rotation = np.array([[cosine, -sine], [sine, cosine]])  # less the identity
         self.bulk.u.x.array[self.bulk.space.dofs[mine]] += arm @ rotation.T + np.array([x, y])
 
@@ -170,11 +180,24 @@ class BodyMotions:
         )
 
     def is_loaded(self, body: FloatingBody) -> bool:
-        """Whether any contact force acts on a body."""
+        """Whether a contact force acts on a body that is not rounding of those in the assembly."""
+        largest = max((float(np.abs(c.z).max(initial=0.0)) for c in self.contacts), default=0.0)
         return any(
-            (np.abs(c.pressure) > SUM_ROUNDING * c.modulus)[self.at_body(c, body)].any()
+            (np.abs(c.z).max(axis=1) > np.maximum(SUM_ROUNDING * c.modulus, ROUNDING * largest))[
+                self.at_body(c, body)
+            ].any()
             for c in self.contacts
         )
+
+    def rounding(self, body: FloatingBody, force: float) -> float:
+        """Rounding of the resultant on a body [stress length].
+
+        Args:
+            body: The body.
+            force: Size of all forces of the assembly [stress length].
+        """
+        largest = max(body.size, self.bulk.largest(self.bulk.values))
+        return SUM_ROUNDING * force + RIGID.stiffness_rounding * body.stiffest * largest
 
     # Names
 

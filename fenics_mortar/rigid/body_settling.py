@@ -51,15 +51,23 @@ class BodySettling:
         self._bodies = bodies
         self._unloaded: list[FloatingBody] = []
         self._start: Array = bodies.bulk.u.x.array
+        self._give_way: Callable[[Moves], Moves] = list
         self.touched: list[Flags] = []
         self.moved: list[FloatingBody] = []
 
-    def settle(self, evaluate: Callable[[], tuple[Array, Array]], min_drive: float) -> list[str]:
+    def settle(
+        self,
+        evaluate: Callable[[], tuple[Array, Array]],
+        give_way: Callable[[Moves], Moves],
+        min_drive: float,
+    ) -> list[str]:
         """Move the bodies that contact cannot support rigidly until it can.
 
         Args:
             evaluate: Function that evaluates the contacts at the present state and returns the
                 forces of the bulk and of contact, shape (owned dofs,) each [stress length].
+            give_way: Function that shortens moves until idle bodies can give way, and adds their
+                moves.
             min_drive: Smallest resultant that moves a body, over the forces on it [1].
 
         Returns:
@@ -68,7 +76,7 @@ class BodySettling:
         Raises:
             NotConvergedError: On all ranks, if no contact stops a body.
         """
-        bodies = self._bodies
+        bodies, self._give_way = self._bodies, give_way
         self._unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
         moved, creeping, extent = dict[int, float](), 0, bodies.extent()
         for number in range(RIGID.max_moves):
@@ -96,8 +104,11 @@ class BodySettling:
         )
         raise NotConvergedError(message, NewtonReport(reason=message))
 
-    def check(self) -> list[str]:
+    def check(self, reach: float) -> list[str]:
         """Check bodies without contact force before and after the solve.
+
+        Args:
+            reach: Largest motion of a body set aside that gives way to deformation [length].
 
         Returns:
             A sentence for each body that was pushed towards a surface that may stop it.
@@ -109,7 +120,8 @@ class BodySettling:
         for body in self._unloaded:
             change = (bodies.bulk.u.x.array - self._start)[: bodies.bulk.num_owned]
             motion = bodies.rigid_fraction(body, change)
-            is_at_rest = np.linalg.norm(motion) <= SOLVED * body.size
+            distance, idle = float(np.linalg.norm(motion)), body.label in bodies.aside
+            is_at_rest = distance <= SOLVED * body.size or (idle and distance <= reach)
             if is_at_rest or bodies.is_loaded(body):
                 continue
             name = bodies.name_of(body.label)
@@ -129,16 +141,18 @@ class BodySettling:
         bodies = self._bodies
         desired = np.concatenate([RIGID.largest_move * body.size * drive for body, drive in driven])
         rates = [
-            np.vstack([closing(bodies, c, body) for body, _ in driven]).T for c in bodies.contacts
+            np.where(
+                c.set_aside[:, None],
+                0.0,
+                np.vstack([closing(bodies, c, body) for body, _ in driven]).T,
+            )
+            for c in bodies.contacts
         ]
         move = closest_move(desired, rates, bodies.contacts)
-        moves = np.split(move, np.cumsum([len(body.motions) for body, _ in driven])[:-1])
+        ends = np.cumsum([len(body.motions) for body, _ in driven])[:-1]
+        moves = [(body, m) for (body, _), m in zip(driven, np.split(move, ends), strict=True)]
         shortest = RIGID.overlap**2 * bodies.shortest_facet()
-        return [
-            (body, move)
-            for (body, _), move in zip(driven, moves, strict=True)
-            if np.linalg.norm(move) > shortest
-        ]
+        return [(body, m) for body, m in self._give_way(moves) if np.linalg.norm(m) > shortest]
 
     def _driven(self, bulk: Array, contact: Array, min_drive: float, *, begun: bool) -> Moves:
         """Bodies driven by loads and not supported by contact, with unit directions.
@@ -163,7 +177,7 @@ class BodySettling:
         else:
             judged = set() if begun else labels
         if driven and judged:
-            unsupported = self._unsupported(bulk) | {body.label for body in bodies.bodies} - judged
+            unsupported = self.unsupported(bulk) | {body.label for body in bodies.bodies} - judged
             driven = [(body, drive) for body, drive in driven if body.label in unsupported]
         return driven
 
@@ -171,11 +185,13 @@ class BodySettling:
         """Unit direction of the resultant on a body; zero if the resultant is negligible."""
         bodies = self._bodies
         drive = bodies.resultant(body, total)
-        size = bodies.bulk.comm.allreduce(float(sizes[bodies.dofs_of(body)].sum()))
+        mine = float(sizes[bodies.dofs_of(body)].sum())
+        size, force = bodies.bulk.comm.allreduce(np.array([mine, sizes.sum()]))
+        least = max(min_drive * size, bodies.rounding(body, float(force)))
         norm = float(np.linalg.norm(drive))
-        return drive / norm if norm > min_drive * size else np.zeros(len(drive))
+        return drive / norm if norm > least else np.zeros(len(drive))
 
-    def _unsupported(self, bulk: Array) -> set[int]:
+    def unsupported(self, bulk: Array) -> set[int]:
         """Labels of the bodies that no admissible contact forces can support.
 
         Args:
@@ -219,7 +235,9 @@ class BodySettling:
     def _has_left(self, body: FloatingBody, move: Array) -> bool:
         """Whether no surface of another body is ahead of a moving body (collective)."""
         bodies = self._bodies
-        return not any(is_ahead(bodies, c, body, move) for c in bodies.contacts_of(body))
+        return not any(
+            is_ahead(bodies, c, body, move, idle=False) for c in bodies.contacts_of(body)
+        )
 
     def _creeps(self, moves: Moves) -> bool:
         """Whether all moves are shorter than the admitted overlap."""
@@ -232,8 +250,9 @@ def _touches(contact: Contact) -> Flags:
 
     Open nodes with adhesion do not: their forces are loads.
     """
-    on = contact.active
-    return on | (nearly_touching(contact) & ~contact.z.any(axis=1)) if on.any() else on
+    on = contact.active & ~contact.set_aside
+    near = nearly_touching(contact) & ~contact.z.any(axis=1) & ~contact.set_aside
+    return on | near if on.any() else on
 
 
 def _length(body: FloatingBody, move: Array) -> float:

@@ -18,7 +18,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.rigid.body_motions import BodyMotions
-from fenics_mortar.rigid.body_settling import BodySettling
+from fenics_mortar.rigid.body_settling import BodySettling, Moves
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.responses import loose_bodies
 from fenics_mortar.rigid.springs import (
@@ -29,7 +29,7 @@ from fenics_mortar.rigid.springs import (
     tangent_stiffness,
 )
 from fenics_mortar.utils.arrays import Array, Flags
-from fenics_mortar.utils.rounding import SOLVED, SUM_ROUNDING
+from fenics_mortar.utils.rounding import SOLVED
 
 
 class FloatingBodies(BodyMotions):
@@ -41,12 +41,13 @@ class FloatingBodies(BodyMotions):
 
     Attributes:
         springs: Anchored springs at the owned dofs, or ``None``.
+        settling: Rigid moves before a solve.
     """
 
     def __init__(self, bulk: Bulk, contacts: Sequence[Contact | Tie]) -> None:
         super().__init__(bulk, contacts)
         self.springs: Springs | None = None
-        self._settling = BodySettling(self)
+        self.settling = BodySettling(self)
 
     @property
     def supported_by_contact(self) -> bool:
@@ -59,26 +60,29 @@ class FloatingBodies(BodyMotions):
 
     # Before and after a solve
 
-    def settle(self, evaluate: Callable[[], tuple[Array, Array]]) -> list[str]:
+    def settle(
+        self, evaluate: Callable[[], tuple[Array, Array]], give_way: Callable[[Moves], Moves] = list
+    ) -> list[str]:
         """Move the bodies that contact cannot support until it can; see ``body_settling``."""
-        self._settling.moved = []
+        self.settling.moved = []
         if not self.bodies:
             return []
-        return self._settling.settle(evaluate, RIGID.negligible if self.anchored else SOLVED)
+        min_drive = RIGID.negligible if self.anchored else SOLVED
+        return self.settling.settle(evaluate, give_way, min_drive)
 
     @property
     def touched(self) -> list[Flags]:
         """Active sets of contacts at the start of ``settle``, (slave nodes,) each; no ties."""
-        return self._settling.touched
+        return self.settling.touched
 
     @property
     def moved(self) -> list[FloatingBody]:
         """The bodies that the last ``settle`` moved rigidly."""
-        return self._settling.moved
+        return self.settling.moved
 
-    def check(self) -> list[str]:
+    def check(self, reach: float) -> list[str]:
         """Check bodies without contact force before and after a solve; see ``body_settling``."""
-        return self._settling.check()
+        return self.settling.check(reach)
 
     # Springs in the tangent
 
@@ -97,15 +101,16 @@ class FloatingBodies(BodyMotions):
             return
         stiffness = {body.label: RIGID.weakest_spring * body.stiffest for body in self.bodies}
         for body in loose:
-            relative = tangent_stiffness(self.resultant(body, total), force)
-            stiffness[body.label] = relative * body.stiffest
+            drive = self.resultant(body, total)
+            if np.linalg.norm(drive) > self.rounding(body, force):
+                stiffness[body.label] = tangent_stiffness(drive, force) * body.stiffest
         springs = self._spread(stiffness) if self.springs is None else self.springs.stiffness
         self.bulk.add_to_diagonal(springs)
 
     def drop_undriven(
         self, loose: Sequence[FloatingBody], step: Array, total: Array, force: float
     ) -> None:
-        """Remove from a step the loose motions that are driven by roundoff only.
+        """Remove from a step the loose motions of idle bodies, and those driven by roundoff only.
 
         Args:
             loose: The result of ``loose``.
@@ -113,17 +118,19 @@ class FloatingBodies(BodyMotions):
             total: Sum of all forces, shape (owned dofs,) [stress length].
             force: Size of all forces [stress length].
         """
-        for body in [] if self.anchored else loose:
+        for body in loose:
+            idle = body.label in self.aside
+            if self.anchored and not idle:
+                continue
             drive = float(np.linalg.norm(self.resultant(body, total)))
-            rounding = RIGID.stiffness_rounding * body.stiffest * body.size
-            if drive <= SUM_ROUNDING * force + rounding:
+            if idle or drive <= self.rounding(body, force):
                 dofs, motions = self.motions(body)
                 excess = self.rigid_fraction(body, step) @ motions
                 step[dofs] -= excess.reshape(-1, 2)
 
     def remark(self, loose: Sequence[FloatingBody]) -> str:
         """Sentence on the tangent springs of loose bodies; "" if there are none."""
-        names = self.names(loose)
+        names = self.names([body for body in loose if body.label not in self.aside])
         return (
             f"a spring in the tangent regularizes {names}, which contact supports only in part"
             if names
@@ -159,30 +166,45 @@ class FloatingBodies(BodyMotions):
         """Whether there are anchored springs."""
         return self.springs is not None
 
+    @property
+    def acting_springs(self) -> Springs | None:
+        """The anchored springs without those of idle bodies, which only regularize the tangent."""
+        springs = self.springs
+        for body in self.bodies:
+            if springs is not None and body.label in self.aside:
+                springs = springs.without(self.dofs_of(body))
+        return springs
+
     def add_spring_forces(self) -> None:
         """Add the forces of anchored springs to the residual."""
-        if self.springs is not None:
-            self.bulk.r.array[: self.bulk.num_owned] += self.springs.forces(self._place())
+        springs = self.acting_springs
+        if springs is not None:
+            self.bulk.r.array[: self.bulk.num_owned] += springs.forces(self._place())
 
     def spring_fractions(self) -> list[tuple[str, float, bool]]:
         """For each anchored body: name, force of springs over contact force, whether it slides."""
-        if self.springs is None:
+        springs = self.acting_springs
+        if springs is None:
             return []
-        forces = self.springs.forces(self._place())
+        forces = springs.forces(self._place())
+        contact = [self.contact_force(body) for body in self.bodies]
+        carried = [float(np.linalg.norm(self.resultant(body, forces))) for body in self.bodies]
+        rounding = [self.rounding(body, sum(contact)) for body in self.bodies]
         return [
             (
                 self.name_of(body.label),
-                over_contact(
-                    float(np.linalg.norm(self.resultant(body, forces))), self.contact_force(body)
-                ),
+                over_contact(by_springs if by_springs > least else 0.0, force),
                 slides([(c, self.at_body(c, body)) for c in self.contacts]),
             )
-            for body in self.bodies
+            for body, by_springs, force, least in zip(
+                self.bodies, carried, contact, rounding, strict=True
+            )
         ]
 
     def spring_energy(self) -> float:
         """Energy of the anchored springs [stress length^2]."""
-        mine = 0.0 if self.springs is None else self.springs.energy(self._place())
+        springs = self.acting_springs
+        mine = 0.0 if springs is None else springs.energy(self._place())
         return self.bulk.comm.allreduce(mine)
 
     def max_motion(self) -> float:
@@ -190,7 +212,8 @@ class FloatingBodies(BodyMotions):
         if self.springs is None:
             return 0.0
         change = self._place() - self.springs.anchor
-        moves = [np.linalg.norm(self.rigid_fraction(body, change)) for body in self.bodies]
+        bodies = [body for body in self.bodies if body.label not in self.aside]
+        moves = [np.linalg.norm(self.rigid_fraction(body, change)) for body in bodies]
         return float(max(moves, default=0.0)) / self.shortest_facet()
 
     def _place(self) -> Array:

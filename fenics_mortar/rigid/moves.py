@@ -9,7 +9,8 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
 def closest_move(
@@ -33,11 +34,13 @@ def closest_move(
     if back is not None:
         slack, rows = [*slack, np.zeros(1)], [*rows, back[None]]
     every = np.concatenate([np.empty(0), *slack])
-    return closest_below(desired, np.concatenate(rows), np.maximum(every, 0.0))
+    found, _ = nearest_below(desired, np.concatenate(rows), np.maximum(every, 0.0))
+    assert found is not None  # zero satisfies all inequalities
+    return found
 
 
-def closest_below(desired: Array, rows: Array, slack: Array) -> Array:
-    """The vector closest to ``desired`` with ``rows @ vector <= slack``, where ``slack >= 0``.
+def nearest_below(desired: Array, rows: Array, slack: Array) -> tuple[Array | None, Flags]:
+    """The vector closest to ``desired`` with ``rows @ vector <= slack`` (local).
 
     A least-distance problem, solved by nonnegative least squares (Lawson & Hanson 1974, ch. 23).
 
@@ -47,16 +50,20 @@ def closest_below(desired: Array, rows: Array, slack: Array) -> Array:
         slack: Shape (m,) [length].
 
     Returns:
-        The vector, shape (n,) [length].
+        The vector, shape (n,) [length], and the rows with a multiplier, shape (m,), bool. ``None``
+        if there is none up to rounding, a million times the excess or size of ``desired`` away:
+        these rows contradict one another.
     """
     excess = rows @ desired - slack
     if not (excess > 0.0).any():
-        return desired
+        return desired, np.zeros(len(rows), bool)
+    scale = max(float(excess.max()), float(np.abs(desired).max()))
     from scipy.optimize import nnls  # imported on first use: a tenth of the package's import time
 
-    system = np.vstack([-rows.T, excess])
+    system = np.vstack([-rows.T, excess / scale])
     target = np.zeros(desired.size + 1)
     target[-1] = 1.0
     multipliers, _ = nnls(system, target)
     *change, last = system @ multipliers - target
-    return desired - np.array(change) / last
+    pressed = multipliers > 0.0
+    return (desired - scale * np.array(change) / last if last < -SUM_ROUNDING else None), pressed

@@ -41,6 +41,10 @@ class RigidOptions:
         recovery: Factor by which a smaller elongation grows after a solve [1]; after a failure it
             shrinks by the cube of this factor.
         max_solves: Largest number of solves with springs.
+        max_readmissions: Number of times that an idle body is squeezed in a solve after which it
+            takes part in contact to the end: Newton's method overestimates forces once or twice.
+        narrowest: Slope of a wedge [1] below which it is squeezed between its neighbours, not out
+            of the way: the smallest friction of dry contact. With more friction, its coefficient.
         max_failures: Number of failures in a row after which the solve fails: the elongation is
             below 1e-4 facets then.
         repeats: Number of solves with springs that remain: contact forces then are as large as
@@ -63,6 +67,8 @@ class RigidOptions:
     elongation: float = 0.25
     recovery: float = 2.0
     max_solves: int = 24
+    max_readmissions: int = 3
+    narrowest: float = 0.1
     max_failures: int = 5
     repeats: int = 3
     sliver: float = 1e-3

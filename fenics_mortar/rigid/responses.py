@@ -33,9 +33,14 @@ def opening(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
     return _responses(bodies, contact, body, opening_rate)
 
 
-def is_ahead(bodies: BodyMotions, contact: Contact, body: FloatingBody, motion: Array) -> bool:
-    """Whether a motion (motions,) of the body closes the gap of a node (collective)."""
-    rates = motion @ closing(bodies, contact, body)
+def is_ahead(
+    bodies: BodyMotions, contact: Contact, body: FloatingBody, motion: Array, *, idle: bool = True
+) -> bool:
+    """Whether a motion (motions,) of the body closes the gap of a node (collective).
+
+    Without ``idle``, nodes of bodies that are set aside do not count.
+    """
+    rates = (motion @ closing(bodies, contact, body))[idle | ~contact.set_aside]
     return bool((rates > RIGID.resisted * np.linalg.norm(motion)).any())
 
 
@@ -86,7 +91,8 @@ def _responses(
     mine = [bodies.labels_of(surface) == body.label for surface, _ in sides]
     if any(side.any() for side in mine):
         on_slave, on_master = (
-            body.displacement(x) * on[:, None] for on, (_, x) in zip(mine, sides, strict=True)
+            body.displacement(side.X if bodies.bulk.is_linear else x) * on[:, None]
+            for on, (side, x) in zip(mine, sides, strict=True)
         )
         for i, motion in enumerate(zip(on_slave, on_master, strict=True)):
             found[i] = response(contact.now, *motion)

@@ -19,7 +19,7 @@ import numpy as np
 from fenics_mortar.bulk.bodies import resistance
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.utils.arrays import Array, Flags, Value
+from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
 from fenics_mortar.utils.rounding import TINY
 
 
@@ -34,6 +34,12 @@ class Springs(Value):
 
     stiffness: Array
     anchor: Array
+
+    def without(self, dofs: Indices) -> Springs:
+        """These springs without those on some dofs (local)."""
+        stiffness = self.stiffness.copy()
+        stiffness[dofs] = 0.0
+        return self.replaced(stiffness=stiffness)
 
     def forces(self, at: Array) -> Array:
         """Forces of the springs at ``at``, of the shape of ``anchor`` [stress length] (local)."""

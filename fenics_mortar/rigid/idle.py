@@ -1,0 +1,329 @@
+# SPDX-License-Identifier: MIT
+"""Idle bodies: floating bodies without load that no contact force acts on.
+
+Such a body is in equilibrium wherever it does not overlap other bodies. An active set that closes
+its gaps is therefore not unique, and its multipliers are rounding of either sign. An idle body is
+instead set aside: its multipliers are zero, and after each Newton step it is moved rigidly to the
+nearest place, next to that before the solve, without overlap,
+
+    minimize  |v|^2,    g_j + dg_j . v >= 0    for all of its nodes,
+
+with the motions v of all idle bodies since the start of the solve, a least-distance problem. If it
+has no solution nearby, its neighbours squeeze some of these bodies, those with a multiplier in the
+certificate of infeasibility. They take part in contact again, until no force acts on them.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.bulk.bodies import FloatingBody, centre_and_size
+from fenics_mortar.rigid.body_settling import Moves
+from fenics_mortar.rigid.floating import FloatingBodies
+from fenics_mortar.rigid.moves import nearest_below
+from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.rigid.responses import closing, nearly_touching
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.rounding import LAST_DIGITS, SOLVED
+
+
+class IdleBodies:
+    """Idle bodies of a problem; all methods are collective.
+
+    Args:
+        bodies: The floating bodies; their ``aside`` is set.
+    """
+
+    def __init__(self, bodies: FloatingBodies) -> None:
+        self._bodies = bodies
+        self._unloaded: list[FloatingBody] = []
+        self._first: set[int] = set()
+        self._readmissions = Counter[int]()
+        self._home: Array = bodies.bulk.values
+
+    # A solve
+
+    def evaluate(self, evaluate: Callable[[], tuple[Array, Array]]) -> tuple[Array, Array]:
+        """Evaluate the contacts before a solve; set bodies aside that are free to give way.
+
+        These are idle at present, and may move away from all bodies that they touch.
+
+        Args:
+            evaluate: Function that evaluates the contacts at the present state and returns the
+                forces of the bulk and of contact, shape (owned dofs,) each [stress length].
+
+        Returns:
+            These forces.
+        """
+        bodies = self._bodies
+        self._set_aside(())
+        bulk, contact = evaluate()
+        force = bodies.bulk.comm.allreduce(float(np.abs(bulk).sum() + np.abs(contact).sum()))
+        self._unloaded = [
+            body
+            for body in bodies.bodies
+            if self._may_be_idle(body)
+            and np.linalg.norm(bodies.resultant(body, bulk)) <= bodies.rounding(body, force)
+        ]
+        self._set_aside(body.label for body in self._unloaded if not bodies.is_loaded(body))
+        if not bodies.aside:
+            return bulk, contact
+        self._readmit_enclosed()
+        return evaluate()
+
+    def find(self, evaluate: Callable[[], tuple[Array, Array]]) -> None:
+        """Find the bodies to be set aside at the start of a solve.
+
+        If these support others, all take part in contact until no force acts on them.
+
+        Args:
+            evaluate: As of ``evaluate``.
+        """
+        bodies = self._bodies
+        self._home, self._first = bodies.bulk.values.copy(), set()
+        if not bodies.bodies:
+            return
+        bulk, _ = self.evaluate(evaluate)
+        others = {body.label for body in bodies.bodies} - bodies.aside
+        if bodies.aside and not (others and bodies.settling.unsupported(bulk) & others):
+            self._first = bodies.aside
+        self._set_aside(())
+
+    def give_way(self, moves: Moves) -> Moves:
+        """Shorten moves of other bodies until idle ones can give way; add the moves of these.
+
+        Args:
+            moves: Bodies with the coefficients of their motions, (motions,) each [length].
+        """
+        bodies = self._bodies
+        idle = [body for body in self._unloaded if body.label in bodies.aside]
+        if not (idle and moves):
+            return moves
+        gaps, rates = self._gaps(idle)
+        on = [contact.set_aside & contact.now.covered for contact in bodies.contacts]
+        advance, lengths = (
+            np.zeros(len(gaps)),
+            [c.slave.nodal_lengths[nodes] for c, nodes in zip(bodies.contacts, on, strict=True)],
+        )
+        for body, move in moves:
+            closed = [move @ closing(bodies, c, body) for c in bodies.contacts]
+            advance += np.concatenate([c[nodes] for c, nodes in zip(closed, on, strict=True)])
+        slack = np.maximum(gaps, 0.0) + RIGID.overlap * np.concatenate(lengths)
+        ends = np.cumsum([len(body.motions) for body in idle])[:-1]
+
+        def response(fraction: float) -> Array | None:
+            left = slack - fraction * advance
+            found, _ = nearest_below(np.zeros(rates.shape[1]), rates, left)
+            near = found is not None and _longest(found, ends) <= self._farthest(-left)
+            return found if near else None
+
+        low, high, given = 0.0, 1.0, np.zeros(rates.shape[1])
+        fraction = high
+        while high - low > RIGID.overlap:
+            found = response(fraction)
+            if found is None:
+                high = fraction
+            else:
+                low, given = fraction, found
+            fraction = 0.5 * (low + high)
+        shortened = [(body, low * move) for body, move in moves]
+        return [*shortened, *zip(idle, np.split(given, ends), strict=True)]
+
+    def begin(self) -> None:
+        """Set the bodies aside that are idle at the start of the solve."""
+        if self._unloaded:
+            self._readmissions.clear()
+            self._set_aside(self._first)
+
+    def reach(self) -> float:
+        """Largest motion of a body that gives way to deformation in this solve [length].
+
+        A body that other bodies push along in a prescribed rigid motion is pushed away; the
+        displacement of floating bodies, and that of others without their rigid motion, is not
+        prescribed.
+        """
+        bodies, largest = self._bodies, 0.0
+        if not bodies.aside:
+            return largest
+        bulk = bodies.bulk
+        change = bulk.values - self._home
+        floating = {body.label for body in bodies.bodies}
+        count = bulk.space.num_nodes
+        for label in range(bodies.num_bodies):
+            mine = bodies.labels[:count] == label
+            moved, X = change[bulk.space.owned_dofs[mine]], bulk.cells.X[:count][mine]
+            if label not in floating:
+                moved = _deformation(X, moved, bulk.comm)
+            largest = max(
+                largest, float(np.abs(moved).max(initial=0.0)) * (label not in bodies.aside)
+            )
+        return self._farthest(np.array([bulk.comm.allreduce(largest, MPI.MAX)]))
+
+    def end(self) -> list[str]:
+        """End the solve; return sentences on the idle bodies."""
+        bodies = self._bodies
+        idle = [body for body in self._unloaded if body.label in bodies.aside]
+        if bodies.springs is not None:
+            bodies.springs = bodies.acting_springs
+        self._unloaded, self._first = [], set()
+        self._set_aside(())
+        moved = [body for body in idle if np.linalg.norm(self._motion(body)) > SOLVED * body.size]
+        stay = [body for body in idle if body not in moved]
+        where = "they stay where they were", "they gave way to other bodies"
+        return [
+            f"no force acts on {bodies.names(group)}: {message}"
+            for group, message in zip((stay, moved), where, strict=True)
+            if group
+        ]
+
+    # An iteration
+
+    def place(self, evaluate: Callable[[], object]) -> None:
+        """Move the bodies set aside to the nearest places without overlap.
+
+        Args:
+            evaluate: Function that evaluates the operators at the present state.
+        """
+        bodies, creeping = self._bodies, 0
+        while idle := [body for body in self._unloaded if body.label in bodies.aside]:
+            evaluate()
+            desired = -np.concatenate([self._motion(body) for body in idle])
+            gaps, rates = self._gaps(idle)
+            move, pressed = nearest_below(desired, rates, gaps)
+            ends = np.cumsum([len(body.motions) for body in idle])[:-1]
+            farthest = self._farthest(rates @ desired - gaps)
+            if creeping == RIGID.max_creeping:
+                self._readmit(idle)
+            elif move is None or _longest(move - desired, ends) > farthest:
+                self._readmit(_moved_by(rates[pressed], idle))
+            elif (np.abs(move) <= self._digits()).all():
+                return
+            else:
+                longest = RIGID.largest_move * min(body.size for body in idle)
+                fraction = min(longest / float(np.abs(move).max()), 1.0)
+                creeping += fraction == 1.0
+                for body, coefficients in zip(idle, np.split(move, ends), strict=True):
+                    bodies.move(body, fraction * coefficients)
+
+    def review(self) -> int:
+        """Set bodies aside that no contact force acts on any more; return their number."""
+        bodies = self._bodies
+        quiet = {
+            body.label
+            for body in self._unloaded
+            if body.label not in bodies.aside
+            and self._readmissions[body.label] < RIGID.max_readmissions
+            and not bodies.is_loaded(body)
+        }
+        if quiet:
+            self._set_aside(bodies.aside | quiet)
+        return len(quiet)
+
+    def _readmit_enclosed(self) -> None:
+        """Readmit the bodies set aside that cannot move away from all bodies that they touch."""
+        bodies = self._bodies
+        while idle := [body for body in self._unloaded if body.label in bodies.aside]:
+            near = [nearly_touching(c)[c.set_aside & c.now.covered] for c in bodies.contacts]
+            _, rates = self._gaps(idle)
+            rates = rates[np.concatenate(near)]
+            move, pressed = nearest_below(
+                np.zeros(rates.shape[1]), rates, np.full(len(rates), -1.0)
+            )
+            farthest = len(idle) * self._farthest(np.ones(1))
+            if move is not None and np.abs(move).max() <= farthest:
+                return
+            self._readmit(_moved_by(rates[pressed], idle))
+
+    def _may_be_idle(self, body: FloatingBody) -> bool:
+        """Whether each contact of a body is with one other and without adhesion and driven force.
+
+        A node that faces several bodies would press on idle ones, too.
+        """
+        bodies = self._bodies
+        for contact in bodies.contacts_of(body):
+            law, obstacle = contact.pair.law, contact.obstacle
+            driven = obstacle is not None and bool(np.isfinite(obstacle.load).any())
+            on_slave, on_master = (
+                bodies.labels_of(side) == body.label for side in (contact.slave, contact.master)
+            )
+            alone = not on_master.any() or (on_master.all() and not on_slave.any())
+            if law.has_adhesion or law.bridges_gap or driven or not alone:
+                return False
+        return True
+
+    def _gaps(self, idle: Sequence[FloatingBody]) -> tuple[Array, Array]:
+        """Gaps (n,) [length] of the nodes set aside, and their closing rates (n, motions) [1]."""
+        bodies, gaps, rates = self._bodies, [np.zeros(0)], []
+        rates.append(np.zeros((0, sum(len(body.motions) for body in idle))))
+        for contact in bodies.contacts:
+            on = contact.set_aside & contact.now.covered
+            rate = np.vstack([closing(bodies, contact, body) for body in idle]).T
+            gaps.append(contact.now.closing_gap[on])
+            rates.append(rate[on])
+        return np.concatenate(gaps), np.concatenate(rates)
+
+    def _farthest(self, overlaps: Array) -> float:
+        """Largest motion of bodies that give way, for overlaps (n,) where they were [length]."""
+        slope = RIGID.narrowest
+        for c in self._bodies.contacts:
+            smallest = RIGID.weakest_spring * float(c.modulus.min())
+            slopes, _, _ = c.now.strength(smallest)
+            slope = max(slope, float(slopes[c.set_aside].max(initial=0.0)))
+        largest = float(np.hypot(1.0, 1.0 / slope)) * float(overlaps.max(initial=0.0))
+        return (1.0 + SOLVED) * largest + self._digits()
+
+    def _digits(self) -> float:
+        """Rounding of gaps [length], as for active sets."""
+        return LAST_DIGITS * max(
+            float(np.abs(c.operators.x).max(initial=0.0)) for c in self._bodies.contacts
+        )
+
+    def _motion(self, body: FloatingBody) -> Array:
+        """Rigid motion of a body since the start of the solve, (motions,) [length]."""
+        bulk = self._bodies.bulk
+        return self._bodies.rigid_fraction(body, (bulk.values - self._home)[: bulk.num_owned])
+
+    def _set_aside(self, labels: Iterable[int]) -> None:
+        """Set these bodies aside, and no others."""
+        bodies = self._bodies
+        bodies.aside = set(labels)
+        for contact in bodies.contacts:
+            aside = np.zeros(contact.slave.num_nodes, bool)
+            for body in bodies.bodies:
+                if body.label in bodies.aside:
+                    aside |= bodies.at_body(contact, body)
+            contact.set_aside = aside
+
+    def _readmit(self, bodies: Iterable[FloatingBody]) -> None:
+        """Let bodies take part in contact again."""
+        labels = {body.label for body in bodies}
+        self._readmissions.update(labels)
+        self._set_aside(self._bodies.aside - labels)
+
+
+def _deformation(X: Array, u: Array, comm: MPI.Comm) -> Array:
+    """``u`` (n, 2) at ``X`` (n, 2) [length] without its rigid motion, of all ranks (collective)."""
+    centre, size = centre_and_size(X, comm)
+    one, zero, (x, y) = np.ones(len(X)), np.zeros(len(X)), ((X - centre) / size).T
+    rows = [(one, zero), (zero, one), (-y, x)]
+    rigid = np.array([np.stack(row, axis=1).ravel() for row in rows])
+    products = comm.allreduce(np.column_stack([rigid @ rigid.T, rigid @ u.ravel()]))
+    fit = np.linalg.lstsq(products[:, :-1], products[:, -1], rcond=None)[0]
+    return u - (fit @ rigid).reshape(-1, 2)
+
+
+def _moved_by(rates: Array, idle: Sequence[FloatingBody]) -> list[FloatingBody]:
+    """Idle bodies whose motions change the gaps with these rates, (n, motions of all) [1]."""
+    ends = np.cumsum([len(body.motions) for body in idle])[:-1]
+    parts = np.split(np.abs(rates).max(axis=0), ends)
+    return [body for body, part in zip(idle, parts, strict=True) if part.any()]
+
+
+def _longest(moves: Array, ends: Indices) -> float:
+    """Largest norm of the moves of bodies, (motions of all bodies,), which end there [length]."""
+    return max(float(np.linalg.norm(move)) for move in np.split(moves, ends))
