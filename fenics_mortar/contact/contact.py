@@ -123,7 +123,7 @@ class Contact(Interface):
         self.master_free: Array = 1.0 - self.master.gather(prescribed.astype(float))
         on_master, _ = evaluate_normals(self.master, self.master.X, "opposite")
         self.master_planes: Array = normals_on_planes(on_master, self.master_free)
-        self._multiplier_nodes.possible &= ~self.slave.weightless
+        self._multiplier_nodes.possible &= ~(self.slave.weightless | self.shared)
         free_of_ties = ~np.isin(self.slave.nodes, tied)
         if (self._multiplier_nodes.possible & free_of_ties).any():
             self._multiplier_nodes.possible &= free_of_ties

@@ -12,7 +12,7 @@ import numpy as np
 
 from fenics_mortar.contact.interface_fields import InterfaceFields
 from fenics_mortar.contact.rows import InterfaceRows
-from fenics_mortar.contact.sides import substitutes_of, surfaces_of
+from fenics_mortar.contact.sides import at_tips, substitutes_of, surfaces_of
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
 from fenics_mortar.interface.options import AT_VERTICES
@@ -52,6 +52,8 @@ class Interface(ABC):
         pair: The pair.
         slave, master: The surfaces; one object if a surface may touch itself.
         obstacle: The rigid master, or ``None``.
+        shared: Whether a slave node is also a node of the other face, at the tip of a crack, shape
+            (slave nodes,), bool.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
         stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress],
             times the thickness.
@@ -108,6 +110,7 @@ class Interface(ABC):
         self.slave, self.master = surfaces_of(pair, space, welds)
         self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
         count = self.slave.num_nodes
+        self.shared: Flags = at_tips(self.slave, self.master)
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
         self.stiffness: Array
         self.modulus: Array

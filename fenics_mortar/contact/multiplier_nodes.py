@@ -3,7 +3,8 @@
 
 A node with one prescribed component whose normal is approximately along the free one lies on a
 symmetry plane; its normal is set to the free component. Oblique normals are unchanged. A node
-prescribed along its normal, or in both components, carries no multiplier.
+prescribed along its normal, or in both components, carries no multiplier. Neither does the tip of a
+crack, a node of both faces: its gap is zero.
 
 The multiplier function of a hardly covered node is added to that of a neighbour. The nodal force
 w_j z_j does not vanish with the weight w_j; z_j would therefore grow without bound as the cover

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from fenics_mortar.interface.curves import TURN, turn_between
 from fenics_mortar.interface.measures import POINTS
 from fenics_mortar.interface.on_obstacle import surface_without_nodes
 from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.utils.arrays import Indices
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
 
@@ -28,7 +29,7 @@ def surfaces_of(pair: Any, space: DisplacementSpace, welds: Indices) -> tuple[Su
         welds: Pairs of nodes to be merged, shape (k, 2); see ``Surface.welded``.
 
     Raises:
-        SurfaceError: On all ranks, if the surfaces share nodes.
+        SurfaceError: On all ranks, if the surfaces share nodes other than tips of cracks.
     """
     tags = pair.data.facet_tags
     extracted = extract_surface(space, tags, pair.slave_tags, pair.slave_name)
@@ -41,19 +42,57 @@ def surfaces_of(pair: Any, space: DisplacementSpace, welds: Indices) -> tuple[Su
         on_master = pair.data.boundary_tags(pair.master)
         master = extract_surface(space, tags, on_master, pair.master_name)
     master = master.welded(welds)
-    _check_that_they_differ(slave, master)
+    _check_shared_nodes(slave, master)
     return slave, master
 
 
-def _check_that_they_differ(slave: Surface, master: Surface) -> None:
-    both = np.intersect1d(slave.nodes, master.nodes)
-    if both.size:
-        where = slave.X[np.flatnonzero(slave.nodes == both[0])[0]]
-        raise SurfaceError(
-            f"slave '{slave.name}' and master '{master.name}' share "
-            f"{both.size} nodes, one at {format_point(where)}; expected different surfaces that "
-            "are not joined in the mesh"
+def _check_shared_nodes(slave: Surface, master: Surface) -> None:
+    """Check that only tips of cracks are shared, where both surfaces end and fold back (local)."""
+    j, turns = turns_at_shared(slave, master)
+    wrong = np.flatnonzero(~(turns < TURN))
+    if wrong.size:
+        reason = (
+            "bodies are joined by nodes that both have, as after `fragment` or "
+            "`removeDuplicateNodes`; the faces of a crack share its tips, where both end, and "
+            "have different nodes everywhere else, as by gmsh's plugin Crack"
+            if np.isnan(turns[wrong]).any()
+            else "they meet at a corner of one body and do not face each other"
         )
+        raise SurfaceError(
+            f"slave '{slave.name}' and master '{master.name}' share {wrong.size} nodes, one at "
+            f"{format_point(slave.X[j[wrong[0]]])}; expected different surfaces that are not "
+            f"joined in the mesh: {reason}"
+        )
+
+
+def turns_at_shared(slave: Surface, master: Surface) -> tuple[Indices, Array]:
+    """Nodes of the slave that are in both surfaces, and turns of the outline there (local).
+
+    Returns:
+        Their numbers in the slave, shape (k,), and turns to the left [radian], negative at the tip
+        of a crack; nan unless one surface ends where the other begins, shape (k,).
+    """
+    j, l = np.nonzero(slave.nodes[:, None] == master.nodes)
+    j, l = (k[(j != l) | (slave is not master)] for k in (j, l))
+    turns = np.full(j.size, np.nan)
+    for before, i, after, k in ((slave, j, master, l), (master, l, slave, j)):
+        ends = np.flatnonzero((before.following[i] < 0) & (after.previous[k] < 0))
+        i, k = i[ends], k[ends]
+        start = before.along(i, range(-before.degree, 0))[:, 0]
+        stop = after.along(k, range(after.degree, after.degree + 1))[:, 0]
+        turns[ends] = turn_between(before.X[i] - before.X[start], after.X[stop] - after.X[k])
+    return j, turns
+
+
+def at_tips(slave: Surface, master: Surface) -> Flags:
+    """Whether a slave node is also one of the other face, at the tip of a crack, (slave nodes,).
+
+    It has no gap, and therefore no multiplier.
+    """
+    j, turns = turns_at_shared(slave, master)
+    found = np.zeros(slave.num_nodes, bool)
+    found[j[turns < TURN]] = True
+    return found
 
 
 def substitutes_of(slave: Surface, *, at_vertices: bool) -> tuple[Indices, Indices]:

@@ -86,7 +86,7 @@ class Tie(Interface):
             choice.basis, "opposite", "basis", choice.integration, points,
             pair.search_radius or HALF_FACET * longest, float(np.cos(np.radians(choice.max_angle))),
         )  # fmt: skip
-        multiplier_nodes = (self.free.sum(axis=1) == 2.0) & ~self.slave.weightless
+        multiplier_nodes = (self.free.sum(axis=1) == 2.0) & ~(self.slave.weightless | self.shared)
         if self.at_vertices:
             multiplier_nodes &= ~self.slave.inner
         self.change(multiplier_nodes=multiplier_nodes)

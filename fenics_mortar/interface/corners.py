@@ -19,12 +19,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.interface.curves import TURN
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
-# A node is a corner if the undeformed outline turns there by more than this angle [radian], that of
-# a regular hexagon; curves are meshed finer.
-TURN = np.pi / 3.0
 # Master facets are equally near to a corner if their distances differ by less than this fraction of
 # the shorter facet at the corner [1]; their mean normal is used.
 EQUALLY_NEAR = 0.1

@@ -38,7 +38,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.curves import number_nodes, order_curves
+from fenics_mortar.interface.curves import number_nodes, order_curves, turn_between
 from fenics_mortar.interface.measures import facet_measures
 from fenics_mortar.interface.roles import Roles
 from fenics_mortar.interface.tagged_facets import local_facets
@@ -61,7 +61,8 @@ class Surface:
 
     Attributes:
         name: Name used in messages.
-        X: Reference positions, shape (n, 2) [length].
+        X: Reference positions, shape (n, 2) [length]. The tip of a crack is there twice, as the end
+            of each face; see ``curves``.
         facets: Nodes of each facet in order along its curve, the body on the left; shape (m, 2),
             with quadratic displacements (m, 3).
         previous: Node before each node along its curve, -1 at an end, shape (n,).
@@ -181,8 +182,7 @@ class Surface:
         """Turn of the curve to the left at each node, undeformed, 0 at ends, (n,) [radian]."""
         inside = (self.previous >= 0) & (self.following >= 0) & ~self.inner
         j, turns = np.flatnonzero(inside), np.zeros(self.num_nodes)
-        a, b = self.chords(self.X, j)
-        turns[j] = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1))
+        turns[j] = turn_between(*self.chords(self.X, j))
         return turns
 
     def chords(self, x: Array, nodes: Indices) -> tuple[Array, Array]:
@@ -271,7 +271,7 @@ class Surface:
             values: Shape (n, 2).
             target: Local array of dofs, shape (owned dofs,) or longer; changed in place.
         """
-        target[self.local_dofs] += values[self.owned]
+        np.add.at(target, self.local_dofs, values[self.owned])
 
 
 def extract_surface(

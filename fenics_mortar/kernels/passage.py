@@ -16,7 +16,7 @@ from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.plane import cross, nearest_on_piece
 from fenics_mortar.kernels.rows import copy_rows, grown
 from fenics_mortar.kernels.tree import build_tree, query_tree
-from fenics_mortar.utils.rounding import ROUNDING
+from fenics_mortar.utils.rounding import ROUNDING, SOLVED
 
 # Cosine of the angle between the outward normals at entry and exit [1] below which a path passes
 # through a body: 100 degrees, more than at the right-angled corner of a block.
@@ -179,14 +179,33 @@ def place_on(x, segment, p):
 
 
 @kernel
-def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
+def depth_below(along, segment, p, time):
+    """Depth of node ``p`` below the line of a segment [length] at a time of paths (m + 1, n, 2)."""
+    k = min(int(time), along.shape[0] - 2)
+    x0, x1, t = along[k], along[k + 1], time - k
+    a, b = segment
+    ex, ey = x0[b, 0] - x0[a, 0], x0[b, 1] - x0[a, 1]
+    qx, qy = x0[p, 0] - x0[a, 0], x0[p, 1] - x0[a, 1]
+    ex += t * (x1[b, 0] - x1[a, 0] - ex)
+    ey += t * (x1[b, 1] - x1[a, 1] - ey)
+    qx += t * (x1[p, 0] - x1[a, 0] - qx)
+    qy += t * (x1[p, 1] - x1[a, 1] - qy)
+    return cross(ex, ey, qx, qy) / np.sqrt(ex * ex + ey * ey)
+
+
+@kernel
+def find_passages(along, segments, after, before, lengths, bodies, events):
     """Find paths that pass through a body or end inside one.
 
-    ``events``: rows of ``find_events``, sorted by node, body of the segment and time; x0, x1:
-    positions at start and end. Returns rows (node, segment of entry, segment of exit, distance of
-    the node from the first). For a path that ends inside, the exit is -1 and the first segment is
-    the nearest one.
+    along: positions at the ends of m sections of the step, shape (m + 1, n, 2); ``events``: rows of
+    ``find_events`` of all sections, times 0 to m, sorted by node, body of the segment and time. A
+    node in contact that leaves where it is, or lies on several segments as at the junction of
+    cracks, passes through nothing: at the exit it is no deeper below the first segment than
+    ``SOLVED`` facets. Returns rows (node, segment of entry,
+    segment of exit, distance of the node from the first). For a path that ends inside, the exit is
+    -1 and the first segment is the nearest one.
     """
+    x0, x1 = along[0], along[-1]
     rows, count = np.empty((16, 4)), 0
     i = 0
     while i < events.shape[0]:
@@ -209,6 +228,8 @@ def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
                     opposed = nx * events[i, 4] + ny * events[i, 5] < OPPOSED
                     opposed = opposed and mx * kx + my * ky < OPPOSED
                     facet = max(lengths[entry], lengths[e])
+                    below = depth_below(along, segments[entry], p, events[i, 2])
+                    opposed = opposed and below > SOLVED * facet
                     points = (entry, e, s, events[i, 6])
                     if opposed and not is_beside(x1, segments, (after, before), points, facet):
                         a, b = x1[segments[entry, 0]], x1[segments[entry, 1]]

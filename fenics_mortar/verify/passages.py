@@ -176,8 +176,8 @@ class Passages:
         every = every[np.lexsort((every[:, 2], bodies[every[:, 1].astype(np.int64)], every[:, 0]))]
         if not len(every):
             return np.empty((0, 4))
-        lengths, ends = o.lengths(along[-1]), (along[0], along[-1])
-        rows = find_passages(*ends, o.segments, *self._links, lengths, bodies, every)
+        lengths = o.lengths(along[-1])
+        rows = find_passages(along, o.segments, *self._links, lengths, bodies, every)
         return rows[[row[2] < 0.0 or self._crosses(row, along, lengths) for row in rows]]
 
     def _crosses(self, row: Array, along: Array, lengths: Array) -> bool:

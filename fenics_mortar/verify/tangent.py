@@ -21,6 +21,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.mortar import Linearization
+from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.saddle import SaddleSystem
 from fenics_mortar.rigid.balance import linearize_balance
 from fenics_mortar.rigid.driven import DrivenObstacles
@@ -181,6 +182,8 @@ class _Probe:
         for contact, z0, frame in zip(self.contacts, self.z0, self._frames, strict=True):
             o = contact.operators
             on_slave, on_master = o.force(z0)
+            on_slave = self._by_dof(contact.slave, on_slave)
+            on_master = self._by_dof(contact.master, on_master)
             for name, value in (("n", o.n), ("g", o.gap), ("D", on_slave), ("M", on_master)):
                 found[name].append(value.ravel())
             on_slave, on_master = o.force(np.where(contact.acts[:, None], contact.z, 0.0))
@@ -246,6 +249,12 @@ class _Probe:
         pushed = self.comm.allreduce(balance.rows @ system.join(self.du, self.dz))
         pushed = pushed + balance.corner @ self.dq.ravel()
         return np.concatenate([force, *parts, self._mine(pushed)])
+
+    def _by_dof(self, surface: Surface, nodal: Array) -> Array:
+        """Sums of nodal values (n, 2) at the same dofs, as at the tip of a crack (collective)."""
+        total = np.zeros(self.bulk.num_owned)
+        surface.scatter_add(nodal, total)
+        return surface.gather(total)
 
     def _apply(self, matrix: PETSc.Mat) -> Array:
         direction, result = matrix.createVecs()

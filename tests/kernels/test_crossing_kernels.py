@@ -52,7 +52,9 @@ def passages(start, end):
     events = passage.find_events(x0, x1, segments, bodies, bodies, passage.OTHERS)
     order = np.lexsort((events[:, 2], bodies[events[:, 1].astype(int)], events[:, 0]))
     lengths = np.hypot(*(x1[segments[:, 1]] - x1[segments[:, 0]]).T)
-    return passage.find_passages(x0, x1, segments, after, before, lengths, bodies, events[order])
+    return passage.find_passages(
+        np.array([x0, x1]), segments, after, before, lengths, bodies, events[order]
+    )
 
 
 def exactly_cross(a, b, c, d):

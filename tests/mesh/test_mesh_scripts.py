@@ -5,8 +5,18 @@ import numpy as np
 import pytest
 from mesh_measures import CELLS, COMM, area, length, nodes_on, num_facets, read
 
+import fenics_mortar as fm
+from fenics_mortar.contact.sides import surfaces_of
+from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
-from meshes import half_cylinder_on_block, inclusion, indenter_on_block, rings, two_blocks
+from meshes import (
+    cracked_plate,
+    half_cylinder_on_block,
+    inclusion,
+    indenter_on_block,
+    rings,
+    two_blocks,
+)
 
 
 @pytest.mark.parametrize("cell", CELLS)
@@ -134,9 +144,31 @@ def test_inclusion_and_plate_meet_on_the_circle(order):
     assert lengths.max() / lengths.min() == pytest.approx(8.0, rel=1e-6)
 
 
+@pytest.mark.parametrize("points, tips", [
+    ([(-0.8, -0.6), (0.8, 0.6)], [(-0.8, -0.6), (0.8, 0.6)]),
+    ([(-2.0, 0.0), (0.0, 0.5), (1.0, 0.0)], [(1.0, 0.0)]),
+])  # fmt: skip
+def test_faces_of_a_crack_share_its_tips(points, tips):
+    data = read(cracked_plate.build, points=points, width=4.0, height=4.0, h=0.2, order=2)
+    assert area(data, "plate") == pytest.approx(16.0, rel=1e-12)
+    upper, lower = (nodes_on(data, f"crack/{face}") for face in ("upper", "lower"))
+    assert np.allclose(upper[np.argsort(upper[:, 0])], lower[np.argsort(lower[:, 0])], atol=1e-12)
+    for tip in points:
+        assert (np.hypot(*(upper - tip).T) < 1e-12).any()
+    num_facets_of_faces = [num_facets(data, f"crack/{face}") for face in ("upper", "lower")]
+    assert num_facets_of_faces[0] == num_facets_of_faces[1] > 4
+    pair = fm.ContactPair(data, "crack/upper", "crack/lower")
+    V = fm.vector_space(data.mesh, 1)
+    slave, master = surfaces_of(pair, DisplacementSpace(V), np.empty((0, 2), np.int64))
+    shared = slave.X[np.isin(slave.nodes, master.nodes)]
+    assert np.allclose(shared[np.argsort(shared[:, 0])], tips, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("build", "options"),
     (
+        (cracked_plate.build, {"points": [(-0.8, 0.0), (30.0, 0.0)]}),
+        (cracked_plate.build, {"points": [(0.8, 0.0), (0.8, 0.5)]}),
         (inclusion.build, {"radius": 11.0}),
         (two_blocks.build, {"cell": "hexagon"}),
         (two_blocks.build, {"split": True, "layers_upper": 3}),

@@ -41,7 +41,7 @@ def count_passages(x0, x1, segments, after, before, bodies):
         body = of_segments[every[:, 1].astype(int)]
         every = every[np.lexsort((every[:, 2], body, every[:, 0]))]
         rows = passage.find_passages(
-            along[0], x1, segments, after, before, lengths, of_segments, every
+            np.asarray(along), segments, after, before, lengths, of_segments, every
         )
         count += int((rows[:, 2] >= 0).sum())
     return count
