@@ -50,9 +50,10 @@ from fenics_mortar.contact.multiplier_nodes import (
 from fenics_mortar.contact.operator_evaluation import OperatorEvaluation
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.parameters import Parameters
+from fenics_mortar.contact.partners import find_partners
 from fenics_mortar.contact.rows import ContactRows
 from fenics_mortar.contact.sides import points_per_segment
-from fenics_mortar.contact.slip import Measure, find_partners
+from fenics_mortar.contact.slip import Measure
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.interface.mortar import Linearization, MortarOperators, minus_offset
 from fenics_mortar.interface.outline import Outline
@@ -181,6 +182,11 @@ class Contact(Interface):
         one = self.obstacle is not None or self.pair.sliding == "small"
         return "partners" if one else self.pair.discretization.slip
 
+    @property
+    def rotating_planes(self) -> Array | None:
+        """``master_planes`` [1] if the surfaces may rotate; ``None`` with small sliding."""
+        return None if self.pair.sliding == "small" else self.master_planes
+
     def restore_reference(self, place: Array, multiplier_nodes: Flags) -> None:
         """Evaluate the operators of the undeformed mesh of an earlier state (collective).
 
@@ -250,15 +256,11 @@ class Contact(Interface):
             slid: Nodes that keep their present slip, shape (slave nodes,), bool.
         """
         slip = np.zeros(len(self.z)) if slid is None else np.where(slid, self.slip, 0.0)
-        touches = self.active | (self.pair.sliding == "small")
-        if self.pair.law.bridges_gap and self.partners is not None:
-            touches |= self.acts
         accepted_partners = find_partners(
             self.operators,
             self.covered,
-            touches,
             self.slip_measure,
-            master_planes=self.master_planes,
+            master_planes=self.rotating_planes,
             between=self.pair.law.has_friction,
         )
         now = self.now
@@ -293,7 +295,7 @@ class Contact(Interface):
         law = self.pair.law
         if type(law) is Frictionless or not (law.has_friction or law.needs_nodal_state):
             return NO_PAIRS
-        return self.partners.pairs()
+        return self.partners.pairs(self.operators)
 
     def update_multiplier_nodes(self) -> int:
         """Update the multiplier nodes, see ``multiplier_nodes``; return the number of changes.

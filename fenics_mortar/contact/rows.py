@@ -100,8 +100,8 @@ class ContactRows(InterfaceRows):
             if not weight.any():
                 continue
             slips, change = row.by_slip.any(), np.empty_like(o.dn)
-            gap_vectors = f.state.partners.gap_vectors(o) if slips else np.zeros(normal.shape)
-            linearize_law(weight, *row, o.n, o.dn, f.state.z, gap_vectors, A_z, rhs, by_gap, change)
+            rotated = f.state.partners.rotated(o) if slips else np.zeros(normal.shape)
+            linearize_law(weight, *row, o.n, o.dn, f.state.z, rotated, A_z, rhs, by_gap, change)
             j = f.interface.slave.owned[f.acts[f.interface.slave.owned]]
             rows = 2 * j[:, None] + np.arange(2)
             blocks.append(Block(rows, o.normal_columns()[j], change[j]))

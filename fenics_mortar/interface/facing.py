@@ -78,22 +78,18 @@ class Facing(Points):
     Attributes:
         master: Master nodes of each segment, shape (n, K).
         on_master: Shape functions of these at the partners, shape (n, q, K).
-        start: Initial distance of point and partner along tau, shape (n, q) [length].
+        start: Initial vectors from the partners to the points, shape (n, q, 2) [length].
+        normals: Initial normals at the points, shape (n, q, 2).
     """
 
     master: Indices
     on_master: Array
     start: Array
+    normals: Array
 
     def difference(self, v: Array, w: Array) -> Array:
         """Values v (slave nodes, 2) minus w (master nodes, 2) at the points, (n, q, 2) [as v]."""
         return self.of(v) - np.einsum("nqk,nkc->nqc", self.on_master, w[self.master])
-
-    def slip(self, o: MortarOperators) -> Array:
-        """Slip since the points were paired, at the state of ``o``, shape (n, q) [length]."""
-        return (
-            np.einsum("nqc,nqc->nq", self.direction(o.tau), self.difference(o.x, o.m)) - self.start
-        )
 
 
 def points_between(facet: Indices, nodes: Indices, ends: Array, rule: Rule = GAUSS) -> Points:
@@ -125,8 +121,9 @@ def face(o: MortarOperators, segments: Segments, rule: Rule = GAUSS) -> Facing:
     y = here.of(o.x) + gap[..., None] * here.direction(o.n)
     master = segments.master
     on_master, _ = lagrange(_coordinates_on(o.m[master], y), o.master.degree)
-    found = Facing(**vars(here), master=master, on_master=on_master, start=0.0 * gap)
-    return replace(found, start=found.slip(o))
+    on_both = {"master": master, "on_master": on_master}
+    found = Facing(**vars(here), **on_both, start=0.0 * y, normals=here.direction(o.n))
+    return replace(found, start=found.difference(o.x, o.m))
 
 
 def nearest_facets(

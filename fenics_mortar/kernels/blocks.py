@@ -50,7 +50,7 @@ def weigh_derivatives(dX, which, nodes, z, sign, values):
 
 @kernel
 def linearize_law(
-    scaled, rho, rho_gap, rho_slip, rho_n, rho_tau, n, dn, z, gap_vectors, A_z, rhs, by_gap, change
+    scaled, rho, rho_gap, rho_slip, rho_n, rho_tau, n, dn, z, rotated, A_z, rhs, by_gap, change
 ):
     """Add a linearized row of the contact law, -``scaled`` times rho, at all slave nodes.
 
@@ -67,7 +67,7 @@ def linearize_law(
         n: Normals, shape (n, 2).
         dn: Their derivatives, shape (n, 2, c) [1 / length].
         z: Multipliers, shape (n, 2) [stress].
-        gap_vectors: Gap vectors, whose tangential part is the slip, shape (n, 2) [length].
+        rotated: Vectors v for which d(tau) . v is the change of slip by dn, shape (n, 2) [length].
         A_z: Derivatives by z, shape (n, 2, 2); changed.
         rhs: Right-hand sides, shape (n, 2); changed.
         by_gap: Derivatives by the gap, with the sign of rho, shape (n, 2); changed.
@@ -77,8 +77,8 @@ def linearize_law(
         x = rho_tau[j] * -n[j, 1] + rho_n[j] * n[j, 0]
         y = rho_tau[j] * n[j, 0] + rho_n[j] * n[j, 1]
         constant = rho[j] - (x * z[j, 0] + y * z[j, 1])
-        along_x = rho_tau[j] * z[j, 1] + rho_n[j] * z[j, 0] + rho_slip[j] * gap_vectors[j, 1]
-        along_y = -rho_tau[j] * z[j, 0] + rho_n[j] * z[j, 1] - rho_slip[j] * gap_vectors[j, 0]
+        along_x = rho_tau[j] * z[j, 1] + rho_n[j] * z[j, 0] + rho_slip[j] * rotated[j, 1]
+        along_y = -rho_tau[j] * z[j, 0] + rho_n[j] * z[j, 1] - rho_slip[j] * rotated[j, 0]
         for a in range(2):
             A_z[j, a, 0] -= scaled[j, a] * x
             A_z[j, a, 1] -= scaled[j, a] * y

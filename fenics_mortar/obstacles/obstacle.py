@@ -69,8 +69,8 @@ class Obstacle(ABC):
         Args:
             x: Translation from the initial position; ``None`` leaves it unchanged [length].
             y: Translation along y, likewise [length].
-            angle: Counter-clockwise rotation about the pivot; ``None`` leaves it unchanged
-                [radian].
+            angle: Counter-clockwise rotation about the pivot, by any number of turns; ``None``
+                leaves it unchanged [radian].
 
         Raises:
             ValueError: If a value is not a finite number.

@@ -80,7 +80,7 @@ class DynamicsReport(Markdown):
         "generalized_alpha" for contact of nodes with mass: their shear and slip alternate from step
         to step. The shear at the end of a step always opposes the slip in it.
         """
-        return sum(step.work.friction for step in self.steps)
+        return sum(step.work.dissipated for step in self.steps)
 
     @property
     def contact_energy(self) -> float:
@@ -124,7 +124,7 @@ class DynamicsReport(Markdown):
         ]
         friction = 0.0
         for number, step in enumerate(self.steps, start=1):
-            friction += step.work.friction
+            friction += step.work.dissipated
             cells = [f"{number}", f"{step.time:.6g}", f"{step.report.num_iterations}"]
             cells += [f"{step.report.iterations[-1].num_active}", f"{len(step.failures)}"]
             cells += [f"{step.error:.1e}", f"{step.energies.kinetic:.5g}"]

@@ -305,30 +305,31 @@ class ObstacleShape(Control):
         """See ``Control``."""
         self.obstacle.set_shape(self.parameter, np.asarray(values, float))
 
-    def _pairs(self, problem: ContactProblem, before: Before) -> list[tuple[int, Any, Any]]:
-        """Pairs of the obstacle: number, contact, state before (collective)."""
-        e, found = problem.equations, []
-        history = history_of(problem, before)
-        for i, contact in enumerate(e.contacts):
-            if contact.obstacle is self.obstacle:
-                check_exact(contact)
-                found.append((i, contact, None if history is None else history.earlier.get(i)))
+    def _pairs(self, problem: ContactProblem) -> list[tuple[int, Any]]:
+        """Numbers and contacts of the obstacle (local)."""
+        found = [
+            (i, contact)
+            for i, contact in enumerate(problem.equations.contacts)
+            if contact.obstacle is self.obstacle
+        ]
+        for _, contact in found:
+            check_exact(contact)
         return found
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``Control``."""
+        """See ``Control``; ``before`` is not used."""
         rows = {
-            i: rows_by_shape(contact, self.parameter, np.asarray(dm, float)[None], earlier)[0]
-            for i, contact, earlier in self._pairs(problem, before)
+            i: rows_by_shape(contact, self.parameter, np.asarray(dm, float)[None])[0]
+            for i, contact in self._pairs(problem)
         }
         return from_rows(problem.equations, rows)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``Control``."""
+        """See ``Control``; ``before`` is not used."""
         gradient = np.zeros_like(self.get(problem))
-        for i, contact, earlier in self._pairs(problem, before):
+        for i, contact in self._pairs(problem):
             rows = rows_at(y, i, contact)
-            gradient = gradient + shape_by_rows(contact, self.parameter, rows, earlier)
+            gradient = gradient + shape_by_rows(contact, self.parameter, rows)
         return gradient
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.slip import find_partners
+from fenics_mortar.contact.partners import find_partners
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.state import State
@@ -95,12 +95,12 @@ def earlier_state_of(e: ContactEquations, i: int, contact: Contact, before: Stat
     measure = contact.slip_measure
     with earlier.at_earlier_position():
         found = find_partners(
-            earlier.operators, earlier.fields.covered, earlier.touches, measure,
-            master_planes=contact.master_planes,
+            earlier.operators, earlier.fields.covered, measure,
+            master_planes=contact.rotating_planes,
         )  # fmt: skip
     o, given = contact.operators, contact.partners
     difference = np.abs(found.gap_vectors(o) - given.gap_vectors(o)).max()
-    difference = max(difference, np.abs(found.start - given.start).max())
+    difference = max(difference, np.abs(found.slip(o) - given.slip(o)).max())
     difference = agreed(e.comm, float(difference))
     if not difference <= ROUNDING * contact.slave.extent:
         raise MortarError(

@@ -56,7 +56,6 @@ class StepMemory:
     def __init__(self, problem: ContactProblem, before: Before) -> None:
         self._problem, self._equations = problem, problem.equations
         history = before.pairs if isinstance(before, StepHistory) else {}
-        self._earlier = before.earlier if isinstance(before, StepHistory) else {}
         self._pairs = {
             i: PairMemory(contact, history.get(i))
             for i, contact in enumerate(self._equations.contacts)
@@ -151,9 +150,9 @@ class StepMemory:
         return total
 
     def _of_shape(self, i: int, control: ObstacleShape, directions: Array) -> FieldChange:
-        contact, earlier = self._equations.contacts[i], self._earlier.get(i)
+        contact = self._equations.contacts[i]
         assert isinstance(contact, Contact)
-        return change_by_shape(contact, control.parameter, directions, earlier)
+        return change_by_shape(contact, control.parameter, directions)
 
     def _shape_back(self, i: int, control: ObstacleShape, c: Array) -> Array:
         value, by = control.get(self._problem), self._pairs[i].fields_back(c)

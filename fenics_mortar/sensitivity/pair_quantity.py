@@ -93,17 +93,13 @@ class PairQuantity(OfPair, ContactQuantity):
             gradient = gap_back(contact.operators, by.gap)
             return gradient if isinstance(control, Offset) else np.asarray(gradient.sum())
         if isinstance(control, ObstacleShape) and contact.obstacle is control.obstacle:
-            return self._by_shape(problem, control, by, before)
+            return self._by_shape(problem, control, by)
         return 0.0
 
-    def _by_shape(
-        self, problem: ContactProblem, control: ObstacleShape, by: ByFields, before: Before
-    ) -> Array:
+    def _by_shape(self, problem: ContactProblem, control: ObstacleShape, by: ByFields) -> Array:
         contact, value = contact_of(problem.equations, self.pair), control.get(problem)
-        history = None if by.slip is None else history_of(problem, before)
-        earlier = None if history is None else history.earlier.get(self.pair)
         gradient = np.zeros(value.size)
-        change = change_by_shape(contact, control.parameter, units_of(value), earlier)
+        change = change_by_shape(contact, control.parameter, units_of(value))
         for name, of_field in change._asdict().items():
             weights = getattr(by, name)
             if weights is not None:

@@ -28,6 +28,7 @@ from fenics_mortar.verify.balance import action_and_reaction, balance_of_bodies
 from fenics_mortar.verify.between_nodes import between_nodes, count_unpaired, paired_nodes
 from fenics_mortar.verify.corners import end_pressure, mean_friction, oblique_forces, runs_of
 from fenics_mortar.verify.crossing import Crossing
+from fenics_mortar.verify.friction_work import compare_work, uncertain_rotation
 from fenics_mortar.verify.limits import LIMITS
 from fenics_mortar.verify.obstacle_gradient import gradient_error
 from fenics_mortar.verify.pair_certificate import PairCertificate
@@ -183,9 +184,11 @@ def _certify_pair(
         redundant=int(contact.redundant.sum()),
         redundant_at=format_point(contact.operators.x[contact.redundant.argmax()]),
         undecided_at=" and ".join(map(format_point, contact.operators.x[contact.undecided])),
+        **uncertain_rotation(contact),
+        **compare_work(contact),
         gradient=gradient,
         gradient_at=gradient_at,
-        rotation=rotation_since_reference(contact),
+        tilt=rotation_since_reference(contact),
         unpaired=count_unpaired(bulk, contact, labels, paired),
         uncovered=int((contact.multiplier_nodes & ~contact.covered).sum()),
     )

@@ -8,11 +8,12 @@ from functools import partial
 
 import numpy as np
 
+from fenics_mortar.contact.arcs import arc
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.nodal import at_points
-from fenics_mortar.interface.facing import GAUSS, Points, face, points_of
+from fenics_mortar.interface.facing import GAUSS, Facing, Points, face, points_of
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.utils.arrays import Array
@@ -86,7 +87,7 @@ def slip_defects(contact: Contact) -> Defects:
     """
     o, facing = contact.operators, contact.partners.facing
     here = points_of(o.segments) if facing is None else facing
-    slip = here.of(contact.slip) if facing is None else facing.slip(o)
+    slip = here.of(contact.slip) if facing is None else _slip_between(contact, facing)
     ends, prescribed = here.slave[:, [0, -1]], ~contact.free.all(axis=1)
     sticking = contact.sticking[ends]
     sticks = ((sticking | prescribed[ends]).all(axis=1) & sticking.any(axis=1))[:, None]
@@ -97,6 +98,14 @@ def slip_defects(contact: Contact) -> Defects:
     work = np.where(sticks | (bound <= 0.0), 0.0, lost)
     wrong = np.where(sticks, slip, 0.0)
     return _on_facets(contact, here, wrong[..., None] * here.direction(o.tau), work)
+
+
+def _slip_between(contact: Contact, facing: Facing) -> Array:
+    """Slip of the last step at points that faced each other, shape (n, q) [length] (local)."""
+    o = contact.operators
+    theta = facing.of(contact.partners.rotations(o).theta)
+    now = facing.difference(o.x, o.m), facing.direction(o.n)
+    return arc(now, (facing.start, facing.normals), theta, -theta).slip
 
 
 def _on_facets(pair: Interface, here: Points, wrong: Array, work: Array) -> Defects:

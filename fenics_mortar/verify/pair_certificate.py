@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fenics_mortar.contact.arcs import MAX_ROTATION
 from fenics_mortar.utils.rounding import SMALL_ANGLE
 from fenics_mortar.verify.limits import LIMITS
 
@@ -70,10 +71,15 @@ class PairCertificate:
         redundant: Sticking nodes that other constraints fix as well: their shear is not unique,
             see ``redundancy``.
         redundant_at: Position of one of them.
+        rotation: Rotation of both sides relative to each other in the step, if its direction may be
+            uncertain, for laws with slip [radian]; see ``arcs``.
+        rotation_at: Position of the largest rotation.
+        friction_work: Difference of the work of friction by slip and by the motions of nodes and
+            obstacle in the step, over the sums of shear forces times motions.
         gradient: Error of the direction of a user's gradient, see ``obstacle_gradient``: sine of
             the angle by which contact forces are misdirected.
         gradient_at: Position of the largest error.
-        rotation: With small sliding, mean rotation of the normals since the undeformed mesh, by
+        tilt: With small sliding, mean rotation of the normals since the undeformed mesh, by
             which the resultant is misdirected [radian].
         unpaired: Nodes of the two surfaces inside another body without a partner in any pair.
         uncovered: Slave nodes without a partner.
@@ -110,9 +116,12 @@ class PairCertificate:
     undecided_at: str = ""
     redundant: int = 0
     redundant_at: str = ""
+    rotation: float = 0.0
+    rotation_at: str = ""
+    friction_work: float = 0.0
     gradient: float = 0.0
     gradient_at: str = ""
-    rotation: float = 0.0
+    tilt: float = 0.0
     unpaired: int = 0
     uncovered: int = 0
 
@@ -140,6 +149,13 @@ class PairCertificate:
             )
         if not self.distance <= penetration:
             yield f"{self.pair}: a force acts, but the sides are {self.distance:.2f} facets apart"
+        if not self.rotation <= MAX_ROTATION:
+            yield (
+                f"{self.pair}: the rotation of the sides relative to each other in the step, at "
+                f"{self.rotation_at}, is known up to a full turn only, and with it the direction "
+                "of slip: take smaller steps, in which bodies turn by less than "
+                f"{np.degrees(MAX_ROTATION):.0f} degrees"
+            )
         if not self.excess_shear <= LIMITS.at_corners:
             yield self._sticking_corner()
         if not self.gradient <= LIMITS.wrong_gradient:
@@ -192,12 +208,18 @@ class PairCertificate:
                 "which carries no multiplier: the force may be far too small; take the other body "
                 "as slave"
             )
+        if self.friction_work > LIMITS.friction_work:
+            yield (
+                f"{self.pair}: the work of friction by slip differs by {self.friction_work:.0%} "
+                "from that of the motions of nodes and obstacle in the step: slip is not resolved; "
+                "take smaller steps or finer facets"
+            )
         if LIMITS.negligible < self.gradient <= LIMITS.wrong_gradient:
             yield self._wrong_gradient()
-        if abs(self.rotation) > SMALL_ANGLE:
+        if abs(self.tilt) > SMALL_ANGLE:
             yield (
                 f"{self.pair}: the contact surface has rotated by "
-                f"{np.degrees(abs(self.rotation)):.1f} degrees, but sliding='small' keeps the "
+                f"{np.degrees(abs(self.tilt)):.1f} degrees, but sliding='small' keeps the "
                 "directions of the undeformed mesh: contact forces are misdirected by this angle; "
                 "use sliding='finite'"
             )

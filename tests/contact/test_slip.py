@@ -17,7 +17,10 @@ from meshes.mapped_grids import Grid, mapped
 @pytest.mark.parametrize("pair", MEASURES)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_slip_by_operators_agrees_with_its_formula(degree, pair):
-    """-tau . [(D - D_old) x - (M - M_old) x] per weight; that by partners is close to it."""
+    """-tau . [(D - D_old) x - (M - M_old) x] per weight; that by partners is close to it.
+
+    That is its part without the rotation of both sides relative to each other, see ``arcs``.
+    """
     mesh = {**(MESH if degree == 1 else SMALL), "gap": 0.01}
     scene = blocks(fm.Coulomb(0.3), mesh=mesh, degree=degree, pair=pair)
     drive(scene, (0.0, -0.06), (0.05, -0.07))
@@ -31,23 +34,30 @@ def test_slip_by_operators_agrees_with_its_formula(degree, pair):
     new, both = contact.operators, faced & contact.covered
     jump = new.jump(new.x, new.m) - old.jump(new.x, new.m)
     usual = -np.einsum("ja,ja->j", new.tau, jump)[both] / old.weight[both]
-    off = np.abs(contact.slip[both] - usual).max() / np.abs(usual).max()
+    partners = contact.partners
+    vectors = partners.gap_vectors(new)
+    along = np.einsum("ja,ja->j", new.tau, vectors)
+    along -= np.einsum("ja,ja->j", old.tau, partners.start)
+    off, rotated = (
+        np.abs(a[both] - usual).max() / np.abs(usual).max() for a in (along, contact.slip)
+    )
     assert both.any()
+    assert rotated < 1e-2
     assert off < 1e-13 if pair["slip"] == "operators" else 1e-6 < off < 1e-2
 
 
 @pytest.mark.once
 @pytest.mark.parametrize("pair", MEASURES)
-@pytest.mark.parametrize("degree", [1, 2])
-def test_rigid_rotation_gives_no_slip(degree, pair):
-    """Two bodies with a curved, open interface beyond its ends; all turn by one radian."""
+@pytest.mark.parametrize("degree, angle", [(1, 1.0), (2, 1.0), (1, 3.0), (1, 5.0)])
+def test_rigid_rotation_gives_no_slip(degree, angle, pair):
+    """Two bodies with a curved, open interface beyond its ends; all turn by an angle."""
     scene = blocks(fm.Coulomb(0.3), degree=degree, pair=pair)
     drive(scene, (0.03, -0.05))
     contact, u = scene.contact, scene.u.x.array
     contact.start_step()
     X = scene.problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2]
     x = X + u.reshape(-1, 2)
-    u[:] = (x @ rotation(1.0).T + [3.0, -2.0] - X).ravel()
+    u[:] = (x @ rotation(angle).T + [3.0, -2.0] - X).ravel()
     contact.evaluate(u, scene.problem.equations.linearization)
     assert np.abs(contact.slip).max() < 1e-13
 
@@ -158,7 +168,7 @@ def test_half_model_has_the_shears_and_slips_of_the_full_model(degree):
     (shear, pressure, slip), (half_shear, half_pressure, half_slip) = (
         bowed_block_under_a_tool(half, degree) for half in (False, True)
     )
-    assert np.abs(shear).max() > 0.04 * pressure.max()
+    assert np.abs(shear).max() > 0.02 * pressure.max()
     assert np.abs(half_pressure - pressure).max() < 1e-9 * pressure.max()
     assert np.abs(half_shear - shear).max() < 1e-9 * pressure.max()
     assert half_slip[0] == 0.0

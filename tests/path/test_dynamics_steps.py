@@ -144,7 +144,7 @@ def test_energy_and_work_balance():
     change = steps[-1].energies.total - first.energies.total
     supports, pressures, friction = (
         sum(getattr(step.work, name) for step in steps)
-        for name in ("supports", "pressure", "friction")
+        for name in ("supports", "pressure", "dissipated")
     )
     assert friction > 0.05
     assert change == pytest.approx(supports - pressures - friction, abs=1e-10)

@@ -8,6 +8,7 @@ import pytest
 import sensitivity_scenes as scenes
 from friction_scenes import block_on
 from self_scenes import c_ring
+from turning_scenes import shaft_in_ring, wheel_under_block
 
 import fenics_mortar as fm
 from fenics_mortar.contact.nodal import magnitude, row_of
@@ -82,7 +83,7 @@ def test_open_and_uncovered_nodes(slip, cell):
 
 @pytest.mark.once
 def test_nodes_that_were_open():
-    """No node touches at the start of the step: slip uses the mean tangents of both sides."""
+    """No node touches at the start of the step: half of the rotation of both sides is no slip."""
     scene, before, _ = scenes.two_steps(
         fm.Coulomb(0.3), pushes=((0.0, 0.01), (0.01, -0.05)), gap=0.005
     )
@@ -118,6 +119,26 @@ def test_obstacle_that_moves_and_turns(law, degree):
     assert contact.sticking.any() and (~contact.active).any()
     check(problem, states[0])
     assert (circle.place == states[1].places[0]).all()
+
+
+@pytest.mark.parametrize("angle", [0.5, 5.0])
+def test_wheel_that_turns(angle):
+    problem, wheel = wheel_under_block(fm.Coulomb(0.3))
+    before = problem.state()
+    wheel.move(angle=angle, x=0.02)
+    problem.solve(predict=False, accept_violations=True)
+    check(scenes.exact(problem), before, sticks=False)
+
+
+@pytest.mark.parametrize("slip", ["partners", "operators"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_shaft_that_turns(degree, slip):
+    """By an eighth of a turn; both sides are elastic."""
+    shaft = shaft_in_ring(fm.Coulomb(0.3), degree=degree, columns=24 // degree, slip=slip)
+    shaft.turn(0.2)
+    before = shaft.problem.state()
+    shaft.turn(0.2 + 0.25 * np.pi, predict=False)
+    check(scenes.exact(shaft.problem), before, sticks=False)
 
 
 @pytest.mark.once

@@ -42,7 +42,7 @@ QUANTITIES = {
 def check(problem, before, quantity):
     """Taylor tests by the present state and by the state before."""
     history = before if any(c.pair.law.has_friction for c in problem.equations.contacts) else None
-    d = scenes.random_vector(problem, 1, (0.005, 1.0, 0.005))
+    d = scenes.random_vector(problem, 3, (0.005, 1.0, 0.005))
     present, start = problem.state(), quantity.value(problem, before)
 
     def by_state(t):

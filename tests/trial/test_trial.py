@@ -41,7 +41,7 @@ AGAIN_SEEDS = (4_000_016, 5_000_004)
 # The last one on a coarse ground, near its limit.
 HANGING_SEEDS = (2, 3, 5, 19)
 # Number of cases of each family; a bar left out here is run by another test.
-COUNTS = {"revolved": 5, "moving": 2, "memory": 5, "itself": 2, "turning": 8}
+COUNTS = {"revolved": 5, "moving": 2, "memory": 5, "itself": 2, "turning": 8, "spinning": 5}
 # Largest relative difference of solutions on several ranks, by Newton's tolerance [1].
 SAME = 1e-8
 

@@ -11,6 +11,7 @@ memory          a column on a turned plane: wear, soft layer, cohesive zone, Str
                 rate and state
 itself          C-rings closed by found and by chosen sides; folding honeycombs
 turning         obstacles that turn by up to 8 radian in a step: sampled motion
+spinning        wheels and shafts with friction: work is moment times angle; whole scenes
 ==============  ============================================================================
 
 Each draw returns the drawn values as text, and a function that solves the scene and returns the
@@ -31,6 +32,7 @@ from demos.studies.stability.random_itself import draw_itself
 from demos.studies.stability.random_memory import draw_memory
 from demos.studies.stability.random_moving import draw_moving
 from demos.studies.stability.random_revolved import draw_revolved
+from demos.studies.stability.random_spinning import draw_spinning
 from demos.studies.stability.random_turning import draw_turning
 
 DRAWS: dict[str, Callable[[np.random.Generator], tuple[dict[str, Any], Callable[[], Any]]]] = {
@@ -39,6 +41,7 @@ DRAWS: dict[str, Callable[[np.random.Generator], tuple[dict[str, Any], Callable[
     "memory": draw_memory,
     "itself": draw_itself,
     "turning": draw_turning,
+    "spinning": draw_spinning,
 }
 
 

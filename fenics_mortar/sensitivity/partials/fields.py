@@ -96,7 +96,7 @@ def slip_derivative(contact: Interface, dofs: Dofs) -> NodalDerivative:
     """Derivative of the step's slip, zero on symmetry planes; collective at first access."""
     assert isinstance(contact, Contact)
     o, partners = contact.operators, contact.partners
-    turned = o.tangential_derivative(partners.gap_vectors(o))
+    turned = o.tangential_derivative(partners.rotated(o))
     blocks = [rows_at_nodes(o.slave, o.normal_columns(), turned), *partners.derivative(o)]
     by_motion = None
     if isinstance(o, ObstacleOperators):

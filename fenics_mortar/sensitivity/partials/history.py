@@ -2,19 +2,18 @@
 """Derivative of a step's rows with respect to the accepted state at the start of the step.
 
 The rows depend on the previous state through the partners of the slave nodes, see ``slip``: the
-matrices D / w and M / w of that state, its distances along the tangent (``start``), its nearest
-points of an obstacle, and for redundant sticks its shear. With the present positions x and m, the
-previous ones x' and m' and the tangent t of that state, the slip of node j is
+matrices D / w and M / w of that state, its vectors b'_j, normals and angles, and for redundant
+sticks its shear. With the present positions x and m, the previous
+ones x' and m', P = D / w, Q = M / w, and the derivatives e_j, e'_j, c'_j and U_j of ``Arc`` with
+respect to b_j, b'_j, a rotation of n'_j and theta_j, the slip of node j changes with the previous
+state by
 
-    u_j = tau_j . (P x - Q m - s v)_j - t_j . (P x' - Q m' - s v')_j,    P = D / w,  Q = M / w,
+    du_j = dP_jk (e_j . x_k + e'_j . x'_k) - dQ_jl (e_j . m_l + e'_j . m'_l) - ds_j e_j . v_j
+         + e'_j . (P dx' - Q dm')_j + c'_j dpsi'_j + U_j (dchi_j - dchi'_j),
 
-v = D x - M m, and changes with the previous state by
-
-    du_j = dP_jk (tau_j . x_k - t_j . x'_k) - dQ_jl (tau_j . m_l - t_j . m'_l)
-         - ds_j tau_j . v_j - t_j . (P dx' - Q dm')_j - dt_j . (P x' - Q m')_j.
-
-For the measure "operators", s = 1 / w, the second bracket of u_j vanishes at any state. Active set,
-multiplier nodes and the facets that face each other are fixed.
+v = D x - M m. psi' is the angle of n', and chi that between the materials of both surfaces, which
+depends on Q and on the normals of the surfaces. For the measure "operators", s = 1 / w, and b'
+vanishes at any state. Active set, multiplier nodes and the facets that face each other are fixed.
 """
 
 from __future__ import annotations
@@ -26,17 +25,18 @@ from typing import Any
 
 import numpy as np
 
+from fenics_mortar.contact.arcs import quarter_turn
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC, ContactFields
-from fenics_mortar.contact.slip import Partners
+from fenics_mortar.contact.slip import Partners, angle_derivative, rotation_derivative
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.facing import nearest_facets
-from fenics_mortar.interface.integrals import evaluate_normals, share_of
+from fenics_mortar.interface.integrals import share_of
 from fenics_mortar.interface.mortar import EXACT, Block, MortarOperators, minus_offset
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.sensitivity.partials.fields import off_planes
 from fenics_mortar.sensitivity.partials.maps import Dofs, NodalDerivative, PairVector, rows_at_nodes
-from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.arrays import Array, Indices
 
 
 class Earlier:
@@ -59,16 +59,11 @@ class Earlier:
         self, contact: Contact, u: Array, state: InterfaceState, place: Array | None = None
     ) -> None:
         self.contact, self.place = contact, place
-        obstacle = contact.obstacle
         with self.at_earlier_position():  # a copy: the contact itself is unchanged
             operators, _ = copy(contact.evaluation).evaluate(u, state, EXACT)
             if state.offset.any():
                 operators = minus_offset(operators, state.offset)
             self.fields: ContactFields = type(contact.now)(contact, state, operators)
-            if obstacle is not None:
-                self.rotation = obstacle.rotation
-                self.gradient = _gradient(self.operators)
-                self.V_at_feet = obstacle.motions(_feet(self.operators), contact.arm)
 
     @contextmanager
     def at_earlier_position(self) -> Iterator[None]:
@@ -87,29 +82,6 @@ class Earlier:
     def operators(self) -> Any:
         """Operators of that state."""
         return self.fields.operators
-
-    @property
-    def touches(self) -> Flags:
-        """Nodes whose partners are along the slave's own normal, as in ``Contact.accept``.
-
-        Shape (slave nodes,), bool.
-        """
-        pair, state = self.contact.pair, self.fields.state
-        touches = state.active | (pair.sliding == "small")
-        return touches | self.fields.acts if pair.law.bridges_gap else touches
-
-
-def _feet(o: ObstacleOperators) -> Array:
-    """Nearest points of the obstacle, shape (slave nodes, 2) [length]."""
-    return o.x + o.phi[:, None] * o.n
-
-
-def _gradient(o: ObstacleOperators) -> Array:
-    """Gradient of the distance at the slave nodes, shape (slave nodes, 2) [1].
-
-    With small sliding the distance changes along the frozen normals.
-    """
-    return -o.n if o.linearization.frozen else o.obstacle.evaluate(o.x)[1]
 
 
 class PairHistory:
@@ -164,31 +136,23 @@ def slip_derivative(contact: Contact, earlier: Earlier, dofs: Dofs) -> NodalDeri
     """Derivative of the present slip with respect to the earlier state (local)."""
     none = np.zeros_like(contact.z)
     if isinstance(contact.operators, ObstacleOperators):
-        blocks, by_motion = _on_obstacle(contact.operators, earlier)
+        blocks, by_motion = _on_obstacle(contact, earlier)
         return NodalDerivative(dofs, blocks, none, by_motion)
     terms = _Terms(contact.operators, earlier, contact.partners)
     return NodalDerivative(dofs, list(terms.blocks()), none, np.zeros((len(none), 3)))
 
 
-def _on_obstacle(now: ObstacleOperators, earlier: Earlier) -> tuple[list[Block], Array]:
+def _on_obstacle(contact: Contact, earlier: Earlier) -> tuple[list[Block], Array]:
     """Blocks and derivative with respect to motions of the slip along an obstacle (local).
 
-    The slip is -tau . y with the nearest point y of the earlier state, which moves with the
-    obstacle. The nearest point lies along the normal; therefore ``start`` vanishes at any state.
+    b' is the vector from the pivot to the node, and psi' the angle of the slave's material.
     """
-    o, rotation = earlier.operators, earlier.rotation
-    r = -now.tau @ now.obstacle.rotation @ rotation.T
-    along = np.einsum("jc,jc->j", r, o.n)
-    values = r + along[:, None] * earlier.gradient
-    of_normals = o.normal_derivative(o.phi[:, None] * r)
-    blocks = [
-        rows_at_nodes(o.slave, o.slave.dofs, values),
-        rows_at_nodes(o.slave, o.normal_columns(), of_normals),
-    ]
-    by_motion = o.phi[:, None] * np.einsum("jc,jcm->jm", r, o.dn_dq)
-    by_motion -= along[:, None] * np.einsum("jc,jmc->jm", earlier.gradient, o.V)
-    by_motion -= np.einsum("jc,jmc->jm", r, earlier.V_at_feet)
-    return blocks, by_motion
+    o, partners = earlier.operators, contact.partners
+    found = partners.arc(contact.operators)
+    blocks = [rows_at_nodes(o.slave, o.slave.dofs, found.by_start)]
+    if partners.planes is not None:
+        blocks.append(rotation_derivative(o, -found.by_body))
+    return blocks, -np.column_stack([found.by_start, found.by_rotation / o.arm])
 
 
 class _Terms:
@@ -204,42 +168,42 @@ class _Terms:
         self.now, self.partners = now, partners
         self.o: MortarOperators = earlier.operators
         self.faces = earlier.fields.covered
-        o = self.o
+        o, found = self.o, partners.arc(now)
         self.per_weight = np.where(self.faces, 1.0 / np.where(self.faces, o.weight, 1.0), 0.0)
-        counts = (partners.present == 0.0)[:, None]  # nodes with a distance at the earlier state
-        self.gap_vectors = np.where(counts, partners.D @ o.x - partners.M @ o.m, 0.0)
-        touches = earlier.touches[:, None]
-        self.turned = np.where(touches, self.gap_vectors, 0.0)
-        n, dn = evaluate_normals(o.master, o.m, "opposite")
-        planes = np.isfinite(earlier.contact.master_planes)
-        self.n = np.where(planes, earlier.contact.master_planes, n)
-        self.dn = np.where(planes[:, :, None], 0.0, dn)
-        self.t, y, meets = mean_tangents(o.n, -(partners.M @ self.n), self.gap_vectors)
-        self.t = np.where(counts, np.where(touches, o.tau, self.t), 0.0)
-        self.y = np.where(touches, 0.0, y)
-        self.y_master = np.where(touches | ~meets[:, None], 0.0, y)
+        counts = partners.present == 0.0  # nodes with a distance at the earlier state
+        self.e, self.start = found.by_vector, np.where(counts[:, None], found.by_start, 0.0)
+        self.turned = np.where(counts, found.by_start_normal, 0.0)[:, None] * quarter_turn(o.n)
+        self.by_angle = found.by_angle
+        self.angles = [(at, partners.orientation(at)) for at in (now, o)]
 
     def _by_D(self, j: Indices, k: Indices) -> Array:
         """d(slip of nodes ``j``)/dP[j, k]; shapes broadcast [length]."""
-        there = np.einsum("...c,...c->...", self.now.tau[j], self.now.x[k])
-        return there - np.einsum("...c,...c->...", self.t[j], self.o.x[k])
+        there = np.einsum("...c,...c->...", self.e[j], self.now.x[k])
+        return there + np.einsum("...c,...c->...", self.start[j], self.o.x[k])
 
     def _by_M(self, j: Indices, l: Indices) -> Array:
         """d(slip of nodes ``j``)/dQ[j, l]; shapes broadcast [length]."""
-        there = np.einsum("...c,...c->...", self.now.tau[j], self.now.m[l])
-        before = np.einsum("...c,...c->...", self.t[j], self.o.m[l])
-        by_normal = np.einsum("...c,...c->...", self.y_master[j], self.n[l])
-        return before - there + by_normal
+        there = np.einsum("...c,...c->...", self.e[j], self.now.m[l])
+        before = np.einsum("...c,...c->...", self.start[j], self.o.m[l])
+        total = -there - before
+        for (_, at), sign in zip(self.angles, (1.0, -1.0), strict=True):
+            if at is not None:
+                by_partners = (sign * self.by_angle)[:, None] * at.by_partners
+                total = total + np.einsum("...c,...c->...", by_partners[j], at.master[l])
+        return total
 
     def blocks(self) -> Iterator[Block]:
         """Blocks of the derivative of the slip: rows slave nodes, columns dofs of both sides."""
         yield from self._of_matrices()
         yield from self._of_positions()
-        yield from self._of_tangents()
+        yield from self._of_normals()
         yield from self._of_nearest()
 
     def _of_matrices(self) -> Iterator[Block]:
-        """Terms with the changes of D, M and w at nodes with rows in them."""
+        """Terms with the changes of D, M and w at nodes with rows in them.
+
+        A common factor of a row of Q does not change the angle.
+        """
         o, s, p = self.o, self.o.segments, self.partners
         if o.linearization.frozen:
             return
@@ -249,39 +213,31 @@ class _Terms:
         i, k = s.pairs[:, 0], s.pairs[:, 1]
         by_M = self._by_M(s.slave[i][:, :, None], s.master[i][:, None, :])
         of_M = np.einsum("pjlq,pjl,pj->pjq", o.dM, by_M, scale[i])
-        now = np.einsum("jc,jc->j", self.now.tau, p.D @ self.now.x - p.M @ self.now.m)
+        now = np.einsum("jc,jc->j", self.e, p.D @ self.now.x - p.M @ self.now.m)
         if p.present.any():
-            now = now - p.present * np.einsum("jc,jc->j", self.now.tau, self.now.vectors)
-        before = np.einsum("jc,jc->j", self.t, p.D @ o.x - p.M @ o.m)
-        by_normal = np.einsum("jc,jc->j", self.y_master, p.M @ self.n)
-        mean = (now - before + by_normal)[s.slave] * scale
+            now = now - p.present * np.einsum("jc,jc->j", self.e, self.now.vectors)
+        before = np.einsum("jc,jc->j", self.start, p.D @ o.x - p.M @ o.m)
+        mean = (now + before)[s.slave] * scale
         values -= mean[:, :, None] * o.dD.sum(axis=2)
         yield Block(s.slave, o.columns, values)
         yield Block(s.slave[i], o.columns[k], of_M)
 
     def _of_positions(self) -> Iterator[Block]:
-        """Terms -t . (P dx' - Q dm')."""
+        """Terms e' . (P dx' - Q dm')."""
         o, p = self.o, self.partners
-        for surface, matrix, sign in ((o.slave, p.D, -1.0), (o.master, p.M, 1.0)):
+        for surface, matrix, sign in ((o.slave, p.D, 1.0), (o.master, p.M, -1.0)):
             entries = matrix.tocoo()
             mine = share_of(np.arange(entries.nnz), o.slave.comm)
             j, k = entries.row[mine].astype(np.int64), entries.col[mine].astype(np.int64)
-            values = sign * entries.data[mine, None] * self.t[j]
+            values = sign * entries.data[mine, None] * self.start[j]
             yield Block(j[:, None], surface.dofs_of(k[:, None]), values[:, None])
 
-    def _of_tangents(self) -> Iterator[Block]:
-        """Terms -dt . (P x' - Q m') with the changes of the normals of both sides."""
-        o = self.o
-        change = -o.tangential_derivative(self.turned) - o.normal_derivative(self.y)
-        yield rows_at_nodes(o.slave, o.normal_columns(), change)
-        if not self.y_master.any():
-            return
-        entries = self.partners.M.tocoo()
-        mine = share_of(np.arange(entries.nnz), o.slave.comm)
-        j, l = entries.row[mine].astype(np.int64), entries.col[mine].astype(np.int64)
-        values = np.einsum("bc,bcq->bq", entries.data[mine, None] * self.y_master[j], self.dn[l])
-        columns = o.master.near_dofs[:, : self.dn.shape[2]]
-        yield Block(j[:, None], columns[l], values[:, None])
+    def _of_normals(self) -> Iterator[Block]:
+        """Terms with the changes of the normals of contact and of both surfaces."""
+        o, (_, before) = self.o, self.angles[1]
+        yield rows_at_nodes(o.slave, o.normal_columns(), o.normal_derivative(self.turned))
+        if before is not None:
+            yield from angle_derivative(o, self.partners.M, before, -self.by_angle)
 
     def _of_nearest(self) -> Iterator[Block]:
         """Terms with the motion along the nearest facet, at nodes without rows in M."""
@@ -303,24 +259,3 @@ class _Terms:
             (o.master, b, by_b),
         ):
             yield Block(j[:, None], surface.dofs_of(nodes[:, None]), (scale * change)[:, None])
-
-
-def mean_tangents(n: Array, opposite: Array, gap_vectors: Array) -> tuple[Array, Array, Flags]:
-    """Mean tangents of both sides, and their derivative with respect to the normals (local).
-
-    Args:
-        n: Normals of the slave nodes, shape (slave nodes, 2).
-        opposite: Reversed normals of the master opposite, shape (slave nodes, 2).
-        gap_vectors: Distance vectors b, shape (slave nodes, 2) [length].
-
-    Returns:
-        Tangents t (slave nodes, 2), y with dt . b = y . d(n + opposite), and marks of the nodes
-        where ``opposite`` is used; see ``slip``.
-    """
-    meets = np.einsum("jc,jc->j", n, opposite) > 0.0
-    v = np.where(meets[:, None], n + opposite, n)
-    size = np.linalg.norm(v, axis=1)[:, None]
-    v = v / size
-    turned = np.stack([gap_vectors[:, 1], -gap_vectors[:, 0]], axis=1)
-    y = (turned - np.einsum("jc,jc->j", v, turned)[:, None] * v) / size
-    return np.stack([-v[:, 1], v[:, 0]], axis=1), y, meets

@@ -18,7 +18,6 @@ from fenics_mortar.interface.integrals import hand_over
 from fenics_mortar.interface.obstacle_facets import gap_weights
 from fenics_mortar.interface.on_obstacle import ObstacleOperators, facet_thickness
 from fenics_mortar.sensitivity.partials.gap import weights_of_gaps
-from fenics_mortar.sensitivity.partials.history import Earlier
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, call_together
 from fenics_mortar.utils.ranks import sum_over_ranks
@@ -49,16 +48,13 @@ def units_of(value: Array) -> Array:
     return np.eye(value.size).reshape(value.size, *value.shape)
 
 
-def change_by_shape(
-    contact: Contact, name: str, directions: Array, earlier: Earlier | None = None
-) -> FieldChange:
+def change_by_shape(contact: Contact, name: str, directions: Array) -> FieldChange:
     """Change of fields along directions of a parameter of the shape (collective).
 
     Args:
         contact: The contact, evaluated, with the obstacle at its present position.
         name: Name of the parameter, see ``Obstacle.shape``.
         directions: Shape ``(m, *shape)`` with that of the parameter, in its unit.
-        earlier: Accepted state from which slip is counted; needed with friction.
 
     Raises:
         MortarError: If sliding is small.
@@ -76,22 +72,18 @@ def change_by_shape(
     dtau = np.stack([-dn[..., 1], dn[..., 0]], axis=-1)
     slip = np.zeros_like(gap)
     if contact.pair.law.has_friction or contact.pair.law.needs_nodal_state:
-        slip = np.einsum("mjc,jc->mj", dtau, contact.partners.gap_vectors(o))
-        if earlier is not None:
-            slip += _slip_of_earlier(contact, earlier, name, directions)
+        slip = np.einsum("mjc,jc->mj", dtau, contact.partners.rotated(o))
         slip = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, slip)
     z = f.state.z
     return FieldChange(gap, np.einsum("mjc,jc->mj", dn, z), np.einsum("mjc,jc->mj", dtau, z), slip)
 
 
-def rows_by_shape(
-    contact: Contact, name: str, directions: Array, earlier: Earlier | None = None
-) -> Array:
+def rows_by_shape(contact: Contact, name: str, directions: Array) -> Array:
     """Change of the rows along directions of a parameter of the shape (collective).
 
     Returns shape (m, slave nodes, 2) [stress length]; arguments: see ``change_by_shape``.
     """
-    change = change_by_shape(contact, name, directions, earlier)
+    change = change_by_shape(contact, name, directions)
     rows = weights_of_gaps(contact) * change.gap[..., None]
     _, _, *weights = contact.rows.frame()
     for weight, row in zip(weights, contact.now.law_rows, strict=True):
@@ -100,15 +92,13 @@ def rows_by_shape(
     return rows
 
 
-def shape_by_rows(
-    contact: Contact, name: str, rows: Array, earlier: Earlier | None = None
-) -> Array:
+def shape_by_rows(contact: Contact, name: str, rows: Array) -> Array:
     """Gradient of the sum of the rows times ``rows``, of the parameter's shape (collective).
 
     In the unit of ``rows`` times [stress length] over that of the parameter.
     """
     value = np.asarray(contact.now.on_obstacle.obstacle.shape()[name])
-    changes = rows_by_shape(contact, name, units_of(value), earlier)
+    changes = rows_by_shape(contact, name, units_of(value))
     return np.einsum("mjc,jc->m", changes, rows).reshape(value.shape)
 
 
@@ -145,14 +135,3 @@ def _normals(contact: Contact, o: ObstacleOperators, name: str, directions: Arra
     change = _distances(o.obstacle, o.x, name, directions)[1] / size
     dn = -(change - np.einsum("jc,mjc->mj", o.n, change)[..., None] * o.n)
     return np.where(np.isfinite(contact.plane_normals), 0.0, dn)
-
-
-def _slip_of_earlier(contact: Contact, earlier: Earlier, name: str, directions: Array) -> Array:
-    """Change of the slip due to nearest points of the earlier state, (m, slave nodes) (local)."""
-    now, o, obstacle = contact.operators, earlier.operators, contact.obstacle
-    assert obstacle is not None
-    with earlier.at_earlier_position():
-        phi = _distances(obstacle, o.x, name, directions)[0]
-        dn = _normals(contact, o, name, directions)
-    along = -now.tau @ obstacle.rotation @ earlier.rotation.T
-    return np.einsum("jc,mjc->mj", along, phi[..., None] * o.n + o.phi[:, None] * dn)

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: MIT
+"""Work of friction in a step, by slip and by the motions of nodes and obstacles.
+
+By slip it is the sum of shear forces times slips. By motions it is that of the forces on the nodes
+of both sides and on the obstacle, which follow from D and M of both ends of the step. The measures
+are independent of each other, and equal but for discretization errors if slip is the way along the
+surface: a chord of a quarter of a turn is 10 % shorter.
+
+The force on a node turns with the normal of the surface by an angle a, and so does its velocity:
+the mean force is that of both forces rotated by a / 2 and -a / 2, and the path is the chord times
+(a / 2) / sin(a / 2). A constant tangential force on a turning shaft then does the work of its
+moment. Only nodes that transfer shear at both ends of the step are compared.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fenics_mortar.contact.arcs import quarter_turn, surface_rotation
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.slip import centre_of
+from fenics_mortar.interface.on_obstacle import ObstacleOperators
+from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.errors import format_point
+from fenics_mortar.utils.rounding import TINY
+
+Forces = tuple[Array, Array]
+
+
+def work_along_arcs(before: Array, after: Array, moved: Array, angle: Array) -> Array:
+    """Work on each node in a step, shape (n,) [stress length^2] (local).
+
+    Args:
+        before: Forces at the start of the step, shape (n, 2) [stress length].
+        after: Forces at its end, likewise.
+        moved: Motions of the nodes, shape (n, 2) [length].
+        angle: Rotations of the surface at the nodes, shape (n,) [radian].
+    """
+    c, s = np.cos(0.5 * angle)[:, None], np.sin(0.5 * angle)[:, None]
+    mean = 0.5 * (c * (before + after) + s * quarter_turn(before - after))
+    longer = 1.0 / np.sinc(0.5 * angle / np.pi)
+    return np.asarray(longer * np.einsum("nc,nc->n", mean, moved))
+
+
+def compare_work(contact: Contact) -> dict[str, Any]:
+    """Certificate of the work of friction in the last step (collective).
+
+    Returns:
+        ``friction_work``: difference of both measures over forces times motions [1]. Zero if bodies
+        were moved rigidly before the solve.
+    """
+    partners, o = contact.partners, contact.operators
+    shear = np.where(contact.active, contact.z_tau, 0.0)
+    both = (shear != 0.0) & (partners.shear != 0.0)
+    if not contact.pair.law.has_friction or partners.counted.any() or not both.any():
+        return {"friction_work": 0.0}
+    before = np.where(both, partners.weight * partners.shear, 0.0)
+    after = np.where(both, o.weight * shear, 0.0)
+    by_slip = 0.5 * (before + after) @ contact.slip
+    works = _works_on_nodes(contact, both, before)
+    if isinstance(o, ObstacleOperators):
+        works = [*works, _work_on_obstacle(contact, before, after)]
+    by_motions, size = (sum(values) for values in zip(*works, strict=True))
+    return {"friction_work": abs(by_motions - float(by_slip)) / max(size, TINY)}
+
+
+def _works_on_nodes(contact: Contact, both: Flags, before: Array) -> list[tuple[float, float]]:
+    """Work of the shear on the nodes of each side, and its upper bound (collective)."""
+    partners, o = contact.partners, contact.operators
+    start = before[:, None] * quarter_turn(partners.normals)
+    at_start = partners.D.T @ start, -(partners.M.T @ start)
+    at_end = o.force(np.where(both[:, None], contact.shear, 0.0))
+    sides = (o.slave, partners.x, o.x), (o.master, partners.m, o.m)
+    return [
+        _sums(f_0, f, x - x_0, surface_rotation(surface, x_0, x))
+        for f_0, f, (surface, x_0, x) in zip(at_start, at_end, sides, strict=True)
+        if len(x)
+    ]
+
+
+def _work_on_obstacle(contact: Contact, before: Array, after: Array) -> tuple[float, float]:
+    """Work on an obstacle, by forces of the slave nodes and their moments; its bound (local)."""
+    partners, o = contact.partners, contact.on_obstacle
+    now, then = centre_of(o.obstacle), o.obstacle.pivot + partners.place[:2]
+    angle = surface_rotation(o.slave, partners.x, o.x)
+    start, end = (
+        (-size[:, None] * quarter_turn(n), -size * np.einsum("jc,jc->j", n, x - centre))
+        for size, n, x, centre in (
+            (before, partners.normals, partners.x, then),
+            (after, o.n, o.x, now),
+        )
+    )
+    moved = np.broadcast_to(now - then, o.x.shape)
+    by_turn = 0.5 * float(o.obstacle.place[2] - partners.place[2]) * (start[1] + end[1])
+    by_force, size = _sums(start[0], end[0], moved, angle)
+    return by_force + float(by_turn.sum()), size + float(np.abs(by_turn).sum())
+
+
+def _sums(before: Array, after: Array, moved: Array, angle: Array) -> tuple[float, float]:
+    """Sum of ``work_along_arcs``, and that of mean forces times motions (local)."""
+    forces = 0.5 * (np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1))
+    work = work_along_arcs(before, after, moved, angle)
+    return float(work.sum()), float(forces @ np.linalg.norm(moved, axis=1))
+
+
+def uncertain_rotation(contact: Contact) -> dict[str, Any]:
+    """Largest relative rotation of both sides in the step, as far as it is not known (local).
+
+    Returns:
+        ``rotation``: ``Rotations.doubt`` of an active node [radian], zero for laws without slip;
+        ``rotation_at``: its position.
+    """
+    law = contact.pair.law
+    if not (law.has_friction or law.needs_nodal_state):
+        return {}
+    doubt = np.where(contact.active, contact.partners.rotations(contact.operators).doubt, 0.0)
+    at = contact.operators.x[doubt.argmax()]
+    return {"rotation": float(doubt.max()), "rotation_at": format_point(at)}

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: MIT
+"""Wheels and shafts that turn with friction."""
+
+from typing import NamedTuple
+
+import numpy as np
+from friction_scenes import NU, E, block_on
+from scenes import TIGHT, internal, neo_hookean, pair_options, read, rotation
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, sector
+
+RADIUS = 0.5
+
+
+def wheel_under_block(law, *, radius=RADIUS, depth=0.02):
+    """A rigid wheel pressed from below into a block clamped at its top; pressed, not turned."""
+    wheel = fm.Circle((0.5, -radius), radius, name="wheel")
+    problem, _ = block_on(wheel, law=law)
+    wheel.move(y=depth)
+    problem.solve()
+    return problem, wheel
+
+
+class Shaft(NamedTuple):
+    """A hollow shaft in a fixed ring with interference."""
+
+    problem: fm.ContactProblem
+    bore: fem.Function
+
+    def turn(self, angle, **options):
+        """Turn the bore to an angle; return the report."""
+        self.set_angle(angle)
+        return self.problem.solve(**options)
+
+    def set_angle(self, angle):
+        """Prescribe an angle of the bore."""
+        self.bore.interpolate(lambda x: (rotation(angle) - np.eye(2)) @ x[:2])
+
+    @property
+    def moment(self):
+        """Moment of the contact forces on the slave about the axis."""
+        contact = self.problem.equations.contacts[0]
+        force, _ = contact.now.forces
+        x = contact.operators.x
+        return float((x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]).sum())
+
+
+def shaft_in_ring(law, *, slave="shaft", columns=24, interference=0.03, degree=1, **pair):
+    """Shaft of radii 0.4 and 1 in a ring of radii 1 and 1.4, whose outer side is fixed."""
+    angles = (0.1, 0.1 + 2.0 * np.pi)
+    inner = sector(columns * degree, 2 * degree, radii=(0.4, 1.0 + interference))
+    outer = sector((columns + 4) * degree, 2 * degree, radii=(1.0, 1.4), angles=angles)
+    grids = [Grid("shaft", inner, closed=True), Grid("ring", outer, closed=True)]
+    data = read(lambda: mapped_grids.build(grids, order=degree))
+    V = fm.vector_space(data.mesh, degree)
+    u, bore = fem.Function(V), fem.Function(V)
+    bcs = [
+        fm.dirichlet(V, data, "shaft/top", bore),
+        fm.dirichlet(V, data, "ring/bottom", (0.0, 0.0)),
+    ]
+    sides = ["shaft/bottom", "ring/top"][:: 1 if slave == "shaft" else -1]
+    pair = fm.ContactPair(data, *sides, **pair_options({"law": law, **pair}))
+    residual = internal(u, neo_hookean(u, E, NU))
+    problem = fm.ContactProblem(
+        residual, u, [pair], bcs=bcs, petsc_options_prefix="test_", newton=TIGHT
+    )
+    shaft = Shaft(problem, bore)
+    shaft.turn(0.0)
+    return shaft
