@@ -9,16 +9,14 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
+from fenics_mortar.bulk.form_points import areas_at, areas_or_nan
 from fenics_mortar.bulk.reference_cell import nodal_gradients
-from fenics_mortar.kernels.cells import keep_area, tabulate_areas
 from fenics_mortar.kernels.inside import find_inside
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import count_points
 from fenics_mortar.utils.ranks import any_over_ranks, on_any_rank
-from fenics_mortar.utils.rounding import ROUNDING
 
 # Nodes of a cell along its outline, by the number of nodes: dolfinx orders corners, edges,
 # interior; those of quadrilaterals as a tensor product.
@@ -41,16 +39,7 @@ class Cells:
         self.X: Array = V.tabulate_dof_coordinates()[:, :2].copy()
         self._gradients = nodal_gradients(V)
         self._outline = np.array(OUTLINE[len(self._gradients)])
-        areas = _areas(self.X, self._nodes, self._gradients)
-        extent = np.ptp(self.X[self._nodes], axis=1).max(axis=1, initial=0.0)
-        proper = np.abs(areas) > ROUNDING * extent[:, None] ** 2
-        self._undeformed_areas = np.where(proper, areas, np.nan)
-        # nodes with different Jacobians: one of a straight triangle
-        _, different = np.unique(self._gradients, axis=0, return_index=True)
-        self._different = (
-            self._gradients[different],
-            np.ascontiguousarray(self._undeformed_areas[:, different]),
-        )
+        self._undeformed_areas = areas_or_nan(self.X, self._nodes, self._gradients)
 
     def area_ratios(self, x: Array) -> Array:
         """Deformed over undeformed area at the nodes of the cells, (cells, nodes) (local).
@@ -61,17 +50,7 @@ class Cells:
         Returns:
             Ratios; nan at nodes where the undeformed cell has no area.
         """
-        return _areas(x, self._nodes, self._gradients) / self._undeformed_areas
-
-    def keep_area(self, before: Array, after: Array, fraction: float) -> bool:
-        """Whether a motion leaves every cell a fraction of its area at every node (local).
-
-        Args:
-            before: Positions of the local nodes, shape (n, 2) [length].
-            after: Positions after the motion, shape (n, 2) [length].
-            fraction: Smallest area after over that before, which counts as zero if negative [1].
-        """
-        return bool(keep_area(before, after, self._nodes, *self._different, fraction))
+        return areas_at(x, self._nodes, self._gradients) / self._undeformed_areas
 
     def hoop_strains(self, x: Array) -> Array:
         """Mean strain around the axis x = 0 of the cells, shape (cells,) (local).
@@ -82,21 +61,18 @@ class Cells:
         now, before = (place[self._nodes, 0].mean(axis=1) for place in (x, self.X))
         return now / before - 1.0
 
-    def inverted(self, x: Array) -> tuple[int, str]:
-        """Number of inverted cells at positions ``x`` (n, 2), and the position of one (collective).
+    def count(self, marks: Flags) -> tuple[int, str]:
+        """Number of marked owned cells, shape (cells,), and the position of one (collective).
 
         The position is that of the reference state, as text.
         """
-        is_inverted = self.area_ratios(x) <= 0.0
-        if not on_any_rank(self._comm, bool(is_inverted.any())):
+        if not on_any_rank(self._comm, bool(marks.any())):
             return 0, "nowhere"
-        inverted = np.flatnonzero(is_inverted.any(axis=1))
-        return count_points(self._comm, self.X[self._nodes[inverted]].mean(axis=1))
+        return count_points(self._comm, self.X[self._nodes[marks]].mean(axis=1))
 
     def flat(self) -> tuple[int, str]:
         """Number of undeformed cells without area, and the position of one (collective)."""
-        flat = np.isnan(self._undeformed_areas).all(axis=1)
-        return count_points(self._comm, self.X[self._nodes[flat]].mean(axis=1))
+        return self.count(np.isnan(self._undeformed_areas).all(axis=1))
 
     def deformation_gradients(self, x: Array) -> Array:
         """F at positions ``x`` (n, 2), averaged over the nodes, shape (cells, 2, 2) [1] (local)."""
@@ -127,10 +103,3 @@ class Cells:
         if len(points) and len(self._nodes):
             find_inside(x, self._nodes, labels, self._outline, points, bodies, inside)
         return any_over_ranks(self._comm, inside)
-
-
-def _areas(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
-    """Determinant of dx/dX at the nodes of ``cells`` (m, k): shape (m, k) [area]."""
-    areas = np.empty(cells.shape)
-    tabulate_areas(x, cells, gradients, areas)
-    return areas

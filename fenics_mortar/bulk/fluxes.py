@@ -269,12 +269,18 @@ class _Entries:
 
     def _at(self, value: tuple[int, ...] | None, gradient: tuple[int, ...] | None) -> Any:
         shape, size = (self._size,), (self._size, 2)
-        given = _Given(self._argument, _unit(shape, value), _unit(size, gradient))
+        given = Given(self._argument, _unit(shape, value), _unit(size, gradient))
         return map_integrand_dags(given, self._integrand)
 
 
-class _Given(MultiFunction):
-    """Replacement of an argument and its gradient by given values."""
+class Given(MultiFunction):
+    """Replacement of an argument and its gradient by given values.
+
+    Args:
+        argument: The argument.
+        value: Its value.
+        gradient: Its gradient.
+    """
 
     expr = MultiFunction.reuse_if_untouched
 

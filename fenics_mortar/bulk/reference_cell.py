@@ -60,9 +60,26 @@ def nodal_gradients(V: Any) -> Array:
     Shape (nodes, functions, 2), in the reference cell [1] (local). All values are integers for
     degree 1 and 2.
     """
+    element = _lagrange(V)
+    return np.rint(_gradients(element, element.points))
+
+
+def gradients_at(V: Any, points: Array) -> Array:
+    """Gradients of the Lagrange functions of a cell of ``V`` at reference points (p, 2) (local).
+
+    Shape (p, functions, 2), in the reference cell [1].
+    """
+    return np.ascontiguousarray(_gradients(_lagrange(V), points))
+
+
+def _lagrange(V: Any) -> Any:
+    """Basix's element of one component of ``V``."""
     cell = getattr(basix.CellType, compat.cell_name(V.mesh))
     degree = DEGREES[V.dofmap.dof_layout.num_dofs]
-    variant = basix.LagrangeVariant.gll_warped
-    element = basix.create_element(basix.ElementFamily.P, cell, degree, variant)
-    values = element.tabulate(1, element.points)[1:, :, :, 0]
-    return np.rint(np.moveaxis(values, 0, -1))
+    return basix.create_element(
+        basix.ElementFamily.P, cell, degree, basix.LagrangeVariant.gll_warped
+    )
+
+
+def _gradients(element: Any, points: Array) -> Array:
+    return np.moveaxis(element.tabulate(1, points)[1:, :, :, 0], 0, -1)

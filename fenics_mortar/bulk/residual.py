@@ -17,6 +17,7 @@ import ufl
 from ufl.algorithms import expand_derivatives
 
 from fenics_mortar.bulk.cells import Cells
+from fenics_mortar.bulk.form_points import FormPoints
 from fenics_mortar.bulk.input_data import InputData
 from fenics_mortar.bulk.node_blocks import CellBlocks, come_in_pairs
 from fenics_mortar.bulk.units import find_units
@@ -28,8 +29,9 @@ from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.ranks import on_all_ranks
 
-# Smallest ratio of the area of each cell at each node after a Newton step to that before it [1].
-# The limit prevents inverted cells and does not affect converging iterations.
+# Smallest ratio of the area of each cell after a Newton step to that before it, at each point where
+# the form is evaluated [1]. The limit prevents inverted cells and does not affect converging
+# iterations.
 MIN_AREA_RATIO = 0.2
 # Fraction of a step below which it is not halved further [1]: ten halvings.
 MIN_FRACTION = 1e-3
@@ -67,6 +69,7 @@ class Bulk:
         is_linear: Whether the residual is recognized as linear in the displacement.
         prescribed: Whether a local dof, ghosts included, has a prescribed value.
         inertia: The ``Inertia`` of the bodies, ``None`` in statics.
+        surfaces_slide: Whether a contact slides by finite distances, so that it depends on cells.
 
     Raises:
         MortarError: If a condition belongs to another space.
@@ -97,6 +100,7 @@ class Bulk:
         self._data: list[Array] = []
         self._K_is_whole = False  # true if K is up to date and without added terms
         self.inertia: Any = None  # an Inertia
+        self.surfaces_slide = False
         self._K_includes_mass = False  # true if the pattern includes that of the mass matrix
         self.K: PETSc.Mat = compat.create_matrix(self._tangent)
         self.num_patterns, self._num_growths = 1, 0
@@ -210,7 +214,7 @@ class Bulk:
 
         Returns:
             The added fraction [1]: the largest of ``fraction``, ``fraction`` / 2, ... for which
-            every cell keeps at least ``MIN_AREA_RATIO`` of its present area at every node.
+            every cell keeps at least ``MIN_AREA_RATIO`` of its present area, see ``form_points``.
         """
         u, smallest = self.values, MIN_FRACTION * fraction
         start, before = u.copy(), self.positions()
@@ -222,7 +226,8 @@ class Bulk:
             u[:] = start + fraction * increment
 
         def is_too_large() -> bool:
-            stays = self.cells.keep_area(before, self.positions(), MIN_AREA_RATIO)
+            now, linear = self.positions(), self.surfaces_slide
+            stays = self.form_points.keep_area(before, now, MIN_AREA_RATIO, linear=linear)
             return not on_all_ranks(self.comm, bool(stays))
 
         while fraction > smallest and is_too_large():
@@ -272,9 +277,31 @@ class Bulk:
         """
         numbering.set_by_input_node(self.space, self.u, nodes, values)
 
+    @cached_property
+    def form_points(self) -> FormPoints:
+        """The points where the residual with finite strains is evaluated (collective)."""
+        return FormPoints(self.residual, self.u, self.space)
+
     def inverted_cells(self) -> tuple[int, str]:
-        """Number of inverted cells, and the reference position of one (collective)."""
-        return self.cells.inverted(self.positions())
+        """Number of cells inverted where the residual is evaluated, and a position (collective).
+
+        The position is that of a cell in the reference state. With linear strains the number is 0.
+        """
+        return self.cells.count(self.form_points.inverted(self.positions()))
+
+    def describe_inverted_nodes(self) -> str:
+        """Remark on cells inverted at their nodes alone; "" if there are none (collective)."""
+        x = self.positions()
+        at_nodes = (self.cells.area_ratios(x) <= 0.0).any(axis=1)
+        count, where = self.cells.count(at_nodes & ~self.form_points.inverted(x))
+        if not count:
+            return ""
+        if not self.form_points.any:
+            return f"{count} cells are inverted, one at {where}: the strains are not small"
+        return (
+            f"{count} cells are inverted at nodes, one at {where}, though not where the form is "
+            "evaluated: refine there"
+        )
 
 
 def mark_prescribed(space: DisplacementSpace, u: Any, bcs: Sequence[Any]) -> Flags:

@@ -86,7 +86,8 @@ def diagnose(
         free = floating.describe(floating.loose()), obstacles.describe(force)
         first = ", ".join(filter(None, free)) or _describe_limits(contacts)
         first = first or _describe_twice(contacts) or _describe_peeling(contacts, recent)
-    return "; ".join(filter(None, (first, *map(describe_overlap, contacts))))
+    at_nodes = bulk.describe_inverted_nodes()
+    return "; ".join(filter(None, (first, at_nodes, *map(describe_overlap, contacts))))
 
 
 def describe_inverted(bulk: Bulk) -> str:

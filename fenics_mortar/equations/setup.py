@@ -114,6 +114,7 @@ def equations_of(
     check_radius(residual, u, space)
     contacts = bind(pairs, space, prescribed, chains=algorithm != "condensed")  # may move nodes
     bulk = Bulk(residual, u, list(bcs), jacobian, space)
+    bulk.surfaces_slide = any(p.sliding == "finite" for p in pairs if isinstance(p, ContactPair))
     garbage.keep_communicators(bulk.comm, bulk.r, bulk.K)
     check_slave_nodes(contacts)
     check_roles(contacts)

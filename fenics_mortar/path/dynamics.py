@@ -6,8 +6,8 @@ All schemes are the generalized-alpha method with contact at the end of the step
 step, so that pressures oscillate, and energy increases with the trapezoidal rule (rho_inf = 1).
 With "massless" slave nodes have no mass, see ``bulk.massless``: pressures are continuous in time,
 impacts are resolved by waves in the bodies, and errors of the energy are of second order. With
-"conserving" these errors are corrected, too, and those of the angular momentum; see
-``energy_return`` and ``spin_return``. Measurements are in
+"conserving" these errors, of contact and of nonlinear stresses, are corrected, too, and those of
+the angular momentum; see ``energy_return`` and ``spin_return``. Measurements are in
 ``demos/studies/dynamics``.
 """
 
@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,6 +28,7 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.state import State
 from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.newton.report import NewtonReport
+from fenics_mortar.path.corrections import Corrections
 from fenics_mortar.path.dynamics_input import (
     SCHEMES,
     DensityValues,
@@ -39,10 +39,8 @@ from fenics_mortar.path.dynamics_input import (
     rates_of,
 )
 from fenics_mortar.path.dynamics_report import DynamicsReport, Energies
-from fenics_mortar.path.energy_return import return_energy
 from fenics_mortar.path.motion import Motion, check_run
 from fenics_mortar.path.options import SteppingOptions
-from fenics_mortar.path.spin_return import Balance, SpinReturn
 from fenics_mortar.path.time_scheme import GeneralizedAlpha
 from fenics_mortar.path.work import Forces, Work, forces_of, work_of
 from fenics_mortar.problem import ContactProblem
@@ -80,6 +78,8 @@ class Dynamics:
 
     Attributes:
         problem: The problem.
+        scheme: The time scheme.
+        rho_inf: Its spectral radius at infinite frequency [1].
         velocity: Velocity, a function of the space of ``u`` [length / time]; set it before the
             first step.
 
@@ -124,9 +124,13 @@ class Dynamics:
         self._energy = None if energy is None else compat.form(energy)
         equations.add_inertia(self._inertia)
         self.velocity = self._inertia.velocity
-        self._largest_speed, self._returns_energy = 0.0, scheme == "conserving"
-        is_plane = not equations.bulk.space.is_axisymmetric
-        self._spin = SpinReturn(problem, self._inertia) if is_plane else None
+        self._largest_speed = 0.0
+        self.scheme, self.rho_inf, conserves = scheme, self._scheme.rho, self._scheme.rho == 1.0
+        self._corrections = (
+            Corrections(problem, self._inertia, conserves=conserves)
+            if scheme == "conserving"
+            else None
+        )
 
     @property
     def time(self) -> float:
@@ -169,7 +173,8 @@ class Dynamics:
         check_step(dt, inertia.rates.time)
         start_clock(problem.equations.contacts, inertia.rates.time)
         before, rates = problem.state(), inertia.rates
-        balance = self._balance()
+        corrections = self._corrections
+        balance = None if corrections is None else corrections.balance()
         problem.time = rates.time + dt
         bulk, end = problem.equations.bulk, before.u.copy()
         compat.set_prescribed(end, bulk.bcs)
@@ -195,32 +200,10 @@ class Dynamics:
         )
         after = forces_of(problem)
         work = work_of(problem, before, problem.state(), forces, after)
-        if self._returns_energy:
-            self._correct(work, dt, (forces, after), balance)
+        if corrections is not None:
+            corrections.correct(work, dt, before.u, (forces, after), balance)
         inertia.set_rates(inertia.rates, u)
         return report, after, work
-
-    def _balance(self) -> Balance | None:
-        """Angular momentum at the present state, if the scheme restores it."""
-        return self._spin.balance() if self._spin is not None and self._returns_energy else None
-
-    def _correct(
-        self, work: Work, dt: float, forces: tuple[Forces, Forces], before: Balance | None
-    ) -> None:
-        """Return the angular momentum and energy lost in a step.
-
-        Args:
-            work: Work done in the step.
-            dt: The step [time].
-            forces: Forces at its start and end.
-            before: Angular momentum at its start.
-        """
-        without_spin, after = None, self._balance()
-        if before is not None and after is not None and self._spin is not None:
-            rotations = self._spin.restore(before, after, dt)
-            without_spin = partial(self._spin.without_spin, rotations)
-        bulk = self.problem.equations.bulk
-        return_energy(self._inertia, bulk, work, 0.5 * dt, forces, without_spin)
 
     def _begin(self) -> None:
         """Set the inertia forces of the present state; at the start compute the accelerations."""
@@ -287,6 +270,14 @@ class Dynamics:
         return Motion(self, self._advance, options, tolerance).run(stop, set_loads, on_step)
 
     # Measures
+
+    @property
+    def energy_deficit(self) -> float:
+        """Energy lost by errors of the time steps and not returned yet [stress length^2] (local).
+
+        Zero unless the scheme is "conserving".
+        """
+        return self._inertia.rates.energy_deficit
 
     def error(self, before: State, dt: float) -> float:
         """Estimated error of the velocity in the last step over the largest velocity so far [1].

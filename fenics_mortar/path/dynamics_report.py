@@ -14,6 +14,9 @@ from fenics_mortar.utils.markdown import Markdown
 # Smallest energy added by contact pressures, over the largest kinetic energy [1], for a remark in
 # the report. Without mass at the contact surface it is at most 0.08 in the study of impacts.
 ADDED = 0.1
+# Largest energy that errors of the time steps may have added or taken at any time with
+# "conserving", over the largest kinetic energy [1], without a remark.
+CONSERVED = 1e-3
 
 
 class Energies(NamedTuple):
@@ -48,6 +51,9 @@ class TimeStep:
         work: Work done in the step by the trapezoidal rule; ``work.bulk`` is the change of kinetic
             and strain energy, minus the work of applied loads.
         energies: Energies at the end of the step.
+        size: Length of the step [time].
+        deficit: Energy lost by errors of the time steps so far and not returned, zero unless the
+            scheme is "conserving" [stress length^2].
     """
 
     time: float
@@ -56,6 +62,8 @@ class TimeStep:
     error: float
     work: Work
     energies: Energies
+    size: float = 0.0
+    deficit: float = 0.0
 
 
 @dataclass
@@ -66,11 +74,15 @@ class DynamicsReport(Markdown):
         start: Energies at the start of the motion.
         steps: The time steps.
         failures: Records of failed attempts at the step after the last one.
+        scheme: The time scheme; see ``Dynamics``.
+        rho_inf: Its spectral radius at infinite frequency [1].
     """
 
     start: Energies
     steps: list[TimeStep] = field(default_factory=list)
     failures: list[NewtonReport] = field(default_factory=list)
+    scheme: str = "massless"
+    rho_inf: float = 1.0
 
     @property
     def friction_work(self) -> float:
@@ -86,28 +98,47 @@ class DynamicsReport(Markdown):
     def contact_energy(self) -> float:
         """Energy that contact pressures added, an error of the time steps [stress length^2].
 
-        Pressures on closed gaps do no work.
+        Pressures on closed gaps do no work. With "conserving" this energy is returned, except for
+        the ``deficit`` of the last step.
         """
         return -sum(step.work.pressure for step in self.steps)
 
     def remark(self) -> str:
-        """Remark on energy added or extracted by pressures, or added by friction; "" if small."""
+        """Remark on energy added or extracted by errors of the time steps; "" if small.
+
+        It names what would reduce the error, apart from what is in use.
+        """
         kinetic = max(e.kinetic for e in (self.start, *(s.energies for s in self.steps)))
-        added = {"contact pressures": self.contact_energy, "friction": -self.friction_work}
-        if self.friction_work > 0.0:
-            del added["friction"]
-        shares = {name: energy / kinetic if kinetic else 0.0 for name, energy in added.items()}
-        messages = [
-            f"{name} {'added' if share > 0 else 'took'} {abs(share):.2g}"
-            for name, share in shares.items()
-            if abs(share) > ADDED
-        ]
-        if not messages:
+        if not kinetic:
             return ""
+        conserving, friction = self.scheme == "conserving", -self.friction_work / kinetic
+        worst = max((-s.deficit for s in self.steps), key=abs, default=0.0) / kinetic
+        contact = 0.0 if conserving else self.contact_energy / kinetic
+        shares = [("the time steps", worst, CONSERVED), ("contact pressures", contact, ADDED)]
+        shares.append(("friction", max(friction, 0.0), ADDED))
+        found = [(who, share, limit) for who, share, limit in shares if abs(share) > limit]
+        if not found:
+            return ""
+        messages = [
+            f"{who} {'added' if share > 0 else 'took'} {abs(share):.2g}" for who, share, _ in found
+        ]
+        excess = max(abs(share) / CONSERVED for _, share, _ in found)
         return (
             f"{' and '.join(messages)} of the largest kinetic energy, an error of the time steps: "
-            "take scheme='conserving', smaller steps, or a smaller rho_inf"
+            f"take {self._advice(excess)}"
         )
+
+    def _advice(self, excess: float) -> str:
+        """What reduces an error of the energy, which is ``excess`` times ``CONSERVED``.
+
+        With mass on the surfaces in contact, smaller steps do not reduce it.
+        """
+        if self.scheme == "generalized_alpha":
+            return "scheme='conserving'" + ", or a smaller rho_inf" * (self.rho_inf > 0.0)
+        largest = max(step.size for step in self.steps)
+        steps = f"steps of {0.9 * largest / excess**0.5:.2g}" if largest else "smaller steps"
+        steps += f", for an error of {CONSERVED:g}, as it is of second order" * bool(largest)
+        return steps if self.scheme == "conserving" else f"scheme='conserving', or {steps}"
 
     @property
     def num_iterations(self) -> int:

@@ -31,6 +31,12 @@ class Moving(Protocol):
     """Bodies in motion; see ``Dynamics``."""
 
     problem: ContactProblem
+    scheme: str
+    rho_inf: float
+
+    @property
+    def energy_deficit(self) -> float:
+        """Energy lost by errors of the time steps and not returned yet [stress length^2]."""
 
     @property
     def time(self) -> float:
@@ -65,7 +71,7 @@ class Motion:
     ) -> DynamicsReport:
         """Advance to the time ``stop``; see ``Dynamics.run``."""
         bodies, problem, options = self._bodies, self._bodies.problem, self._options
-        report = DynamicsReport(bodies.energies())
+        report = DynamicsReport(bodies.energies(), scheme=bodies.scheme, rho_inf=bodies.rho_inf)
         size, forces = options.step, forces_of(problem)
         shown = Progress(problem.equations.comm, bodies.time, stop)
         while stop - bodies.time > ROUNDING * options.smallest:
@@ -94,7 +100,8 @@ class Motion:
                 before.revert(renew=True)
                 raise_cause(interruption)
             forces = after
-            done = TimeStep(bodies.time, newton, report.failures, error, work, bodies.energies())
+            measured = error, work, bodies.energies(), dt, bodies.energy_deficit
+            done = TimeStep(bodies.time, newton, report.failures, *measured)
             report.steps.append(done)
             shown.accept(bodies.time, newton)
             report.failures = []

@@ -122,19 +122,20 @@ class SpinReturn:
         )
         return rotations
 
-    def without_spin(self, rotations: Rotations, change: Array) -> Array:
-        """Subtract the rotation from a change of velocity by forces between bodies.
+    def without_spin(self, rotations: Rotations, change: Array, moved: Flags) -> Array:
+        """Subtract the rotation from a change of velocity by internal forces or between bodies.
 
         Args:
             rotations: See ``restore``.
             change: Array of all local dofs [length / time].
+            moved: Groups whose angular momentum stays unchanged, shape (groups,), bool.
 
         Returns:
             The change without angular momentum, likewise.
         """
         x, owned = self._positions(), self._space.owned_dofs
         momentum = self._sum(_moment(x[: len(owned)], self._inertia.times_mass(change)[owned]))
-        return change - self._rotate(rotations, momentum, rotations.between_bodies)
+        return change - self._rotate(rotations, momentum, moved)
 
     def _rotations(self, before: Balance, after: Balance) -> Rotations:
         links = [np.flatnonzero(b | a) for b, a in zip(before.touching, after.touching)]

@@ -46,7 +46,7 @@ class Certificate(Markdown):
         pairs: One certificate per pair.
         balance: Largest sum of reactions, loads and contact forces of a body or obstacle, over the
             sum of the norms of all forces [1].
-        inverted: Number of inverted cells.
+        inverted: Number of cells inverted at a point where a form with finite strains is evaluated.
         springs: Largest sum of the forces of springs on a body over the contact force on it [1];
             zero unless the report of the solve records springs.
         drift: From the report of a solve: sliding distance of an obstacle driven by forces over its
@@ -56,6 +56,7 @@ class Certificate(Markdown):
         passages: Bodies that passed through each other during the step, as messages.
         possible_passages: Passages on motions that the ends of the step do not tell, as messages.
         tipping: Bodies that pressures on the covered surfaces cannot balance, as messages.
+        inverted_nodes: Remark on cells inverted at nodes alone, or with linear strains.
     """
 
     pairs: list[PairCertificate]
@@ -67,6 +68,7 @@ class Certificate(Markdown):
     passages: list[str] = field(default_factory=list)
     possible_passages: list[str] = field(default_factory=list)
     tipping: list[str] = field(default_factory=list)
+    inverted_nodes: str = ""
 
     def violations(
         self,
@@ -109,6 +111,7 @@ class Certificate(Markdown):
                 for crossing in crossings
             ),
             *self.possible_passages,
+            *filter(None, (self.inverted_nodes,)),
         ]
 
     def __str__(self) -> str:
@@ -147,7 +150,10 @@ def certify(
     ]
     raise_stored(bulk.comm, contacts)
     balance = balance_of_bodies(bulk, contacts, labels, unbalanced)
-    return agreed(bulk.comm, Certificate(pairs, balance, inverted))
+    return agreed(
+        bulk.comm,
+        Certificate(pairs, balance, inverted, inverted_nodes=bulk.describe_inverted_nodes()),
+    )
 
 
 def _certify_pair(

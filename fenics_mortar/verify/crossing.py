@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 
@@ -33,9 +33,10 @@ from fenics_mortar.interface.outline import Outline, extract_outline
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.crossing import find_crossings
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.utils.arrays import Array, Value
+from fenics_mortar.utils.arrays import Array, Flags, Value
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import HALF_FACET
+from fenics_mortar.verify.folds import are_folds, slides_little
 from fenics_mortar.verify.obstacle_points import deepest_point
 from fenics_mortar.verify.outline_names import OutlineNames
 from fenics_mortar.verify.passages import Passages, StepEnds
@@ -104,6 +105,8 @@ class Crossings:
             if not isinstance(contact, Tie)
         }
         bodies = np.array(sorted({body for pair in sides for side in pair for body in side}))
+        finite = (both for c, both in zip(contacts, sides, strict=True) if not slides_little(c))
+        self._slide_little = np.setdiff1d(bodies, sorted(set().union(*chain(*finite))))
         self.outline: Outline = extract_outline(bulk.space, self._labels, bodies)
         self._links = self.outline.neighbours()
         self._segment_bodies = self.outline.segment_bodies
@@ -124,6 +127,7 @@ class Crossings:
         """Deepest crossing of each pair of outlines, or outline and obstacle, at present."""
         x, found = self._positions(), []
         rows = self._crossings(x, self._allowed(x))
+        rows = rows[~self._are_meaningless(x, rows)]
         for pair, row in self._deepest(rows).items():
             facets = float(row[2]) - self._excused.get(pair, 0.0)
             if facets > 0.0:
@@ -136,6 +140,15 @@ class Crossings:
                     sides = f"'{contact.slave.name}'", f"obstacle '{contact.obstacle.name}'"
                     found.append(Crossing(sides, format_point(point), depth, facets))
         return sorted(found, key=lambda crossing: -crossing.facets)
+
+    def _are_meaningless(self, x: Array, rows: Array) -> Flags:
+        """Folds of bodies with linear strains and small sliding, see ``folds``, (k,), bool."""
+        bodies = self._segment_bodies[rows[:, :2].astype(np.int64)]
+        marks = (bodies[:, 0] == bodies[:, 1]) & np.isin(bodies[:, 0], self._slide_little)
+        if marks.any() and not self._bulk.form_points.any:
+            marks[marks] = are_folds(x, self.outline.segments, self._segment_bodies, rows[marks])
+            return marks
+        return np.zeros(len(rows), bool)
 
     def _crossings(self, x: Array, allowed: Array) -> Array:
         """Rows of ``find_crossings`` with the nodes at ``x`` and their admitted overlaps."""

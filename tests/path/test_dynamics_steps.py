@@ -47,7 +47,6 @@ def test_a_step_follows_from_the_trapezoidal_rule():
 def test_a_fraction_of_an_impulse_adds_an_energy(energy, power):
     square = 3.0
     t = fraction_of_impulse(energy, power, square)
-    assert abs(t) <= 1.0
     if abs(energy) < 1.0:
         assert t * power + 0.5 * t**2 * square == pytest.approx(energy)
 

@@ -39,6 +39,12 @@ from fenics_mortar.utils.compat.meshes import (
     num_corners,
     settle_coordinate_element,
 )
+from fenics_mortar.utils.compat.quadrature import (
+    Rule,
+    quadrature_points,
+    quadrature_rules,
+    subdomain_cells,
+)
 from fenics_mortar.utils.compat.spaces import (
     dofmap,
     is_part_of,
@@ -50,6 +56,7 @@ from fenics_mortar.utils.compat.spaces import (
 )
 
 __all__ = [
+    "Rule",
     "are_tags_of",
     "assemble_matrix",
     "assemble_vector",
@@ -76,10 +83,13 @@ __all__ = [
     "petsc_vec",
     "prescribed_value",
     "quadrature_degree",
+    "quadrature_points",
+    "quadrature_rules",
     "quiet_compiler",
     "scalar_is_complex",
     "scalar_space",
     "set_prescribed",
     "settle_coordinate_element",
+    "subdomain_cells",
     "vector_space",
 ]

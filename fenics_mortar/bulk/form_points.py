@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: MIT
+"""Inversion of the deformation at the points where a form with finite strains is evaluated.
+
+A form sees the displacement at its quadrature points only. A deformation is inverted if det F <= 0
+at one of these, whether or not the stress has a barrier there: no body deforms in this way. Nodes
+of cells are not judged: below a corner or at a bonded edge, det F at a node may be negative on any
+mesh, although it is positive at all points of the form and the mesh converges.
+
+With linear strains the sign of det F has no meaning. If surfaces slide by finite distances, steps
+of Newton's method are limited nevertheless, since folded surfaces disturb the search for contact.
+But a cell limits them only until it is strongly compressed, so that few steps lead to any state.
+
+Strains of an integral over cells are recognized as linear if its derivative does not depend on the
+displacement, or vanishes for a gradient that is a rotation W = -W^T, at any displacement: the
+stress is a function of sym(grad u). With finite strains, stresses turn with the body.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from ufl.algorithms import expand_derivatives
+from ufl.algorithms.expand_indices import expand_indices
+from ufl.algorithms.map_integrands import map_integrand_dags
+from ufl.constantvalue import Zero
+from ufl.corealg.multifunction import MultiFunction
+
+from fenics_mortar.bulk.fluxes import Given
+from fenics_mortar.bulk.reference_cell import gradients_at, nodal_gradients
+from fenics_mortar.kernels.cells import keep_area, tabulate_areas
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.rounding import ROUNDING
+
+
+class CellPoints(NamedTuple):
+    """Cells with the same reference points.
+
+    Attributes:
+        cells: Local cells, shape (m,).
+        nodes: Their nodes, shape (m, k).
+        gradients: Gradients of the shape functions at the points, shape (p, k, 2) [1].
+        undeformed: Determinants of dX/dxi, nan where a cell has no area, shape (m, p) [length^2].
+    """
+
+    cells: Indices
+    nodes: npt.NDArray[np.int32]
+    gradients: Array
+    undeformed: Array
+
+
+class FormPoints:
+    """Points of the owned cells where integrals with finite strains are evaluated.
+
+    Cells without such integrals have their nodes as points.
+
+    Args:
+        residual: UFL form, linear in a test function of the space of ``u``.
+        u: Displacement, alone or in a mixed function.
+        space: The displacement's nodes and dofs.
+
+    Attributes:
+        any: Whether an integral of the form has finite strains, equal on all ranks.
+    """
+
+    def __init__(self, residual: Any, u: Any, space: DisplacementSpace) -> None:
+        """Find integrals and points (collective)."""
+        V = space.V
+        nodes = compat.dofmap(V)[: V.mesh.topology.index_map(2).size_local]
+        X = V.tabulate_dof_coordinates()[:, :2]
+        groups = dict[Any, list[Indices]]()
+        for integral in _with_finite_strains(residual, u, space):
+            for rule, number in compat.quadrature_rules(residual, integral):
+                cells = compat.subdomain_cells(integral.subdomain_data(), number, len(nodes))
+                groups.setdefault(rule, []).append(cells)
+        self._num_cells, self.any = len(nodes), bool(groups)
+        self._finite, rest = list[CellPoints](), np.ones(len(nodes), bool)
+        for rule, found in groups.items():
+            cells = np.unique(np.concatenate(found))
+            points = compat.quadrature_points(compat.cell_name(V.mesh), rule)
+            self._finite.append(_points(X, nodes, cells, gradients_at(V, points)))
+            rest[cells] = False
+        self._linear = _points(X, nodes, np.flatnonzero(rest), nodal_gradients(V))
+
+    def keep_area(self, before: Array, after: Array, fraction: float, *, linear: bool) -> bool:
+        """Whether a motion leaves every cell a fraction of its area at every point (local).
+
+        Args:
+            before: Positions of the local nodes, shape (n, 2) [length].
+            after: Positions after the motion, shape (n, 2) [length].
+            fraction: Smallest area after over that before, which counts as zero if negative [1].
+            linear: Whether cells with linear strains are examined, unless they have lost more than
+                1 - ``fraction`` of their undeformed area.
+        """
+        groups = [(group, -np.inf) for group in self._finite]
+        groups += [(self._linear, fraction)] * linear
+        return all(
+            keep_area(before, after, g.nodes, g.gradients, g.undeformed, fraction, examined)
+            for g, examined in groups
+        )
+
+    def inverted(self, x: Array) -> Flags:
+        """Whether det F <= 0 at a point of a cell, shape (owned cells,) (local).
+
+        Args:
+            x: Positions of the local nodes, shape (n, 2) [length].
+        """
+        found = np.zeros(self._num_cells, bool)
+        for group in self._finite:
+            ratios = areas_at(x, group.nodes, group.gradients) / group.undeformed
+            found[group.cells] |= (ratios <= 0.0).any(axis=1)
+        return found
+
+
+def areas_at(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
+    """Determinant of dx/dxi at points of ``cells`` (m, k), shape (m, p) [length^2] (local).
+
+    Args:
+        x: Positions of the local nodes, shape (n, 2) [length].
+        cells: Nodes of the cells, shape (m, k).
+        gradients: Gradients of the shape functions at the points, shape (p, k, 2) [1].
+    """
+    areas = np.empty((len(cells), len(gradients)))
+    tabulate_areas(x, cells, gradients, areas)
+    return areas
+
+
+def areas_or_nan(X: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
+    """Areas of ``areas_at`` in the undeformed state, nan where there is none [length^2] (local)."""
+    areas = areas_at(X, cells, gradients)
+    extent = np.ptp(X[cells], axis=1).max(axis=1, initial=0.0)
+    return np.where(np.abs(areas) > ROUNDING * extent[:, None] ** 2, areas, np.nan)
+
+
+def _points(X: Array, nodes: Any, cells: Indices, gradients: Array) -> CellPoints:
+    """Points of some cells; those with the same gradients, as of a straight triangle, are one."""
+    different = np.unique(gradients, axis=0)
+    own = np.ascontiguousarray(nodes[cells])
+    return CellPoints(cells, own, different, areas_or_nan(X, own, different))
+
+
+def _with_finite_strains(residual: Any, u: Any, space: DisplacementSpace) -> list[Any]:
+    """Integrals over cells whose derivative is that of finite strains."""
+    trial = ufl.TrialFunction(space.whole)
+    first = 0
+    if space.is_mixed:
+        first = sum(int(np.prod(p.ufl_shape)) for p in ufl.split(trial)[: space.part])
+    rotation = np.zeros((*trial.ufl_shape, 2))
+    rotation[first, 1], rotation[first + 1, 0] = -1.0, 1.0
+    turned = Given(trial, ufl.zero(*trial.ufl_shape), ufl.as_tensor(rotation.tolist()))
+    found = []
+    for integral in residual.integrals():
+        if integral.integral_type() != "cell":
+            continue
+        tangent = expand_derivatives(ufl.derivative(ufl.Form([integral]), u, trial))
+        if u not in tangent.coefficients():
+            continue
+        by_rotation = map_integrand_dags(turned, tangent)
+        by_rotation = map_integrand_dags(_EqualBranches(), expand_indices(by_rotation))
+        if not all(isinstance(part.integrand(), Zero) for part in by_rotation.integrals()):
+            found.append(integral)
+    return found
+
+
+class _EqualBranches(MultiFunction):
+    """Replacement of conditionals with equal values by the value."""
+
+    expr = MultiFunction.reuse_if_untouched
+
+    def conditional(self, o: Any, condition: Any, true: Any, false: Any) -> Any:
+        """Replace a conditional of equal values."""
+        return true if true == false else self.reuse_if_untouched(o, condition, true, false)
