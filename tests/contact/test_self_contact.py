@@ -135,11 +135,11 @@ def test_other_integrations_are_refused(options):
 
 
 def test_ten_bodies_that_may_all_touch():
-    """All outlines are one list; numbers of 1 rank, equal on 2 and 3."""
+    """All outlines are one list; numbers of 1 rank, equal on 2 and 3 (146.8 in 32 steps)."""
     stack = ten_bodies(lambda data, names: [fm.ContactPair(data, names, law=MU)], foundation=10.0)
     stack.move(4, high=np.array([0.0, -0.12]))
     contact = stack.contact
     assert stack.problem.certificate().violations() == []
     assert contact.active.sum() == 87
-    assert np.abs(contact.z).sum() == pytest.approx(146.305922, rel=1e-6)
+    assert np.abs(contact.z).sum() == pytest.approx(145.849247, rel=1e-6)
     assert imbalance(stack) < 1e-13
