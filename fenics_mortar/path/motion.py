@@ -19,7 +19,7 @@ from fenics_mortar.path.work import Forces, Work, forces_of
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.errors import NotConvergedError, call_together
-from fenics_mortar.utils.rounding import ROUNDING, TINY
+from fenics_mortar.utils.rounding import EPSILON, ROUNDING, TINY
 
 # Function that takes a time step from forces at its start; returns record, forces at the end, work.
 Advance = Callable[[float, Forces], tuple[NewtonReport, Forces, Work]]
@@ -74,7 +74,10 @@ class Motion:
         report = DynamicsReport(bodies.energies(), scheme=bodies.scheme, rho_inf=bodies.rho_inf)
         size, forces = options.step, forces_of(problem)
         shown = Progress(problem.equations.comm, bodies.time, stop)
-        while stop - bodies.time > ROUNDING * options.smallest:
+        # the sum of many steps is rounded
+        while stop - bodies.time > max(
+            ROUNDING * options.smallest, len(report.steps) * EPSILON * abs(stop)
+        ):
             start = bodies.time
             dt = min(size, stop - start)
             dt = stop - start if stop - start - dt < ROUNDING * dt else dt
