@@ -159,6 +159,10 @@ class Contact(Interface):
         self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
         raise_stored(self.slave.comm, [self])
 
+    def leave_out(self, nodes: Flags) -> None:
+        """Leave slave nodes (slave nodes,), bool, out of contact, see ``set_aside`` (local)."""
+        self.set_aside = nodes
+
     def limit_sight(self, outline: Outline) -> Outline:
         """See ``Interface``; the outline limits the distance of partners behind the slave."""
         self.evaluation.limit_sight(outline)

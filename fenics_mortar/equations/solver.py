@@ -23,7 +23,7 @@ from fenics_mortar.newton.report import NewtonReport, merge_repeated
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.proximal import solve_with_springs, solve_with_weak_springs
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.errors import NotConvergedError
+from fenics_mortar.utils.errors import MortarError, NotConvergedError
 from fenics_mortar.utils.ranks import agreed
 from fenics_mortar.verify.certificate import Certificate, certify
 from fenics_mortar.verify.tipping import tipping_bodies
@@ -104,16 +104,7 @@ class Solver:
         e.crossings.begin(e.motions.places)
         begin_step(e.contacts)
         try:
-            e.motions.follow(e.evaluate_operators)
-            moved = e.motions.settle(partial(e.evaluate_contacts, start=True))
-            moved += e.floating.settle(partial(e.idle.evaluate, e.evaluate_forces), e.idle.give_way)
-            e.springs.remove_springs()
-            if moved:
-                self._accept_moved()
-            e.idle.find(e.evaluate_forces)
-            report = self._solve()
-            moved += e.floating.check(e.idle.reach())
-            moved += e.idle.end()
+            report, moved = self._move_and_solve()
             instants = instants_of(e.comm, e.contacts)
         except Exception:  # of any type, equal on all ranks
             e.last_converged = False
@@ -149,6 +140,45 @@ class Solver:
             raise _wrong_state(report, violations)
         e.crossings.accept(e.motions.places)
         return report
+
+    def _move_and_solve(self) -> tuple[NewtonReport, list[str]]:
+        """Rigid moves and a solve, and sentences on moved bodies.
+
+        If this fails after idle bodies were set aside, all of them take part in contact: those that
+        other bodies squeeze may stay where they are by symmetry only, as without friction.
+        """
+        e = self._equations
+        start = e.state()
+        e.idle.reset(may_be_aside=True)
+        try:
+            return self._attempt()
+        except MortarError as error:
+            if not e.idle.were_aside or e.newton.tentative:
+                raise
+            failed = error
+        e.idle.end()
+        e.springs.remove_springs()
+        e.restore(start)
+        e.idle.reset(may_be_aside=False)
+        try:
+            return self._attempt()
+        except MortarError as error:
+            raise failed from error
+
+    def _attempt(self) -> tuple[NewtonReport, list[str]]:
+        """See ``_move_and_solve``: one attempt."""
+        e = self._equations
+        e.motions.follow(e.evaluate_operators)
+        moved = e.motions.settle(partial(e.evaluate_contacts, start=True))
+        moved += e.floating.settle(partial(e.idle.evaluate, e.evaluate_forces), e.idle.give_way)
+        e.springs.remove_springs()
+        if moved:
+            self._accept_moved()
+        e.idle.find(e.evaluate_forces)
+        report = self._solve()
+        moved += e.floating.check(e.idle.reach())
+        moved += e.idle.end()
+        return report, moved
 
     def _solve(self) -> NewtonReport:
         """Solve on the contact dofs if the bulk is linear, else on all dofs."""

@@ -31,7 +31,7 @@ from fenics_mortar.kernels.plane import (
 )
 from fenics_mortar.kernels.rows import copy_row, grown
 from fenics_mortar.kernels.tree import build_tree, query_tree
-from fenics_mortar.utils.rounding import ROUNDING, SMALL_ANGLE
+from fenics_mortar.utils.rounding import ROUNDING, SAME_PLACE, SMALL_ANGLE
 
 # Cosine of the turn at the tip of a crack [1]: 170 degrees. Notches of rough faces are wider.
 FOLDED = -0.985
@@ -99,7 +99,10 @@ def folds_back(trace, j, forward):
     ax, ay = trace[j, 0] - trace[j - 1, 0], trace[j, 1] - trace[j - 1, 1]
     bx, by = trace[j + 1, 0] - trace[j, 0], trace[j + 1, 1] - trace[j, 1]
     turn = ax * by - ay * bx if forward else ay * bx - ax * by
-    size = np.sqrt((ax * ax + ay * ay) * (bx * bx + by * by))
+    aa, bb = ax * ax + ay * ay, bx * bx + by * by
+    if min(aa, bb) < SAME_PLACE**2 * max(aa, bb):  # an edge from a crossing at a node: rounding
+        return False
+    size = np.sqrt(aa * bb)
     return turn <= SMALL_ANGLE * size and ax * bx + ay * by < FOLDED * size
 
 

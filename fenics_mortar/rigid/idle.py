@@ -37,16 +37,24 @@ class IdleBodies:
 
     Args:
         bodies: The floating bodies; their ``aside`` is set.
+
+    Attributes:
+        were_aside: Whether bodies were set aside since ``reset``.
     """
 
     def __init__(self, bodies: FloatingBodies) -> None:
         self._bodies = bodies
+        self.were_aside, self._may_be_aside = False, True
         self._unloaded: list[FloatingBody] = []
         self._first: set[int] = set()
         self._readmissions = Counter[int]()
         self._home: Array = bodies.bulk.values
 
     # A solve
+
+    def reset(self, *, may_be_aside: bool) -> None:
+        """Begin an attempt to solve, in which bodies may be set aside or not (local)."""
+        self.were_aside, self._may_be_aside = False, may_be_aside
 
     def evaluate(self, evaluate: Callable[[], tuple[Array, Array]]) -> tuple[Array, Array]:
         """Evaluate the contacts before a solve; set bodies aside that are free to give way.
@@ -67,7 +75,8 @@ class IdleBodies:
         self._unloaded = [
             body
             for body in bodies.bodies
-            if self._may_be_idle(body)
+            if self._may_be_aside
+            and self._may_be_idle(body)
             and np.linalg.norm(bodies.resultant(body, bulk)) <= bodies.rounding(body, force)
         ]
         self._set_aside(body.label for body in self._unloaded if not bodies.is_loaded(body))
@@ -240,12 +249,12 @@ class IdleBodies:
             self._readmit(_moved_by(rates[pressed], idle))
 
     def _may_be_idle(self, body: FloatingBody) -> bool:
-        """Whether each contact of a body is with one other and without adhesion and driven force.
+        """Whether a body has contacts, each with one other and without adhesion and driven force.
 
         A node that faces several bodies would press on idle ones, too.
         """
-        bodies = self._bodies
-        for contact in bodies.contacts_of(body):
+        bodies, contacts = self._bodies, self._bodies.contacts_of(body)
+        for contact in contacts:
             law, obstacle = contact.pair.law, contact.obstacle
             driven = obstacle is not None and bool(np.isfinite(obstacle.load).any())
             on_slave, on_master = (
@@ -254,7 +263,7 @@ class IdleBodies:
             alone = not on_master.any() or (on_master.all() and not on_slave.any())
             if law.has_adhesion or law.bridges_gap or driven or not alone:
                 return False
-        return True
+        return bool(contacts)
 
     def _gaps(self, idle: Sequence[FloatingBody]) -> tuple[Array, Array]:
         """Gaps (n,) [length] of the nodes set aside, and their closing rates (n, motions) [1]."""
@@ -292,12 +301,13 @@ class IdleBodies:
         """Set these bodies aside, and no others."""
         bodies = self._bodies
         bodies.aside = set(labels)
+        self.were_aside |= bool(bodies.aside)
         for contact in bodies.contacts:
             aside = np.zeros(contact.slave.num_nodes, bool)
             for body in bodies.bodies:
                 if body.label in bodies.aside:
                     aside |= bodies.at_body(contact, body)
-            contact.set_aside = aside
+            contact.leave_out(aside)
 
     def _readmit(self, bodies: Iterable[FloatingBody]) -> None:
         """Let bodies take part in contact again."""
