@@ -43,7 +43,8 @@ from scipy.sparse import csr_array
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.kernels.arcs import tabulate_arcs
+from fenics_mortar.utils.arrays import Array, read_only_view
 
 # Largest relative rotation of two bodies in a step [radian]: 135 degrees. Their positions are also
 # those after a rotation in the other direction, of 225 degrees, which is no longer much larger.
@@ -51,10 +52,6 @@ MAX_ROTATION = 0.75 * np.pi
 # Rotation of a surface in a step [radian], 20 degrees, up to which a body does not turn along
 # with an obstacle that turns by more than half a turn: supported bodies tilt by less.
 TILTED = np.pi / 9.0
-# Angle below which kappa is computed by its series [radian]: errors are then below rounding.
-SERIES_BELOW = 0.1
-# Coefficients of h, h^3, ... in the series of kappa [1].
-SERIES = (1.0 / 6.0, 1.0 / 90.0, 1.0 / 945.0, 1.0 / 9450.0, 1.0 / 93555.0)
 
 
 class Arc(NamedTuple):
@@ -93,40 +90,18 @@ def arc(now: tuple[Array, Array], start: tuple[Array, Array], theta: Array, beta
     """Slip of a step (local).
 
     Args:
-        now: Vectors r and normals n at the end of the step, shape (slave nodes, 2) [length, 1].
+        now: Vectors r and normals n at the end of the step, shape (..., 2) [length, 1].
         start: r_0 and n_0, those at its start.
-        theta: Rotation of the master minus that of the normal, shape (slave nodes,) [radian].
+        theta: Rotation of the master minus that of the normal, shape (...) [radian].
         beta: Rotation of the normal in the frame of constant velocity, likewise.
     """
-    (r, n), (r_0, n_0) = now, start
-    tau, tau_0 = quarter_turn(n), quarter_turn(n_0)
-    along, along_0 = _dot(tau, r), _dot(tau_0, r_0)
-    across, across_0 = _dot(n, r), _dot(n_0, r_0)
-    kappa, slope = _kappa(0.5 * beta)
-    factor, half = 1.0 + theta * kappa, 0.5 * theta
-    moved, mean = along - along_0, 0.5 * (across + across_0)
-    return Arc(
-        factor * moved - theta * mean,
-        factor[..., None] * tau - half[..., None] * n,
-        -factor[..., None] * tau_0 - half[..., None] * n_0,
-        -factor * across - half * along,
-        factor * across_0 - half * along_0,
-        kappa * moved - mean,
-        0.5 * theta * slope * moved,
-    )
-
-
-def _kappa(h: Array) -> tuple[Array, Array]:
-    """Kappa and its derivative at half angles ``h``, of any shape [1, 1 / radian]."""
-    small = np.abs(h) < SERIES_BELOW
-    a = np.where(small, 1.0, h)
-    cot, per_sine = 1.0 / np.tan(a), 1.0 / np.sin(a) ** 2
-    value, slope = (1.0 / a - cot) / 2.0, (per_sine - 1.0 / a**2) / 2.0
-    square = np.where(small, h, 0.0) ** 2
-    near = h * np.polynomial.polynomial.polyval(square, SERIES)
-    factors = np.array(SERIES) * (2.0 * np.arange(len(SERIES)) + 1.0)
-    near_slope = np.polynomial.polynomial.polyval(square, factors)
-    return np.where(small, near, value), np.where(small, near_slope, slope)
+    shape, ends = theta.shape, [np.stack(end).reshape(2, -1, 2) for end in (now, start)]
+    slip, by_vectors = np.empty(theta.size), np.empty_like(ends[0])
+    by_angles = np.empty((4, theta.size))
+    angles = (read_only_view(np.ravel(angle)) for angle in (theta, beta))
+    tabulate_arcs(*ends, *angles, slip, by_vectors, by_angles)
+    vectors, others = by_vectors.reshape(2, *shape, 2), by_angles.reshape(4, *shape)
+    return Arc(slip.reshape(shape), *vectors, *others)
 
 
 class Orientation(NamedTuple):
@@ -135,12 +110,15 @@ class Orientation(NamedTuple):
     Attributes:
         angle: Of the normal at the partners relative to that of the node, (slave nodes,) [radian].
         partners: Weighted sums of the master's normals, shape (slave nodes, 2).
-        master: Averaged normals of the master nodes, shape (master nodes, 2).
-        d_master: Their derivatives, see ``evaluate_normals``.
+        slave, d_slave: Averaged normals of the slave nodes, shape (slave nodes, 2), and their
+            derivatives, see ``evaluate_normals``.
+        master, d_master: Those of the master nodes.
     """
 
     angle: Array
     partners: Array
+    slave: Array
+    d_slave: Array
     master: Array
     d_master: Array
 
@@ -162,12 +140,13 @@ def orientation(o: MortarOperators, M: csr_array, planes: Array) -> Orientation:
         M: Weights of the partners, shape (slave nodes, master nodes) [1].
         planes: Normals of master nodes on symmetry planes, nan elsewhere, (master nodes, 2).
     """
-    s, _ = evaluate_normals(o.slave, o.x, "opposite")
+    s, ds = evaluate_normals(o.slave, o.x, "opposite")
     n, dn = evaluate_normals(o.master, o.m, "opposite")
     fixed = np.isfinite(planes[:, 0])
-    n, dn = np.where(fixed[:, None], planes, n), np.where(fixed[:, None, None], 0.0, dn)
+    if fixed.any():
+        n[fixed], dn[fixed] = planes[fixed], 0.0
     v = np.asarray(M @ n)
-    return Orientation(normal_rotation(s, v), v, n, dn)
+    return Orientation(normal_rotation(s, v), v, s, ds, n, dn)
 
 
 class Rotations(NamedTuple):

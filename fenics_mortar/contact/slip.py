@@ -52,7 +52,9 @@ import weakref
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
+
+from mpi4py import MPI
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -73,10 +75,41 @@ from fenics_mortar.interface.facing import Facing
 from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
+from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
 
 Measure = Literal["partners", "operators"]
+
+
+class Evaluated(NamedTuple):
+    """Orientation, rotations and slip at the positions of some operators, see ``arcs``.
+
+    The orientation is ``None`` on an obstacle, and if surfaces do not rotate.
+    """
+
+    orientation: Orientation | None
+    rotations: Rotations
+    arc: Arc
+
+
+class Entries(NamedTuple):
+    """Rows, columns and values of the entries of a matrix, shape (k,) each."""
+
+    rows: Indices
+    columns: Indices
+    values: Array
+
+    def share(self, comm: MPI.Comm) -> Entries:
+        """Those of this rank (local)."""
+        mine = share_of(np.arange(self.rows.size), comm)
+        return Entries(self.rows[mine], self.columns[mine], self.values[mine])
+
+
+def entries_of(matrix: csr_array) -> Entries:
+    """The entries of a sparse matrix (local)."""
+    found = matrix.tocoo()
+    return Entries(found.row.astype(np.int64), found.col.astype(np.int64), found.data)
 
 
 class Pairing:
@@ -90,7 +123,8 @@ class Pairing:
 
     def __init__(self, build: Callable[[], tuple[csr_array, csr_array, Array, Array]]) -> None:
         self._build = build
-        self._recent: tuple[weakref.ref[MortarOperators], Orientation] | None = None
+        self._coupled: tuple[Indices, Indices] | None = None
+        self._recent: tuple[weakref.ref[MortarOperators], Evaluated] | None = None
 
     @cached_property
     def built(self) -> tuple[csr_array, csr_array, Array, Array]:
@@ -99,15 +133,36 @@ class Pairing:
         del self._build
         return found
 
+    @cached_property
+    def entries(self) -> tuple[Entries, Entries]:
+        """Entries of D and M."""
+        return entries_of(self.built[0]), entries_of(self.built[1])
+
     def __getstate__(self) -> dict[str, Any]:
         """The matrices, for a pickle: the function may have none (local)."""
-        return {"built": self.built, "_recent": None}
+        return {"built": self.built, "_coupled": None, "_recent": None}
 
-    def orientation(self, o: MortarOperators, planes: Array) -> Orientation:
-        """Angles of both surfaces, computed once per operators; see ``arcs`` (local)."""
+    def at(self, o: MortarOperators, find: Callable[[MortarOperators], Evaluated]) -> Evaluated:
+        """Rotations and slip at the positions of ``o``, computed once per operators (local)."""
         if self._recent is None or self._recent[0]() is not o:
-            self._recent = weakref.ref(o), orientation(o, self.built[1], planes)
+            self._recent = weakref.ref(o), find(o)
         return self._recent[1]
+
+    def coupled(self, master: Surface, *, turns: bool) -> tuple[Indices, Indices]:
+        """Slave nodes and the master nodes coupled to them, each (k,), found once (local).
+
+        Args:
+            master: The other surface.
+            turns: Whether slip depends on the normals at the partners, and so on the nodes beside.
+        """
+        if self._coupled is None:
+            j, l, _ = self.entries[1]
+            if turns:
+                near = master.along(l, range(-master.degree, master.degree + 1))
+                pairs = (j[:, None] * master.num_nodes + near)[near >= 0]
+                j, l = np.divmod(np.unique(pairs), master.num_nodes)
+            self._coupled = j, l
+        return self._coupled
 
 
 @dataclass(frozen=True)
@@ -179,27 +234,26 @@ class Partners:
             gap_vectors - self.present[:, None] * o.vectors if self.present.any() else gap_vectors
         )
 
-    def orientation(self, o: MortarOperators) -> Orientation | None:
-        """Angles of both surfaces; ``None`` if they do not rotate (local)."""
-        return None if self.planes is None else self.pairing.orientation(o, self.planes)
+    def at(self, o: MortarOperators) -> Evaluated:
+        """Rotations and slip since that state, without ``counted`` (local)."""
+        return self.pairing.at(o, self._evaluate)
 
-    def rotations(self, o: MortarOperators) -> Rotations:
-        """Rotations since that state (local)."""
+    def _evaluate(self, o: MortarOperators) -> Evaluated:
         if isinstance(o, ObstacleOperators):
             body = np.zeros(len(o.x))
             if self.planes is not None:
                 body = surface_rotation(o.slave, self.x, o.x)
-            return rotation_past_obstacle(body, float(o.obstacle.place[2] - self.place[2]))
-        now = self.orientation(o)
-        return rotation_of_surfaces(self.angle if now is None else now.angle, self.angle)
+            turned = rotation_past_obstacle(body, float(o.obstacle.place[2] - self.place[2]))
+            ends = (o.x - centre_of(o.obstacle), o.n), (self.start, rotated_by(o.n, -body))
+            return Evaluated(None, turned, arc(*ends, turned.theta, turned.beta))
+        now = None if self.planes is None else orientation(o, self.M, self.planes)
+        turned = rotation_of_surfaces(self.angle if now is None else now.angle, self.angle)
+        ends = (self.gap_vectors(o), o.n), (self.start, self.normals)
+        return Evaluated(now, turned, arc(*ends, turned.theta, turned.beta))
 
     def arc(self, o: MortarOperators) -> Arc:
         """Slip since that state and its derivatives, see ``arcs`` (local)."""
-        theta, beta, _ = self.rotations(o)
-        if isinstance(o, ObstacleOperators):
-            start = self.start, rotated_by(o.n, -beta)
-            return arc((o.x - centre_of(o.obstacle), o.n), start, theta, beta)
-        return arc((self.gap_vectors(o), o.n), (self.start, self.normals), theta, beta)
+        return self.at(o).arc
 
     def slip(self, o: MortarOperators) -> Array:
         """Slip since that state, shape (slave nodes,) [length]."""
@@ -215,23 +269,39 @@ class Partners:
         The other term, due to the rotation of the contact normals, is
         ``o.tangential_derivative(self.rotated(o))``.
         """
-        found = self.arc(o)
+        now, _, found = self.at(o)
         along = found.by_vector
-        for surface, matrix, sign in ((o.slave, self.D, 1.0), (o.master, self.M, -1.0)):
-            entries = matrix.tocoo()
-            mine = share_of(np.arange(entries.nnz), o.slave.comm)
-            j, k = entries.row[mine].astype(np.int64), entries.col[mine].astype(np.int64)
-            values = sign * entries.data[mine, None] * along[j]
-            yield Block(j[:, None], surface.dofs_of(k[:, None]), values[:, None])
+        yield from self.by_positions(o, along)
         if self.present.any():
             yield from o.vector_derivative(-self.present[:, None] * along)
         if self.planes is None or not o.linearization.normals:
             return
         if isinstance(o, ObstacleOperators):
             yield rotation_derivative(o, found.by_body)
-        else:
-            now = self.pairing.orientation(o, self.planes)
-            yield from angle_derivative(o, self.M, now, found.by_angle)
+        elif now is not None:
+            yield from self.by_angle(o, now, found.by_angle)
+
+    def by_positions(self, o: MortarOperators, vectors: Array) -> Iterator[Block]:
+        """Blocks of vectors_j . (D dx - M dm)_j of this rank, for vectors (slave nodes, 2)."""
+        sides = zip((o.slave, o.master), self.pairing.entries, (1.0, -1.0), strict=True)
+        for surface, entries, sign in sides:
+            j, k, weights = entries.share(o.slave.comm)
+            values = sign * weights[:, None] * vectors[j]
+            yield Block(j[:, None], surface.dofs[k], values[:, None])
+
+    def by_angle(self, o: MortarOperators, at: Orientation, weights: Array) -> Iterator[Block]:
+        """Blocks of weights_j times the derivative of ``Orientation.angle``, of this rank.
+
+        Args:
+            o: Operators of the positions of ``at``.
+            at: The angle and its parts.
+            weights: Shape (slave nodes,) [length].
+        """
+        yield _of_normals(o, (at.slave, at.d_slave), -weights)
+        j, l, share = self.pairing.entries[1].share(o.slave.comm)
+        along = share[:, None] * (weights[:, None] * at.by_partners)[j]
+        values = np.einsum("bc,bcq->bq", along, at.d_master[l])
+        yield Block(j[:, None], o.master.near_dofs[l, : values.shape[1]], values[:, None])
 
     def derivative_by_motions(self, o: ObstacleOperators) -> Array:
         """Derivative of the slip with respect to obstacle motions, shape (slave nodes, 3) [1]."""
@@ -243,14 +313,7 @@ class Partners:
 
     def pairs(self, o: MortarOperators) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them, each (k,)."""
-        entries = self.M.tocoo()
-        j, l = entries.row.astype(np.int64), entries.col.astype(np.int64)
-        if self.planes is None:
-            return j, l
-        degree = o.master.degree
-        near = o.master.along(l, range(-degree, degree + 1))
-        j, l = np.broadcast_to(j[:, None], near.shape)[near >= 0], near[near >= 0]
-        return j, l
+        return self.pairing.coupled(o.master, turns=self.planes is not None)
 
 
 def _by_normal(o: MortarOperators, found: Arc) -> Array:
@@ -267,31 +330,14 @@ def rotation_derivative(o: MortarOperators, weights: Array) -> Block:
 
     The block has a row per node.
     """
-    s, ds = evaluate_normals(o.slave, o.x, "opposite")
-    own = o.slave.owned
-    values = np.einsum("jc,jcq->jq", weights[:, None] * quarter_turn(s), ds)
-    columns = o.slave.near_dofs[own, : ds.shape[2]]
-    return Block(own[:, None], columns, values[own][:, None])
+    return _of_normals(o, evaluate_normals(o.slave, o.x, "opposite"), weights)
 
 
-def angle_derivative(
-    o: MortarOperators, M: csr_array, at: Orientation, weights: Array
-) -> Iterator[Block]:
-    """Blocks of weights_j times the derivative of ``Orientation.angle``, of this rank.
-
-    Args:
-        o: Operators of the positions of ``at``.
-        M: Weights of the partners, shape (slave nodes, master nodes) [1].
-        at: The angle and its parts.
-        weights: Shape (slave nodes,) [length].
-    """
-    yield rotation_derivative(o, -weights)
-    entries = M.tocoo()
-    mine = share_of(np.arange(entries.nnz), o.slave.comm)
-    j, l = entries.row[mine].astype(np.int64), entries.col[mine].astype(np.int64)
-    along = entries.data[mine, None] * (weights[:, None] * at.by_partners)[j]
-    values = np.einsum("bc,bcq->bq", along, at.d_master[l])
-    yield Block(j[:, None], o.master.near_dofs[l, : at.d_master.shape[2]], values[:, None])
+def _of_normals(o: MortarOperators, normals: tuple[Array, Array], weights: Array) -> Block:
+    """As ``rotation_derivative``, with the averaged normals and their derivatives."""
+    (s, ds), own = normals, o.slave.owned
+    values = np.einsum("jc,jcq->jq", (weights[:, None] * quarter_turn(s))[own], ds[own])
+    return Block(own[:, None], o.slave.near_dofs[own, : ds.shape[2]], values[:, None])
 
 
 def centre_of(obstacle: Obstacle) -> Array:

@@ -115,6 +115,6 @@ def uncertain_rotation(contact: Contact) -> dict[str, Any]:
     law = contact.pair.law
     if not (law.has_friction or law.needs_nodal_state):
         return {}
-    doubt = np.where(contact.active, contact.partners.rotations(contact.operators).doubt, 0.0)
+    doubt = np.where(contact.active, contact.partners.at(contact.operators).rotations.doubt, 0.0)
     at = contact.operators.x[doubt.argmax()]
     return {"rotation": float(doubt.max()), "rotation_at": format_point(at)}

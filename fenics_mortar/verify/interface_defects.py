@@ -103,7 +103,7 @@ def slip_defects(contact: Contact) -> Defects:
 def _slip_between(contact: Contact, facing: Facing) -> Array:
     """Slip of the last step at points that faced each other, shape (n, q) [length] (local)."""
     o = contact.operators
-    theta = facing.of(contact.partners.rotations(o).theta)
+    theta = facing.of(contact.partners.at(o).rotations.theta)
     now = facing.difference(o.x, o.m), facing.direction(o.n)
     return arc(now, (facing.start, facing.normals), theta, -theta).slip
 

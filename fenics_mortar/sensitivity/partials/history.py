@@ -28,7 +28,7 @@ import numpy as np
 from fenics_mortar.contact.arcs import quarter_turn
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC, ContactFields
-from fenics_mortar.contact.slip import Partners, angle_derivative, rotation_derivative
+from fenics_mortar.contact.slip import Partners, rotation_derivative
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.facing import nearest_facets
 from fenics_mortar.interface.integrals import share_of
@@ -168,13 +168,13 @@ class _Terms:
         self.now, self.partners = now, partners
         self.o: MortarOperators = earlier.operators
         self.faces = earlier.fields.covered
-        o, found = self.o, partners.arc(now)
+        o, (then, _, found) = self.o, partners.at(now)
         self.per_weight = np.where(self.faces, 1.0 / np.where(self.faces, o.weight, 1.0), 0.0)
         counts = partners.present == 0.0  # nodes with a distance at the earlier state
         self.e, self.start = found.by_vector, np.where(counts[:, None], found.by_start, 0.0)
         self.turned = np.where(counts, found.by_start_normal, 0.0)[:, None] * quarter_turn(o.n)
         self.by_angle = found.by_angle
-        self.angles = [(at, partners.orientation(at)) for at in (now, o)]
+        self.angles = then, partners.at(o).orientation
 
     def _by_D(self, j: Indices, k: Indices) -> Array:
         """d(slip of nodes ``j``)/dP[j, k]; shapes broadcast [length]."""
@@ -186,7 +186,7 @@ class _Terms:
         there = np.einsum("...c,...c->...", self.e[j], self.now.m[l])
         before = np.einsum("...c,...c->...", self.start[j], self.o.m[l])
         total = -there - before
-        for (_, at), sign in zip(self.angles, (1.0, -1.0), strict=True):
+        for at, sign in zip(self.angles, (1.0, -1.0), strict=True):
             if at is not None:
                 by_partners = (sign * self.by_angle)[:, None] * at.by_partners
                 total = total + np.einsum("...c,...c->...", by_partners[j], at.master[l])
@@ -224,20 +224,14 @@ class _Terms:
 
     def _of_positions(self) -> Iterator[Block]:
         """Terms e' . (P dx' - Q dm')."""
-        o, p = self.o, self.partners
-        for surface, matrix, sign in ((o.slave, p.D, 1.0), (o.master, p.M, -1.0)):
-            entries = matrix.tocoo()
-            mine = share_of(np.arange(entries.nnz), o.slave.comm)
-            j, k = entries.row[mine].astype(np.int64), entries.col[mine].astype(np.int64)
-            values = sign * entries.data[mine, None] * self.start[j]
-            yield Block(j[:, None], surface.dofs_of(k[:, None]), values[:, None])
+        return self.partners.by_positions(self.o, self.start)
 
     def _of_normals(self) -> Iterator[Block]:
         """Terms with the changes of the normals of contact and of both surfaces."""
-        o, (_, before) = self.o, self.angles[1]
+        o, before = self.o, self.angles[1]
         yield rows_at_nodes(o.slave, o.normal_columns(), o.normal_derivative(self.turned))
         if before is not None:
-            yield from angle_derivative(o, self.partners.M, before, -self.by_angle)
+            yield from self.partners.by_angle(o, before, -self.by_angle)
 
     def _of_nearest(self) -> Iterator[Block]:
         """Terms with the motion along the nearest facet, at nodes without rows in M."""
