@@ -97,11 +97,12 @@ class FormPoints:
             linear: Whether cells with linear strains are examined, unless they have lost more than
                 1 - ``fraction`` of their undeformed area.
         """
-        groups = [(group, -np.inf) for group in self._finite]
-        groups += [(self._linear, fraction)] * linear
-        return all(
-            keep_area(before, after, g.nodes, g.gradients, g.undeformed, fraction, examined)
-            for g, examined in groups
+        for g in self._finite:
+            if not keep_area(before, after, g.nodes, g.gradients, g.undeformed, fraction, -np.inf):
+                return False
+        g = self._linear
+        return not linear or bool(
+            keep_area(before, after, g.nodes, g.gradients, g.undeformed, fraction, fraction)
         )
 
     def inverted(self, x: Array) -> Flags:

@@ -142,10 +142,11 @@ class ContactEquations:
         if start and self.evaluated is not None:
             (_, status), self.evaluated = self.evaluated, None
             return status
-        if not start:
+        if self.floating.bodies and not start:
             self.idle.place(self.evaluate_operators)
         self.bulk.assemble_residual()
-        self.floating.add_spring_forces()
+        if self.floating.bodies:
+            self.floating.add_spring_forces()
         return self.evaluate_without_bulk(start=start)
 
     def evaluate_without_bulk(self, *, start: bool) -> Status:
@@ -163,7 +164,7 @@ class ContactEquations:
                 contact.begin()
             self.idle.begin()
         changed = self.evaluate_contacts(start=start)
-        if not start and self.idle.review():
+        if self.floating.bodies and not start and self.idle.review():
             changed += 1 + self.evaluate_contacts(start=False)
         residual = self.residual.measure()
         self._set_record.record(residual, changed)

@@ -142,7 +142,9 @@ def sum_over_facets(
     on_facets[3] = D.sum(axis=2)
     rows = nodes + count * np.arange(4)[:, None, None]
     sums = np.bincount(rows.ravel(), on_facets.ravel(), 4 * count)
-    nodal = sum_over_ranks(slave.comm, sums.reshape(4, count))
+    nodal = sums.reshape(4, count)
+    if slave.comm.size > 1 or not nodes.size:  # numpy's sums of nothing are integers
+        nodal = sum_over_ranks(slave.comm, nodal)
     return nodal[0], nodal[1], nodal[2], nodal[3]
 
 

@@ -62,7 +62,9 @@ class Elimination:
         """R x [unit of x] in the owned contact dofs, for ``values`` x of this rank (collective)."""
         i, j, v = self.entries
         product = summed(v * values[j], i, self._rows.rows.size)
-        return sum_over_ranks(self._comm, product)[self._rows.numbers]
+        if self._comm.size > 1:
+            product = sum_over_ranks(self._comm, product)
+        return product[self._rows.numbers]
 
     def transposed_times(self, values: Array) -> Array:
         """R^T w [unit of w], for ``values`` w of the owned contact dofs (collective)."""
