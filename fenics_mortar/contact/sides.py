@@ -72,7 +72,7 @@ def turns_at_shared(slave: Surface, master: Surface) -> tuple[Indices, Array]:
         Their numbers in the slave, shape (k,), and turns to the left [radian], negative at the tip
         of a crack; nan unless one surface ends where the other begins, shape (k,).
     """
-    j, l = np.nonzero(slave.nodes[:, None] == master.nodes)
+    j, l = equal_pairs(slave.nodes, master.nodes)
     j, l = (k[(j != l) | (slave is not master)] for k in (j, l))
     turns = np.full(j.size, np.nan)
     for before, i, after, k in ((slave, j, master, l), (master, l, slave, j)):
@@ -82,6 +82,19 @@ def turns_at_shared(slave: Surface, master: Surface) -> tuple[Indices, Array]:
         stop = after.along(k, range(after.degree, after.degree + 1))[:, 0]
         turns[ends] = turn_between(before.X[i] - before.X[start], after.X[stop] - after.X[k])
     return j, turns
+
+
+def equal_pairs(a: Indices, b: Indices) -> tuple[Indices, Indices]:
+    """All positions with a[j] == b[l], in the order of j and then l, each (k,) (local).
+
+    Numbers may occur several times; no array of all pairs is needed.
+    """
+    order = np.argsort(b, kind="stable")
+    first, stop = (np.searchsorted(b, a, side, order) for side in ("left", "right"))
+    counts = stop - first
+    before = np.cumsum(counts) - counts
+    at = np.arange(counts.sum()) + np.repeat(first - before, counts)
+    return np.repeat(np.arange(a.size), counts), order[at]
 
 
 def at_tips(slave: Surface, master: Surface) -> Flags:

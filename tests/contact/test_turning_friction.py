@@ -34,11 +34,11 @@ def test_turned_wheel_pushes_the_block_along(angle):
     problem, wheel = wheel_under_block(fm.Coulomb(MU))
     contact = problem.equations.contacts[0]
     wheel.move(angle=angle)
-    problem.solve(accept_violations=True)  # here it is the friction that matters
+    problem.solve()
     assert contact.total_force[0] * angle < 0.0
     assert abs(contact.now.shear_force.sum()) == pytest.approx(MU * normal_force(contact))
     wheel.move(angle=2.0 * angle)
-    report = problem.solve(accept_violations=True)
+    report = problem.solve()
     work = wheel.reaction[2] * angle
     assert contact.now.friction_work == pytest.approx(-work, rel=1e-8)
     assert report.certificate.pairs[0].friction_work < 1e-8
@@ -52,7 +52,7 @@ def test_wear_over_a_turn_does_not_depend_on_the_steps(steps):
     contact = problem.equations.contacts[0]
     for step in range(steps):
         wheel.move(angle=TURN * (step + 1) / steps)
-        problem.solve(accept_violations=True)
+        problem.solve()
     j = np.argmax(contact.pressure)
     depth = contact.state.accepted_instant.memory["depth"][j]
     assert depth == pytest.approx(wear * contact.pressure[j] * TURN * RADIUS, rel=5e-3)
@@ -184,7 +184,7 @@ def test_tangent_of_turned_wheels(angle):
     """Prescribed by angle, and driven by a moment and a force."""
     problem, wheel = wheel_under_block(fm.Coulomb(MU))
     wheel.move(angle=angle)
-    problem.solve(accept_violations=True)
+    problem.solve()
     slopes = problem.check_tangent(print_table=False).slopes
     assert min(slopes.values()) > 1.9
     wheel.push(moment=0.5 * float(wheel.reaction[2]), y=0.0)
@@ -209,7 +209,7 @@ def test_a_chord_is_found_by_the_work_of_the_moment(monkeypatch):
 
     def remarked(angle):
         wheel.move(angle=angle)
-        remarks = problem.solve(accept_violations=True).certificate.remarks()
+        remarks = problem.solve().certificate.remarks()
         return any("the work of friction by slip differs by 10% from" in line for line in remarks)
 
     def along_chord(self, o):

@@ -100,9 +100,9 @@ def _wheel(
 
 
 def _moved(problem: fm.ContactProblem, wheel: fm.Circle, **motion: float) -> Any:
-    """Report of a step in which nodes may seem to pass through a wheel that turns."""
+    """Report of a step in which the wheel is moved."""
     wheel.move(**motion)
-    return problem.solve(accept_violations=True)
+    return problem.solve()
 
 
 def _shaft(
