@@ -48,10 +48,6 @@ from fenics_mortar.utils.rounding import TINY
 from fenics_mortar.verify.crossing import Crossings
 
 
-def no_tangent() -> None:
-    """There are no factors of a linear bulk (local)."""
-
-
 class ContactEquations:
     """Coupled equations of bodies, contacts and driven obstacles; all methods are collective.
 
@@ -113,11 +109,10 @@ class ContactEquations:
         self.remedies = Remedies(
             self.floating, self.residual, self._set_record, self._adopt_linearized_sets
         )
-        lengths = [float(contact.slave.lengths.min()) for contact in contacts]
-        self._shortest_facet: float = min(lengths, default=0.0)
+        self._shortest_facet = min((float(c.slave.lengths.min()) for c in contacts), default=0.0)
         self._loose: list[FloatingBody] = []
         self.adequacy: Any = None
-        self.reduced_tangent: Callable[[], Tangent | None] = no_tangent
+        self.reduced_tangent: Callable[[], Tangent | None] = lambda: None
 
     def add_inertia(self, inertia: Inertia) -> None:
         """Add mass; bodies with mass are not floating."""
@@ -173,9 +168,8 @@ class ContactEquations:
             num_active += int(np.count_nonzero(c.active))
             sets += c.active.tobytes() + c.multiplier_nodes.tobytes()
             sets += (c.active * c.branch).tobytes()
-        measured = self.residual
-        force, gap, roundoff = measured.force, measured.gap, measured.attainable
-        return Status(residual, force, gap, num_active, changed, roundoff, sets)
+        r = self.residual
+        return Status(residual, r.force, r.gap, num_active, changed, r.attainable, sets)
 
     def evaluate_operators(self) -> None:
         """Evaluate the operators of all contacts."""

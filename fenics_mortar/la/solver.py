@@ -91,9 +91,8 @@ class LinearSolver:
 
     def _create(self, options: dict[str, Any]) -> None:
         self._options = options
-        self._pivots = (
-            options.get("pc_factor_mat_solver_type") != SMALL["pc_factor_mat_solver_type"]
-        )
+        factors = "pc_factor_mat_solver_type"
+        self._pivots = options.get(factors) != SMALL[factors]
         self._allowed = LINEAR_TOLERANCE if self._pivots else WITHOUT_PIVOTING
         self._begin_anew()
         self.ksp = PETSc.KSP().create(self._comm)

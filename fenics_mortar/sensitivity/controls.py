@@ -307,11 +307,8 @@ class ObstacleShape(Control):
 
     def _pairs(self, problem: ContactProblem) -> list[tuple[int, Any]]:
         """Numbers and contacts of the obstacle (local)."""
-        found = [
-            (i, contact)
-            for i, contact in enumerate(problem.equations.contacts)
-            if contact.obstacle is self.obstacle
-        ]
+        every = enumerate(problem.equations.contacts)
+        found = [(i, contact) for i, contact in every if contact.obstacle is self.obstacle]
         for _, contact in found:
             check_exact(contact)
         return found
