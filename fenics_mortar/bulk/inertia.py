@@ -40,8 +40,8 @@ class Rates(Value):
             [length / time^2].
         time: Time [time].
         begun: Whether the accelerations are known.
-        energy_deficit: Energy extracted by contact pressures through errors of the time steps and
-            not returned yet [stress length^2].
+        energy_deficit: Energy lost by errors of the time steps and not returned yet, see
+            ``energy_return`` [stress length^2].
     """
 
     velocity: Array

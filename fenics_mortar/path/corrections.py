@@ -58,7 +58,10 @@ class Corrections:
             forces: Forces at its start and end.
             before: Angular momentum at its start.
         """
-        bulk, inertia, energy = self._bulk, self._inertia, work.pressure
+        bulk, inertia = self._bulk, self._inertia
+        energy = work.pressure
+        if self._conserves and inertia.rate is None and inertia.rates.time <= dt:
+            energy -= work.imbalance  # in the first step; damping is not returned
         internal, pressures = None, pressure_impulse(inertia, bulk, forces, dt)
         if self._conserves and not bulk.is_linear:
             d = internal_defect(bulk, inertia, start, dt)
@@ -80,6 +83,19 @@ class Corrections:
         if pressures is not None:
             impulses.append(Impulse(pressures, -1.0, 1.0))
         if self._conserves:
-            vibration = self._deformation.of(rates.velocity, bulk.positions())
-            impulses.append(Impulse(vibration, -MAX_SCALING, MAX_SCALING))
+            part = self._free_part(rates.velocity, pressures)
+            impulses.append(Impulse(part, -MAX_SCALING, MAX_SCALING))
         return_energy(inertia, impulses, ROUNDING * work.largest)
+
+    def _free_part(self, velocity: Array, pressures: Array | None) -> Array:
+        """The part of a velocity that may change in an impact, (local dofs,) [length / time].
+
+        Velocities of deformation, and rigid motions as those caused by the pressures.
+        """
+        inertia, x = self._inertia, self._bulk.positions()
+        part = self._deformation.of(velocity, x)
+        if pressures is not None:
+            rigid = pressures - self._deformation.of(pressures, x)
+            power, square = inertia.product(rigid, velocity), inertia.product(rigid, rigid)
+            part += power / square * rigid if square > 0.0 else 0.0
+        return part

@@ -12,15 +12,16 @@ line, exact for stresses up to third order in the displacement, differs from the
 
     d . (u_(n+1) - u_n),    d = (r(u_n) + r(u_(n+1)) - 2 r((u_n + u_(n+1)) / 2)) / 3.
 
-The sum of both over all steps, and of rotations, see ``spin_return``, is the ``energy_deficit``.
+The sum of both over all steps, and of rotations, see ``spin_return``, is the ``energy_deficit``. So
+is, without damping, the work of forces on nodes without mass that are not in balance at the start.
 After each step it is returned as far as possible: a fraction t of an impulse J is added to the
 momentum of the bodies, which changes the energy by t v . J + t^2 J . M^-1 J / 2 and leaves the sum
 of momenta unchanged. The first impulse is dt d: with t = 1 internal forces act with their mean
 along the step (Quispel & McLaren 2008), with t = 0 by the trapezoidal rule, and errors of t between
 0 and 2 are at most as large as its own. The second is that of the pressures, if a pair is closed,
-with |t| <= 1. The third changes the amplitude of vibrations, see ``deformation_rate``: it returns
-what the last pressures of an impact cannot. Rigid rotations are left out. (Laursen & Love 2002
-correct velocities in a similar way for each node.)
+with |t| <= 1. The third changes the amplitude of vibrations, see ``deformation_rate``, and of the
+rigid motion that pressures change: it returns what the last pressures of an impact cannot. Other
+rigid motions are left out. (Laursen & Love 2002 correct velocities in a similar way for each node.)
 """
 
 from __future__ import annotations
@@ -39,9 +40,9 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.path.work import Forces
 from fenics_mortar.utils.arrays import Array
 
-# Largest relative change of the velocity of deformation in a step, to return energy [1]. Impacts in
-# steps of a wave's time through a cell rarely need 0.1, longer steps need 0.3. The limit is for
-# bodies without vibrations, whose rounding must not grow.
+# Largest relative change of the velocity of deformation and impact in a step, to return energy [1].
+# Impacts in steps of a wave's time through a cell rarely need 0.1, longer steps need 0.3. The limit
+# is for bodies without vibrations, whose rounding must not grow.
 MAX_SCALING = 0.3
 
 

@@ -49,6 +49,14 @@ class Work(NamedTuple):
         return self.contact - self.dissipated
 
     @property
+    def imbalance(self) -> float:
+        """Work of forces that are not in balance [stress length^2].
+
+        At the start of a motion, nodes without mass need not be in balance.
+        """
+        return self.bulk + self.contact - self.supports
+
+    @property
     def dissipated(self) -> float:
         """Work of friction by the trapezoidal rule alone [stress length^2].
 

@@ -6,12 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import ufl
+from dolfinx import fem
+
 import fenics_mortar as fm
+from demos.studies.common import lame, read_mesh
 from demos.studies.dynamics.scenes import RHO, E, free_block, rings, scene
 from fenics_mortar.path.deformation_rate import DeformationRate
 from fenics_mortar.path.dynamics_report import DynamicsReport, Energies, TimeStep
-from fenics_mortar.path.work import Work
-from meshes.mapped_grids import Grid, block
+from fenics_mortar.path.energy_return import pressure_impulse
+from fenics_mortar.path.work import Work, forces_of
+from meshes.mapped_grids import Grid, block, build
 
 C = np.sqrt(E / RHO)
 
@@ -27,6 +32,84 @@ def between_blocks(cells=3, **options):
     sides = [("block/bottom", "lower/top"), ("block/top", "upper/bottom")]
     ends = ("lower/bottom", "upper/top")
     return scene(grids, sides, prescribed=[(e, c, 0.0) for e in ends for c in (0, 1)], **options)
+
+
+def between_planes(count, cells=3, gap=0.01, gravity=0.0, speed=0.0):
+    """A stack of blocks between two planes, without friction; the second or only one moves down.
+
+    St. Venant-Kirchhoff; the residual has no velocity.
+
+    Returns:
+        The motion, and the potential energy of the weight, a form.
+    """
+    grids = [
+        Grid(f"{i}", block(cells + i % 2, cells, width=1.0, height=1.0, corner=(0, i * (1 + gap))))
+        for i in range(count)
+    ]
+    data = read_mesh(lambda: build(grids))
+    V = fm.vector_space(data.mesh, 1)
+    u, v, (mu, lmbda) = fem.Function(V), ufl.TestFunction(V), lame(E, 0.3)
+    F, dx = ufl.Identity(2) + ufl.grad(u), ufl.dx(metadata={"quadrature_degree": 4})
+    strain = 0.5 * (F.T * F - ufl.Identity(2))
+    energy = (mu * ufl.inner(strain, strain) + lmbda / 2 * ufl.tr(strain) ** 2) * dx
+    pull = fem.Constant(data.mesh, RHO * gravity)
+    weight = pull * u[1] * dx
+    sides = [(f"{i}/top", f"{i + 1}/bottom") for i in range(count - 1)]
+    sides += [("0/bottom", fm.Plane((0.0, -gap), (0.0, 1.0)))]
+    sides += [(f"{count - 1}/top", fm.Plane((0.0, count * (1 + gap)), (0.0, -1.0)))]
+    pairs = [fm.ContactPair(data, *pair) for pair in sides]
+    residual = ufl.derivative(energy, u, v) + pull * v[1] * dx
+    problem = fm.ContactProblem(residual, u, pairs, petsc_options_prefix="planes_")
+    motion = fm.Dynamics(problem, RHO, energy=energy)
+    low, high = (0.0, 1.0) if count == 1 else (1.0 + gap / 2, 2.0 + gap)
+    motion.velocity.interpolate(
+        lambda x: np.stack([0.0 * x[0], -speed * C * ((x[1] >= low) & (x[1] <= high))])
+    )
+    return motion, fem.form(weight)
+
+
+@pytest.mark.serial
+def test_impacts_of_three_st_venant_kirchhoff_blocks_conserve_energy():
+    motion, _ = between_planes(3, speed=0.1)
+    start, found, touched = motion.energies(), [], set()
+    for _ in range(40):
+        motion.step(1.0 / 3.0 / C)
+        found.append(motion.energies().total / start.total - 1.0)
+        pressed = [c.pressure.max(initial=0.0) > 0.0 for c in motion.problem.contacts]
+        touched |= set(np.flatnonzero(pressed))
+    assert len(touched) == 4
+    assert np.abs(found).max() < 1e-3
+    assert motion.energies().momentum[0] == pytest.approx(start.momentum[0], abs=1e-10)
+
+
+@pytest.mark.serial
+def test_pressures_return_energy_by_the_motion_they_change():
+    """A body that touches a plane and does not deform: its normal velocity may change."""
+    motion, _ = between_planes(1, speed=0.1)
+    while not motion.problem.contacts[0].pressure.max(initial=0.0):
+        motion.step(0.8 / 3.0 / C)
+    inertia, corrections = motion._inertia, motion._corrections
+    bulk, forces = motion.problem.equations.bulk, forces_of(motion.problem)
+    pressures = pressure_impulse(inertia, bulk, (forces, forces), 0.1)
+    for normal in (1.0, 0.0):
+        velocity = np.tile([1.0, normal], len(bulk.values) // 2)
+        part = corrections._free_part(velocity, pressures)
+        assert inertia.product(part, velocity) == pytest.approx(normal, abs=1e-9)  # of mass 1
+        assert corrections._free_part(velocity, None) == pytest.approx(0.0 * velocity, abs=1e-9)
+
+
+@pytest.mark.serial
+def test_energy_lost_by_unbalanced_nodes_at_the_start_is_returned():
+    """The weight of nodes without mass stretches their cells in the first step."""
+    motion, weight = between_planes(1, gap=0.1, gravity=2.0, speed=0.03)
+    start, lost = motion.energies().total, []
+    for _ in range(10):
+        motion.step(0.8 / 3.0 / C)
+        energy = motion.energies().total + fem.assemble_scalar(weight)
+        lost.append(1.0 - energy / start)
+        assert motion.energy_deficit == pytest.approx(start - energy, abs=1e-9)
+    assert lost[0] > 1e-3
+    assert abs(lost[-1]) < 1e-6
 
 
 @pytest.mark.serial
