@@ -123,9 +123,12 @@ class DynamicsReport(Markdown):
             f"{who} {'added' if share > 0 else 'took'} {abs(share):.2g}" for who, share, _ in found
         ]
         excess = max(abs(share) / CONSERVED for _, share, _ in found)
+        advice = self._advice(excess)
+        if conserving and abs(self.steps[0].work.imbalance) > 0.5 * abs(worst) * kinetic > 0.0:
+            advice = "a finer contact surface: its nodes were not in balance at the start"
         return (
             f"{' and '.join(messages)} of the largest kinetic energy, an error of the time steps: "
-            f"take {self._advice(excess)}"
+            f"take {advice}"
         )
 
     def _advice(self, excess: float) -> str:

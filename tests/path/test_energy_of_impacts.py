@@ -203,6 +203,9 @@ def test_the_report_never_advises_what_is_in_use():
     assert "the time steps added 0.004 of" in remark and "scheme" not in remark
     assert "steps of 0.18, for an error of 0.001" in remark  # 0.9 of half of 0.4
     assert "took 0.004" in record_of("conserving", deficit=0.004).remark()
+    record = record_of("conserving", deficit=0.004)
+    record.steps[0] = replace(record.steps[0], work=Work(-0.004, 0.0, 0.0))
+    assert "take a finer contact surface" in record.remark()  # smaller steps would not help
     remark = record_of("massless", pressure=0.4).remark()
     assert "pressures added 0.4" in remark and "scheme='conserving', or steps of 0.018," in remark
     remark = record_of("generalized_alpha", pressure=0.4, rho_inf=0.0).remark()
