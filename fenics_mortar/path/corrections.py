@@ -83,8 +83,9 @@ class Corrections:
         if pressures is not None:
             impulses.append(Impulse(pressures, -1.0, 1.0))
         if self._conserves:
-            part = self._free_part(rates.velocity, pressures)
-            impulses.append(Impulse(part, -MAX_SCALING, MAX_SCALING))
+            for found in (None,) if pressures is None else (None, pressures):
+                part = self._free_part(rates.velocity, found)
+                impulses.append(Impulse(part, -MAX_SCALING, MAX_SCALING))
         return_energy(inertia, impulses, ROUNDING * work.largest)
 
     def _free_part(self, velocity: Array, pressures: Array | None) -> Array:
