@@ -23,7 +23,8 @@ of momenta unchanged. The first impulse is dt d: with t = 1 internal forces act 
 along the step (Quispel & McLaren 2008), with t = 0 by the trapezoidal rule, and errors of t between
 0 and 2 are at most as large as its own. The second is that of the pressures, if a pair is closed,
 with |t| <= 1. The third changes the amplitude of vibrations, see ``deformation_rate``, the last
-one also the rigid motion that pressures change: it returns what the last pressures of an impact cannot. Other
+one also the rigid motion that pressures change: it returns what the last pressures of an impact
+cannot. Other
 rigid motions are left out. (Laursen & Love 2002 correct velocities in a similar way for each node.)
 """
 
