@@ -77,7 +77,7 @@ class FloatingBody:
 
 
 def rigid_motions(X: Array, centre: Array, size: float) -> Array:
-    """Two translations and the rotation about ``centre`` over ``size``, shape (3, n, 2)."""
+    """Two translations and the rotation about ``centre`` over ``size``, shape (3, n, 2) [1]."""
     r = (X - centre) / size
     one, zero = np.ones(len(X)), np.zeros(len(X))
     rows = [(one, zero), (zero, one), (-r[:, 1], r[:, 0])]
