@@ -26,7 +26,7 @@ from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
-from fenics_mortar.utils.rounding import ROUNDING, SUM_ROUNDING
+from fenics_mortar.utils.rounding import ROUNDING, SOLVED, SUM_ROUNDING
 
 
 class BodyMotions:
@@ -179,11 +179,22 @@ class BodyMotions:
             for c in self.contacts
         )
 
-    def is_loaded(self, body: FloatingBody) -> bool:
-        """Whether a contact force acts on a body that is not rounding of those in the assembly."""
-        largest = max((float(np.abs(c.z).max(initial=0.0)) for c in self.contacts), default=0.0)
+    def largest_multiplier(self, body: FloatingBody | None = None) -> float:
+        """Largest component of the multipliers at a body or of all contacts [stress]."""
+        z = [c.z if body is None else c.z[self.at_body(c, body)] for c in self.contacts]
+        return max((float(np.abs(values).max(initial=0.0)) for values in z), default=0.0)
+
+    def is_loaded(self, body: FloatingBody, before: float = 0.0) -> bool:
+        """Whether a contact force acts on a body that is not rounding of those in the assembly.
+
+        Args:
+            body: The body.
+            before: Largest multiplier at the body at the start of the solve [stress]; forces that
+                have become small compared with it have no limit but zero.
+        """
+        rounding = max(SOLVED * before, ROUNDING * self.largest_multiplier())
         return any(
-            (np.abs(c.z).max(axis=1) > np.maximum(SUM_ROUNDING * c.modulus, ROUNDING * largest))[
+            (np.abs(c.z).max(axis=1) > np.maximum(SUM_ROUNDING * c.modulus, rounding))[
                 self.at_body(c, body)
             ].any()
             for c in self.contacts

@@ -166,7 +166,10 @@ class BodySettling:
         total, sizes = bulk + contact, np.abs(bulk) + np.abs(contact)
         unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
         labels = {body.label for body in unloaded}
-        loose = [b for b in loose_bodies(bodies, sticking=False) if b.label not in labels]
+        reached = self._reached_by_loads(bulk, float(sizes.sum()))
+        loose = [
+            body for body in loose_bodies(bodies, sticking=False) if body.label in reached - labels
+        ]
         driven = [
             (body, self._drive(body, total, sizes, min_drive)) for body in (*unloaded, *loose)
         ]
@@ -180,6 +183,33 @@ class BodySettling:
             unsupported = self.unsupported(bulk) | {body.label for body in bodies.bodies} - judged
             driven = [(body, drive) for body, drive in driven if body.label in unsupported]
         return driven
+
+    def _reached_by_loads(self, bulk: Array, size: float) -> set[int]:
+        """Labels of the bodies with loads, and of those that contact may pass loads on to.
+
+        The contact forces of the accepted state drive no other body: its loads have been removed.
+
+        Args:
+            bulk: Forces of the bulk, the negative loads, shape (owned dofs,) [stress length].
+            size: Sum of the sizes of all forces on this rank [stress length].
+        """
+        bodies = self._bodies
+        force = bodies.bulk.comm.allreduce(size)
+        reached = {
+            body.label
+            for body in bodies.bodies
+            if np.linalg.norm(bodies.resultant(body, bulk)) > bodies.rounding(body, force)
+        }
+        groups = []
+        for contact in bodies.contacts:
+            at = {body.label for body in bodies.bodies if bodies.at_body(contact, body).any()}
+            obstacle = contact.obstacle
+            driven = obstacle is not None and bool(np.isfinite(obstacle.load).any())
+            reached |= at if driven or contact.pair.law.has_adhesion else set()
+            groups.append(at)
+        while more := {label for at in groups if at & reached for label in at} - reached:
+            reached |= more
+        return reached
 
     def _drive(self, body: FloatingBody, total: Array, sizes: Array, min_drive: float) -> Array:
         """Unit direction of the resultant on a body; zero if the resultant is negligible."""

@@ -49,6 +49,7 @@ class IdleBodies:
         self._first: set[int] = set()
         self._readmissions = Counter[int]()
         self._home: Array = bodies.bulk.values
+        self._before: dict[int, float] = {}
 
     # A solve
 
@@ -95,6 +96,7 @@ class IdleBodies:
         """
         bodies = self._bodies
         self._home, self._first = bodies.bulk.values.copy(), set()
+        self._before = {body.label: bodies.largest_multiplier(body) for body in bodies.bodies}
         if not bodies.bodies:
             return
         bulk, _ = self.evaluate(evaluate)
@@ -227,7 +229,7 @@ class IdleBodies:
             for body in self._unloaded
             if body.label not in bodies.aside
             and self._readmissions[body.label] < RIGID.max_readmissions
-            and not bodies.is_loaded(body)
+            and not bodies.is_loaded(body, self._before.get(body.label, 0.0))
         }
         if quiet:
             self._set_aside(bodies.aside | quiet)

@@ -173,3 +173,18 @@ def test_a_wedge_squeezed_out_by_prescribed_motions_is_refused():
     scene.obstacles["right"].move(x=-0.01)
     with pytest.raises(fm.MortarError, match="'wedge' can move along .* contact pushed it away"):
         scene.problem.solve()
+
+
+@pytest.mark.parametrize("mu, slave, gap", [(0.14, "idle", 0.04), (0.3, "loaded", 0.0)])
+def test_a_block_whose_whole_load_is_removed_stays_where_it_was(mu, slave, gap):
+    """The forces that friction needed before drive nothing, and vanish."""
+    scene = row(mu, "body", slave=slave, gap=gap, loads=(4.0, 0.0), E=1e3)
+    before = None
+    for load, report in zip((4.0, 0.0), scene.solve(), strict=True):
+        assert report.certificate.violations() == []
+        now = np.concatenate([scene.motion(name) for name in ("loaded", "idle0")])
+        if before is not None:
+            # The strain is 4e-3: the block springs back by about as much.
+            assert np.abs(now - before).max() < 1e-2
+        before = now
+        assert (load > 0.0) == any(c.z.any() for c in scene.problem.equations.contacts)
