@@ -12,6 +12,7 @@ import pytest
 
 import fenics_mortar as fm
 from demos.studies.dynamics.scenes import Scene
+from demos.studies.stability import random_cracks, random_idle
 from demos.studies.stability.limit_analysis import judge
 from demos.studies.stability.random_cases import objections, random_case
 from demos.studies.stability.random_physics import DRAWS, run_physics
@@ -41,7 +42,12 @@ AGAIN_SEEDS = (4_000_016, 5_000_004)
 # The last one on a coarse ground, near its limit.
 HANGING_SEEDS = (2, 3, 5, 19)
 # Number of cases of each family; a bar left out here is run by another test.
-COUNTS = {"revolved": 5, "moving": 2, "memory": 5, "itself": 2, "turning": 8, "spinning": 5}
+COUNTS = {
+    "revolved": 5, "moving": 2, "memory": 5, "itself": 2, "turning": 8, "spinning": 5, "idle": 4,
+    "cracks": 4,
+}  # fmt: skip
+# An idle block that touches the side of the pressed one; cracks by their scene.
+BESIDE, CRACKS = 20, {"open": 11, "slides": 1, "sticks": 3}
 # Largest relative difference of solutions on several ranks, by Newton's tolerance [1].
 SAME = 1e-8
 
@@ -66,7 +72,7 @@ def test_random_cases_beyond_plane_statics_have_known_solutions(family, count):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("family", ["revolved", "memory"])
+@pytest.mark.parametrize("family", ["revolved", "memory", "cracks"])
 def test_a_pressure_with_an_error_is_judged_wrong(monkeypatch, family):
     right = PairView.pressure.fget
     monkeypatch.setattr(PairView, "pressure", property(lambda view: 1.001 * right(view)))
@@ -79,6 +85,39 @@ def test_impacts_that_gain_energy_are_judged_wrong(monkeypatch):
     original = Scene.dynamics
     monkeypatch.setattr(Scene, "dynamics", lambda made, _: original(made, "generalized_alpha", 1.0))
     assert run_physics("moving", 5)["outcome"] == "wrong"
+
+
+@pytest.mark.serial
+def test_an_idle_body_that_does_not_give_way_or_bears_a_force_is_judged_wrong(monkeypatch):
+    """The block beside the pressed one is where it was, and its pairs have a force."""
+    right, first = random_idle.Scene.positions, []
+
+    def positions(scene):
+        x = right(scene)
+        first[:] = first or [x]
+        for name, nodes in scene.bodies.items():
+            if name.startswith("idle"):
+                x[nodes] = first[0][nodes]
+        return x
+
+    with monkeypatch.context() as patched:
+        patched.setattr(random_idle.Scene, "positions", positions)
+        assert "overlaps" in run_physics("idle", BESIDE)["reason"]
+    forces = PairView.forces.fget
+    monkeypatch.setattr(PairView, "forces", property(lambda view: forces(view) + 1e-9))
+    assert "a force of" in run_physics("idle", BESIDE)["reason"]
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("scene", ["open", "slides", "sticks"])
+def test_a_crack_that_moves_otherwise_is_judged_wrong(monkeypatch, scene):
+    right = random_cracks._jump
+    monkeypatch.setattr(random_cracks, "_jump", lambda *of: spoilt(*right(*of)))
+
+    def spoilt(x, jump):
+        return x, 0.7 * jump + (1e-12 if scene == "sticks" else 0.0)
+
+    assert run_physics("cracks", CRACKS[scene])["outcome"] == "wrong"
 
 
 @pytest.mark.once

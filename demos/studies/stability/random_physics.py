@@ -12,6 +12,8 @@ memory          a column on a turned plane: wear, soft layer, cohesive zone, Str
 itself          C-rings closed by found and by chosen sides; folding honeycombs
 turning         obstacles that turn by up to 8 radian in a step: sampled motion
 spinning        wheels and shafts with friction: work is moment times angle; whole scenes
+idle            bodies without load beside a pressed block: no force, no overlap
+cracks          straight cracks that open, slide or stick as in a plane; two ways
 ==============  ============================================================================
 
 Each draw returns the drawn values as text, and a function that solves the scene and returns the
@@ -28,6 +30,8 @@ from typing import Any
 import numpy as np
 
 import fenics_mortar as fm
+from demos.studies.stability.random_cracks import draw_cracks
+from demos.studies.stability.random_idle import draw_idle
 from demos.studies.stability.random_itself import draw_itself
 from demos.studies.stability.random_memory import draw_memory
 from demos.studies.stability.random_moving import draw_moving
@@ -42,6 +46,8 @@ DRAWS: dict[str, Callable[[np.random.Generator], tuple[dict[str, Any], Callable[
     "itself": draw_itself,
     "turning": draw_turning,
     "spinning": draw_spinning,
+    "idle": draw_idle,
+    "cracks": draw_cracks,
 }
 
 

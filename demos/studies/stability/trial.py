@@ -9,7 +9,8 @@ The families are blocks pushed or pressed, with defaults ("pushed"), bodies supp
 ("supported") or adhesion ("hanging"), those of ``random_shapes``: surfaces of one body ("own"),
 thin bodies ("thin"), users' laws ("laws"), exchanged roles ("roles"), and those of
 ``random_physics``: bodies of revolution ("revolved"), impacts ("moving"), laws with memory
-("memory"), self-contact ("itself"), obstacles that turn far ("turning").
+("memory"), self-contact ("itself"), obstacles that turn far ("turning"), wheels and shafts with
+friction ("spinning"), bodies without load ("idle"), and cracks ("cracks").
 
 The outcome of a case is one of
 
