@@ -211,7 +211,7 @@ class IdleBodies:
             if creeping == RIGID.max_creeping:
                 self._readmit(idle)
             elif move is None or _longest(move - desired, ends) > farthest:
-                self._readmit(_moved_by(rates[pressed], idle))
+                self._readmit(_moved_by(rates[pressed], idle) or idle)
             elif (np.abs(move) <= self._digits()).all():
                 return
             else:
@@ -248,7 +248,7 @@ class IdleBodies:
             farthest = len(idle) * self._farthest(np.ones(1))
             if move is not None and np.abs(move).max() <= farthest:
                 return
-            self._readmit(_moved_by(rates[pressed], idle))
+            self._readmit(_moved_by(rates[pressed], idle) or idle)
 
     def _may_be_idle(self, body: FloatingBody) -> bool:
         """Whether a body has contacts, each with one other and without adhesion and driven force.
