@@ -21,6 +21,7 @@ from fenics_mortar.utils.compat.assembly import (
 from fenics_mortar.utils.compat.compiler import quiet_compiler
 from fenics_mortar.utils.compat.expressions import (
     create_expression,
+    domain_of,
     evaluate_expression,
     interpolate_expression,
 )
@@ -66,6 +67,7 @@ __all__ = [
     "create_matrix",
     "create_mesh",
     "create_vector",
+    "domain_of",
     "dofmap",
     "evaluate_expression",
     "form",

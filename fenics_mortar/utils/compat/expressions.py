@@ -45,3 +45,10 @@ def evaluate_expression(
     """
     takes_mesh = "mesh" in inspect.signature(expression.eval).parameters
     return expression.eval(mesh, cells) if takes_mesh else expression.eval(cells)
+
+
+def domain_of(expression: ufl.core.expr.Expr) -> ufl.AbstractDomain | None:
+    """UFL domain of an expression; the method for it is deprecated since UFL 2023 (local)."""
+    if hasattr(ufl.domain, "extract_unique_domain"):
+        return ufl.domain.extract_unique_domain(expression)
+    return expression.ufl_domain()

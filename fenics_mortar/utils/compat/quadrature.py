@@ -72,7 +72,7 @@ def quadrature_points(cell_name: str, rule: Rule) -> Array:
     """Points of a rule in the reference cell, shape (p, 2) [1] (local).
 
     The order of the arguments of ``basix.make_quadrature``, and the names of rules, differ between
-    0.5 and 0.7.
+    0.5 and 0.7; sets of polynomials, its last argument, are new there.
     """
     name, degree = rule
     cell = getattr(basix.CellType, cell_name)
@@ -82,10 +82,9 @@ def quadrature_points(cell_name: str, rule: Rule) -> Array:
         return np.asarray(basix.geometry(cell))
     kinds = {key.lower(): kind for key, kind in basix.QuadratureType.__members__.items()}
     kind = kinds[name.lower().replace("-", "_")]
-    try:
-        points, _ = basix.make_quadrature(kind, cell, degree)
-    except TypeError:  # from 0.7 on
-        points, _ = basix.make_quadrature(cell, degree, kind)
+    rule_first = not hasattr(basix, "PolysetType")
+    given = (kind, cell, degree) if rule_first else (cell, degree, kind)
+    points, _ = basix.make_quadrature(*given)
     return np.asarray(points)
 
 
