@@ -193,7 +193,10 @@ def check_domain(name: str, form: Any, mesh: Any) -> None:
                 " of another mesh than that of u"
             )
         for part in unique_pre_traversal(integral.integrand()):
-            if isinstance(part, (Coefficient, GeometricQuantity)) and compat.domain_of(part) != mesh:
+            if (
+                isinstance(part, (Coefficient, GeometricQuantity))
+                and compat.domain_of(part) != mesh
+            ):
                 is_function = isinstance(part, fem.Function)
                 what = f"function '{part.name}'" if is_function else f"{type(part).__name__}"
                 raise ValueError(
