@@ -54,8 +54,9 @@ def check_given(
     options = {name: value for name, value in given.items() if name not in forms}
     check_kind("u", given["u"], fem.Function, "a function of dolfinx")
     mesh = given["u"].function_space.mesh
-    compat.settle_coordinate_element(mesh)
     comm = mesh.comm
+    if comm.size > 1:
+        compat.settle_coordinate_element(mesh)
     with together(comm, "ContactProblem"):
         check_arguments(pairs=pairs, **forms)
         check_options(**options, adequacy=adequacy)

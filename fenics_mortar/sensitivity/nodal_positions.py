@@ -8,6 +8,7 @@ and in the state from which slip is counted.
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -15,6 +16,8 @@ import numpy as np
 
 import ufl
 from dolfinx import fem
+from dolfinx import mesh as dmesh
+from ufl.corealg.traversal import unique_pre_traversal
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.equations.linearized import LinearVector
@@ -112,17 +115,18 @@ class _Derivatives:
                 "nodal positions as control need displacements of degree 1 on straight cells"
             )
         self._V, self._mesh = space.V, mesh
-        self._X = ufl.SpatialCoordinate(mesh)
         self._direction, self._weights = fem.Function(space.V), fem.Function(space.V)
         (test,) = bulk.residual.arguments()
         action = ufl.replace(bulk.residual, {test: self._weights})
-        forwards = ufl.derivative(bulk.residual, self._X, self._direction)
+        x = _positions_in(bulk.residual, mesh)
+        forwards = ufl.derivative(bulk.residual, x, self._direction)
         self._forwards = AssembledForm(forwards, mesh.comm, space.V)
         self._backwards = self._by_positions(action)
         self._forms: dict[ufl.Form, AssembledForm] = {}
 
     def _by_positions(self, form: ufl.Form) -> AssembledForm:
-        derivative = ufl.derivative(form, self._X, ufl.TestFunction(self._V))
+        x = _positions_in(form, self._mesh)
+        derivative = ufl.derivative(form, x, ufl.TestFunction(self._V))
         return AssembledForm(derivative, self._mesh.comm, self._V)
 
     def along(self, direction: Array) -> Array:
@@ -146,3 +150,13 @@ def _prescribed(problem: ContactProblem) -> Any:
     """Marks of the owned prescribed dofs (local)."""
     bulk = problem.equations.bulk
     return bulk.prescribed[: bulk.num_owned]
+
+
+def _positions_in(form: ufl.Form, mesh: dmesh.Mesh) -> ufl.SpatialCoordinate:
+    """Coordinates that occur in a form, or new ones (local).
+
+    UFL finds them by a hash that depends on the coordinate element; FFCx 0.5 changes this element.
+    """
+    parts = (unique_pre_traversal(integral.integrand()) for integral in form.integrals())
+    found = (p for p in chain.from_iterable(parts) if isinstance(p, ufl.SpatialCoordinate))
+    return next(found, ufl.SpatialCoordinate(mesh))
