@@ -85,25 +85,30 @@ class FormPoints:
             points = compat.quadrature_points(compat.cell_name(V.mesh), rule)
             self._finite.append(_points(X, nodes, cells, gradients_at(V, points)))
             rest[cells] = False
-        self._linear = _points(X, nodes, np.flatnonzero(rest), nodal_gradients(V))
+        at_nodes = nodal_gradients(V)
+        self._linear = _points(X, nodes, np.flatnonzero(rest), at_nodes)
+        self._nodes_of_finite = _points(X, nodes, np.flatnonzero(~rest), at_nodes)
 
     def keep_area(self, before: Array, after: Array, fraction: float, *, linear: bool) -> bool:
         """Whether a motion leaves every cell a fraction of its area at every point (local).
+
+        Nodes are examined as well, so that long steps do not fold cells between the points; but not
+        those that have lost more than 1 - ``fraction`` of their undeformed area.
 
         Args:
             before: Positions of the local nodes, shape (n, 2) [length].
             after: Positions after the motion, shape (n, 2) [length].
             fraction: Smallest area after over that before, which counts as zero if negative [1].
-            linear: Whether cells with linear strains are examined, unless they have lost more than
-                1 - ``fraction`` of their undeformed area.
+            linear: Whether nodes of cells with linear strains are examined.
         """
         for g in self._finite:
             if not keep_area(before, after, g.nodes, g.gradients, g.undeformed, fraction, -np.inf):
                 return False
-        g = self._linear
-        return not linear or bool(
-            keep_area(before, after, g.nodes, g.gradients, g.undeformed, fraction, fraction)
-        )
+        for g in (self._nodes_of_finite, self._linear) if linear else (self._nodes_of_finite,):
+            at = g.nodes, g.gradients, g.undeformed
+            if not keep_area(before, after, *at, fraction, fraction):
+                return False
+        return True
 
     def inverted(self, x: Array) -> Flags:
         """Whether det F <= 0 at a point of a cell, shape (owned cells,) (local).

@@ -138,8 +138,13 @@ class ObstacleMotions:
 
 
 def slip_by_motions(contact: Contact, nodes: npt.NDArray[np.bool_]) -> Array:
-    """Derivative of the slip of some nodes with respect to obstacle motions, (n, 3) [1]."""
-    return contact.partners.derivative_by_motions(contact.on_obstacle)[nodes]
+    """Rate of slip of some nodes by obstacle motions at present, (n, 3) [1].
+
+    This is not the derivative of the slip of a step, which also depends on motions along the normal
+    if the obstacle has turned.
+    """
+    o = contact.on_obstacle
+    return -np.einsum("jmc,jc->jm", o.obstacle.motions(o.x, o.arm), o.tau)[nodes]
 
 
 def _moved(where: Array) -> str:
