@@ -93,7 +93,7 @@ def test_solves_by_the_same_factors_and_later_by_those_of_cholmod(monkeypatch):
     bulk, dofs = pressed()
     inverse = np.linalg.inv(dense(bulk))
     compliance = Compliance(bulk, dofs, "compliance_test_")
-    later = "cholmod" if comm.size == 1 and compat.petsc_has("suitesparse") else "mumps"
+    later = "cholmod" if comm.size == 1 and compat.petsc_has("suitesparse", "cholmod") else "mumps"
     for count, solver in ((3, "mumps"), (3, later)):
         assert error_of_solves(bulk, compliance, inverse, count) < 1e-12
         assert compliance._factors.getFactorSolverType() == solver

@@ -27,7 +27,9 @@ def solve(pc, b):
     return x.array
 
 
-@pytest.mark.skipif(not compat.petsc_has("suitesparse"), reason="PETSc has no SuiteSparse")
+@pytest.mark.skipif(
+    not compat.petsc_has("suitesparse", "cholmod"), reason="PETSc has no SuiteSparse"
+)
 def test_definite_matrix_is_factored_by_cholmod():
     pc = factored_by_cholmod(matrix([[4.0, 1.0], [1.0, 3.0]]), "definite_")
     assert solve(pc, [1.0, 2.0]) == pytest.approx([1.0 / 11.0, 7.0 / 11.0])

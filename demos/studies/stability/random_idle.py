@@ -226,6 +226,7 @@ def _scene(
     problem = fm.ContactProblem(
         residual, u, [pairs[i] for i in rank], bcs=bcs, petsc_options_prefix="idle_"
     )
+    data.mesh.topology.create_connectivity(2, 2)
     bodies = {
         b.name: fem.locate_dofs_topological(V, 2, data.cell_tags.find(data.body_tag(b.name)))
         for b in every
