@@ -42,6 +42,8 @@ LOCAL = (
 )  # fmt: skip
 # The error that nodes cannot be moved, and a package that is not installed; other tests have them.
 ELSEWHERE = {"NodalPositions.set", "to_autograd"}
+# Called by the scene "written", but not listed by cProfile of Python 3.13; results are compared.
+UNLISTED = {"plot"}
 
 
 def cases(ranks):
@@ -108,4 +110,4 @@ def test_every_public_method_is_called(alone):
         name for name, code in public().items()
         if code not in alone[1] and not name.startswith(REPLACED) and not name.endswith(LOCAL)
     }  # fmt: skip
-    assert missing == ELSEWHERE
+    assert missing - UNLISTED == ELSEWHERE
