@@ -11,9 +11,9 @@ the strain energies, the integral of r(u) . du from u_n to u_(n+1). Lobatto's ru
 on the straight line, exact for stresses up to fifth order in the displacement, differs from the
 trapezoidal one by d . (u_(n+1) - u_n) with
 
-    d = 5 (r(u_n) - r(u_-) - r(u_+) + r(u_(n+1))) / 12
+    d = 5 (r(u_n) - r(u_a) - r(u_b) + r(u_(n+1))) / 12
 
-and the states u_-+ at the fractions (1 -+ 1/sqrt(5)) / 2 of the line.
+and the states u_a and u_b at the fractions (1 - 1/sqrt(5)) / 2 and (1 + 1/sqrt(5)) / 2 of the line.
 
 The sum of both over all steps, and of rotations, see ``spin_return``, is the ``energy_deficit``. So
 is, without damping, the work of forces on nodes without mass that are not in balance at the start.
