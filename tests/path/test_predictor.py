@@ -37,7 +37,7 @@ def counts(path):
 
 @pytest.mark.once
 @pytest.mark.serial
-@pytest.mark.parametrize("facets, law", [(1.0, None), (1.7, ROUGH), (2.8, ROUGH)])
+@pytest.mark.parametrize("facets, law", [(1.0, None), (1.7, ROUGH), (3.0, ROUGH)])
 def test_sliding_by_facets_takes_fewer_iterations(law, facets):
     """Each step moves the tool by some facets, after three steps that press it in."""
     along = facets * FACET
