@@ -81,7 +81,7 @@ error = np.sqrt(weights @ (np.abs(node.z_tau) - exact) ** 2 / (weights @ exact**
 c_mesh = 0.5 * weights[pair.sticking].sum()
 if comm.rank == 0:
     print(report.certificate)
-    print(f"\nQ / (mu P) = {Q / (friction * P):.3f}, error of the shear in L2: {100 * error:.2f} %")
+    print(f"\nQ / (mu P) = {Q / (friction * P):.3f}, error of the shear in L2: {100 * error:.1f} %")
     print(f"half-width that sticks: theory {c:.4f} mm, computed {c_mesh:.4f} mm")
     Path("results").mkdir(exist_ok=True)
     figure = Figure((6, 3.2), layout="constrained")

@@ -63,7 +63,7 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arguments import check_lengths
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError
-from fenics_mortar.utils.rounding import HALF_FACET
+from fenics_mortar.utils.rounding import HALF_FACET, ROUNDING
 
 
 class Contact(Interface):
@@ -187,6 +187,11 @@ class Contact(Interface):
         return "partners" if one else self.pair.discretization.slip
 
     @property
+    def least_coverage(self) -> Array:
+        """``Partners.least``, shape (slave nodes,) [length]."""
+        return self.slave.nodal_areas * (np.inf if self.pair.law.bridges_gap else ROUNDING)
+
+    @property
     def rotating_planes(self) -> Array | None:
         """``master_planes`` [1] if the surfaces may rotate; ``None`` with small sliding."""
         return None if self.pair.sliding == "small" else self.master_planes
@@ -264,6 +269,7 @@ class Contact(Interface):
             self.operators,
             self.covered,
             self.slip_measure,
+            least=self.least_coverage,
             master_planes=self.rotating_planes,
             between=self.pair.law.has_friction,
         )

@@ -11,6 +11,7 @@ import numpy as np
 from fenics_mortar.contact.interface_fields import InterfaceConstants, InterfaceFields, field
 from fenics_mortar.contact.law_calls import LawCalls
 from fenics_mortar.contact.laws import BUILT_IN, KINK, STICK, Frictionless, Nodal, Row
+from fenics_mortar.contact.nodal import with_gap_of_slip
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.kernels import complementarity
 from fenics_mortar.utils.arrays import Array, Flags
@@ -197,7 +198,21 @@ class ContactFields(InterfaceFields):
         (pull, by_gap), none = self.adhesion, np.zeros(len(self.state.z))
         if by_gap.any() and not self.operators.linearization.exact:
             by_gap = np.where(self.decreases_fast, 0.0, by_gap)
-        return self.tangential_row, Row(self.z_n + pull, by_gap, none, none + 1.0, none)
+        opening = Row(self.z_n + pull, by_gap, none, none + 1.0, none)
+        return self.at_gaps(self.tangential_row), opening
+
+    def at_gaps(self, row: Row) -> Row:
+        """A row of the law with its whole derivative by the mean gap: slip depends on it."""
+        if not np.any(row.by_slip):
+            return row
+        return with_gap_of_slip(row, self.slip_by_gap)
+
+    @property
+    def slip_by_gap(self) -> Array:
+        """Derivative of the slip with respect to the mean gap, shape (slave nodes,) [1]."""
+        partners, planes = self.state.partners, self.interface.plane_normals
+        on = self.covered & np.isfinite(partners.least) & ~np.isfinite(planes[:, 0])
+        return np.where(on, partners.arc(self.operators).by_gap, 0.0)
 
     @property
     def decreases_fast(self) -> Flags:

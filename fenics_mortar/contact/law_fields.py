@@ -90,15 +90,17 @@ class LawFields(ContactFields):
     @field(*RULED)
     def law_rows(self) -> tuple[Row, ...]:
         """See ``ContactFields``; with a closing gap of the law its row is the third."""
-        tangential, opening = ContactFields.law_rows.func(self)
+        _, opening = ContactFields.law_rows.func(self)
+        tangential = self.tangential_row
         by_z_n = opening.by_z_n + self.pull.by_z_n
         opening = opening._replace(
             by_slip=self.pull.by_slip, by_z_n=by_z_n, by_z_tau=self.pull.by_z_tau
         )
         closing = self.closing
-        if closing is None:
-            return tangential, opening
-        return chain_rule(tangential, closing), chain_rule(opening, closing), closing
+        rows = [tangential, opening]
+        if closing is not None:
+            rows = [chain_rule(tangential, closing), chain_rule(opening, closing), closing]
+        return tuple(self.at_gaps(row) for row in rows)
 
     def friction_limit(self, pressure: Array) -> Array:
         """See ``ContactFields``; at closed gaps."""

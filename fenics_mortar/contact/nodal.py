@@ -102,6 +102,11 @@ def chain_rule(row: Row, gap: Row) -> Row:
     return Row(row.residual, first * gap.by_gap, *chained)
 
 
+def with_gap_of_slip(row: Row, by_gap: Array) -> Row:
+    """Row of a law whose slip depends on the gap, with the derivative ``by_gap`` of the slip."""
+    return row._replace(by_gap=row.by_gap + row.by_slip * by_gap)
+
+
 def at_points(node: Nodal, of: Callable[[Any], Any]) -> Nodal:
     """Nodal values interpolated to points of the surface; fields of shape (n, q).
 

@@ -23,6 +23,7 @@ def find_partners(
     faces: npt.NDArray[np.bool_],
     measure: Measure = "partners",
     *,
+    least: Array,
     master_planes: Array | None,
     between: bool = False,
 ) -> Partners:
@@ -32,6 +33,7 @@ def find_partners(
         o: Operators of the accepted state.
         faces: Slave nodes with rows in D and M, shape (slave nodes,), bool.
         measure: Measure of slip, see ``slip``.
+        least: See ``Partners``.
         master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, 2);
             ``None`` if surfaces do not rotate.
         between: Whether to find ``Partners.facing``.
@@ -43,7 +45,7 @@ def find_partners(
         start = o.x - centre_of(o.obstacle)
         on_obstacle = csr_array(np.eye(len(o.x))), csr_array((len(o.x), 0)), start, none
         pairing = Pairing(lambda: on_obstacle)
-        at = o.x, o.m, o.weight, own, place
+        at = o.x, o.m, o.weight, least, own, place
         return Partners(pairing, o.n, master_planes, *at, none, none, none, none, none)
     s = o.segments
     per_weight = np.where(faces, 1.0 / np.where(faces, o.weight, 1.0), 0.0)
@@ -59,7 +61,7 @@ def find_partners(
         return D, M, D @ o.x - M @ o.m - vectors, angle
 
     facing = face(o, s) if between else None
-    at = o.x, o.m, o.weight, np.zeros_like(o.x), np.zeros(3)
+    at = o.x, o.m, o.weight, least, np.zeros_like(o.x), np.zeros(3)
     return Partners(
         Pairing(build), o.n, master_planes, *at, present, none, none, none, none, facing
     )

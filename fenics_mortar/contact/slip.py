@@ -176,6 +176,8 @@ class Partners:
             ``None`` if surfaces do not rotate, with small sliding.
         x, m: Positions of slave and master nodes at that state, shapes (nodes, 2) [length].
         weight: Weights w_j at that state, shape (slave nodes,) [length].
+        least: Diagonal entries of D above which contact closes the gap of a node, inf if a law acts
+            at open gaps, shape (slave nodes,) [length].
         feet: The nearest points of an obstacle in its own frame, shape (slave nodes, 2) [length].
         place: Place of the obstacle at that state, shape (3,) [length, length, radian].
         present: s_j, weight of the present D and M, shape (slave nodes,) [1 / length].
@@ -193,6 +195,7 @@ class Partners:
     x: Array
     m: Array
     weight: Array
+    least: Array
     feet: Array
     place: Array
     present: Array
@@ -245,11 +248,16 @@ class Partners:
                 body = surface_rotation(o.slave, self.x, o.x)
             turned = rotation_past_obstacle(body, float(o.obstacle.place[2] - self.place[2]))
             ends = (o.x - centre_of(o.obstacle), o.n), (self.start, rotated_by(o.n, -body))
-            return Evaluated(None, turned, arc(*ends, turned.theta, turned.beta))
+            return Evaluated(None, turned, arc(*ends, turned.theta, turned.beta, self._closed(o)))
         now = None if self.planes is None else orientation(o, self.M, self.planes)
         turned = rotation_of_surfaces(self.angle if now is None else now.angle, self.angle)
         ends = (self.gap_vectors(o), o.n), (self.start, self.normals)
-        return Evaluated(now, turned, arc(*ends, turned.theta, turned.beta))
+        return Evaluated(now, turned, arc(*ends, turned.theta, turned.beta, self._closed(o)))
+
+    def _closed(self, o: MortarOperators) -> Array:
+        """Mean gaps that contact closes, zero elsewhere, shape (slave nodes,) [length] (local)."""
+        on = o.diagonal > self.least
+        return np.where(on, o.gap / np.where(on, o.weight, 1.0), 0.0)
 
     def arc(self, o: MortarOperators) -> Arc:
         """Slip since that state and its derivatives, see ``arcs`` (local)."""
@@ -266,8 +274,8 @@ class Partners:
     def derivative(self, o: MortarOperators) -> Iterator[Block]:
         """Blocks of the slip's derivative of this rank: rows slave nodes, columns dofs [1].
 
-        The other term, due to the rotation of the contact normals, is
-        ``o.tangential_derivative(self.rotated(o))``.
+        The other terms are ``o.tangential_derivative(self.rotated(o))``, due to the rotation of the
+        contact normals, and ``Arc.by_gap`` times the derivative of the mean gap.
         """
         now, _, found = self.at(o)
         along = found.by_vector
@@ -304,7 +312,7 @@ class Partners:
         yield Block(j[:, None], o.master.near_dofs[l, : values.shape[1]], values[:, None])
 
     def derivative_by_motions(self, o: ObstacleOperators) -> Array:
-        """Derivative of the slip with respect to obstacle motions, shape (slave nodes, 3) [1]."""
+        """Derivative of the slip by obstacle motions at constant gap, (slave nodes, 3) [1]."""
         found = self.arc(o)
         tau = quarter_turn(o.n)
         turned = np.einsum("jam,ja->jm", o.dn_dq, tau) * _by_normal(o, found)[:, None]

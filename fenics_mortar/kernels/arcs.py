@@ -25,7 +25,7 @@ def kappa_at(h):
 
 
 @kernel
-def tabulate_arcs(now, start, theta, beta, slip, by_vectors, by_angles):
+def tabulate_arcs(now, start, theta, beta, gap, slip, by_vectors, by_angles):
     """Tabulate the slip and its derivatives.
 
     Args:
@@ -33,6 +33,7 @@ def tabulate_arcs(now, start, theta, beta, slip, by_vectors, by_angles):
         start: r_0 and n_0, likewise.
         theta: Rotation of the master minus that of the normal, shape (k,) [radian].
         beta: Rotation of the normal in the frame of constant velocity, shape (k,) [radian].
+        gap: Gap that is closed by contact, shape (k,) [length].
         slip: Shape (k,) [length]; filled.
         by_vectors: Derivatives by r and r_0, shape (2, k, 2) [1]; filled.
         by_angles: Derivatives by rotations of n and n_0, by theta and by beta, (4, k) [length];
@@ -47,7 +48,7 @@ def tabulate_arcs(now, start, theta, beta, slip, by_vectors, by_angles):
         across_0 = mx * start[0, j, 0] + my * start[0, j, 1]
         kappa, slope = kappa_at(0.5 * beta[j])
         factor, half = 1.0 + theta[j] * kappa, 0.5 * theta[j]
-        moved, mean = along - along_0, 0.5 * (across + across_0)
+        moved, mean = along - along_0, 0.5 * (across + gap[j] + across_0)
         slip[j] = factor * moved - theta[j] * mean
         by_vectors[0, j, 0], by_vectors[0, j, 1] = -factor * ny - half * nx, factor * nx - half * ny
         by_vectors[1, j, 0], by_vectors[1, j, 1] = factor * my - half * mx, -factor * mx - half * my

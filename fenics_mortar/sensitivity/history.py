@@ -96,7 +96,7 @@ def earlier_state_of(e: ContactEquations, i: int, contact: Contact, before: Stat
     with earlier.at_earlier_position():
         found = find_partners(
             earlier.operators, earlier.fields.covered, measure,
-            master_planes=contact.rotating_planes,
+            least=contact.least_coverage, master_planes=contact.rotating_planes,
         )  # fmt: skip
     o, given = contact.operators, contact.partners
     difference = np.abs(found.gap_vectors(o) - given.gap_vectors(o)).max()

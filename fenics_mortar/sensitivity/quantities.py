@@ -243,8 +243,12 @@ class FrictionWork(PairQuantity):
     def _by_fields(self, contact: Contact) -> ByFields:
         """See ``PairQuantity``."""
         w, z_tau, on = contact.operators.weight, contact.z_tau, contact.active
-        slip = np.where(on, contact.slip, 0.0)
-        return ByFields(weight=z_tau * slip, z_tau=w * slip, slip=np.where(on, w * z_tau, 0.0))
+        slip, f = np.where(on, contact.slip, 0.0), contact.now
+        gap = np.where(on, z_tau * f.slip_by_gap, 0.0)
+        return ByFields(
+            weight=z_tau * slip - gap * f.mean_gap, gap=gap, z_tau=w * slip,
+            slip=np.where(on, w * z_tau, 0.0),
+        )  # fmt: skip
 
 
 class ContactLength(PairQuantity):

@@ -118,7 +118,8 @@ def test_facets_inside_a_body_are_no_boundary():
     inner = tagged_facets(data.mesh, {"inner": middle}).facet_tags
     with refused(fm.MeshError, r"over ds\(1\), but no facet .* the tags there are none: correct"):
         problem_with(lambda data, v: v[1] * ufl.ds(1, subdomain_data=inner), data)
-    problem_with(lambda data, v: ufl.avg(v[1]) * ufl.dS(1, subdomain_data=inner), data)
+    if COMM.size == 1:  # on several, dolfinx needs cells of other ranks beside each facet
+        problem_with(lambda data, v: ufl.avg(v[1]) * ufl.dS(1, subdomain_data=inner), data)
 
 
 def test_the_tags_of_a_jacobian_are_checked():

@@ -30,7 +30,7 @@ class ByFields:
         weight: With respect to the weights w_j.
         gap: With respect to the weighted gaps g_j.
         z_n, z_tau: With respect to pressure and shear.
-        slip: With respect to the slip of the step.
+        slip: With respect to the slip of the step at constant gaps.
         z: With respect to the multipliers, apart from pressure and shear, shape (slave nodes, 2).
     """
 
@@ -93,7 +93,10 @@ def z_tau_derivative(contact: Interface, dofs: Dofs) -> NodalDerivative:
 
 
 def slip_derivative(contact: Interface, dofs: Dofs) -> NodalDerivative:
-    """Derivative of the step's slip, zero on symmetry planes; collective at first access."""
+    """Derivative of the step's slip at constant gaps, zero on symmetry planes.
+
+    Collective at first access.
+    """
     assert isinstance(contact, Contact)
     o, partners = contact.operators, contact.partners
     turned = o.tangential_derivative(partners.rotated(o))

@@ -95,7 +95,9 @@ class PairMemory:
         weighted = changes.get("gap", none) - f.mean_gap * changes.get("weight", none)
         gap = np.where(f.covered, weighted / np.where(f.covered, o.weight, 1.0), 0.0)
         total = self._by["gap"] * gap
-        for name in ARGUMENTS[1:]:
+        slip = changes.get("slip", none) + f.slip_by_gap * gap
+        total = total + self._by["slip"] * slip
+        for name in ("z_n", "z_tau"):
             total = total + self._by[name] * changes.get(name, none)
         return total
 
@@ -104,7 +106,7 @@ class PairMemory:
         o, f = self._contact.operators, self._contact.now
         by = {name: (self._by[name] * c).sum(axis=0) for name in ARGUMENTS}
         per_weight = np.where(f.covered, 1.0 / np.where(f.covered, o.weight, 1.0), 0.0)
-        gap = by["gap"] * per_weight
+        gap = (by["gap"] + by["slip"] * f.slip_by_gap) * per_weight
         return ByFields(-gap * f.mean_gap, gap, by["z_n"], by["z_tau"], by["slip"])
 
     def state_back(self, c: Array) -> PairVector:
