@@ -146,7 +146,7 @@ class ContactProblem:
     @property
     def contacts(self) -> tuple[PairView, ...]:
         """Results on each pair, in the order of ``pairs``."""
-        return tuple(PairView(contact) for contact in self.equations.contacts)
+        return tuple(PairView(c, self.equations.bulk.space) for c in self.equations.contacts)
 
     @property
     def obstacles(self) -> list[Obstacle]:
