@@ -83,7 +83,7 @@ law.mu = friction
 for step in range(1, 9):
     pull.value = 0.004 * step
     problem.solve()
-    force.append(contact.total_force[1])
+    force.append(problem.reaction("shaft/top").force[1])
 # -
 
 # ## Comparison

@@ -30,6 +30,7 @@ from fenics_mortar.io.table import contact_table
 from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.mesh.dirichlet import dirichlet
 from fenics_mortar.mesh.from_arrays import mesh_from_arrays
+from fenics_mortar.mesh.from_meshio import mesh_from_meshio
 from fenics_mortar.mesh.gmsh_reader import read_gmsh
 from fenics_mortar.models.adequacy import AdequacyCheck
 from fenics_mortar.models.elastic_obstacle import ElasticObstacle
@@ -98,6 +99,7 @@ __all__ = [
     "gradient",
     "load_state",
     "mesh_from_arrays",
+    "mesh_from_meshio",
     "mixed_space",
     "plot",
     "read_gmsh",

@@ -10,6 +10,7 @@ from typing import Any
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
@@ -19,10 +20,12 @@ from fenics_mortar.equations.continuation import Continuation
 from fenics_mortar.equations.inputs import Inputs
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.present import PresentState
+from fenics_mortar.equations.reaction import Reaction
 from fenics_mortar.equations.state import State
 from fenics_mortar.equations.undo import restored_if_interrupted, unchanged_if_refused
 from fenics_mortar.la import options as solvers
 from fenics_mortar.la.choice import Algorithm
+from fenics_mortar.mesh.data import MeshData, Names
 from fenics_mortar.mesh.thickness import Geometry
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport
@@ -143,7 +146,7 @@ class ContactProblem:
     @property
     def contacts(self) -> tuple[PairView, ...]:
         """Results on each pair, in the order of ``pairs``."""
-        return tuple(PairView(contact) for contact in self.equations.contacts)
+        return tuple(PairView(c, self.equations.bulk.space) for c in self.equations.contacts)
 
     @property
     def obstacles(self) -> list[Obstacle]:
@@ -237,11 +240,35 @@ class ContactProblem:
 
         Returns:
             Bulk residual and contact forces at the dofs of this rank, each of shape (owned dofs,)
-            [stress length]; their sum at prescribed dofs is the support reaction. Third, force and
-            moment about the pivot that keep each obstacle in place, shape (obstacles, 3) [stress
-            length, moments stress length^2], equal on all ranks.
+            [stress length]; their sum at prescribed dofs is the support reaction, see ``reaction``.
+            Third, force and moment about the pivot that keep each obstacle in place, shape
+            (obstacles, 3) [stress length, moments stress length^2], equal on all ranks.
         """
         return self._present.forces()
+
+    def reaction(
+        self, name: Names, about: npt.ArrayLike | None = None, *, data: MeshData | None = None
+    ) -> Reaction:
+        """Force and moment that Dirichlet conditions exert on the bodies, by boundary (collective).
+
+        The result is a ``Reaction``, equal on all ranks, which describes what is summed.
+
+        Args:
+            name: Name or tag of a boundary of the ``MeshData``, or a list of them.
+            about: Point of reference of the moment, (2,) [length]; default: the origin.
+            data: The ``MeshData`` with this name; default: that of the pairs.
+
+        Raises:
+            MeshError: On all ranks, if no boundary has the name, or no dof there is prescribed.
+            ValueError: On all ranks, if ``about`` is not a point.
+
+        Example:
+            The force on the upper block, of the top and of the contact, after a solve::
+
+                force, moment, _ = problem.reaction("upper/top")
+                print(force, problem.contacts[0].total_force)
+        """
+        return self._present.reaction(name, about, data)
 
     def variant(self, *, residual: Any | None = None, **pair_options: Any) -> ContactProblem:
         """Another model of this problem, with its ``u``, conditions and obstacles (collective).

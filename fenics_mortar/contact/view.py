@@ -9,7 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.pair_side import PairSide, side_of
 from fenics_mortar.contact.state import InterfaceState
+from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
@@ -22,8 +24,8 @@ class PairView:
     All arrays are copies, equal on all ranks. Nodal arrays follow the slave nodes along the
     surface, at the present multipliers and the last evaluated displacement; after a solve this is
     the solution. With degree 2, ends and midpoints of facets alternate along each curve, which
-    begins with an end. All attributes but ``forces`` are local. More than 20 methods: one property
-    for each result.
+    begins with an end. All attributes but ``forces``, ``slave`` and ``master`` are local. More than
+    20 methods: one property for each result.
 
     Example:
         Pressure along the surface after a solve, as columns x, y, pressure::
@@ -32,8 +34,8 @@ class PairView:
             np.savetxt("pressure.txt", np.column_stack([contact.positions, contact.pressure]))
     """
 
-    def __init__(self, interface: Interface) -> None:
-        self._interface = interface
+    def __init__(self, interface: Interface, space: DisplacementSpace) -> None:
+        self._interface, self._space = interface, space
 
     def __repr__(self) -> str:
         """Pair, total force and number of active nodes."""
@@ -48,6 +50,19 @@ class PairView:
     def pair(self) -> Any:
         """The ``ContactPair`` or ``TiedPair``; its ``law`` may be set."""
         return self._interface.pair
+
+    @property
+    def slave(self) -> PairSide:
+        """Nodes and dofs of the slave, the rows of D and M; collective."""
+        return side_of(self._interface.slave, self._space)
+
+    @property
+    def master(self) -> PairSide:
+        """Nodes and dofs of the master, the columns of M; without nodes on obstacles; collective.
+
+        Those of the slave if its surface may touch itself.
+        """
+        return side_of(self._interface.master, self._space)
 
     @property
     def nodes(self) -> Indices:

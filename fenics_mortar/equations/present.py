@@ -7,11 +7,15 @@ from typing import Any
 
 from petsc4py import PETSc
 
+import numpy.typing as npt
+
 from fenics_mortar.bulk.checks import refuse_inertia
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
+from fenics_mortar.equations.reaction import Reaction, named_boundary, reaction_of
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.equations.undo import restored_if_interrupted
+from fenics_mortar.mesh.data import MeshData, Names
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.ranks import on_any_rank
 from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
@@ -50,6 +54,16 @@ class PresentState:
         self._equations.evaluate_operators()
         bulk, contact, on_obstacles = self._equations.residual.forces()
         return bulk, contact, on_obstacles * self._equations.motions.scales
+
+    def reaction(
+        self, names: Names, about: npt.ArrayLike | None, given: MeshData | None
+    ) -> Reaction:
+        """See ``ContactProblem.reaction``."""
+        e = self._equations
+        meshes = [c.pair.data for c in e.contacts] if given is None else [given]
+        data, point = named_boundary(e.bulk, meshes, names, about)
+        bulk, contact, _ = self.forces()
+        return reaction_of(e.bulk, bulk + contact, data, names, point)
 
     def estimate(self) -> ErrorEstimate:
         """See ``ContactProblem.estimate``."""

@@ -85,18 +85,28 @@ def mesh_from_arrays(
             )
             contact = fm.ContactPair(data, slave="upper/bottom", master="lower/top")
     """
-    check_kind("comm", comm, MPI.Comm, "a communicator of mpi4py, e.g. MPI.COMM_WORLD")
+    check_rank("mesh_from_arrays", comm, rank)
+    mine = None
     with together(comm, "mesh_from_arrays"):
+        if comm.rank == rank:
+            mine = checked(points, cells, bodies, boundaries)
+    return distributed(comm, rank, mine)
+
+
+def check_rank(what: str, comm: Any, rank: Any) -> None:
+    """Reject a rank that should give the mesh, but does not exist or differs (collective).
+
+    Raises:
+        MeshError: On all ranks.
+        ValueError: If ``comm`` is not a communicator or ``rank`` not an integer.
+    """
+    check_kind("comm", comm, MPI.Comm, "a communicator of mpi4py, e.g. MPI.COMM_WORLD")
+    with together(comm, what):
         check_number("rank", rank, "an integer", lambda _: True, whole=True)
         if not 0 <= rank < comm.size:
             ranks = f"the ranks 0 to {comm.size - 1}"
             raise MeshError(f"rank {rank} should give the mesh, but there are {ranks}")
-    check_same_texts(comm, "mesh_from_arrays", {"rank": rank})
-    mine = None
-    with together(comm, "mesh_from_arrays"):
-        if comm.rank == rank:
-            mine = _checked(points, cells, bodies, boundaries)
-    return distributed(comm, rank, mine)
+    check_same_texts(comm, what, {"rank": rank})
 
 
 def distributed(comm: MPI.Comm, rank: int, mine: CheckedArrays | None) -> MeshData:
@@ -141,7 +151,7 @@ class CheckedArrays:
     tagged: Tagged
 
 
-def _checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> CheckedArrays:
+def checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> CheckedArrays:
     """Check the arrays (local).
 
     Raises:
@@ -242,10 +252,7 @@ def _body_of_cell(bodies: Any, x: Array, cells: Indices) -> npt.NDArray[np.int32
 
 def _facets(boundaries: Any, x: Array, cells: Indices) -> tuple[Indices, npt.NDArray[np.int32]]:
     """Facets of all boundaries, ends ascending (f, 2), and their tags (f,) (local)."""
-    corners = cells[:, : KINDS[cells.shape[1]][2]]
-    edges = _codes(
-        np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), len(x)
-    )
+    edges = codes_of(edges_of(cells).reshape(-1, 2), len(x))
     parts, tags = [np.empty((0, 2), np.int64)], [np.empty(0, np.int32)]
     named = _named("boundaries", boundaries)
     for tag, (name, given) in enumerate(named, 1):
@@ -254,7 +261,7 @@ def _facets(boundaries: Any, x: Array, cells: Indices) -> tuple[Indices, npt.NDA
             expected = "(f, 2): the numbers of the two ends of each facet, with f > 0"
             raise MeshError(f"boundary {name!r} has shape {ends.shape}; expected {expected}")
         ends = np.sort(ends[:, :2], axis=1)
-        wrong = ends[~np.isin(_codes(ends, len(x)), edges) | (ends[:, 0] < 0)]
+        wrong = ends[~np.isin(codes_of(ends, len(x)), edges) | (ends[:, 0] < 0)]
         if len(wrong):
             raise MeshError(
                 f"boundary {name!r}: {len(wrong)} facets are not edges of cells, one from node "
@@ -263,7 +270,7 @@ def _facets(boundaries: Any, x: Array, cells: Indices) -> tuple[Indices, npt.NDA
         parts.append(np.unique(ends, axis=0))
         tags.append(np.full(len(parts[-1]), tag, np.int32))
     facets, tag_of = np.concatenate(parts), np.concatenate(tags)
-    _, first, count = np.unique(_codes(facets, len(x)), return_index=True, return_counts=True)
+    _, first, count = np.unique(codes_of(facets, len(x)), return_index=True, return_counts=True)
     if (count > 1).any():
         a, b = facets[first[count.argmax()]]
         names = [named[t - 1][0] for t in tag_of[(facets == (a, b)).all(axis=1)]]
@@ -271,7 +278,13 @@ def _facets(boundaries: Any, x: Array, cells: Indices) -> tuple[Indices, npt.NDA
     return facets, tag_of
 
 
-def _codes(ends: Indices, num_points: int) -> Indices:
+def edges_of(cells: Indices) -> Indices:
+    """Ends of the edges of cells (m, k) with c corners, in order, shape (m, c, 2) (local)."""
+    corners = cells[:, : KINDS[cells.shape[1]][2]]
+    return np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1)
+
+
+def codes_of(ends: Indices, num_points: int) -> Indices:
     """One number for each pair of nodes (f, 2) in any order, shape (f,)."""
     return ends.min(axis=1) * num_points + ends.max(axis=1)
 
@@ -292,7 +305,7 @@ def _tags_of_facets(mesh: dmesh.Mesh, tagged: Tagged) -> npt.NDArray[np.int32]:
     number_of[vertices] = numbers[compat.geometry_dofmap(mesh)[:, :corners]].ravel()
     ends = number_of[topology.connectivity(1, 0).array].reshape(-1, 2)
     num_points = 1 + max(ends.max(initial=0), tagged.facets.max(initial=0))
-    codes, known = _codes(ends, num_points), _codes(tagged.facets, num_points)
+    codes, known = codes_of(ends, num_points), codes_of(tagged.facets, num_points)
     order = np.argsort(known)
     if not order.size:
         return np.zeros(len(ends), np.int32)

@@ -17,17 +17,10 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.mesh.data import MeshData
-from fenics_mortar.mesh.from_arrays import distributed
+from fenics_mortar.mesh.from_arrays import check_rank, distributed
 from fenics_mortar.mesh.msh_file import MshFile, read_msh
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arguments import check_kind, check_number
-from fenics_mortar.utils.errors import (
-    MeshError,
-    check_same_texts,
-    format_point,
-    raise_together,
-    together,
-)
+from fenics_mortar.utils.errors import MeshError, format_point, raise_together
 from fenics_mortar.utils.rounding import ROUNDING
 
 
@@ -67,13 +60,7 @@ def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> Mes
                 gmsh.model.mesh.generate(2)
             data = read_gmsh(gmsh.model, comm)
     """
-    check_kind("comm", comm, MPI.Comm, "a communicator of mpi4py, e.g. MPI.COMM_WORLD")
-    with together(comm, "read_gmsh"):
-        check_number("rank", rank, "an integer", lambda _: True, whole=True)
-        if not 0 <= rank < comm.size:
-            ranks = f"the ranks 0 to {comm.size - 1}"
-            raise MeshError(f"rank {rank} should read the mesh, but there are {ranks}")
-    check_same_texts(comm, "read_gmsh", {"rank": rank})
+    check_rank("read_gmsh", comm, rank)
     with ExitStack() as stack:
         model, names, file, error = None, None, None, None
         if comm.rank == rank:

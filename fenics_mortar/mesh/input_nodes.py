@@ -14,7 +14,7 @@ from fenics_mortar.utils.arrays import Array, Indices
 
 def node_dofs(V: Any, nodes: npt.ArrayLike) -> Indices:
     """Local dofs of nodes of the mesh input, shape (k,); see ``MeshData.node_dofs`` (local)."""
-    dofs, numbers = _numbered_dofs(V)
+    dofs, numbers = numbered_dofs(V)
     requested = np.asarray(nodes, np.int64)
     order = np.argsort(numbers, kind="stable")
     if not order.size:
@@ -36,7 +36,7 @@ def nodal_values(u: Any, nodes: npt.ArrayLike) -> Array:
     return found
 
 
-def _numbered_dofs(V: Any) -> tuple[Indices, Indices]:
+def numbered_dofs(V: Any) -> tuple[Indices, Indices]:
     """Local blocked dofs at nodes of the mesh input, and the numbers of these, each (n,)."""
     layout = V.dofmap.dof_layout
     if len(layout.entity_dofs(0, 0)) != 1:

@@ -23,7 +23,11 @@ from fenics_mortar.utils.arrays import Array, Indices
 
 
 class OperatorMatrices:
-    """PETSc objects, created on demand from the operators of a pair (all methods collective)."""
+    """PETSc objects, created on demand from the operators of a pair (all methods collective).
+
+    Rows of D, M and the gap, and columns of D, are the nodes of ``PairView.slave``, columns of M
+    those of ``PairView.master``.
+    """
 
     def __init__(self, bulk: Bulk, contacts: Sequence[Interface]) -> None:
         self._bulk, self._contacts = bulk, contacts

@@ -62,8 +62,8 @@ def facets_where(cells, x, condition):
     return edges[(count == 1) & condition(*x[edges].T).all(axis=0)]
 
 
-def mesh(count, cell="quadrilateral", degree=1):
-    """Bodies "lower" and "upper" that meet at y = 1, of ``count`` cells together.
+def arrays(count, cell="quadrilateral", degree=1):
+    """Points, cells, bodies "lower" and "upper" that meet at y = 1, and boundaries.
 
     "lower/fixed" and "upper/moved" are for Dirichlet conditions, "lower/top" and "upper/bottom" for
     contact.
@@ -82,7 +82,12 @@ def mesh(count, cell="quadrilateral", degree=1):
     bodies = {"lower": numbers[: -len(other)], "upper": numbers[-len(other) :]}
     if degree == 2:
         cells, points = with_middles(cells, points)
-    return fm.mesh_from_arrays(points, cells, bodies, over)
+    return points, cells, bodies, over
+
+
+def mesh(count, cell="quadrilateral", degree=1):
+    """The mesh of ``arrays``, of ``count`` cells together."""
+    return fm.mesh_from_arrays(*arrays(count, cell, degree))
 
 
 def bcs_of(data, V, push):

@@ -7,10 +7,11 @@ it yields names and values that do not depend on the number of ranks.
 
 from __future__ import annotations
 
+import meshio
 import numpy as np
 import revolved
 import scenes
-from few_cells import Blocks, bcs_of
+from few_cells import Blocks, arrays, bcs_of
 from few_cells import mesh as small_mesh
 from scenes import TIGHT, internal, linear_elastic, neo_hookean, nodal
 
@@ -80,6 +81,9 @@ def measured(kind, folder):
     *forces, on_obstacles = problem.forces()
     yield "forces", np.sqrt([comm.allreduce(float(f @ f)) for f in forces])
     yield "no obstacles", on_obstacles
+    for name in ("lower/fixed", "upper/moved"):
+        force, moment, about = problem.reaction(name, about=(0.2, 0.1))
+        yield f"reaction of {name}", np.array([*force, moment, *about])
     estimate = problem.estimate()
     yield "error", np.array([estimate.total, estimate.relative, estimate.size])
     yield "parts of the error", np.array(list(estimate.parts.values()))
@@ -481,6 +485,20 @@ def of_gmsh(kind, folder):
     yield from results(scene.problem, scene.problem.solve())
 
 
+def of_meshio(kind, folder):
+    """Bodies and boundaries from sets of meshio."""
+    points, cells, bodies, boundaries = arrays(*kind)
+    types = {3: "triangle", 4: "quad", 6: "triangle6", 9: "quad9"}
+    blocks = [(types[cells.shape[1]], cells), *(("line", ends) for ends in boundaries.values())]
+    none = [None] * len(blocks)
+    sets = {name: [numbers, *none[1:]] for name, numbers in bodies.items()}
+    for number, (name, ends) in enumerate(boundaries.items(), 1):
+        sets[name] = [*none[:number], np.arange(len(ends)), *none[number + 1 :]]
+    mesh = meshio.Mesh(points, blocks, cell_sets=sets)
+    made = Blocks(*kind, data=fm.mesh_from_meshio(mesh))
+    yield from results(made.problem, made.press())
+
+
 def refused(kind, folder):
     """States that are not found, and one that violates its certificate."""
     blocks = Blocks(*kind, newton=fm.NewtonOptions(max_iterations=1))
@@ -525,5 +543,5 @@ def laws(kind, folder):
 
 SCENES = [
     pressed, measured, written, paths, options, obstacles, tied, itself, floating, moving, models,
-    mixed, of_revolution, of_gmsh, refused, laws,
+    mixed, of_revolution, of_gmsh, refused, laws, of_meshio,
 ]  # fmt: skip

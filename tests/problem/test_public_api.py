@@ -22,7 +22,16 @@ def test_public_name_exists_and_is_documented(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["ContactPair", "ContactProblem", "read_gmsh", "dirichlet", "mesh_from_arrays", "plot"]
+    "name",
+    [
+        "ContactPair",
+        "ContactProblem",
+        "read_gmsh",
+        "dirichlet",
+        "mesh_from_arrays",
+        "mesh_from_meshio",
+        "plot",
+    ],
 )
 def test_public_call_documents_arguments_and_errors(name):
     text = inspect.getdoc(getattr(fm, name))
@@ -32,12 +41,12 @@ def test_public_call_documents_arguments_and_errors(name):
 
 
 def test_public_names_are_few():
-    assert len(fm.__all__) <= 48
+    assert len(fm.__all__) <= 49
 
 
 def test_public_names_of_a_problem_are_few_and_documented():
     names = [name for name in dir(fm.ContactProblem) if not name.startswith("_")]
-    assert "equations:" in inspect.getdoc(fm.ContactProblem) and len(names) <= 15
+    assert "equations:" in inspect.getdoc(fm.ContactProblem) and len(names) <= 16
     assert all(inspect.getdoc(getattr(fm.ContactProblem, name)) for name in names)
 
 

@@ -188,18 +188,13 @@ def test_contact_adds_no_energy():
 
 
 def test_forces_and_moments_of_supports_and_obstacle_cancel():
-    """About the origin; those of the supports are the residual at prescribed dofs."""
+    """About the origin."""
     obstacle = KINDS["open"]()
     problem = block_under(obstacle)
     obstacle.push(x=0.01, y=-6.0, moment=0.5)
     problem.solve()
-    bulk, contact, _ = problem.forces()
-    prescribed, reactions = problem.equations.bulk.prescribed_dofs, np.zeros(bulk.size)
-    reactions[prescribed] = (bulk + contact)[prescribed]
-    on_nodes = reactions.reshape(-1, 2)
-    x = problem.equations.bulk.positions()[: len(on_nodes)]
-    mine = [*on_nodes.sum(axis=0), (x[:, 0] * on_nodes[:, 1] - x[:, 1] * on_nodes[:, 0]).sum()]
-    supports = comm.allreduce(np.array(mine))
+    force, moment, _ = problem.reaction("lower/bottom")
+    supports = np.array([*force, moment])
     pivot = obstacle.pivot + obstacle.place[:2]
     fx, fy, moment = np.array([0.01, -6.0, 0.5])
     loads = np.array([fx, fy, moment + pivot[0] * fy - pivot[1] * fx])

@@ -20,7 +20,9 @@ from typing import Any
 import jupytext
 
 import fenics_mortar
+from fenics_mortar.contact.pair_side import PairSide
 from fenics_mortar.contact.state import InterfaceState
+from fenics_mortar.equations.reaction import Reaction
 from fenics_mortar.newton.report import Iteration
 from fenics_mortar.path.report import PathStep
 from fenics_mortar.verify.matrices import OperatorMatrices
@@ -44,7 +46,7 @@ GROUPS = {
     "further": ("Further names", ()),
 }
 # Classes whose instances are created by the package, not by users.
-MET = (Iteration, InterfaceState, PathStep, OperatorMatrices)
+MET = (Iteration, InterfaceState, PathStep, OperatorMatrices, PairSide, Reaction)
 # Members of laws and obstacles are described once, at their base classes.
 NOT_REPEATED = "ABC, BaseException, Exception, tuple, Law, Obstacle"
 OF_CLASSES = ("   :members:", f"   :inherited-members: {NOT_REPEATED}")
