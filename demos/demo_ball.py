@@ -54,11 +54,6 @@ def ball(s, t):
     return graded(s), graded(t) + (1 - graded(t) / size) * (R - np.sqrt(R**2 - graded(s) ** 2))
 
 
-def strain(u, r):
-    e = ufl.sym(ufl.grad(u))
-    return ufl.as_tensor([[e[0, 0], e[0, 1], 0], [e[1, 0], e[1, 1], 0], [0, 0, u[0] / r]])
-
-
 def run(n):
     if comm.rank == 0:
         gmsh.initialize(["", "-v", "0"])
@@ -67,8 +62,9 @@ def run(n):
     data = fm.read_gmsh(gmsh.model, comm)
     V, push = fm.vector_space(data.mesh, 1), fem.Constant(data.mesh, 0.0)
     u, v, r = fem.Function(V), ufl.TestFunction(V), ufl.SpatialCoordinate(data.mesh)[0]
-    stress = strain(u, r) + nu / (1 - 2 * nu) * ufl.tr(strain(u, r)) * ufl.Identity(3)
-    residual = 2 * np.pi * r * E / (1 + nu) * ufl.inner(stress, strain(v, r)) * ufl.dx(degree=3)
+    strain = fm.energies.strain(u, "axisymmetric")
+    energy = fm.energies.linear_elastic(strain, *fm.energies.lame(E, nu))
+    residual = ufl.derivative(2 * np.pi * r * energy * ufl.dx(degree=3), u, v)
     given = (["ball/left", "flat/left"], 0.0, 0), ("ball/top", push, 1), ("flat/bottom", 0.0, 1)
     pair = fm.ContactPair(data, "ball/bottom", "flat/top", sliding="small")
     options = {"geometry": "axisymmetric", "petsc_options_prefix": "ball_"}

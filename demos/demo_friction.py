@@ -50,10 +50,8 @@ data = fm.read_gmsh(model, comm)
 # +
 V = fm.vector_space(data.mesh, 1)
 u, v = fem.Function(V), ufl.TestFunction(V)
-mu, lmbda = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
-strain = ufl.sym(ufl.grad(u))
-stress = 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(2)
-residual = ufl.inner(stress, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 1})
+energy = fm.energies.linear_elastic(u, *fm.energies.lame(E, nu))
+residual = ufl.derivative(energy * ufl.dx(metadata={"quadrature_degree": 1}), u, v)
 
 push = fem.Constant(data.mesh, (0.0, 0.0))
 bcs = [fm.dirichlet(V, data, "block/bottom", np.zeros(2))]

@@ -44,17 +44,9 @@ data = mesh([shaft, hub])
 V = fm.vector_space(data.mesh, 1)
 u, v = fem.Function(V), ufl.TestFunction(V)
 r = ufl.SpatialCoordinate(data.mesh)[0]
-
-
-def strain(w):  # in the plane, and around the axis
-    return ufl.as_matrix(
-        [[w[0].dx(0), (w[0].dx(1) + w[1].dx(0)) / 2, 0],
-         [(w[0].dx(1) + w[1].dx(0)) / 2, w[1].dx(1), 0], [0, 0, w[0] / r]]
-    )  # fmt: skip
-
-
-stress = strain(u) + nu / (1 - 2 * nu) * ufl.tr(strain(u)) * ufl.Identity(3)
-residual = 2 * np.pi * r * E / (1 + nu) * ufl.inner(stress, strain(v)) * ufl.dx(degree=3)
+strain = fm.energies.strain(u, "axisymmetric")
+energy = fm.energies.linear_elastic(strain, *fm.energies.lame(E, nu))
+residual = ufl.derivative(2 * np.pi * r * energy * ufl.dx(degree=3), u, v)
 conditions = [("shaft/left", 0.0, 0), ("hub/top", 0.0, 1), ("shaft/top", 0.0, 1)]
 bcs = [fm.dirichlet(V, data, *condition) for condition in conditions]
 pair = fm.ContactPair(data, "hub/left", "shaft/right", initial_gap=-lame * p0)

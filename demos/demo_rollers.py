@@ -47,10 +47,8 @@ data = fm.MeshData(domain, None, facet_tags, boundaries={"middle": 1, "bottom": 
 V = fm.vector_space(domain, 2)
 u, v = fem.Function(V), ufl.TestFunction(V)
 E, nu = 1000.0, 0.3
-mu, lmbda = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
-F = ufl.variable(ufl.Identity(2) + ufl.grad(u))
-J = ufl.det(F)
-psi = mu / 2 * (ufl.tr(F.T * F) - 2) - mu * ufl.ln(J) + lmbda / 2 * ufl.ln(J) ** 2
+F = ufl.variable(fm.energies.deformation_gradient(u))
+psi = fm.energies.neo_hookean(F, *fm.energies.lame(E, nu))
 P = ufl.diff(psi, F)
 residual = ufl.inner(P, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 4})
 # -
@@ -82,7 +80,7 @@ def follow(set_loads: Callable[[float], None]) -> None:
 follow(lambda time: punch.push(y=-1.6 * time))
 start = punch.place[1]
 shown = {"label": "horizontal stress [MPa]", "units": ("mm", "MPa")}
-fm.plot(problem, "results/rollers.png", stress=(P * F.T / J)[0, 0], **shown)
+fm.plot(problem, "results/rollers.png", stress=(P * F.T / ufl.det(F))[0, 0], **shown)
 follow(lambda time: punch.move(y=start - 4.0 * time))
 # -
 

@@ -26,7 +26,6 @@ import fenics_mortar as fm
 from meshes.mapped_grids import Grid, build, mapped
 
 comm, E, nu, stroke = MPI.COMM_WORLD, 2000.0, 0.35, 6.0
-mu, lmbda = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
 # -
 
 # Hook and ridge are 1 mm high and overlap by 0.7 mm; their leading sides are gently inclined,
@@ -64,15 +63,15 @@ V = fm.vector_space(data.mesh, 2)
 # +
 def run(slave, master):
     u, v = fem.Function(V), ufl.TestFunction(V)
-    F = ufl.Identity(2) + ufl.grad(u)
-    J, inverse = ufl.det(F), ufl.inv(F).T
-    P = mu * (F - inverse) + lmbda * ufl.ln(J) * inverse
-    residual = ufl.inner(P, ufl.grad(v)) * ufl.dx(degree=4)
+    F = ufl.variable(fm.energies.deformation_gradient(u))
+    psi = fm.energies.neo_hookean(F, *fm.energies.lame(E, nu))
+    residual = ufl.derivative(psi * ufl.dx(degree=4), u, v)
     hand = fem.Constant(data.mesh, (0.0, 0.0))
     bcs = [fm.dirichlet(V, data, "arm/right", hand), fm.dirichlet(V, data, "base/bottom", (0, 0))]
     pair = fm.ContactPair(data, slave, master, law=fm.Coulomb(0.2))
     problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="snap_")
-    contact, rows, stress = problem.contacts[0], [(0.0, 0.0, 0.0)], (P * F.T / J)[0, 0]
+    contact, rows = problem.contacts[0], [(0.0, 0.0, 0.0)]
+    stress = (ufl.diff(psi, F) * F.T / ufl.det(F))[0, 0]
     for position in stroke * (1.0 - np.abs(np.linspace(-1.0, 1.0, 81)[1:])):
         hand.value[0] = position
         problem.solve()

@@ -52,18 +52,13 @@ if comm.rank == 0:
 data = fm.read_gmsh(gmsh.model, comm)
 
 
-def strain(u):
-    e = ufl.sym(ufl.grad(u))
-    return ufl.as_tensor([[e[0, 0], e[0, 1], 0], [e[1, 0], e[1, 1], 0], [0, 0, u[0] / r]])
-
-
 V = fm.vector_space(data.mesh, 1)
 u, v, r = fem.Function(V), ufl.TestFunction(V), ufl.SpatialCoordinate(data.mesh)[0]
-volume = nu / (1 - 2 * nu) * ufl.tr(strain(u)) * ufl.Identity(3)
-stress = E / (1 + nu) * (strain(u) + volume)
+strain = ufl.variable(fm.energies.strain(u, "axisymmetric"))
+energy = fm.energies.linear_elastic(strain, *fm.energies.lame(E, nu))
 pull = fem.Constant(data.mesh, 0.0)
 ds = ufl.ds(data.boundaries["bolt/bottom"], subdomain_data=data.facet_tags)(degree=3)
-residual = 2 * np.pi * r * ufl.inner(stress, strain(v)) * ufl.dx(degree=3)
+residual = ufl.derivative(2 * np.pi * r * energy * ufl.dx(degree=3), u, v)
 residual += 2 * np.pi * r * pull * v[1] * ds
 bcs = [fm.dirichlet(V, data, "bolt/left", 0.0, 0), fm.dirichlet(V, data, "nut/bottom", 0.0, 1)]
 pair = fm.ContactPair(data, "nut/left", "bolt/right", sliding="small")
@@ -82,7 +77,7 @@ for pull.value in (100.0, 200.0, 300.0):
     shares = np.bincount(thread, -contact.forces[:, 1]) / load
     if comm.rank == 0:
         print(f"{load / 1e3:.2f} kN; shares of the threads {shares.round(3)}")
-label, units = "axial stress [MPa]", ("mm", "MPa")
+stress, label, units = ufl.diff(energy, strain), "axial stress [MPa]", ("mm", "MPa")
 fm.plot(problem, "results/thread.png", stress=stress[1, 1], label=label, units=units, scale=20)
 # -
 

@@ -51,17 +51,13 @@ data = fm.read_gmsh(gmsh.model, comm)
 
 
 # +
-def strain(u):
-    e = ufl.sym(ufl.grad(u))
-    return ufl.as_tensor([[e[0, 0], e[0, 1], 0], [e[1, 0], e[1, 1], 0], [0, 0, u[0] / r]])
-
-
 V = fm.vector_space(data.mesh, 1)
 u, v = fem.Function(V), ufl.TestFunction(V)
 r, y = ufl.SpatialCoordinate(data.mesh)
 E, nu = ufl.conditional(ufl.And(y > 0, y < 6), 200, 200e3), 0.3
-stress = strain(u) + nu / (1 - 2 * nu) * ufl.tr(strain(u)) * ufl.Identity(3)
-residual = 2 * np.pi * r * E / (1 + nu) * ufl.inner(stress, strain(v)) * ufl.dx(degree=3)
+strain = fm.energies.strain(u, "axisymmetric")
+energy = fm.energies.linear_elastic(strain, *fm.energies.lame(E, nu))
+residual = ufl.derivative(2 * np.pi * r * energy * ufl.dx(degree=3), u, v)
 ds = ufl.ds(subdomain_data=data.facet_tags, degree=3)
 residual += 2 * np.pi * r * load * v[1] * ds(data.boundaries["ring/top"])
 options = {"geometry": "axisymmetric", "petsc_options_prefix": "wear_"}

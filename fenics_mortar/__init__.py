@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Mortar contact of deformable bodies at finite deformation for FEniCSx, in 2D.
 
-Apart from the public names, ``laws`` has base classes and helpers of contact laws, and
-``sensitivity`` has recorded paths, controls and quantities of derivatives.
+Apart from the public names, ``laws`` has all contact laws, with base classes and helpers for those
+of users, ``energies`` has energies of the bodies in UFL, and ``sensitivity`` has recorded paths,
+controls and quantities of derivatives.
 """
 
 if __name__ != "fenics_mortar":
@@ -14,8 +15,9 @@ if __name__ != "fenics_mortar":
 # First: with DOLFINx from PyPI mpi4py finds the MPI library that dolfinx and PETSc then need.
 from mpi4py import MPI as _MPI  # noqa: F401
 
+from fenics_mortar import energies as energies
+from fenics_mortar import laws as laws
 from fenics_mortar.bulk.velocity import Velocity
-from fenics_mortar.contact import laws as laws
 from fenics_mortar.contact.discretization import Discretization
 from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.contact.pair import ContactPair

@@ -76,18 +76,18 @@ blocks = two_blocks()
 # ## The bodies
 #
 # The bulk is plain UFL: a residual in an unknown function `u`. This first step uses linear
-# elasticity in plane strain.
+# elasticity in plane strain, one of the usual energies in
+# [`fm.energies`](../../fenics_mortar/energies.py); write any other expression in its place.
 
 # +
 E, nu = 100.0, 0.3  # [MPa], [1]
-mu, lmbda = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
+mu, lmbda = fm.energies.lame(E, nu)
 dx = ufl.dx(metadata={"quadrature_degree": 3})
 
 
 def linear_stress(u):
     """Stress of linear elasticity [MPa]."""
-    strain = ufl.sym(ufl.grad(u))
-    return 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(2)
+    return fm.energies.stress(fm.energies.linear_elastic, fm.energies.strain(u), mu, lmbda)
 
 
 V = fm.vector_space(blocks.mesh, 1)
@@ -165,18 +165,14 @@ fm.plot(problem, "results/tutorial_1", stress=-linear_stress(u)[1, 1], **shown)
 #
 # Large deformation needs two changes: an energy for finite strain, and a load path. The contact
 # line stays. Search, gap, normals and their derivatives always refer to the deformed surfaces.
-
+#
+# The energy per undeformed volume is that of the compressible neo-Hookean law,
+# mu/2 (tr C - 3) - mu ln J + lambda/2 (ln J)^2. Its derivatives are the residual and the stress.
 
 # +
-def neo_hooke(u):
-    """Compressible neo-Hookean energy per undeformed volume, and Cauchy stress [MPa]."""
-    F = ufl.variable(ufl.Identity(2) + ufl.grad(u))
-    J = ufl.det(F)
-    psi = mu / 2 * (ufl.tr(F.T * F) - 2) - mu * ufl.ln(J) + lmbda / 2 * ufl.ln(J) ** 2
-    return psi, ufl.diff(psi, F) * F.T / J
-
-
-psi, stress = neo_hooke(u)
+F = ufl.variable(fm.energies.deformation_gradient(u))  # 1 + grad u
+psi = fm.energies.neo_hookean(F, mu, lmbda)
+stress = ufl.diff(psi, F) * F.T / ufl.det(F)  # Cauchy [MPa]
 finite = ufl.derivative(psi * dx, u, v)
 u.x.array[:] = 0.0
 problem = fm.ContactProblem(finite, u, [contact], bcs=bcs, petsc_options_prefix="step_2_")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Material laws of plane strain and the reading of meshes, shared by all studies."""
+"""Stresses and the reading of meshes, shared by all studies."""
 
 from __future__ import annotations
 
@@ -10,27 +10,19 @@ from mpi4py import MPI
 
 import gmsh
 
-import ufl
-
 import fenics_mortar as fm
+from fenics_mortar import energies
 
 
-def lame(E: float, nu: float) -> tuple[float, float]:
-    """Lame's parameters mu and lambda of plane strain [stress]."""
-    return E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
+def linear_elastic(u: Any, mu: Any, lmbda: Any, geometry: Any = "plane") -> Any:
+    """Cauchy stress of linear elasticity [stress], (2, 2) in plane strain, else (3, 3)."""
+    return energies.stress(energies.linear_elastic, energies.strain(u, geometry), mu, lmbda)
 
 
-def linear_elastic(u: Any, mu: Any, lmbda: Any) -> Any:
-    """Cauchy stress of linear elasticity [stress], a UFL expression of shape (2, 2)."""
-    strain = ufl.sym(ufl.grad(u))
-    return 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(2)
-
-
-def neo_hookean(u: Any, mu: Any, lmbda: Any) -> Any:
-    """First Piola-Kirchhoff stress of the compressible neo-Hookean law [stress], shape (2, 2)."""
-    F = ufl.Identity(2) + ufl.grad(u)
-    inverse = ufl.inv(F).T
-    return mu * (F - inverse) + lmbda * ufl.ln(ufl.det(F)) * inverse
+def neo_hookean(u: Any, mu: Any, lmbda: Any, geometry: Any = "plane") -> Any:
+    """First Piola-Kirchhoff stress [stress], (2, 2) in plane strain, else (3, 3)."""
+    F = energies.deformation_gradient(u, geometry)
+    return energies.stress(energies.neo_hookean, F, mu, lmbda)
 
 
 def read_mesh(build: Callable[[], Any], comm: MPI.Comm = MPI.COMM_WORLD) -> fm.MeshData:

@@ -48,6 +48,7 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row
+from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.errors import as_text
 
 # Distance from a kink of the complementarity functions [1] within which a node counts as on the
@@ -81,6 +82,24 @@ def check_names(law: Law) -> None:
 def varies(value: Any) -> bool:
     """Whether a parameter of a law is an array or a function of the position, not a number."""
     return isinstance(value, np.ndarray) or callable(value)
+
+
+def check_positive(law: Law, *names: str, zero: bool = False) -> None:
+    """Reject parameters that are not finite and positive (local).
+
+    Args:
+        law: The law.
+        names: Names of its attributes; those that vary in space are not checked.
+        zero: Whether zero is allowed.
+
+    Raises:
+        ValueError: If a number is not allowed.
+    """
+    expected = "zero or a positive number" if zero else "a positive number"
+    for name in names:
+        value = getattr(law, name)
+        if not varies(value):
+            check_number(name, value, expected, lambda x: 0.0 < x < np.inf or (zero and x == 0.0))
 
 
 class Law(ABC):
@@ -230,7 +249,10 @@ class Law(ABC):
 
     @property
     def is_of_package(self) -> bool:
-        """Whether the law is one of the package's, not a user's."""
+        """Whether the law is one without memory of the package.
+
+        Those of ``fenics_mortar.laws`` may be as steep as a user's.
+        """
         return type(self).__module__.startswith(f"{__package__}.")
 
     @property

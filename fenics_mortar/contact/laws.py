@@ -157,7 +157,7 @@ class Coulomb(Friction):
     """
 
     fields = ("mu",)
-    parameters = ("mu", "max_shear")
+    parameters: tuple[str, ...] = ("mu", "max_shear")
 
     def __init__(
         self,

@@ -10,6 +10,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar import energies
 from fenics_mortar.bulk.form_points import FormPoints
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.verify.folds import are_folds
@@ -18,23 +19,18 @@ from meshes.mapped_grids import Grid, block, mapped, mesh
 I = ufl.Identity(2)
 
 
-def grad_of(u):
-    return I + ufl.grad(u)
-
-
 def with_logarithm(u, mu=1.0, lmbda=20.0):
-    F, J = grad_of(u), ufl.det(grad_of(u))
-    return mu / 2 * (ufl.tr(F.T * F) - 2) - mu * ufl.ln(J) + lmbda / 2 * ufl.ln(J) ** 2
+    return energies.neo_hookean(u, mu, lmbda)
 
 
 def with_polynomial(u, mu=1.0, lmbda=20.0):
-    F, J = grad_of(u), ufl.det(grad_of(u))
+    F = energies.deformation_gradient(u)
+    J = ufl.det(F)
     return mu / 2 * (ufl.tr(F.T * F) - 2) - mu * ufl.ln(J) + lmbda / 2 * (J - 1) ** 2
 
 
 def saint_venant(u):
-    C = grad_of(u).T * grad_of(u) - I
-    return ufl.inner(C, C) + ufl.tr(C) ** 2
+    return energies.st_venant_kirchhoff(u, 4.0, 8.0)
 
 
 def hardening(u):
@@ -217,13 +213,9 @@ def cone_on_block(half_angle, depth, *, degree=1, cell="quadrilateral", columns=
     data = mesh([Grid("block", grid)], cell=cell, order=degree)
     V = fm.vector_space(data.mesh, degree)
     u, v, r = fem.Function(V), ufl.TestFunction(V), ufl.SpatialCoordinate(data.mesh)[0]
-
-    def strain(w):
-        e = ufl.sym(ufl.grad(w))
-        return ufl.as_tensor([[e[0, 0], e[0, 1], 0], [e[1, 0], e[1, 1], 0], [0, 0, w[0] / r]])
-
-    stress = strain(u) / 1.3 + 0.3 / (1.3 * 0.4) * ufl.tr(strain(u)) * ufl.Identity(3)
-    residual = 2 * np.pi * r * ufl.inner(stress, strain(v)) * ufl.dx(degree=2 * degree + 1)
+    strain = energies.strain(u, "axisymmetric")
+    energy = energies.linear_elastic(strain, *energies.lame(1.0, 0.3))
+    residual = ufl.derivative(2 * np.pi * r * energy * ufl.dx(degree=2 * degree + 1), u, v)
     t = 30.0 * np.tan(np.radians(half_angle))
     cone = fm.Polygon([(t, 30.0), (0.0, 0.0), (-t, 30.0)], rounding=0.02)
     bcs = [fm.dirichlet(V, data, "block/left", 0.0, component=0)]

@@ -21,6 +21,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar import energies
 from meshes import two_blocks
 
 comm = MPI.COMM_WORLD
@@ -42,31 +43,25 @@ def neo_hookean(w, nu, part=0, scale=1.0, test=None):
     (u, p), (v, q) = (ufl.split(function) for function in (w, test))
     if part == 1:
         u, p, v, q = p, u, q, v
-    F = ufl.Identity(2) + ufl.grad(u)
-    J, inverse = ufl.det(F), ufl.inv(F).T
-    stress = mu * (F - inverse) + p * J * inverse
-    dx = ufl.dx(metadata={"quadrature_degree": 4})
-    return ufl.inner(stress, ufl.grad(v)) * dx + scale * q * (J - 1 - compliance * p) * dx
+    F, p = ufl.variable(energies.deformation_gradient(u)), ufl.variable(p)
+    psi = energies.mixed_neo_hookean(F, p, mu, compliance)
+    work = ufl.inner(ufl.diff(psi, F), ufl.grad(v)) + scale * q * ufl.diff(psi, p)
+    return work * ufl.dx(metadata={"quadrature_degree": 4})
 
 
 def three_fields(w, nu):
     """Residual with a third unknown, the change of volume: J and p / kappa are equal to it."""
     mu, compliance = shear_and_compliance(nu)
-    (u, p, t), (v, q, s) = (ufl.split(f) for f in (w, ufl.TestFunction(w.function_space)))
-    F = ufl.Identity(2) + ufl.grad(u)
-    J, inverse = ufl.det(F), ufl.inv(F).T
-    stress = mu * (F - inverse) + p * J * inverse
-    dx = ufl.dx(metadata={"quadrature_degree": 4})
-    return ufl.inner(stress, ufl.grad(v)) * dx + (q * (J - 1 - t) + s * (t / compliance - p)) * dx
+    u, p, t = ufl.split(w)
+    psi = energies.mixed_neo_hookean(u, p, mu) - p * t + t**2 / (2 * compliance)
+    return ufl.derivative(psi * ufl.dx(metadata={"quadrature_degree": 4}), w)
 
 
 def linear_elastic(w, nu):
     """Residual for small strains."""
     mu, compliance = shear_and_compliance(nu)
-    (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(w.function_space)
-    stress = 2 * mu * ufl.sym(ufl.grad(u)) + p * ufl.Identity(2)
-    dx = ufl.dx(metadata={"quadrature_degree": 4})
-    return ufl.inner(stress, ufl.grad(v)) * dx + q * (ufl.div(u) - compliance * p) * dx
+    psi = energies.mixed_linear_elastic(*ufl.split(w), mu, compliance)
+    return ufl.derivative(psi * ufl.dx(metadata={"quadrature_degree": 4}), w)
 
 
 def blocks(

@@ -10,11 +10,12 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-from scenes import Scene, internal, lame, linear_elastic
+from scenes import Scene, internal, linear_elastic
 
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.energies import lame
 from fenics_mortar.interface.surfaces import extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
 

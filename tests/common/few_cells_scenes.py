@@ -19,8 +19,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.laws import Cohesive, NormalCompliance, Worn
 from fenics_mortar import sensitivity
+from fenics_mortar.laws import Cohesive, SoftLayer, Worn
 
 MU = 0.3
 
@@ -443,10 +443,8 @@ def mixed(kind, folder):
     data = small_mesh(count, cell, 2)
     W = fm.mixed_space(data.mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
     w = fem.Function(W)
-    (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(W)
-    stress = 80.0 * ufl.sym(ufl.grad(u)) + p * ufl.Identity(2)
-    dx = ufl.dx(metadata={"quadrature_degree": 4})
-    residual = ufl.inner(stress, ufl.grad(v)) * dx + q * (ufl.div(u) - 0.01 * p) * dx
+    energy = fm.energies.mixed_linear_elastic(*ufl.split(w), 40.0, 0.01)
+    residual = ufl.derivative(energy * ufl.dx(metadata={"quadrature_degree": 4}), w)
     push = fem.Function(W.sub(0).collapse()[0])
     push.interpolate(lambda x: np.stack([0.0 * x[0], -0.02 * (x[1] > 1.0)]))
     names = "lower/fixed", "upper/moved"
@@ -527,7 +525,7 @@ def refused(kind, folder):
 
 def laws(kind, folder):
     """A given friction limit, and laws of users with memory, a soft layer and adhesion."""
-    users = Worn(MU, 0.01), NormalCompliance(1e3, 1.0, MU), Cohesive(1.0, 0.1)
+    users = Worn(MU, 0.01), SoftLayer(1e3, 1.0, MU), Cohesive(1.0, 0.1)
     for law in (fm.Tresca(1.0), *users):
         name = type(law).__name__
         blocks = Blocks(*kind, law=law)

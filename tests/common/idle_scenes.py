@@ -134,23 +134,16 @@ def particle(
     options = {"subdomain_data": data.cell_tags, "metadata": {"quadrature_degree": 4}}
     dx = ufl.Measure("dx", domain=data.mesh, **options)
     strain = fem.Constant(data.mesh, PETSc.ScalarType(0.0))
-    one, shear = ufl.Identity(2), E / (2.0 * (1.0 + nu))
-    lmbda = E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
 
-    def stress(T: Any) -> Any:
+    def energy(T: Any) -> Any:
         if not finite:
-            e = ufl.sym(ufl.grad(u)) - T * one
-            return 2.0 * shear * e + lmbda * ufl.tr(e) * one
-        F = ufl.variable(one + ufl.grad(u))
-        elastic = F / (1.0 + T)
-        J = ufl.det(elastic)
-        psi = shear / 2.0 * (ufl.inner(elastic, elastic) - 2.0) - shear * ufl.ln(J)
-        return ufl.diff((1.0 + T) ** 2 * (psi + lmbda / 2.0 * ufl.ln(J) ** 2), F)
+            e = fm.energies.strain(u) - T * ufl.Identity(2)
+            return fm.energies.linear_elastic(e, *fm.energies.lame(E, nu))
+        elastic = fm.energies.deformation_gradient(u) / (1.0 + T)
+        return (1.0 + T) ** 2 * fm.energies.neo_hookean(elastic, *fm.energies.lame(E, nu))
 
     bodies = (("particle", strain), ("plate", 0.0))
-    residual = sum(
-        ufl.inner(stress(T), ufl.grad(v)) * dx(data.body_tag(name)) for name, T in bodies
-    )
+    residual = sum(ufl.derivative(energy(T) * dx(data.body_tag(name)), u, v) for name, T in bodies)
     law = fm.Coulomb(mu) if mu else None
     pair = fm.ContactPair(data, "particle/bottom", "plate/top", law=law)
     bcs = [fm.dirichlet(V, data, "plate/bottom", (0.0, 0.0))]

@@ -6,40 +6,34 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scenes import TIGHT, Scene, lame, pair_options, read
+from scenes import TIGHT, Scene, pair_options, read
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from demos.studies import common
 from fenics_mortar.bulk.axis import radial_dofs_on_axis
+from fenics_mortar.energies import lame
 from meshes.mapped_grids import Grid, block, build
 
 
 def neo_hookean(u, E, nu):
-    """First Piola-Kirchhoff stress in the meridian plane, and around the axis."""
-    mu, lmbda = lame(E, nu)
-    X = ufl.SpatialCoordinate(u.function_space.mesh)
-    F, hoop = ufl.Identity(2) + ufl.grad(u), 1 + u[0] / X[0]
-    inverse, log = ufl.inv(F).T, ufl.ln(ufl.det(F) * hoop)
-    return mu * (F - inverse) + lmbda * log * inverse, mu * (hoop - 1 / hoop) + lmbda * log / hoop
+    """First Piola-Kirchhoff stress of shape (3, 3), the axis of the hoop last."""
+    return common.neo_hookean(u, *lame(E, nu), "axisymmetric")
 
 
 def linear_elastic(u, E, nu):
-    """Cauchy stress of linear elasticity in the meridian plane, and around the axis."""
-    mu, lmbda = lame(E, nu)
-    X = ufl.SpatialCoordinate(u.function_space.mesh)
-    strain, hoop = ufl.sym(ufl.grad(u)), u[0] / X[0]
-    trace = ufl.tr(strain) + hoop
-    return 2 * mu * strain + lmbda * trace * ufl.Identity(2), 2 * mu * hoop + lmbda * trace
+    """Cauchy stress of linear elasticity of shape (3, 3), the axis of the hoop last."""
+    return common.linear_elastic(u, *lame(E, nu), "axisymmetric")
 
 
-def internal(u, stresses, dx=None):
-    """Virtual work of stresses in the meridian plane and around the axis, whole bodies."""
+def internal(u, stress, dx=None):
+    """Virtual work of a stress, whole bodies; the radius cancels around the axis, for rounding."""
     v, X = ufl.TestFunction(u.function_space), ufl.SpatialCoordinate(u.function_space.mesh)
-    stress, hoop = stresses
     dx = dx or ufl.dx(metadata={"quadrature_degree": 5})
-    return 2 * np.pi * (ufl.inner(stress, ufl.grad(v)) * X[0] + hoop * v[0]) * dx
+    in_plane = ufl.as_tensor([[stress[i, j] for j in range(2)] for i in range(2)])
+    return 2 * np.pi * (ufl.inner(in_plane, ufl.grad(v)) * X[0] + stress[2, 2] * v[0]) * dx
 
 
 def bent(x, top):

@@ -15,6 +15,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from demos.studies import common
+from fenics_mortar.energies import lame
 from meshes import two_blocks
 
 TIGHT = fm.NewtonOptions(residual_tolerance=1e-13)
@@ -59,24 +61,14 @@ def rectangles(size: float, **boxes: tuple[float, float, float, float]):
     return model
 
 
-def lame(E: float, nu: float) -> tuple[float, float]:
-    """Lame's parameters of plane strain."""
-    return E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
-
-
 def neo_hookean(u, E, nu):
     """First Piola-Kirchhoff stress of the compressible neo-Hookean law, plane strain."""
-    mu, lmbda = lame(E, nu)
-    F = ufl.Identity(2) + ufl.grad(u)
-    inverse = ufl.inv(F).T
-    return mu * (F - inverse) + lmbda * ufl.ln(ufl.det(F)) * inverse
+    return common.neo_hookean(u, *lame(E, nu))
 
 
 def linear_elastic(u, E, nu):
     """Cauchy stress of linear elasticity, plane strain."""
-    mu, lmbda = lame(E, nu)
-    strain = ufl.sym(ufl.grad(u))
-    return 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(2)
+    return common.linear_elastic(u, *lame(E, nu))
 
 
 def internal(u, stress):

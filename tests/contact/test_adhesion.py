@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.energies import lame
 from meshes import two_blocks
 
 E, NU = 100.0, 0.3
@@ -68,7 +69,7 @@ def columns(law, *, degree=1, material=neo_hookean, sliding="finite", **problem)
 
 def traction(stretch: float) -> float:
     """First Piola-Kirchhoff stress, and Cauchy's, under uniaxial strain."""
-    mu, lmbda = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
+    mu, lmbda = lame(E, NU)
     return mu * (stretch - 1.0 / stretch) + lmbda * np.log(stretch) / stretch
 
 

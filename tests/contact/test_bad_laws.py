@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Users' laws with invalid results, with errors, or with differences between ranks."""
 
+import re
+
 import numpy as np
 import pytest
 from one_rank import LAST, raised_on_the_last_rank, several_ranks
@@ -9,6 +11,7 @@ from small_scenes import small_blocks
 from spoilt_law import Spoilt, rubbing_blocks
 
 import fenics_mortar as fm
+from fenics_mortar import laws
 from fenics_mortar.contact.laws import Friction
 from fenics_mortar.utils.errors import NotFiniteError
 
@@ -212,3 +215,34 @@ def test_negative_coefficients_are_refused_with_their_place():
     where = r"on 'upper/bottom' it is -0.5 at \(1.6, 1\) and 0 at \(0.6, 1\)"
     with refused(ValueError, r"Coulomb\(function\): mu=-0.5 at a slave node.*" + where):
         small_blocks(pair={"law": fm.Coulomb(lambda X: 0.3 - 0.5 * X[:, 0])})
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "kind, numbers, message",
+    [
+        (laws.Worn, (0.3, -1.0), "wear=-1.0: expected zero or a positive number"),
+        (laws.Worn, (-0.3, 1.0), "mu=-0.3"),
+        (laws.SoftLayer, (0.0, 1.0), "k=0.0: expected a positive number"),
+        (laws.SoftLayer, (1.0, 0.5), "m=0.5: expected an exponent of at least 1"),
+        (laws.Cohesive, (1.0, np.inf), "reach=inf"),
+        (laws.MixedCohesive, (-1.0, 1.0, 1.0), "stiffness=-1.0"),
+        (laws.MixedCohesive, (10.0, 2.0, 0.2), "above strength / stiffness = 0.2"),
+        (laws.Stribeck, (0.4, 0.2, 0.0), "rate=0.0"),
+        (laws.Stribeck, (0.4, np.nan, 1.0), "kinetic=nan"),
+        (laws.RateAndState, (0.4, 0.0, 0.1, 1.0, 1.0), "a=0.0"),
+        (laws.RateAndState, (0.4, 0.1, 0.1, 1.0, 0.0), "v_0=0.0"),
+        (laws.RateAndState, (0.4, 0.1, 0.1, 1.0, 1.0, -1.0), "theta_0=-1.0"),
+    ],
+)
+def test_invalid_number_of_a_law_is_refused(kind, numbers, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        kind(*numbers)
+
+
+def test_invalid_number_of_a_law_set_later_is_refused():
+    law = laws.Worn(0.3, 0.01)
+    scene = rubbing_blocks(law)
+    law.wear = -1.0
+    with refused(ValueError, "wear=-1.0: expected zero or a positive number"):
+        scene.problem.solve()

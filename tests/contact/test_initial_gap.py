@@ -6,7 +6,6 @@ import pytest
 from scenes import (
     TIGHT,
     internal,
-    lame,
     linear_elastic,
     neo_hookean,
     pair_options,
@@ -17,6 +16,7 @@ from scenes import (
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.energies import lame
 from meshes import rings
 
 E, NU = 100.0, 0.3

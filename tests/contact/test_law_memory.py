@@ -13,8 +13,8 @@ from refusal import refused
 from scenes import linear_elastic, nodal, pair_options, pressed_blocks
 
 import fenics_mortar as fm
-from demos.laws import Cohesive, NormalCompliance, RateAndState, Stribeck, Worn
 from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.laws import Cohesive, RateAndState, SoftLayer, Stribeck, Worn
 from fenics_mortar.sensitivity.partials.law import rows_by_parameter
 from fenics_mortar.utils.errors import NotFiniteError
 
@@ -267,7 +267,7 @@ def test_derivative_by_nodal_coefficients_of_friction():
 
 LAWS = {
     "wear": Worn(0.03, 2e-2),
-    "compliance": NormalCompliance(2000.0, 1.5, 0.3),
+    "compliance": SoftLayer(2000.0, 1.5, 0.3),
     "Stribeck": Stribeck(0.4, 0.2, 0.05, 0.1),
     "rate and state": rate_and_state(),
     "field": fm.Coulomb(lambda X: 0.2 + 0.1 * np.sin(X[:, 0])),

@@ -7,8 +7,8 @@ from refusal import refused
 from small_scenes import small_blocks
 
 import fenics_mortar as fm
-from demos.laws import Worn
 from fenics_mortar.contact.nodal import Nodal, Row
+from fenics_mortar.laws import Worn
 
 
 @pytest.mark.parametrize(

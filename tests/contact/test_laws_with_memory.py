@@ -10,14 +10,14 @@ from scenes import linear_elastic, pressed_blocks
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.laws import Cohesive, MixedCohesive, NormalCompliance, RateAndState, Stribeck, Worn
+from fenics_mortar.laws import Cohesive, MixedCohesive, RateAndState, SoftLayer, Stribeck, Worn
 from fenics_mortar.utils import compat
 
 SMALL = {"n_upper": 3, "n_lower": 4, "layers_upper": 2, "layers_lower": 2}
 LAWS = {
     "wear": Worn(0.03, 2e-2),
-    "compliance": NormalCompliance(2000.0, 1.5, 0.3),
-    "linear compliance": NormalCompliance(200.0, 1.0, 0.2),
+    "compliance": SoftLayer(2000.0, 1.5, 0.3),
+    "linear compliance": SoftLayer(200.0, 1.0, 0.2),
     "cohesive": Cohesive(2.0, 0.4),
     "mixed cohesive": MixedCohesive(100.0, 2.0, 0.4),
     "Stribeck": Stribeck(0.4, 0.2, 0.05, 0.1),
@@ -50,7 +50,7 @@ def test_wear_under_a_fixed_top_is_implicit_euler(degree):
 @pytest.mark.parametrize("m", [1.0, 2.0])
 def test_soft_layer_pressure_follows_from_its_overlap(m):
     k, depth = 400.0, 0.04
-    problem, push, _ = block_on_plane(NormalCompliance(k, m))
+    problem, push, _ = block_on_plane(SoftLayer(k, m))
     push.value[1] = -depth
     assert problem.solve().certificate.violations() == []
     contact = problem.contacts[0]

@@ -16,7 +16,7 @@ from self_scenes import NU, E, c_ring, honeycomb, ten_bodies
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos import laws
+from fenics_mortar import laws
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block
 
@@ -68,10 +68,10 @@ CASES = {
     "linear bulk": {"law": MU, **LINEAR},
     "small sliding": {"law": MU, **SMALL},
     "linear bulk and small sliding": {**LINEAR, **SMALL},
-    "compliance": {"law": laws.NormalCompliance(2000.0, 1.0, 0.2)},
+    "compliance": {"law": laws.SoftLayer(2000.0, 1.0, 0.2)},
     "Stribeck": {"law": laws.Stribeck(0.4, 0.2, 0.05)},
     "rate and state": {"law": laws.RateAndState(0.3, 0.01, 0.015, 0.02, 0.01)},
-    "axisymmetric, compliance": {"law": laws.NormalCompliance(2000.0, 1.0, 0.2), **AXISYMMETRIC},
+    "axisymmetric, compliance": {"law": laws.SoftLayer(2000.0, 1.0, 0.2), **AXISYMMETRIC},
 }
 
 

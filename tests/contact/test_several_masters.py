@@ -3,12 +3,13 @@
 
 import numpy as np
 import pytest
-from scenes import TIGHT, internal, lame, linear_elastic, neo_hookean, nodal, pair_options, read
+from scenes import TIGHT, internal, linear_elastic, neo_hookean, nodal, pair_options, read
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.energies import lame
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block, sector
 

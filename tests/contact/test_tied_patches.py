@@ -3,12 +3,13 @@
 
 import numpy as np
 import pytest
-from scenes import lame, linear_elastic, pair_options, rotation
+from scenes import linear_elastic, pair_options, rotation
 from tied_scenes import AROUND, ENDS, EXACT, ROLES, STRAIN, blocks, linear, off, ring_data, tied
 
 import ufl
 
 import fenics_mortar as fm
+from fenics_mortar.energies import lame
 
 
 @pytest.mark.once

@@ -11,10 +11,10 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.laws import Worn
 from fenics_mortar.contact import arcs
 from fenics_mortar.contact.arcs import rotation_past_obstacle
 from fenics_mortar.contact.slip import Partners
+from fenics_mortar.laws import Worn
 from fenics_mortar.path.work import forces_of, work_of
 from meshes.mapped_grids import Grid, build, sector
 

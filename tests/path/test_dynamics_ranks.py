@@ -9,9 +9,9 @@ from small_scenes import small_blocks
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.laws import Worn
 from demos.studies.dynamics.scenes import RHO, free_block
 from fenics_mortar import sensitivity
+from fenics_mortar.laws import Worn
 
 pytestmark = several_ranks
 

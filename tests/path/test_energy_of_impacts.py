@@ -10,8 +10,9 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.studies.common import lame, read_mesh
+from demos.studies.common import read_mesh
 from demos.studies.dynamics.scenes import RHO, E, free_block, rings, scene
+from fenics_mortar.energies import lame
 from fenics_mortar.path.deformation_rate import DeformationRate
 from fenics_mortar.path.dynamics_report import DynamicsReport, Energies, TimeStep
 from fenics_mortar.path.energy_return import pressure_impulse
@@ -48,10 +49,8 @@ def between_planes(count, cells=3, gap=0.01, gravity=0.0, speed=0.0):
     ]
     data = read_mesh(lambda: build(grids))
     V = fm.vector_space(data.mesh, 1)
-    u, v, (mu, lmbda) = fem.Function(V), ufl.TestFunction(V), lame(E, 0.3)
-    F, dx = ufl.Identity(2) + ufl.grad(u), ufl.dx(metadata={"quadrature_degree": 4})
-    strain = 0.5 * (F.T * F - ufl.Identity(2))
-    energy = (mu * ufl.inner(strain, strain) + lmbda / 2 * ufl.tr(strain) ** 2) * dx
+    u, v, dx = fem.Function(V), ufl.TestFunction(V), ufl.dx(metadata={"quadrature_degree": 4})
+    energy = fm.energies.st_venant_kirchhoff(u, *lame(E, 0.3)) * dx
     pull = fem.Constant(data.mesh, RHO * gravity)
     weight = pull * u[1] * dx
     sides = [(f"{i}/top", f"{i + 1}/bottom") for i in range(count - 1)]

@@ -6,8 +6,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import fenics_mortar as fm
-from demos.laws import Stribeck
 from demos.studies.dynamics.scenes import oscillator
+from fenics_mortar.laws import Stribeck
 
 STIFFNESS, PRESSURE, SPEED = 0.4, 0.1, 0.03
 LAW = Stribeck(0.5, 0.2, 0.06)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Docstrings of all public classes and functions: arguments, shapes, units, errors, ranks.
 
-Public are the names that the package, ``laws`` and ``sensitivity`` export, and the classes of all
-results that their attributes and methods return.
+Public are the names that the package, ``energies``, ``laws`` and ``sensitivity`` export, and the
+classes of all results that their attributes and methods return.
 """
 
 import ast
@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 import fenics_mortar as fm
-from fenics_mortar import laws, sensitivity
+from fenics_mortar import energies, laws, sensitivity
 from fenics_mortar.bulk.inertia import Rates
 from fenics_mortar.contact.nodal import Nodal, Row
 from fenics_mortar.contact.state import InterfaceState
@@ -86,9 +86,8 @@ def function_of(value):
 
 def public_classes():
     names = {name: getattr(fm, name) for name in fm.__all__}
-    names |= {
-        name: getattr(module, name) for module in (laws, sensitivity) for name in module.__all__
-    }
+    modules = energies, laws, sensitivity
+    names |= {name: getattr(module, name) for module in modules for name in module.__all__}
     classes = dict.fromkeys([value for value in names.values() if inspect.isclass(value)])
     functions = {name: f for name, f in names.items() if inspect.isfunction(f)}
     return [*classes, *(cls for cls in RESULTS if cls not in classes)], functions

@@ -18,8 +18,8 @@ from taylor_scenes import blocks, directions_of, obstacle_on_block, tied_blocks,
 import ufl
 
 import fenics_mortar as fm
-from demos.laws import Cohesive, MixedCohesive, Worn
 from fenics_mortar import sensitivity as se
+from fenics_mortar.laws import Cohesive, MixedCohesive, Worn
 from fenics_mortar.sensitivity.protocols import controls_of, dot
 
 # Steps of Taylor tests over the sizes of the changes, each with its halves; the shorter ones are
@@ -59,18 +59,6 @@ class Pulling(fm.Coulomb):
         return fading, -fading / 0.2
 
 
-class Zone(Cohesive):
-    parameters = ("strength", "reach")
-
-
-class Mixed(MixedCohesive):
-    parameters = ("stiffness", "strength", "reach")
-
-
-class Wearing(Worn):
-    parameters = ("mu", "wear")
-
-
 LAWS = {
     "none": (fm.Frictionless, {}, LONG),
     "Tresca": (lambda: fm.Tresca(1.0), {"stress": 0.3}, LONG),
@@ -78,11 +66,13 @@ LAWS = {
     "slip": (lambda: fm.Coulomb(0.05), {"mu": 0.05}, LONG),
     "mixed": (lambda: fm.Coulomb(0.3), {"mu": 0.1}, LONG),
     "adhesion": (lambda: Pulling(0.3, 0.5), {"mu": 0.1, "pull": 0.1}, OPENING),
-    "cohesive": (lambda: Zone(2.0, 0.3), {"strength": 0.3, "reach": 0.02}, OPENING),
+    "cohesive": (lambda: Cohesive(2.0, 0.3), {"strength": 0.3, "reach": 0.02}, OPENING),
     "bond": (
-        lambda: Mixed(100.0, 2.0, 0.3), {"stiffness": 10.0, "strength": 0.2, "reach": 0.02}, OPENING
+        lambda: MixedCohesive(100.0, 2.0, 0.3),
+        {"stiffness": 10.0, "strength": 0.2, "reach": 0.02},
+        OPENING,
     ),
-    "wear": (lambda: Wearing(0.3, 0.05), {"mu": 0.1, "wear": 0.01}, LONG),
+    "wear": (lambda: Worn(0.3, 0.05), {"mu": 0.1, "wear": 0.01}, LONG),
 }  # fmt: skip
 
 # With a larger bound, nodes at the edge of the contact with a circle have no equilibrium.

@@ -2,10 +2,11 @@
 """Derivatives through cohesive zones and adhesion: one path each, and all objectives of a step."""
 
 import pytest
-from proof_matrix import Mixed, Zone, between_blocks, row_of
+from proof_matrix import between_blocks, row_of
 from taylor_scenes import blocks, check
 
 from fenics_mortar import sensitivity
+from fenics_mortar.laws import Cohesive, MixedCohesive
 from fenics_mortar.sensitivity import MeanGap, TotalForce, total
 
 # Closed, opened, closed in part along the secant, opened further.
@@ -15,8 +16,8 @@ OPENED = [(0.0, -0.01), (0.0, 0.04), (0.01, 0.09), (0.015, 0.06), (0.02, 0.08), 
 @pytest.mark.parametrize(
     "law, sizes",
     [
-        (Zone(2.0, 0.15), {"strength": 0.3, "reach": 0.02}),
-        (Mixed(100.0, 2.0, 0.25), {"stiffness": 10.0, "strength": 0.2, "reach": 0.02}),
+        (Cohesive(2.0, 0.15), {"strength": 0.3, "reach": 0.02}),
+        (MixedCohesive(100.0, 2.0, 0.25), {"stiffness": 10.0, "strength": 0.2, "reach": 0.02}),
     ],
     ids=["opening", "opening and slip"],
 )

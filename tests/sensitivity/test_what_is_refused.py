@@ -11,8 +11,8 @@ from small_scenes import small_blocks
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.laws import Stribeck
 from fenics_mortar import sensitivity
+from fenics_mortar.laws import Stribeck
 
 FORCE = sensitivity.TotalForce(0, (0.0, 1.0))
 MU = sensitivity.LawParameter(0, "mu")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import revolved
 from revolved import cylinders, internal, on_axis
-from scenes import TIGHT, lame, pair_options, read
+from scenes import TIGHT, pair_options, read
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -21,6 +21,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.energies import lame
 from meshes.mapped_grids import Grid, block, build
 
 E, NU, STRETCH = 100.0, 0.3, 0.9

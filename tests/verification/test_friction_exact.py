@@ -12,12 +12,13 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from scenes import TIGHT, internal, lame, linear_elastic, neo_hookean, pressed_blocks, read
+from scenes import TIGHT, internal, linear_elastic, neo_hookean, pressed_blocks, read
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.energies import lame
 from meshes.mapped_grids import Grid, block, build, mapped
 
 E, NU = 100.0, 0.3
@@ -139,10 +140,7 @@ def test_bar_slides_as_far_as_its_load_reaches_and_back():
 
 def stored_energy(u):
     """Energy of ``neo_hookean`` bodies, as a function without arguments."""
-    mu, lmbda = lame(E, NU)
-    F = ufl.Identity(2) + ufl.grad(u)
-    J = ufl.det(F)
-    psi = mu / 2 * (ufl.tr(F.T * F) - 2) - mu * ufl.ln(J) + lmbda / 2 * ufl.ln(J) ** 2
+    psi = fm.energies.neo_hookean(u, *lame(E, NU))
     form = fem.form(psi * ufl.dx(metadata={"quadrature_degree": 4}))
     return lambda: MPI.COMM_WORLD.allreduce(fem.assemble_scalar(form))
 

@@ -19,7 +19,6 @@ from scenes import (
     TIGHT,
     homogeneous_blocks,
     internal,
-    lame,
     linear_elastic,
     neo_hookean,
     pair_options,
@@ -31,6 +30,7 @@ from scipy.optimize import brentq
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.energies import lame
 from meshes import two_blocks
 
 E, NU, STRETCH = 100.0, 0.3, 0.9

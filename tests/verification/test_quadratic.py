@@ -8,7 +8,6 @@ import pytest
 from scenes import (
     homogeneous_blocks,
     internal,
-    lame,
     linear_elastic,
     neo_hookean,
     pair_options,
@@ -33,6 +32,7 @@ from test_patch import (
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.energies import lame
 from meshes import rings
 
 RATIOS = [(5, 7), (3, 10), (1, 17)]

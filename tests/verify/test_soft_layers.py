@@ -9,8 +9,9 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.laws import NormalCompliance
-from demos.studies.common import lame, neo_hookean
+from demos.studies.common import neo_hookean
+from fenics_mortar.energies import lame
+from fenics_mortar.laws import SoftLayer
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block, sector
 
@@ -47,7 +48,7 @@ def pressed(shape, sides, *, stiffness, law):
 def test_deep_layer_is_no_crossing(shape, swapped):
     """3.6 facets: master nodes, and those of other sides of the slave, are in the layer, too."""
     sides = ["upper/bottom", "lower/top"][:: -1 if swapped else 1]
-    problem, load = pressed(shape, sides, stiffness=100.0, law=NormalCompliance(0.5, 1.0))
+    problem, load = pressed(shape, sides, stiffness=100.0, law=SoftLayer(0.5, 1.0))
     record = fm.follow_path(problem, load, fm.SteppingOptions(step=0.25, smallest=0.25))
     assert len(record.steps) == 4
     crossings = problem.certificate().crossings

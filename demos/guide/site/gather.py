@@ -35,7 +35,9 @@ FENCE = re.compile(r"^(```.*?^```$)", re.MULTILINE | re.DOTALL)
 GROUPS = {
     "problem": ("The problem and its results", ("problem", "equations", "newton")),
     "meshes": ("Meshes, spaces and supports", ("mesh", "utils.compat")),
-    "pairs": ("Contact pairs", ("contact", "contact.laws")),
+    "energies": ("Energies of the bodies", ("energies",)),
+    "pairs": ("Contact pairs", ("contact",)),
+    "laws": ("Contact laws", ("laws", "contact.laws", "contact.law", "contact.nodal")),
     "obstacles": ("Rigid obstacles", ("obstacles", "rigid")),
     "paths": ("Load steps and dynamics", ("path", "bulk")),
     "sensitivities": ("Sensitivities", ("sensitivity",)),
@@ -223,6 +225,8 @@ class Gathered:
         for group in groups:
             title = GROUPS[group][0]
             lines, rows = [f"# {title}", ""], ["| name | |", "|---|---|"]
+            if (ROOT / "fenics_mortar" / f"{group}.py").exists():
+                lines += about_module(f"fenics_mortar.{group}")
             for full in found[group]:
                 name = full.rpartition(".")[2]
                 kind, about = documented(in_reference()[full])
@@ -252,8 +256,7 @@ class Gathered:
         for folder in folders:
             name = ".".join(folder.relative_to(package).parts)
             dotted = f"fenics_mortar.{name}"
-            about = ["```{eval-rst}", f".. automodule:: {dotted}", "   :no-members:", "```", ""]
-            lines = [f"# {name}", "", *about]
+            lines = [f"# {name}", "", *about_module(dotted)]
             for module in sorted(folder.glob("*.py")):
                 if module.stem != "__init__":
                     lines += [f"## {module.stem}", "", *automodule(f"{dotted}.{module.stem}")]
@@ -268,8 +271,8 @@ def in_reference() -> dict[str, Any]:
     package = fenics_mortar
     public = {f"fenics_mortar.{name}": getattr(package, name) for name in package.__all__}
     known = set(map(id, public.values()))
-    of_modules = [getattr(module, name) for module in (package.laws, package.sensitivity)
-                  for name in module.__all__]  # fmt: skip
+    modules = package.energies, package.laws, package.sensitivity
+    of_modules = [getattr(module, name) for module in modules for name in module.__all__]
     met = [*(thing for thing in of_modules if id(thing) not in known), *MET]
     return public | {f"{cls.__module__}.{cls.__qualname__}": cls for cls in met}
 
@@ -293,6 +296,11 @@ def options_of(cls: type) -> list[str]:
     """Options of the directive of a class; bases are shown if the reference has one of them."""
     has_base = any(base in in_reference().values() for base in cls.__bases__)
     return [*OF_CLASSES, *(["   :show-inheritance:"] if has_base else [])]
+
+
+def about_module(module: str) -> list[str]:
+    """Directive with the docstring of a module alone."""
+    return ["```{eval-rst}", f".. automodule:: {module}", "   :no-members:", "```", ""]
 
 
 def automodule(module: str) -> list[str]:

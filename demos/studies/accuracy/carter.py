@@ -148,12 +148,11 @@ def pose(n: int, size: float) -> tuple[fm.MeshData, Any, fm.ContactProblem, fm.C
     data = read([Grid("block", grid)], "quadrilateral", 2)
     W = fm.mixed_space(data.mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
     w, mu = fem.Function(W), 1 / 4  # E / 3
-    (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(W)
-    stress = 2 * mu * ufl.sym(ufl.grad(u)) + p * ufl.Identity(2)
+    energy = fm.energies.mixed_linear_elastic(*ufl.split(w), mu)
     dx = ufl.dx(metadata={"quadrature_degree": 4})
     wheel = fm.Circle((-DISTANCE / 2, R), R, name="wheel")
     problem = fm.ContactProblem(
-        ufl.inner(stress, ufl.grad(v)) * dx + q * ufl.div(u) * dx,
+        ufl.derivative(energy * dx, w),
         w,
         [fm.ContactPair(data, "block/top", wheel, law=fm.Coulomb(FRICTION))],
         bcs=[fm.dirichlet(W.sub(0), data, f"block/{side}", (0.0, 0.0)) for side in FIXED],

@@ -47,6 +47,7 @@ from demos.studies.accuracy.posed import Choice
 from demos.studies.accuracy.scenes_exact import cattaneo
 from demos.studies.common import linear_elastic
 from fenics_mortar.contact.slip import Measure
+from fenics_mortar.energies import lame
 
 FRICTION, PART = 0.2, 0.468080  # Q over mu P
 SIZES, LOADS, FACET = (32, 64, 128), (10.0, 2.5, 0.625), 0.15
@@ -104,8 +105,7 @@ def two_cylinders(
     data = cylinders.mesh(h * a, degree, a, (a, a * np.sqrt(1 - PART)))
     V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V), ufl.TestFunction(V)
-    mu = E / (2 * (1 + NU))
-    stress = linear_elastic(u, mu, 2 * mu * NU / (1 - 2 * NU))
+    stress = linear_elastic(u, *lame(E, NU))
     push = fem.Constant(data.mesh, (0.0, 0.0))
     bcs = [
         fm.dirichlet(V, data, "lower/flat", (0.0, 0.0)),

@@ -28,7 +28,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.studies.common import lame, linear_elastic
+from demos.studies.common import linear_elastic
+from fenics_mortar.energies import lame
 from meshes._shared import add_lines, add_points, add_surface, generate
 
 RADIUS, E, NU, PRESSURE = 8.0, 200.0, 0.3, 0.625

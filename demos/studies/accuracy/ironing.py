@@ -37,7 +37,8 @@ from dolfinx import fem
 import fenics_mortar as fm
 from demos.studies.accuracy.posed import ELEMENTS
 from demos.studies.accuracy.report import FOLDER, markdown
-from demos.studies.common import lame, neo_hookean
+from demos.studies.common import neo_hookean
+from fenics_mortar.energies import lame
 from meshes import indenter_on_block
 
 E, NU, STIFFER = 689.6, 0.32, 10.0

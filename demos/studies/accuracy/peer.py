@@ -22,7 +22,7 @@ from demos.studies.accuracy.norms import bulk_errors, contact_errors
 from demos.studies.accuracy.posed import Choice, Posed
 from demos.studies.accuracy.report import SIZES, Row, peer_table, write
 from demos.studies.accuracy.scenes_exact import hertz
-from demos.studies.common import lame
+from fenics_mortar.energies import lame
 from fenics_mortar.utils import compat
 
 # Nodes of a cell in the order of most codes: corners counterclockwise, then the middles of the

@@ -16,6 +16,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from demos.studies.common import read_mesh
+from fenics_mortar.energies import lame
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid
 
@@ -141,7 +142,7 @@ def pose(
     ds = ufl.Measure(
         "ds", data.mesh, subdomain_data=data.facet_tags, metadata={"quadrature_degree": 6}
     )
-    residual = ufl.inner(law(u, *lame(exact)), ufl.grad(v)) * dx
+    residual = ufl.inner(law(u, *lame(exact.E, exact.nu)), ufl.grad(v)) * dx
     if loads is not None:
         residual -= loads(ufl.SpatialCoordinate(data.mesh), v, dx, ds)
     discretization = fm.Discretization(choice.basis, integration=choice.integration)
@@ -159,12 +160,6 @@ def pose(
         linear_bulk=False,  # choices are compared on the general path
     )
     return u, problem
-
-
-def lame(exact: Any) -> tuple[float, float]:
-    """Lame's parameters of plane strain [stress]."""
-    mu = exact.E / (2 * (1 + exact.nu))
-    return mu, 2 * mu * exact.nu / (1 - 2 * exact.nu)
 
 
 def spread(count: int, density: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:

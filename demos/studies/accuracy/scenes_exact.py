@@ -23,13 +23,13 @@ from demos.studies.accuracy.posed import (
     Posed,
     body_force,
     interpolate,
-    lame,
     piola,
     pose,
     read,
     spread,
 )
 from demos.studies.common import linear_elastic, neo_hookean
+from fenics_mortar.energies import lame
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid
 
@@ -75,7 +75,7 @@ def of_body(exact: HalfPlanes, x: np.ndarray, upper: np.ndarray) -> np.ndarray:
 
 def gradient_of_body(exact: HalfPlanes, x: np.ndarray, upper: np.ndarray) -> np.ndarray:
     """Strain at ``x`` (2, n), shape (2, 2, n), which norms use as the gradient."""
-    mu, lmbda = lame(exact)
+    mu, lmbda = lame(exact.E, exact.nu)
     stress = exact.stress(np.stack([x[0], np.where(upper, 1, -1) * np.abs(x[1])]))
     trace = (stress[0, 0] + stress[1, 1]) * lmbda / (2 * (mu + lmbda))
     return (stress - trace * np.eye(2)[:, :, None]) / (2 * mu)
@@ -110,7 +110,7 @@ def hertz_on(data: Any, choice: Choice) -> Posed:
         partial(of_body, exact),
         partial(gradient_of_body, exact),
         lambda x: exact.pressure(x[0]),
-        lame(exact),
+        lame(exact.E, exact.nu),
         exact.a,
     )
 
@@ -143,7 +143,7 @@ def cattaneo(n: int, choice: Choice, *, graded: bool = False, **options: Any) ->
     options = {"basis": choice.basis, "integration": choice.integration, **options}
     law, discretization = fm.Coulomb(exact.friction), fm.Discretization(**options)
     pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law, discretization=discretization)
-    residual = ufl.inner(linear_elastic(u, *lame(exact)), ufl.grad(v)) * dx
+    residual = ufl.inner(linear_elastic(u, *lame(exact.E, exact.nu)), ufl.grad(v)) * dx
     problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="accuracy_")
 
     def prescribe(exact: HalfPlanes) -> None:
@@ -163,7 +163,7 @@ def cattaneo(n: int, choice: Choice, *, graded: bool = False, **options: Any) ->
         partial(of_body, exact),
         partial(gradient_of_body, exact),
         lambda x: exact.pressure(x[0]),
-        lame(exact),
+        lame(exact.E, exact.nu),
         shear=lambda x: exact.shear(x[0]),
     )
 
@@ -200,7 +200,7 @@ def press_fit(n: int, choice: Choice, *, law: str = "neo_hookean") -> Posed:
         lambda x, on: exact.displacement(x, ~on),
         lambda x, on: exact.gradient(x, ~on),
         lambda x: np.full(x.shape[1], exact.contact_pressure),
-        lame(exact),
+        lame(exact.E, exact.nu),
     )
 
 
@@ -231,7 +231,7 @@ def flat(n: int, choice: Choice, *, friction: float = 0.0, ends: float = 0.0) ->
         return exact.gradient(x, ~on)
 
     def stress(x: np.ndarray, on: np.ndarray) -> np.ndarray:
-        return piola(gradient(x, on), *lame(exact))
+        return piola(gradient(x, on), *lame(exact.E, exact.nu))
 
     def loads(x: Any, v: Any, dx: Any, ds: Any) -> Any:
         P_x, P_y = (fem.Function(fm.vector_space(data.mesh, 2)) for _ in range(2))
@@ -266,7 +266,7 @@ def flat(n: int, choice: Choice, *, friction: float = 0.0, ends: float = 0.0) ->
         displacement,
         gradient,
         lambda x: exact.pressure(x[0]),
-        lame(exact),
+        lame(exact.E, exact.nu),
         shear=(lambda x: friction * exact.pressure(x[0])) if friction else None,
     )
 
@@ -292,7 +292,9 @@ def curved(n: int, choice: Choice, *, tied: bool = False) -> Posed:
         return exact.gradient(x)
 
     def loads(x: Any, v: Any, dx: Any, ds: Any) -> Any:
-        force = body_force(data, bodies, lambda x, on: piola(gradient(x, on), *lame(exact)))
+        force = body_force(
+            data, bodies, lambda x, on: piola(gradient(x, on), *lame(exact.E, exact.nu))
+        )
         return ufl.inner(force, v) * dx
 
     prescribed_on = {f"outer/{side}": True for side in ("bottom", "left", "right")}
@@ -319,7 +321,7 @@ def curved(n: int, choice: Choice, *, tied: bool = False) -> Posed:
         displacement,
         gradient,
         partial(exact.pressure, tied=tied),
-        lame(exact),
+        lame(exact.E, exact.nu),
     )
 
 

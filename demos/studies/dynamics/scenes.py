@@ -15,7 +15,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.studies.common import lame, linear_elastic, neo_hookean, read_mesh
+from demos.studies.common import read_mesh
+from fenics_mortar import energies
 from meshes.mapped_grids import Grid, block, build, sector
 
 # Young's modulus and density: waves travel 10 lengths per time along a bar.
@@ -95,17 +96,11 @@ def scene(
     data = read_mesh(lambda: build(grids, cell=cell, order=degree), comm)
     V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V, name="displacement"), ufl.TestFunction(V)
-    mu, lmbda = lame(modulus, nu)
     dx = ufl.dx(metadata={"quadrature_degree": 2 * degree + 2})
     gravity, spring = fem.Constant(data.mesh, (0.0, 0.0)), fem.Constant(data.mesh, 0.0)
-    if is_linear:
-        stress = linear_elastic(u, mu, lmbda)
-        energy = 0.5 * ufl.inner(stress, ufl.sym(ufl.grad(u))) * dx
-    else:
-        stress, F = neo_hookean(u, mu, lmbda), ufl.Identity(2) + ufl.grad(u)
-        log = ufl.ln(ufl.det(F))
-        energy = (mu / 2 * (ufl.tr(F.T * F) - 2) - mu * log + lmbda / 2 * log**2) * dx
-    residual = ufl.inner(stress, ufl.grad(v)) * dx - RHO * ufl.inner(gravity, v) * dx
+    density = energies.linear_elastic if is_linear else energies.neo_hookean
+    energy = density(u, *energies.lame(modulus, nu)) * dx
+    residual = ufl.derivative(energy, u, v) - RHO * ufl.inner(gravity, v) * dx
     velocity = fm.Velocity(u)
     residual += spring * u[0] * v[0] * dx
     drag = fem.Constant(data.mesh, damping * RHO)

@@ -15,8 +15,10 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.studies.common import lame, linear_elastic, neo_hookean, read_mesh
+from demos.studies.common import linear_elastic, neo_hookean, read_mesh
 from demos.studies.ladder.scenes import TOLERANCE, Model, Scene
+from fenics_mortar.energies import displacement_gradient, lame
+from fenics_mortar.mesh.thickness import Geometry
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid
 
@@ -24,11 +26,9 @@ NU = 0.3
 MU, LMBDA = lame(1.0, NU)
 
 
-def first_piola(u: Any, strain: str) -> Any:
+def first_piola(u: Any, strain: str, geometry: Geometry = "plane") -> Any:
     """Stress of a body of Young's modulus 1, linear elastic or neo-Hookean."""
-    if strain == "linear":
-        return linear_elastic(u, MU, LMBDA)
-    return neo_hookean(u, MU, LMBDA)
+    return (linear_elastic if strain == "linear" else neo_hookean)(u, MU, LMBDA, geometry)
 
 
 def read(scene: Scene, load: float, bodies: str = "soft tool", finer: int = 1) -> Any:
@@ -57,28 +57,14 @@ class Posed:
 def internal_forces(scene: Scene, u: Any, data: Any, strain: str) -> Any:
     """Residual of the bodies of a mesh."""
     turned = scene.geometry == "axisymmetric"
+    width = 2 * np.pi * ufl.SpatialCoordinate(data.mesh)[0] if turned else 1
     degree = 2 + turned
     dx = ufl.dx(subdomain_data=data.cell_tags, metadata={"quadrature_degree": degree})
     v = ufl.TestFunction(u.function_space)
-    work = revolved(u, v, strain) if turned else ufl.inner(first_piola(u, strain), ufl.grad(v))
+    stress = first_piola(u, strain, scene.geometry)
+    work = width * ufl.inner(stress, displacement_gradient(v, scene.geometry))
     moduli = {"soft": 1.0, "tool": scene.ratio}
     return sum(moduli[name] * work * dx(tag) for name, tag in data.bodies.items())
-
-
-def revolved(u: Any, v: Any, strain: str) -> Any:
-    """Virtual work of the stresses of bodies of revolution, per area of the meridian plane."""
-    r = ufl.SpatialCoordinate(u.function_space.mesh)[0]
-    hoop = u[0] / r
-    if strain == "linear":
-        trace = ufl.tr(ufl.sym(ufl.grad(u))) + hoop
-        stress = 2 * MU * ufl.sym(ufl.grad(u)) + LMBDA * trace * ufl.Identity(2)
-        around = 2 * MU * hoop + LMBDA * trace
-    else:
-        F = ufl.Identity(2) + ufl.grad(u)
-        inverse, log = ufl.inv(F).T, ufl.ln(ufl.det(F) * (1 + hoop))
-        stress = MU * (F - inverse) + LMBDA * log * inverse
-        around = MU * (1 + hoop - 1 / (1 + hoop)) + LMBDA * log / (1 + hoop)
-    return 2 * np.pi * (ufl.inner(stress, ufl.grad(v)) * r + around * v[0])
 
 
 def fix(V: Any, data: Any, places: Iterable[tuple[str, int | None]]) -> list[Any]:

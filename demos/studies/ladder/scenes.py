@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import fenics_mortar as fm
-from demos import laws
+from fenics_mortar import laws
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, mapped, sector
 

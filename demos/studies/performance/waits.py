@@ -27,7 +27,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.studies.common import lame, linear_elastic, neo_hookean, read_mesh
+from demos.studies.common import linear_elastic, neo_hookean, read_mesh
+from fenics_mortar.energies import lame
 from meshes import half_cylinder_on_block, indenter_on_block
 
 comm = MPI.COMM_WORLD

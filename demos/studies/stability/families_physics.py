@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from demos import laws
 from demos.studies.stability.family import FIXED, down, family, ground
 from demos.studies.stability.model import Body, Grid, Scene, Support, block, fm, legs
+from fenics_mortar import laws
 
 # Contact with itself has the saddle-point system, exact segments and no other choice of sides.
 OF_ITSELF = ("default", "standard", "plain", "no_normals", "no_segments", "frozen")

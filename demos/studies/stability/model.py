@@ -15,7 +15,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.studies.common import lame, linear_elastic, neo_hookean, read_mesh
+from demos.studies.common import linear_elastic, neo_hookean, read_mesh
+from fenics_mortar.energies import displacement_gradient, lame
 from fenics_mortar.utils import compat
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block, mapped, sector
@@ -172,15 +173,12 @@ def residual_of(scene: Scene, data: fm.MeshData, u: Any) -> tuple[Any, fem.Const
         bx.x.array[dofs], by.x.array[dofs] = body.weight
     factor = fem.Constant(data.mesh, 0.0)
     v = ufl.TestFunction(u.function_space)
-    P = (linear_elastic if scene.linear else neo_hookean)(u, mu, lmbda)
+    P = (linear_elastic if scene.linear else neo_hookean)(u, mu, lmbda, scene.geometry)
+    work = ufl.inner(P, displacement_gradient(v, scene.geometry))
     dx = ufl.dx(metadata={"quadrature_degree": 3})
     if scene.geometry == "axisymmetric":
-        r = ufl.SpatialCoordinate(data.mesh)[0]
-        hoop, log = 1.0 + u[0] / r, ufl.ln(ufl.det(ufl.Identity(2) + ufl.grad(u)))
-        around = mu * (hoop - 1.0 / hoop) + lmbda * (log + ufl.ln(hoop)) / hoop
-        P += lmbda * ufl.ln(hoop) * ufl.inv(ufl.Identity(2) + ufl.grad(u)).T
-        return 2.0 * np.pi * (ufl.inner(P, ufl.grad(v)) * r + around * v[0]) * dx, factor
-    return (ufl.inner(P, ufl.grad(v)) - factor * (bx * v[0] + by * v[1])) * dx, factor
+        return 2.0 * np.pi * ufl.SpatialCoordinate(data.mesh)[0] * work * dx, factor
+    return (work - factor * (bx * v[0] + by * v[1])) * dx, factor
 
 
 def rigid_motion(X: np.ndarray, pose: Pose, centre: tuple[float, float]) -> np.ndarray:

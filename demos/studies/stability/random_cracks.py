@@ -29,8 +29,9 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.studies.common import lame, linear_elastic, neo_hookean, read_mesh
+from demos.studies.common import linear_elastic, neo_hookean, read_mesh
 from demos.studies.stability.physics import SOLVED, certified, differs, size
+from fenics_mortar.energies import lame
 from meshes import cracked_plate
 
 FACES = ("crack/upper", "crack/lower")

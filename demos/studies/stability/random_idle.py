@@ -23,8 +23,9 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.studies.common import lame, linear_elastic, neo_hookean
+from demos.studies.common import linear_elastic, neo_hookean
 from demos.studies.stability.physics import SOLVED, certified, differs, size
+from fenics_mortar.energies import lame
 from meshes.mapped_grids import SIDES, Grid, block, mesh
 
 # Largest force on an idle body over the load, and motion of one that stays over the unit of length,

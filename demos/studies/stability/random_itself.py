@@ -13,8 +13,9 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.studies.common import lame, neo_hookean
+from demos.studies.common import neo_hookean
 from demos.studies.stability.physics import certified, differs, follow, size
+from fenics_mortar.energies import lame
 from meshes.mapped_grids import Grid, mesh, sector
 
 # Largest relative difference for equal slave facets: sums are computed in another order [1].

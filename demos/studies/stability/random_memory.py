@@ -13,8 +13,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos import laws
 from demos.studies.stability.physics import SOLVED, certified, differs, follow, size
+from fenics_mortar import laws
 from meshes.mapped_grids import Grid, block, mesh
 
 
@@ -115,7 +115,7 @@ def _wear(rng: np.random.Generator, unit: float, E: float) -> tuple[Any, Any]:
 def _layer(rng: np.random.Generator, unit: float, E: float) -> tuple[Any, Any]:
     """Column and layer share the overlap."""
     m, stiff, depth = rng.uniform(1.0, 3.0), size(rng, 0.1, 1e3), size(rng, 1e-4, 0.02)
-    law = laws.NormalCompliance(stiff * E * (1.0 / (0.01 * unit)) ** m, m)
+    law = laws.SoftLayer(stiff * E * (1.0 / (0.01 * unit)) ** m, m)
 
     def solve(column: Column, reports: list[Any]) -> Iterator[str]:
         for part in (0.5, 1.0, 0.3):

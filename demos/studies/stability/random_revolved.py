@@ -12,8 +12,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.studies.common import lame
 from demos.studies.stability.physics import SOLVED, certified, differs, follow, size
+from fenics_mortar import energies
 from meshes.mapped_grids import Grid, block, mesh
 
 # Quadratic elements with four cells in a wall of half its inner radius: error of Lame's pressure.
@@ -113,17 +113,14 @@ def _problem(
     """A linear elastic problem; ``conditions``: boundary, component, value at time 1."""
     V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V), ufl.TestFunction(V)
-    r, residual = ufl.SpatialCoordinate(data.mesh)[0], 0
+    strain, r = energies.strain(u, "axisymmetric"), ufl.SpatialCoordinate(data.mesh)[0]
+    residual = 0
     dx = ufl.Measure(
         "dx", data.mesh, subdomain_data=data.cell_tags, metadata={"quadrature_degree": 6}
     )
-    strain, test = (ufl.sym(ufl.grad(w)) for w in (u, v))
     for tag, young, nu in zip(data.bodies.values(), E, nus):
-        mu, lmbda = lame(young, nu)
-        trace = ufl.tr(strain) + u[0] / r
-        stress = 2.0 * mu * strain + lmbda * trace * ufl.Identity(2)
-        hoop = 2.0 * mu * u[0] / r + lmbda * trace
-        residual += 2.0 * np.pi * (ufl.inner(stress, test) * r + hoop * v[0]) * dx(tag)
+        energy = energies.linear_elastic(strain, *energies.lame(young, nu))
+        residual += ufl.derivative(2.0 * np.pi * r * energy * dx(tag), u, v)
     constants = [fem.Constant(data.mesh, 0.0) for _ in conditions]
     bcs = [
         fm.dirichlet(V, data, name, constant, component=component)

@@ -23,8 +23,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.studies.common import lame
 from demos.studies.stability.physics import SOLVED, differs, size
+from fenics_mortar import energies
 from meshes.mapped_grids import Grid, block, mesh, sector
 
 # Work between two meshed sides: their facets are polygons of at least 24 sides.
@@ -46,11 +46,9 @@ def _problem(
     V = fm.vector_space(data.mesh, about["degree"])
     u, v = fem.Function(V), ufl.TestFunction(V)
     given = {name: fem.Function(V) for name in sides}
-    mu, lmbda = lame(E, 0.3)
-    F = ufl.Identity(2) + ufl.grad(u)
-    stress = mu * (F - ufl.inv(F).T) + lmbda * ufl.ln(ufl.det(F)) * ufl.inv(F).T
+    psi = energies.neo_hookean(u, *energies.lame(E, 0.3))
     metadata = {"quadrature_degree": 2 * about["degree"]}
-    residual = ufl.inner(stress, ufl.grad(v)) * ufl.dx(metadata=metadata)
+    residual = ufl.derivative(psi * ufl.dx(metadata=metadata), u, v)
     bcs = [fm.dirichlet(V, data, name, function) for name, function in given.items()]
     problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="turning_")
     return problem, given

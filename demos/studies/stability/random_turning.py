@@ -20,8 +20,9 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.studies.common import lame, neo_hookean
+from demos.studies.common import neo_hookean
 from demos.studies.stability.physics import size
+from fenics_mortar.energies import lame
 from meshes.mapped_grids import Grid, block, mesh
 
 # Distance of a passage from the ends of a paddle that has to be reported; distance of a paddle

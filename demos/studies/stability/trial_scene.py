@@ -16,12 +16,13 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
-from demos.studies.common import lame, neo_hookean
+from demos.studies.common import neo_hookean
 from demos.studies.stability.case import Case, Prescribed
 from demos.studies.stability.random_bodies import Array, Body
 from demos.studies.stability.shape_case import ShapeCase
 from demos.studies.stability.shapes import Shape
 from demos.studies.stability.supported_case import SupportedCase
+from fenics_mortar.energies import lame
 from fenics_mortar.mesh.numbering import input_nodes
 from fenics_mortar.utils import compat
 
