@@ -63,8 +63,7 @@ residual += wet * ufl.det(F) * ufl.inner(ufl.dot(ufl.inv(F).T, N), v) * ufl.ds(d
 planes = {"lid": ((0, 1), (0, -1)), "floor": ((0, -1), (0, 1)), "wall": ((1, 0), (-1, 0))}
 walls = [fm.Plane(*plane, name=name) for name, plane in planes.items()]
 pairs = [fm.ContactPair(data, "cord/outline", wall, law=fm.Coulomb(0.1)) for wall in walls]
-options = {"petsc_options_prefix": "seal_", "newton": fm.NewtonOptions(line_search=True)}
-problem = fm.ContactProblem(residual, w, pairs, **options)
+problem = fm.ContactProblem(residual, w, pairs, petsc_options_prefix="seal_")
 lid, floor, _ = problem.contacts
 x, errors, excess = lid.positions[::2, 0], [], []  # at facet ends, not deformed yet
 for y in (-0.1, -0.2, -0.3):
