@@ -511,7 +511,7 @@ if comm.rank == 0:
 #
 # ## Where to go
 #
-# [The demos](site/demos.md) are complete problems with their references. [Theory](site/theory.md)
+# [The demos](../README.md) are complete problems with their references. [Theory](site/theory.md)
 # derives all symbols, [troubleshooting](site/troubleshooting.md) starts from an error message,
 # and the [API reference](site/reference.md) has every public name.
 

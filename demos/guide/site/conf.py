@@ -10,11 +10,6 @@ os.environ["NUMBA_DISABLE_JIT"] = "1"  # kernels are documented as plain functio
 root = Path(__file__).resolve().parents[3]
 sys.path[:0] = [str(root)]
 
-from docutils import nodes
-from docutils.utils.math import MathError
-from docutils.utils.math.latex2mathml import tex2mathml
-from sphinx.util import logging
-
 import fenics_mortar
 
 project = "fenics_mortar"
@@ -25,6 +20,7 @@ version = release = fenics_mortar.__version__
 extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
+    "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
     "sphinx_copybutton",
@@ -50,7 +46,6 @@ nitpick_ignore_regex = [("py:.*", r"(?!fenics_mortar).*")]
 
 html_static_path = ["static"]
 html_css_files = ["site.css"]
-html_math_renderer = "mathml"
 
 html_theme = "sphinx_book_theme"
 html_title = "fenics_mortar"
@@ -62,29 +57,6 @@ html_theme_options = {
 }
 html_show_copyright = False
 html_copy_source = False
-
-
-def formula(text, *, display):
-    """A formula as MathML, which browsers draw without scripts and without a network."""
-    try:
-        return str(tex2mathml(text, as_block=display))
-    except MathError as error:
-        logging.getLogger(__name__).warning("formula %s: %s", text, error)
-        return ""
-
-
-def visit_math(translator, node):
-    """Write an inline formula."""
-    translator.body.append(formula(node.astext(), display=False))
-    raise nodes.SkipNode
-
-
-def visit_display(translator, node):
-    """Write a displayed formula, in a box that scrolls on narrow screens."""
-    translator.body.append('<div class="formula">')
-    translator.body.append(formula(node.astext(), display=True))
-    translator.body.append("</div>")
-    raise nodes.SkipNode
 
 
 MODULES = {path.stem: path for path in (root / "fenics_mortar").rglob("*.py")}
@@ -114,7 +86,6 @@ def skip_fields(app, what, name, obj, skip, options):
 
 
 def setup(app):
-    """Register the renderer of formulas and the editing of docstrings."""
-    app.add_html_math_renderer("mathml", (visit_math, None), (visit_display, None))
+    """Register the editing of docstrings."""
     app.connect("autodoc-process-docstring", edit_docstring)
     app.connect("autodoc-skip-member", skip_fields)

@@ -15,7 +15,7 @@ import re
 import shutil
 import sys
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, NamedTuple
 
 import jupytext
 
@@ -29,6 +29,7 @@ from fenics_mortar.verify.matrices import OperatorMatrices
 
 SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[2]
+PICTURE_OF_CARD = re.compile(r"^:img-top: (\S+)$", re.MULTILINE)
 LINK = re.compile(r"(!?)\[((?:`[^`]*`|[^\]`])*)\]\(([^()#\s:]+)(#[^()\s]*)?\)")
 FENCE = re.compile(r"^(```.*?^```$)", re.MULTILINE | re.DOTALL)
 # Pages of the reference: title, and folders of the package whose public names they contain.
@@ -61,31 +62,60 @@ def pages_of_files() -> dict[str, str]:
         "README.md": "index.md",
         "CHANGELOG.md": "changelog.md",
         "CONTRIBUTING.md": "contributing.md",
-        "demos/README.md": "gallery.md",
+        "demos/README.md": "demos.md",
         "demos": "demos.md",
         "demos/guide": "index.md",
         "demos/studies/README.md": "studies/index.md",
         "demos/studies": "studies/index.md",
     }
-    for name in ("installation", "features", "laws", "limits", "thresholds"):
-        pages[f"demos/guide/{name}.md"] = f"{name}.md"
+    for file in sorted((ROOT / "demos" / "guide").glob("*.md")):
+        pages[str(file.relative_to(ROOT))] = file.name
+    for file in sorted((ROOT / "demos" / "guide" / "features").glob("*.md")):
+        pages[str(file.relative_to(ROOT))] = f"features/{file.name}"
     for file in sorted((ROOT / "demos" / "studies").glob("*/*.md")):
         study = file.parent.name
         name = study if file.name == "README.md" else f"{study}_{file.stem}"
         name = f"{study}_numbers" if file.stem == study else name
         pages[str(file.relative_to(ROOT))] = f"studies/{name}.md"
-    for file in demos():
-        pages[str(file.relative_to(ROOT))] = f"demos/{file.stem.removeprefix('demo_')}.md"
+    for demo in all_demos():
+        pages[str(demo.script.relative_to(ROOT))] = f"demos/{demo.name}.md"
     for file in sorted(SITE.rglob("*.md")):
         pages[str(file.relative_to(ROOT))] = str(file.relative_to(SITE))
     return pages
 
 
-def demos() -> list[Path]:
-    """All demos, starting with the one to be read first."""
-    return sorted(
-        (ROOT / "demos").glob("demo_*.py"), key=lambda demo: (demo.stem != "demo_two_blocks", demo)
+class Demo(NamedTuple):
+    """A demo as the gallery shows it: script, title, difficulty, and what it prints and draws."""
+
+    script: Path
+    title: str
+    level: str
+    text: str
+
+    @property
+    def name(self) -> str:
+        """Name without ``demo_``."""
+        return self.script.stem.removeprefix("demo_")
+
+
+def demos() -> dict[str, list[Demo]]:
+    """All demos by subject, in the order of the gallery."""
+    subjects = re.split(r"^## ", (ROOT / "demos" / "README.md").read_text(), flags=re.MULTILINE)
+    entry = re.compile(
+        r"^### ([^\n]*)\n\n`(\w+\.py)`, (\w+)\. (.*?)(?=^### |\Z)", re.MULTILINE | re.DOTALL
     )
+    return {
+        subject.split("\n", 1)[0]: [
+            Demo(ROOT / "demos" / file, title, level, text)
+            for title, file, level, text in entry.findall(subject)
+        ]
+        for subject in subjects[1:]
+    }
+
+
+def all_demos() -> list[Demo]:
+    """All demos, the easiest of the first subject first."""
+    return [demo for of_subject in demos().values() for demo in of_subject]
 
 
 class Gathered:
@@ -111,13 +141,16 @@ class Gathered:
         for file, page in self._pages.items():
             if file.endswith(".md") and file != "README.md" and (ROOT / file).exists():
                 self._put(page, file, (ROOT / file).read_text())
-        for demo in demos():
+        for demo in all_demos():
             self._write_demo(demo)
         self._write_tutorial()
-        self._write_index_of_demos()
+        self._write_gallery()
+        self._write_program()
         self._write_modules()
         self._write_reference()
-        self._list_studies()
+        self._list_pages("studies/index.md", "studies")
+        self._list_pages("features.md", "features")
+        self._put_below("contributing.md", ["thresholds"])
         if self._lost:
             raise SystemExit("links that lead nowhere:\n" + "\n".join(self._lost))
 
@@ -137,7 +170,11 @@ class Gathered:
             picture, label, target, anchor = match.groups()
             return self._link(picture, label, target, anchor or "", page, origin)
 
-        return LINK.sub(new, text)
+        def copied(match: re.Match[str]) -> str:
+            file = (ROOT / origin).parent / match[1]
+            return f":img-top: {os.path.relpath(self._copy(file.resolve()), PurePosixPath(page).parent)}"
+
+        return LINK.sub(new, PICTURE_OF_CARD.sub(copied, text))
 
     def _link(
         self, picture: str, label: str, target: str, anchor: str, page: str, origin: str
@@ -168,19 +205,13 @@ class Gathered:
 
     # Literate scripts
 
-    def _write_demo(self, demo: Path) -> None:
-        origin = str(demo.relative_to(ROOT))
-        name = demo.stem.removeprefix("demo_")
-        text = as_markdown(jupytext.read(demo).cells)
-        title, rest = text.split("\n", 1)
-        run = f"`bash demos/run.sh {name}` runs it. Source: [`{demo.name}`]({demo.name})\n"
-        pictures = [
-            f"![{title.removeprefix('# ')}](pictures/{picture.name})\n"
-            for picture in pictures_of(name)
-        ]
+    def _write_demo(self, demo: Demo) -> None:
+        origin = str(demo.script.relative_to(ROOT))
+        title, rest = as_markdown(jupytext.read(demo.script).cells).split("\n", 1)
+        run = f"`bash demos/run.sh {demo.name}` runs it. Source: [`{demo.script.name}`]({demo.script.name})"
         self._pages.pop(origin)  # the link to its source
-        self._put(f"demos/{name}.md", origin, "\n".join([title, "", run, *pictures, rest]))
-        self._pages[origin] = f"demos/{name}.md"
+        self._put(f"demos/{demo.name}.md", origin, "\n".join([title, "", run, "", demo.text, rest]))
+        self._pages[origin] = f"demos/{demo.name}.md"
 
     def _write_tutorial(self) -> None:
         script = SITE.parent / "tutorial.py"
@@ -198,21 +229,25 @@ class Gathered:
         for name, cells in zip(STEPS, steps):
             self._put(f"tutorial/{name}.md", "demos/guide/tutorial.py", as_markdown(cells))
 
-    def _write_index_of_demos(self) -> None:
+    def _write_gallery(self) -> None:
+        """Cards of all demos by subject, instead of their texts, which are on their own pages."""
         path = self._folder / "demos.md"
-        cards = []
-        for demo in demos():
-            name = demo.stem.removeprefix("demo_")
-            title = demo.read_text().split("\n", 1)[0].removeprefix("# # ")
-            pictures = pictures_of(name)
-            image = [f":img-top: {self._copy(pictures[0])}"] if pictures else []
-            cards.append(
-                "\n".join([f":::{{grid-item-card}} {title}", f":link: demos/{name}",
-                           ":link-type: doc", *image, ":::\n"])
-            )  # fmt: skip
-        names = "\n".join(f"demos/{demo.stem.removeprefix('demo_')}" for demo in demos())
-        text = path.read_text()
-        path.write_text(text.replace("<cards>", "\n".join(cards)).replace("<names>", names))
+        lines = [path.read_text().split("\n## ", 1)[0], ""]
+        for subject, of_subject in demos().items():
+            lines += [f"## {subject}", "", ":::::{grid} 1 2 2 3", ":gutter: 3", ""]
+            for demo in of_subject:
+                picture = self._copy(ROOT / "demos" / "pictures" / f"{demo.name}.png")
+                lines += [f":::{{grid-item-card}} {demo.title}", f":link: demos/{demo.name}",
+                          ":link-type: doc", f":img-top: {picture}", "", demo.level, ":::", ""]  # fmt: skip
+            lines += [":::::", ""]
+        path.write_text("\n".join(lines))
+        self._put_below("demos.md", [f"demos/{demo.name}" for demo in all_demos()])
+
+    def _write_program(self) -> None:
+        """The program of the README, which the pages of features continue."""
+        path = self._folder / "start.md"
+        program = re.search(r"^```python$.*?^```$", (ROOT / "README.md").read_text(), re.M | re.S)
+        path.write_text(path.read_text().replace("<program>", program[0]))
 
     def _write_reference(self) -> None:
         """A page for each group of public names, and a table of all."""
@@ -241,9 +276,19 @@ class Gathered:
         text = path.read_text().replace("<tables>", "\n".join(tables))
         path.write_text(text.replace("<names>", names))
 
-    def _list_studies(self) -> None:
-        path = self._folder / "studies" / "index.md"
-        names = "\n".join(sorted(file.stem for file in path.parent.glob("*.md") if file != path))
+    def _list_pages(self, first: str, folder: str) -> None:
+        """Put the pages of a folder below its first page, in the order of the links on it."""
+        path = self._folder / first
+        text = path.read_text()
+        files = [file for file in sorted((self._folder / folder).glob("*.md")) if file != path]
+        pages = [os.path.relpath(file.with_suffix(""), path.parent) for file in files]
+        pages.sort(key=lambda page: text.find(f"({page}.md") % (len(text) + 1))
+        self._put_below(first, pages)
+
+    def _put_below(self, first: str, pages: list[str]) -> None:
+        """Put pages below another one in the navigation."""
+        path = self._folder / first
+        names = "\n".join(pages)
         path.write_text(f"{path.read_text()}\n```{{toctree}}\n:hidden:\n\n{names}\n```\n")
 
     def _write_modules(self) -> None:
@@ -314,13 +359,6 @@ def automodule(module: str) -> list[str]:
     links = ", ".join(f"{{py:obj}}`{name} <{full}>`" for name, full in elsewhere.items())
     excluded = f"   :exclude-members: {', '.join(elsewhere)}"
     return [*lines, excluded, "```", "", f"In the reference: {links}.", ""]
-
-
-def pictures_of(demo: str) -> list[Path]:
-    """Pictures of a demo: its name, and its name followed by a word."""
-    folder = ROOT / "demos" / "pictures"
-    return [path for path in (folder / f"{demo}.png", *sorted(folder.glob(f"{demo}_*.png")))
-            if path.exists()]  # fmt: skip
 
 
 def standing_alone(notebook: Any) -> Any:
