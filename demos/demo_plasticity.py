@@ -6,9 +6,9 @@
 # - let a force drive a rigid tool.
 #
 # ## Problem
-# A rigid roller of radius $R$ is pressed on an elastic-plastic block and lifted again (plane strain,
-# von Mises, linear hardening, small strains, no friction). As long as the block is elastic, the
-# pressure is that of Hertz, with the peak $p_0$ under the force $P$ per length
+# A rigid roller of radius $R$ is pressed on an elastic-plastic block and lifted again (plane
+# strain, von Mises, linear hardening, small strains, no friction). As long as the block is
+# elastic, the pressure is that of Hertz, with the peak $p_0$ under the force $P$ per length
 #
 # $$p_0 = \sqrt{\frac{P E^*}{\pi R}}, \qquad E^* = \frac{E}{1 - \nu^2}.$$
 #

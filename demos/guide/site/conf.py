@@ -10,6 +10,8 @@ os.environ["NUMBA_DISABLE_JIT"] = "1"  # kernels are documented as plain functio
 root = Path(__file__).resolve().parents[3]
 sys.path[:0] = [str(root)]
 
+from sphinx.util.nodes import make_refnode
+
 import fenics_mortar
 
 project = "fenics_mortar"
@@ -37,7 +39,10 @@ napoleon_use_rtype = False
 napoleon_use_ivar = True
 napoleon_attr_annotations = False
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"  # the docstrings give types, shapes and units
+autodoc_typehints = "signature"  # the docstrings give shapes and units
+autodoc_typehints_format = "short"
+python_maximum_signature_line_length = 80
+python_display_short_literal_types = True
 add_module_names = False
 toc_object_entries = False  # headings suffice
 nitpicky = True
@@ -73,11 +78,31 @@ def link(match):
     return f"{match[1]} :py:mod:`{match[2]} <{module}>`"
 
 
+# On the first page of the reference, once for all.
+SAID = r"(?:Collective|All methods are collective|The constructor is collective)\."
+COLLECTIVE = re.compile(
+    rf"(?m)^\.\. note::\s+{SAID}\s*$| \(collective\)|; collective(?=\.)|(?: |^){SAID}"
+)
+
+
 def edit_docstring(app, what, name, obj, options, lines):
     """Link modules; escape |x|, which reStructuredText would treat as a substitution."""
-    pieces = TABLES.split("\n".join(lines).replace("|", "\N{DIVIDES}"))
+    text = "\n".join(lines).replace("|", "\N{DIVIDES}")
+    if app.env.docname.startswith("reference/"):
+        text = COLLECTIVE.sub("", text)
+    pieces = TABLES.split(text)
     pieces[::2] = [SEE.sub(link, piece) for piece in pieces[::2]]
     lines[:] = "".join(pieces).split("\n")
+
+
+def find_type(app, env, node, contnode):
+    """Link types in signatures, named by their modules, to the page of the public name."""
+    name = node.get("reftarget", "").rpartition(".")[2]
+    objects = env.domains["py"].objects
+    for package in ("fenics_mortar", "fenics_mortar.sensitivity", "fenics_mortar.laws"):
+        if found := objects.get(f"{package}.{name}"):
+            return make_refnode(app.builder, node["refdoc"], found.docname, found.node_id, contnode)
+    return None
 
 
 def skip_fields(app, what, name, obj, skip, options):
@@ -89,3 +114,4 @@ def setup(app):
     """Register the editing of docstrings."""
     app.connect("autodoc-process-docstring", edit_docstring)
     app.connect("autodoc-skip-member", skip_fields)
+    app.connect("missing-reference", find_type)

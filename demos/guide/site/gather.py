@@ -25,6 +25,7 @@ from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.equations.reaction import Reaction
 from fenics_mortar.newton.report import Iteration
 from fenics_mortar.path.report import PathStep
+from fenics_mortar.sensitivity.protocols import Control, Quantity
 from fenics_mortar.verify.matrices import OperatorMatrices
 
 SITE = Path(__file__).resolve().parent
@@ -34,7 +35,11 @@ LINK = re.compile(r"(!?)\[((?:`[^`]*`|[^\]`])*)\]\(([^()#\s:]+)(#[^()\s]*)?\)")
 FENCE = re.compile(r"^(```.*?^```$)", re.MULTILINE | re.DOTALL)
 # Pages of the reference: title, and folders of the package whose public names they contain.
 GROUPS = {
-    "problem": ("The problem and its results", ("problem", "equations", "newton")),
+    "problem": (
+        "The problem and its results",
+        ("problem", "equations", "newton", "contact.view", "contact.pair_side", "contact.state",
+         "verify.matrices", "io.table"),
+    ),
     "meshes": ("Meshes, spaces and supports", ("mesh", "utils.compat")),
     "energies": ("Energies of the bodies", ("energies",)),
     "pairs": ("Contact pairs", ("contact",)),
@@ -50,10 +55,27 @@ GROUPS = {
 }
 # Classes whose instances are created by the package, not by users.
 MET = (Iteration, InterfaceState, PathStep, OperatorMatrices, PairSide, Reaction)
+# Names that come first on their page, in this order.
+FIRST = (
+    "ContactProblem", "PairView", "PairSide", "contact_table", "Reaction", "NewtonReport", "Iteration",
+    "NewtonOptions", "State", "read_gmsh", "mesh_from_arrays", "mesh_from_meshio", "MeshData",
+    "ContactPair", "TiedPair", "Coulomb", "follow_path", "Dynamics", "gradient", "Gradient",
+)  # fmt: skip
+# Members for the package itself, which only pages of protocols show.
+OF_DEVELOPERS = frozenset({
+    "assess", "before", "by_before", "by_control", "check", "check_field", "check_for_tie",
+    "counting_slip_from", "explicit", "followed_by", "has_adhesion", "has_closing_gap",
+    "has_friction", "has_nodal_adhesion", "has_nodal_limit", "is_distributed", "is_of_package",
+    "jvp", "local", "local_by_shape", "local_by_shapes", "motions", "needs_nodal_state", "options",
+    "prepare", "present_jump", "quantity", "replaced", "restore_data", "salient_points",
+    "saved_data", "set_shape", "snapshot", "solve_cheaper", "state_of", "to_own_frame", "to_space",
+    "towards", "varying", "visited", "vjp", "with_options", "with_settings_of",
+})  # fmt: skip
+PROTOCOLS = (Control, Quantity)
 # Members of laws and obstacles are described once, at their base classes.
 NOT_REPEATED = "ABC, BaseException, Exception, tuple, Law, Obstacle"
 OF_CLASSES = ("   :members:", f"   :inherited-members: {NOT_REPEATED}")
-STEPS = ("two_blocks", "finite_strain", "friction", "enough", "research")
+STEPS = ("two_blocks", "finite_strain", "friction", "errors", "research")
 
 
 def pages_of_files() -> dict[str, str]:
@@ -254,6 +276,8 @@ class Gathered:
         found: dict[str, list[str]] = {group: [] for group in GROUPS}
         for full, thing in in_reference().items():
             found[group_of(thing)].append(full)
+        for names_on_page in found.values():
+            names_on_page.sort(key=lambda full: rank(full.rpartition(".")[2]))
         (self._folder / "reference").mkdir()
         tables = []
         groups = [group for group in GROUPS if found[group]]
@@ -330,6 +354,11 @@ def group_of(thing: Any) -> str:
     return max(matches, default=(0, "further"))[1]
 
 
+def rank(name: str) -> int:
+    """Place of a name on its page; others keep their order behind these."""
+    return FIRST.index(name) if name in FIRST else len(FIRST)
+
+
 def documented(thing: Any) -> tuple[str, str]:
     """Directive of a public name, and the first paragraph of its docstring."""
     kind = "exception" if inspect.isclass(thing) and issubclass(thing, Exception) else "class"
@@ -340,7 +369,12 @@ def documented(thing: Any) -> tuple[str, str]:
 def options_of(cls: type) -> list[str]:
     """Options of the directive of a class; bases are shown if the reference has one of them."""
     has_base = any(base in in_reference().values() for base in cls.__bases__)
-    return [*OF_CLASSES, *(["   :show-inheritance:"] if has_base else [])]
+    hidden = set() if cls in PROTOCOLS else OF_DEVELOPERS & set(dir(cls))
+    return [
+        *OF_CLASSES,
+        *(["   :show-inheritance:"] if has_base else []),
+        *([f"   :exclude-members: {', '.join(sorted(hidden))}"] if hidden else []),
+    ]
 
 
 def about_module(module: str) -> list[str]:
