@@ -314,9 +314,9 @@ if comm.rank == 0:
 #
 # ## The model
 #
-# Step 1 used linear elasticity. Is it accurate enough at a compression of 0.02 mm? An `AdequacyCheck`
-# estimates the error of the simpler model from one Newton step of the richer one, here the
-# neo-Hookean residual.
+# Step 1 used linear elasticity. Is it accurate enough at a compression of 0.02 mm? An
+# `AdequacyCheck` estimates the error of the simpler model from one Newton step of the richer
+# one, here the neo-Hookean residual.
 
 # +
 u.x.array[:] = 0.0

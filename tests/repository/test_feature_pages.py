@@ -23,7 +23,7 @@ def code(page):
 
 @pytest.fixture
 def names(tmp_path, monkeypatch):
-    """Names that the program of the README defines before its load steps, in a folder with its mesh."""
+    """Names of the README's program before its load steps, in a folder with its mesh."""
     monkeypatch.chdir(tmp_path)
     gmsh.initialize(["", "-v", "0"])
     two_blocks.build()

@@ -40,7 +40,9 @@ def outcomes():
 def test_scenes_and_methods_of_the_atlas(outcomes):
     scenes = sum(outcomes["default"])
     for file in (ROOT / "README.md", SITE / "verification.md"):
-        pattern = r"(\d+) problems that are known to break contact codes, (?:solved )?by up to (\d+)"
+        pattern = (
+            r"(\d+) problems that are known to break contact codes, (?:solved )?by up to (\d+)"
+        )
         assert quoted(file, pattern) == [scenes, len(outcomes)]
     assert quoted(STUDIES / "stability" / "README.md", r"what becomes of (\d+) difficult") == [
         scenes

@@ -41,13 +41,15 @@ napoleon_attr_annotations = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"  # the docstrings give shapes and units
 autodoc_typehints_format = "short"
+autodoc_type_aliases = {name: name for name in ("Array", "Flags", "Indices")}
 python_maximum_signature_line_length = 80
 python_display_short_literal_types = True
 add_module_names = False
 toc_object_entries = False  # headings suffice
 nitpicky = True
-# Bases outside of the package, which this site does not describe.
-nitpick_ignore_regex = [("py:.*", r"(?!fenics_mortar).*")]
+# Bases outside of the package, which this site does not describe, and variables of types.
+nitpick_ignore_regex = [("py:.*", r"(?!fenics_mortar).*"), ("py:class", r"fenics_mortar\..*\.T")]
+suppress_warnings = ["ref.python"]  # two internal classes of one name in signatures
 
 html_static_path = ["static"]
 html_css_files = ["site.css"]

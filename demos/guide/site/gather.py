@@ -9,72 +9,31 @@ module of the package, otherwise to a copy of the file. A broken link is an erro
 
 from __future__ import annotations
 
-import inspect
 import os
 import re
 import shutil
 import sys
 from pathlib import Path, PurePosixPath
-from typing import Any, NamedTuple
+from typing import Any
 
 import jupytext
-
-import fenics_mortar
-from fenics_mortar.contact.pair_side import PairSide
-from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.equations.reaction import Reaction
-from fenics_mortar.newton.report import Iteration
-from fenics_mortar.path.report import PathStep
-from fenics_mortar.sensitivity.protocols import Control, Quantity
-from fenics_mortar.verify.matrices import OperatorMatrices
+from gallery import Demo, all_demos, demos
+from reference import (
+    GROUPS,
+    about_module,
+    automodule,
+    documented,
+    group_of,
+    in_reference,
+    options_of,
+    rank,
+)
 
 SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[2]
 PICTURE_OF_CARD = re.compile(r"^:img-top: (\S+)$", re.MULTILINE)
 LINK = re.compile(r"(!?)\[((?:`[^`]*`|[^\]`])*)\]\(([^()#\s:]+)(#[^()\s]*)?\)")
 FENCE = re.compile(r"^(```.*?^```$)", re.MULTILINE | re.DOTALL)
-# Pages of the reference: title, and folders of the package whose public names they contain.
-GROUPS = {
-    "problem": (
-        "The problem and its results",
-        ("problem", "equations", "newton", "contact.view", "contact.pair_side", "contact.state",
-         "verify.matrices", "io.table"),
-    ),
-    "meshes": ("Meshes, spaces and supports", ("mesh", "utils.compat")),
-    "energies": ("Energies of the bodies", ("energies",)),
-    "pairs": ("Contact pairs", ("contact",)),
-    "laws": ("Contact laws", ("laws", "contact.laws", "contact.law", "contact.nodal")),
-    "obstacles": ("Rigid obstacles", ("obstacles", "rigid")),
-    "paths": ("Load steps and dynamics", ("path", "bulk")),
-    "sensitivities": ("Sensitivities", ("sensitivity",)),
-    "models": ("Choice of the model", ("models",)),
-    "verification": ("Verification of results", ("verify",)),
-    "files": ("Files and pictures", ("io",)),
-    "errors": ("Errors", ("utils",)),
-    "further": ("Further names", ()),
-}
-# Classes whose instances are created by the package, not by users.
-MET = (Iteration, InterfaceState, PathStep, OperatorMatrices, PairSide, Reaction)
-# Names that come first on their page, in this order.
-FIRST = (
-    "ContactProblem", "PairView", "PairSide", "contact_table", "Reaction", "NewtonReport", "Iteration",
-    "NewtonOptions", "State", "read_gmsh", "mesh_from_arrays", "mesh_from_meshio", "MeshData",
-    "ContactPair", "TiedPair", "Coulomb", "follow_path", "Dynamics", "gradient", "Gradient",
-)  # fmt: skip
-# Members for the package itself, which only pages of protocols show.
-OF_DEVELOPERS = frozenset({
-    "assess", "before", "by_before", "by_control", "check", "check_field", "check_for_tie",
-    "counting_slip_from", "explicit", "followed_by", "has_adhesion", "has_closing_gap",
-    "has_friction", "has_nodal_adhesion", "has_nodal_limit", "is_distributed", "is_of_package",
-    "jvp", "local", "local_by_shape", "local_by_shapes", "motions", "needs_nodal_state", "options",
-    "prepare", "present_jump", "quantity", "replaced", "restore_data", "salient_points",
-    "saved_data", "set_shape", "snapshot", "solve_cheaper", "state_of", "to_own_frame", "to_space",
-    "towards", "varying", "visited", "vjp", "with_options", "with_settings_of",
-})  # fmt: skip
-PROTOCOLS = (Control, Quantity)
-# Members of laws and obstacles are described once, at their base classes.
-NOT_REPEATED = "ABC, BaseException, Exception, tuple, Law, Obstacle"
-OF_CLASSES = ("   :members:", f"   :inherited-members: {NOT_REPEATED}")
 STEPS = ("two_blocks", "finite_strain", "friction", "errors", "research")
 
 
@@ -104,40 +63,6 @@ def pages_of_files() -> dict[str, str]:
     for file in sorted(SITE.rglob("*.md")):
         pages[str(file.relative_to(ROOT))] = str(file.relative_to(SITE))
     return pages
-
-
-class Demo(NamedTuple):
-    """A demo as the gallery shows it: script, title, difficulty, and what it prints and draws."""
-
-    script: Path
-    title: str
-    level: str
-    text: str
-
-    @property
-    def name(self) -> str:
-        """Name without ``demo_``."""
-        return self.script.stem.removeprefix("demo_")
-
-
-def demos() -> dict[str, list[Demo]]:
-    """All demos by subject, in the order of the gallery."""
-    subjects = re.split(r"^## ", (ROOT / "demos" / "README.md").read_text(), flags=re.MULTILINE)
-    entry = re.compile(
-        r"^### ([^\n]*)\n\n`(\w+\.py)`, (\w+)\. (.*?)(?=^### |\Z)", re.MULTILINE | re.DOTALL
-    )
-    return {
-        subject.split("\n", 1)[0]: [
-            Demo(ROOT / "demos" / file, title, level, text)
-            for title, file, level, text in entry.findall(subject)
-        ]
-        for subject in subjects[1:]
-    }
-
-
-def all_demos() -> list[Demo]:
-    """All demos, the easiest of the first subject first."""
-    return [demo for of_subject in demos().values() for demo in of_subject]
 
 
 class Gathered:
@@ -193,8 +118,8 @@ class Gathered:
             return self._link(picture, label, target, anchor or "", page, origin)
 
         def copied(match: re.Match[str]) -> str:
-            file = (ROOT / origin).parent / match[1]
-            return f":img-top: {os.path.relpath(self._copy(file.resolve()), PurePosixPath(page).parent)}"
+            picture = self._copy(((ROOT / origin).parent / match[1]).resolve())
+            return f":img-top: {os.path.relpath(picture, PurePosixPath(page).parent)}"
 
         return LINK.sub(new, PICTURE_OF_CARD.sub(copied, text))
 
@@ -230,7 +155,8 @@ class Gathered:
     def _write_demo(self, demo: Demo) -> None:
         origin = str(demo.script.relative_to(ROOT))
         title, rest = as_markdown(jupytext.read(demo.script).cells).split("\n", 1)
-        run = f"`bash demos/run.sh {demo.name}` runs it. Source: [`{demo.script.name}`]({demo.script.name})"
+        source = f"[`{demo.script.name}`]({demo.script.name})"
+        run = f"`bash demos/run.sh {demo.name}` runs it. Source: {source}"
         self._pages.pop(origin)  # the link to its source
         self._put(f"demos/{demo.name}.md", origin, "\n".join([title, "", run, "", demo.text, rest]))
         self._pages[origin] = f"demos/{demo.name}.md"
@@ -259,8 +185,8 @@ class Gathered:
             lines += [f"## {subject}", "", ":::::{grid} 1 2 2 3", ":gutter: 3", ""]
             for demo in of_subject:
                 picture = self._copy(ROOT / "demos" / "pictures" / f"{demo.name}.png")
-                lines += [f":::{{grid-item-card}} {demo.title}", f":link: demos/{demo.name}",
-                          ":link-type: doc", f":img-top: {picture}", "", demo.level, ":::", ""]  # fmt: skip
+                lines += [f":::{{grid-item-card}} {demo.title}", f":link: demos/{demo.name}"]
+                lines += [":link-type: doc", f":img-top: {picture}", "", demo.level, ":::", ""]
             lines += [":::::", ""]
         path.write_text("\n".join(lines))
         self._put_below("demos.md", [f"demos/{demo.name}" for demo in all_demos()])
@@ -333,66 +259,6 @@ class Gathered:
             names.append(f"modules/{name}")
         path = self._folder / "modules.md"
         path.write_text(path.read_text().replace("<names>", "\n".join(names)))
-
-
-def in_reference() -> dict[str, Any]:
-    """All objects of the reference by full names."""
-    package = fenics_mortar
-    public = {f"fenics_mortar.{name}": getattr(package, name) for name in package.__all__}
-    known = set(map(id, public.values()))
-    modules = package.energies, package.laws, package.sensitivity
-    of_modules = [getattr(module, name) for module in modules for name in module.__all__]
-    met = [*(thing for thing in of_modules if id(thing) not in known), *MET]
-    return public | {f"{cls.__module__}.{cls.__qualname__}": cls for cls in met}
-
-
-def group_of(thing: Any) -> str:
-    """The page of the reference of a public name, by the longest match of its module."""
-    module = thing.__module__.removeprefix("fenics_mortar.")
-    matches = [(len(place), group) for group, (_, places) in GROUPS.items() for place in places
-               if f"{module}.".startswith(f"{place}.")]  # fmt: skip
-    return max(matches, default=(0, "further"))[1]
-
-
-def rank(name: str) -> int:
-    """Place of a name on its page; others keep their order behind these."""
-    return FIRST.index(name) if name in FIRST else len(FIRST)
-
-
-def documented(thing: Any) -> tuple[str, str]:
-    """Directive of a public name, and the first paragraph of its docstring."""
-    kind = "exception" if inspect.isclass(thing) and issubclass(thing, Exception) else "class"
-    about = (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ").replace("|", "\\|")
-    return kind if inspect.isclass(thing) else "function", about.replace("``", "`")
-
-
-def options_of(cls: type) -> list[str]:
-    """Options of the directive of a class; bases are shown if the reference has one of them."""
-    has_base = any(base in in_reference().values() for base in cls.__bases__)
-    hidden = set() if cls in PROTOCOLS else OF_DEVELOPERS & set(dir(cls))
-    return [
-        *OF_CLASSES,
-        *(["   :show-inheritance:"] if has_base else []),
-        *([f"   :exclude-members: {', '.join(sorted(hidden))}"] if hidden else []),
-    ]
-
-
-def about_module(module: str) -> list[str]:
-    """Directive with the docstring of a module alone."""
-    return ["```{eval-rst}", f".. automodule:: {module}", "   :no-members:", "```", ""]
-
-
-def automodule(module: str) -> list[str]:
-    """Directive with the documentation of a module."""
-    elsewhere = {full.rpartition(".")[2]: full for full, thing in in_reference().items()
-                 if thing.__module__ == module}  # fmt: skip
-    lines = ["```{eval-rst}", f".. automodule:: {module}", "   :members:"]
-    lines += ["   :ignore-module-all:"]
-    if not elsewhere:
-        return [*lines, "```", ""]
-    links = ", ".join(f"{{py:obj}}`{name} <{full}>`" for name, full in elsewhere.items())
-    excluded = f"   :exclude-members: {', '.join(elsewhere)}"
-    return [*lines, excluded, "```", "", f"In the reference: {links}.", ""]
 
 
 def standing_alone(notebook: Any) -> Any:
