@@ -41,7 +41,6 @@ napoleon_attr_annotations = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"  # the docstrings give shapes and units
 autodoc_typehints_format = "short"
-autodoc_type_aliases = {name: name for name in ("Array", "Flags", "Indices")}
 python_maximum_signature_line_length = 80
 python_display_short_literal_types = True
 add_module_names = False
@@ -97,6 +96,27 @@ def edit_docstring(app, what, name, obj, options, lines):
     lines[:] = "".join(pieces).split("\n")
 
 
+# Arrays in signatures by their short names; functions as defaults by theirs.
+NUMBERS = {"Array": "float64", "Indices": "int32", "Flags": "bool_?"}
+ARRAY_LIKE = r"~?[\w.]*_SupportsArray\[.*?_NestedSequence\[bool[\w |]*\]"
+IN_SIGNATURES = [
+    (re.compile(r"<function (\w+)>"), r"\1"),
+    (re.compile(r"<factory>"), "..."),
+    (re.compile(ARRAY_LIKE), "ArrayLike"),
+] + [
+    (re.compile(rf"~?numpy\.ndarray\[~?(typing\.)?Any, ~?numpy\.dtype\[~?numpy\.{of}\]\]"), name)
+    for name, of in NUMBERS.items()
+]
+
+
+def edit_signature(app, what, name, obj, options, signature, returns):
+    """Shorten types that readers know by a name."""
+    texts = [signature, returns]
+    for pattern, new in IN_SIGNATURES:
+        texts = [text and pattern.sub(new, text) for text in texts]
+    return tuple(texts)
+
+
 def find_type(app, env, node, contnode):
     """Link types in signatures, named by their modules, to the page of the public name."""
     name = node.get("reftarget", "").rpartition(".")[2]
@@ -115,5 +135,6 @@ def skip_fields(app, what, name, obj, skip, options):
 def setup(app):
     """Register the editing of docstrings."""
     app.connect("autodoc-process-docstring", edit_docstring)
+    app.connect("autodoc-process-signature", edit_signature)
     app.connect("autodoc-skip-member", skip_fields)
     app.connect("missing-reference", find_type)
