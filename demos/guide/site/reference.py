@@ -96,7 +96,8 @@ def documented(thing: Any) -> tuple[str, str]:
     """Directive of a public name, and the first paragraph of its docstring."""
     kind = "exception" if inspect.isclass(thing) and issubclass(thing, Exception) else "class"
     about = (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ").replace("|", "\\|")
-    return kind if inspect.isclass(thing) else "function", about.replace("``", "`")
+    about = about.replace("``", "`").replace(" (collective)", "")
+    return kind if inspect.isclass(thing) else "function", about
 
 
 def options_of(cls: type) -> list[str]:

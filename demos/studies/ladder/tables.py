@@ -101,6 +101,7 @@ def report(rows: list[Row]) -> str:
     """All tables."""
     return "\n".join(
         [
+            "# Simpler models: all numbers\n",
             "Errors and estimates in percent; seconds of the processor.\n",
             summary(rows),
             f"The hierarchy allows {100 * TOLERANCE:g} % in the norm of energy, or the error of "
