@@ -27,7 +27,7 @@ scratch=$(mktemp -d "${TMPDIR:-/tmp}/fenics_mortar-tests.XXXXXX")
 trap 'rm -rf "$scratch"' EXIT
 color=no # decided here: mpirun gives each rank a terminal of its own
 if [ -t 1 ]; then color=yes; fi
-pytest=(/usr/bin/python3 -m pytest "--color=$color")
+pytest=("$FENICS_MORTAR_PYTHON" -m pytest "--color=$color")
 # Files of tests over the cores; each test is on one rank. (nproc would answer with OMP_NUM_THREADS.)
 spread=(-n "$(env -u OMP_NUM_THREADS nproc)" --dist loadfile)
 # xdist 3.7 and later would begin with files of many tests, not with those of long ones.
@@ -49,7 +49,7 @@ run() { # TITLE COMMAND...: run it, and note how it ended
     echo
     echo "##### $title"
     # Also prints the tests that failed or were running, if the run is stopped.
-    /usr/bin/python3 "$root/tests/watch.py" "$limit" "$@" || code=$?
+    "$FENICS_MORTAR_PYTHON" "$root/tests/watch.py" "$limit" "$@" || code=$?
     if [ $code -ne 0 ]; then
         failed=1
         outcome="FAILED (exit code $code)"
@@ -68,9 +68,9 @@ run_ranks() { # N ARGUMENTS...: pytest on N ranks; rank 0 prints, the others onl
     shift
     mkdir -p "$logs"
     # shellcheck disable=SC2016
-    if ! run "tests on $ranks ranks" /usr/bin/mpirun.openmpi -n "$ranks" bash -c '
+    if ! run "tests on $ranks ranks" "$FENICS_MORTAR_MPIRUN" -n "$ranks" bash -c '
         logs=$1; shift
-        rank=${OMPI_COMM_WORLD_RANK:?not started by Open MPI}
+        rank=${OMPI_COMM_WORLD_RANK:-${PMI_RANK:?not started by Open MPI or MPICH}}
         if [ "$rank" != 0 ]; then exec >"$logs/rank-$rank" 2>&1; fi
         exec "$@"' rank "$logs" "${pytest[@]}" -p no:cacheprovider "$@"; then
         for file in "$logs"/rank-*; do
