@@ -10,6 +10,7 @@
 #                         tests marked long, which see on long paths or fine meshes what others see
 # FENICS_MORTAR_LONG      1: those marked long in serial, whatever the number of cases
 # FENICS_MORTAR_RUNS      which of these runs, "serial 2 3 kernels" if not set
+# FENICS_MORTAR_WITHOUT   folders that are left out in serial, as "tests/io tests/la"
 # FENICS_MORTAR_TIMEOUT   seconds without the end of a test after which one of these runs counts as
 #                         hanging (1200); how long the run takes does not matter, as on a slow machine
 
@@ -42,6 +43,7 @@ on_three=(tests/interface/test_{surfaces,bad_surfaces,operators}.py
     tests/path/test_{stepping,dead_end}.py tests/verification/test_invariance.py)
 failed=0
 summary=()
+without=()
 
 run() { # TITLE COMMAND...: run it, and note how it ended
     local title=$1 code=0 start=$SECONDS outcome=passed
@@ -86,9 +88,10 @@ if [ $# -gt 0 ]; then
 else
     export FENICS_MORTAR_CASES="${FENICS_MORTAR_CASES:-2}"
     parallel=(-m "not serial and not demo")
+    for folder in ${FENICS_MORTAR_WITHOUT:-}; do without+=("--ignore=$folder"); done
     for name in ${FENICS_MORTAR_RUNS:-serial 2 3 kernels}; do
         case "$name" in
-            serial) run "tests in serial" "${pytest[@]}" "${spread[@]}" --durations=15 --durations-min=4 || true ;;
+            serial) run "tests in serial" "${pytest[@]}" "${spread[@]}" --durations=15 --durations-min=4 "${without[@]}" || true ;;
             2) run_ranks 2 "${parallel[@]}" --ignore-glob='tests/rigid/test_supported*.py' "${on_three[@]/#/--ignore=}" ;;
             3) run_ranks 3 "${parallel[@]}" "${on_three[@]}" ;;
             kernels)
