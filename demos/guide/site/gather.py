@@ -25,6 +25,7 @@ from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.equations.reaction import Reaction
 from fenics_mortar.newton.report import Iteration
 from fenics_mortar.path.report import PathStep
+from fenics_mortar.verify.finding import Finding
 from fenics_mortar.verify.matrices import OperatorMatrices
 
 SITE = Path(__file__).resolve().parent
@@ -48,7 +49,7 @@ GROUPS = {
     "further": ("Further names", ()),
 }
 # Classes whose instances are created by the package, not by users.
-MET = (Iteration, InterfaceState, PathStep, OperatorMatrices, PairSide, Reaction)
+MET = (Finding, Iteration, InterfaceState, PathStep, OperatorMatrices, PairSide, Reaction)
 # Members of laws and obstacles are described once, at their base classes.
 NOT_REPEATED = "ABC, BaseException, Exception, tuple, Law, Obstacle"
 OF_CLASSES = ("   :members:", f"   :inherited-members: {NOT_REPEATED}")
