@@ -176,6 +176,8 @@ def facet_angles(contact: Contact) -> tuple[Array, Array]:
 def _excess_shear(contact: Contact, run: Flags, across: Array) -> float:
     """Shear force of a run over the friction limit at its pressures, minus one [1] (local).
 
+    Limits are at least those of pressures that are rounding.
+
     Args:
         contact: The pair.
         run: Nodes of the run, shape (slave nodes,), bool.
@@ -185,8 +187,9 @@ def _excess_shear(contact: Contact, run: Flags, across: Array) -> float:
     limit = contact.now.friction_limit(pressure)
     weight = contact.operators.weight
     allowed = float((weight * np.where(run & (pressure > 0.0), limit, 0.0)).sum())
+    rounding = LIMITS.min_pressure * float(contact.modulus.max() * weight[run].sum())
     shear = abs(float((weight * (contact.z @ _right_of(across[None])[0]))[run].sum()))
-    return shear / allowed - 1.0 if allowed > 0.0 else 0.0
+    return shear / max(allowed, rounding) - 1.0 if allowed > 0.0 else 0.0
 
 
 def _rotated(a: Array, angle: float) -> Array:
