@@ -3,19 +3,20 @@
 # This demo shows bodies of revolution on graded meshes, and how fast results converge.
 #
 # ## Problem
-# A ball of radius R = 8 mm is pressed on a flat of the same linear elastic material, without
-# friction. Hertz's theory gives radius and pressure of the contact under a force P:
+# A ball of radius $R = 8$ mm is pressed on a flat of the same linear elastic material, without
+# friction. Hertz's theory gives radius and pressure of the contact under a force $P$:
 #
-# a^3 = 3 P R / (4 E*),   p = p0 sqrt(1 - (r/a)^2),   p0 = 3/2 P / (pi a^2),
+# $$a^3 = \frac{3 P R}{4 E^*}, \qquad p = p_0 \sqrt{1 - (r/a)^2}, \qquad
+# p_0 = \frac{3 P}{2 \pi a^2},$$
 #
-# where E* = E / (2 (1 - nu^2)): the peak p0 is 3/2 of the mean pressure. P is the computed contact
-# force. The computed radius follows from the second moment of the nodal forces,
-# sum f r^2 = 2/5 a^2 P, the computed peak from a linear fit of p^2 over r^2.
+# where $E^* = E / (2 (1 - \nu^2))$: the peak $p_0$ is 3/2 of the mean pressure. $P$ is the computed
+# contact force. The computed radius follows from the second moment of the nodal forces,
+# $\sum f r^2 = \frac{2}{5} a^2 P$, the computed peak from a linear fit of $p^2$ over $r^2$.
 #
-# At the edge of the contact the pressure goes to zero like a square root, which the last facet, of
-# length h, does not resolve: the error of p is of order sqrt(h) over this length, and its root mean
-# square should fall like h. Radius and peak depend less on the edge. Errors vary with the position
-# of the edge in its facet, so they are averaged over nine loads.
+# At the edge of the contact the pressure goes to zero like a square root, which the last facet,
+# of length $h$, does not resolve: the error of $p$ is of order $\sqrt{h}$ over this length, and
+# its root mean square should fall like $h$. Radius and peak depend less on the edge. Errors vary
+# with the position of the edge in its facet, so they are averaged over nine loads.
 #
 # ## Implementation
 

@@ -4,14 +4,14 @@
 # which carry no multiplier, and have different nodes at the same positions everywhere else.
 #
 # ## Problem
-# A large plate has a slit of half-length a = 1 mm, inclined by 37 degrees (plane strain, linear
-# elastic). The plate is compressed by 1 MPa in y. The faces are pressed together by sigma and, with
-# Coulomb's friction, slide if the shear tau exceeds mu sigma. In an infinite plane, the slip at the
-# distance x from the centre is
+# A large plate has a slit of half-length $a = 1$ mm, inclined by 37 degrees (plane strain, linear
+# elastic). The plate is compressed by 1 MPa in y. The faces are pressed together by $\sigma$ and,
+# with Coulomb's friction, slide if the shear $\tau$ exceeds $\mu \sigma$. In an infinite plane, the
+# slip at the distance $x$ from the centre is
 #
-# s = 4 (1 - nu^2) / E (tau - mu sigma) sqrt(a^2 - x^2).
+# $$s = \frac{4 (1 - \nu^2)}{E} (\tau - \mu \sigma) \sqrt{a^2 - x^2}.$$
 #
-# In tension the same formula with sigma alone gives the opening, and with tau the slip.
+# In tension the same formula with $\sigma$ alone gives the opening, and with $\tau$ the slip.
 #
 # ## Implementation
 
@@ -98,6 +98,6 @@ if comm.rank == 0:
 # -
 
 # ## Check
-# The width of the plate changes the result by about (a / half width)^2 = 0.4 %.
+# The width of the plate changes the result by about $(a / 15\,\mathrm{mm})^2 = 0.4$ %.
 
 assert all(abs(computed / exact - 1) < 0.01 for computed, exact in centres.values())

@@ -3,14 +3,16 @@
 # This demo compares shear and stick zone with the theory of Cattaneo and Mindlin.
 #
 # ## Problem
-# The half cylinder of the Hertz demo is pressed on the block, with Coulomb's friction, mu = 0.2,
-# and then sheared by a force Q < mu P. The edges, |x| > c, slide; the middle sticks:
+# The half cylinder of the Hertz demo is pressed on the block, with Coulomb's friction, $\mu =
+# 0.2$, and then sheared by a force $Q < \mu P$. The edges, $|x| > c$, slide; the middle sticks:
 #
-# c = a sqrt(1 - Q / (mu P)),   q = mu p(x) - mu p0 c / a sqrt(1 - (x/c)^2) within c, else mu p(x),
+# $$c = a \sqrt{1 - \frac{Q}{\mu P}}, \qquad
+# q(x) = \mu p(x) - \mu p_0 \frac{c}{a} \sqrt{1 - (x/c)^2} \quad (|x| < c), \qquad
+# q(x) = \mu p(x) \quad (|x| > c),$$
 #
-# with the half-width a and the peak p0 of Hertz. P and Q are the computed forces. The theory is for
-# half planes that are pressed together without friction. Few facets are in contact and the exact
-# shear has kinks, so the error is several per cent here; on the graded meshes of
+# with the half-width $a$ and the peak $p_0$ of Hertz. $P$ and $Q$ are the computed forces. The
+# theory is for half planes that are pressed together without friction. Few facets are in contact
+# and the exact shear has kinks, so the error is several per cent here; on the graded meshes of
 # `studies/accuracy/cattaneo.py` it is about 1 %.
 #
 # ## Implementation

@@ -3,14 +3,15 @@
 # This demo compares contact pressure and half-width with the theory of Hertz and draws them.
 #
 # ## Problem
-# A half cylinder of radius R = 8 mm is pressed on a block of the same linear elastic material, in
-# plane strain, without friction. Hertz's theory gives for a force P per length
+# A half cylinder of radius $R = 8$ mm is pressed on a block of the same linear elastic material, in
+# plane strain, without friction. Hertz's theory gives for a force $P$ per length
 #
-# a = sqrt(4 P R / (pi E*)),   p = 2 P / (pi a) sqrt(1 - (x/a)^2),   E* = E / (2 (1 - nu^2)).
+# $$a = \sqrt{\frac{4 P R}{\pi E^*}}, \qquad p = \frac{2 P}{\pi a} \sqrt{1 - (x/a)^2}, \qquad
+# E^* = \frac{E}{2 (1 - \nu^2)}.$$
 #
-# P is the computed contact force, so the comparison is that of the distribution. The theory is for
-# half planes: its own error grows with a / R and is below 1 % here. The computed half-width follows
-# from the second moment of the pressure, int p x^2 / int p = a^2 / 4.
+# $P$ is the computed contact force, so the comparison is that of the distribution. The theory is
+# for half planes: its own error grows with $a / R$ and is below 1 % here. The computed
+# half-width follows from the second moment of the pressure, $\int p x^2 / \int p = a^2 / 4$.
 #
 # ## Implementation
 

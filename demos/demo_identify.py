@@ -7,7 +7,7 @@
 # slide. The normal force P and the shear force Q on it are known in all steps. Young's modulus E of
 # both blocks and the coefficient of friction mu are unknown: they minimize the misfit
 #
-# J = 1/2 sum_k (P_k - P_k measured)^2 + (Q_k - Q_k measured)^2.
+# $$J = \frac{1}{2} \sum_k (P_k - P_k^\mathrm{measured})^2 + (Q_k - Q_k^\mathrm{measured})^2.$$
 #
 # The "measured" forces are those of E = 210 and mu = 0.35 here, without noise. L-BFGS-B of scipy
 # needs J and its gradient, computed by the adjoint method: one transposed solve per step.

@@ -3,16 +3,17 @@
 # This demo computes the interference at each node of a press fit that gives a prescribed pressure.
 #
 # ## Problem
-# A hub of steel, outer radius c = 20 mm and 40 mm long, sits on a solid shaft of radius b = 10 mm.
-# With a uniform interference the pressure is largest at the ends of the hub, where fits wear by
-# fretting. The target is p0 = 100 MPa in the middle, falling to p0 / 5 at the ends,
+# A hub of steel, outer radius $c = 20$ mm and 40 mm long, sits on a solid shaft of radius $b =
+# 10$ mm. With a uniform interference the pressure is largest at the ends of the hub, where fits
+# wear by fretting. The target is $p_0 = 100$ MPa in the middle, falling to $p_0 / 5$ at the
+# ends,
 #
-# p = p0 (1 - 0.8 (2 z / 40 mm)^4).
+# $$p = p_0 \left(1 - 0.8 \left(\frac{2 z}{40\,\mathrm{mm}}\right)^4\right).$$
 #
-# The unknown is the interference D(z) at each node of the hub. It minimizes the mean square of the
-# difference from that pressure. In a long hub Lame's formula relates both at each point,
+# The unknown is the interference $D(z)$ at each node of the hub. It minimizes the mean square of
+# the difference from that pressure. In a long hub Lame's formula relates both at each point,
 #
-# D = p b / E ((c^2 + b^2) / (c^2 - b^2) + 1).
+# $$D = \frac{p b}{E} \left(\frac{c^2 + b^2}{c^2 - b^2} + 1\right).$$
 #
 # ## Implementation
 

@@ -4,15 +4,15 @@
 # `geometry="axisymmetric"`.
 #
 # ## Problem
-# A hub of steel, outer radius c = 20 mm and 40 mm long, sits on a solid shaft of radius b = 10 mm
-# that is 10 um too thick. Then the shaft is pulled, with Coulomb friction, until the hub slips. In
-# a long hub an interference D on the radius gives Lame's pressure (plane stress),
+# A hub of steel, outer radius $c = 20$ mm and 40 mm long, sits on a solid shaft of radius $b =
+# 10$ mm that is 10 um too thick. Then the shaft is pulled, with Coulomb friction, until the hub
+# slips. In a long hub an interference $D$ on the radius gives Lame's pressure (plane stress),
 #
-# p = D E / (b ((c^2 + b^2) / (c^2 - b^2) + 1)).
+# $$p = \frac{D E}{b} \left(\frac{c^2 + b^2}{c^2 - b^2} + 1\right)^{-1}.$$
 #
 # The shaft beyond the hub raises the pressure at the ends of the hub, and contracts where it is
-# pulled. Once the whole hub slips, the axial force is the friction limit, mu times the integral of
-# the pressure, 2 pi b int p dz.
+# pulled. Once the whole hub slips, the axial force is the friction limit, $\mu$ times the
+# integral of the pressure, $2 \pi b \int p \, dz$.
 #
 # ## Implementation
 
@@ -48,7 +48,8 @@ if comm.rank == 0:
 data = fm.read_gmsh(model, comm)
 # -
 
-# The residual is integrated over the whole bodies, 2 pi r dx, and includes the hoop strain u_r / r.
+# The residual is integrated over the whole bodies, $2 \pi r\, dx$, and has the hoop strain $u_r
+# / r$.
 
 # +
 V = fm.vector_space(data.mesh, 1)

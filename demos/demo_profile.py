@@ -5,17 +5,18 @@
 # ## Problem
 # A rigid roller is pressed on an elastic block, in plane strain and without friction. Under a flat
 # profile the pressure would be infinite at the ends, under a circular one it is that of Hertz.
-# Which profile gives the pressure p0 at |x| < a and zero beyond? On a half plane it is the
-# deflection of the surface by this pressure, with s = x / a and E* = E / (1 - nu^2),
+# Which profile gives the pressure $p_0$ at $|x| < a$ and zero beyond? On a half plane it is the
+# deflection of the surface by this pressure, with $s = x / a$ and $E^* = E / (1 - \nu^2)$,
 #
-# z = 2 p0 a / (pi E*) ((1 + s) ln(1 + s) + (1 - s) ln(1 - s)).
+# $$z = \frac{2 p_0 a}{\pi E^*} \left((1 + s) \ln(1 + s) + (1 - s) \ln(1 - s)\right).$$
 #
 # Its slope has a logarithmic singularity at the ends. It is the plane counterpart of the
 # logarithmic profile that Lundberg (1939) derived for the long and narrow contact of a bearing's
-# roller, z ~ ln 1 / (1 - s^2), which is steeper.
+# roller, $z \sim \ln 1 / (1 - s^2)$, which is steeper.
 #
 # The unknowns are the heights of the points of a spline. L-BFGS-B of scipy minimizes the mean
-# square of (p - p_target) / p0, starting from the circle whose Hertzian half-width is a.
+# square of $(p - p_\mathrm{target}) / p_0$, starting from the circle whose Hertzian half-width
+# is $a$.
 #
 # ## Implementation
 

@@ -85,7 +85,7 @@ follow(lambda time: punch.move(y=start - 4.0 * time))
 # -
 
 # ## Comparison
-# Small deflections are those of a beam: deflection = force span^3 / (3 EI) of one half.
+# Small deflections are those of a beam: $w = F l^3 / (3 E I)$ of one half, with the span $l$.
 
 # +
 depth, force = np.array(rows).T

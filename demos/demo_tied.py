@@ -5,12 +5,12 @@
 #
 # ## Problem
 # A round inclusion of radius 1 mm is ten times as stiff as the plate around it (plane strain,
-# linear elastic). The plate is pulled by T = 1 MPa in x; by symmetry one quarter is computed. In a
-# large plate the stress inside the inclusion is uniform (Goodier 1933), with kappa = 3 - 4 nu
+# linear elastic). The plate is pulled by $T = 1$ MPa in x; by symmetry one quarter is computed.
+# In a large plate the stress inside the inclusion is uniform (Goodier 1933), with $\kappa = 3 -
+# 4 \nu$, $G'$ of the inclusion and $G$ of the plate,
 #
-# (sxx + syy) / T = G' (kappa + 1) / (2 G' + G (kappa - 1)),    G' of the inclusion, G of the plate,
-#
-# (sxx - syy) / T = G' (kappa + 1) / (kappa G' + G).
+# $$\frac{\sigma_{xx} + \sigma_{yy}}{T} = \frac{G' (\kappa + 1)}{2 G' + G (\kappa - 1)}, \qquad
+# \frac{\sigma_{xx} - \sigma_{yy}}{T} = \frac{G' (\kappa + 1)}{\kappa G' + G}.$$
 #
 # ## Implementation
 
@@ -81,7 +81,7 @@ if comm.rank == 0:
 # -
 
 # ## Check
-# The finite width of the plate causes a relative error of about (radius / width)^2 = (1 / 8)^2.
+# The finite width of the plate causes a relative error of about $(1/8)^2$, radius over width.
 
 assert np.abs(arc.total_force - exact).max() < 0.03
 assert problem.certificate().violations() == []

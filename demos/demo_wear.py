@@ -3,16 +3,16 @@
 # This demo changes the shape of a surface from step to step, by `contact.offset`.
 #
 # ## Problem
-# A ring with a soft lining, a = 60 mm < r < b = 110 mm, is pressed on a rotating disk by a force P.
-# By Archard's law it wears by the depth k p s, where s = 2 pi r is the sliding distance of one
-# revolution. Handbooks have two formulas for the torque of a clutch. For a new one, with uniform
-# pressure,
+# A ring with a soft lining, $a = 60$ mm $< r < b = 110$ mm, is pressed on a rotating disk by a
+# force $P$. By Archard's law it wears by the depth $k p s$, where $s = 2 \pi r$ is the sliding
+# distance of one revolution. Handbooks have two formulas for the torque of a clutch. For a new
+# one, with uniform pressure,
 #
-# T = 2/3 mu P (b^3 - a^3) / (b^2 - a^2),
+# $$T = \frac{2}{3} \mu P \frac{b^3 - a^3}{b^2 - a^2},$$
 #
-# and for one that wears uniformly, because p = P / (2 pi (b - a) r),
+# and for one that wears uniformly, because $p = P / (2 \pi (b - a) r)$,
 #
-# T = mu P (a + b) / 2.
+# $$T = \mu P \frac{a + b}{2}.$$
 #
 # The computed torque goes from one to the other. Friction acts out of the meridian plane and does
 # not change the pressure, so the computation leaves it out.

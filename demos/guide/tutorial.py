@@ -308,15 +308,15 @@ if comm.rank == 0:
 # `fm.Tresca(stress)` limits the shear by a constant, and a law may also have adhesion; step 5
 # shows how to write a law.
 
-# # Step 4: was the model enough, is the mesh fine enough?
+# # Step 4: errors of the model and of the mesh
 #
 # Each result raises two questions. The answers cost little compared with the solve.
 #
 # ## The model
 #
-# Step 1 used linear elasticity. Was that enough for a compression of 0.02 mm? An `AdequacyCheck`
-# estimates the error of the simpler model from one Newton step of the richer one, here the
-# neo-Hookean residual.
+# Step 1 used linear elasticity. Is it accurate enough at a compression of 0.02 mm? An
+# `AdequacyCheck` estimates the error of the simpler model from one Newton step of the richer
+# one, here the neo-Hookean residual.
 
 # +
 u.x.array[:] = 0.0
@@ -511,7 +511,7 @@ if comm.rank == 0:
 #
 # ## Where to go
 #
-# [The demos](site/demos.md) are complete problems with their references. [Theory](site/theory.md)
+# [The demos](../README.md) are complete problems with their references. [Theory](site/theory.md)
 # derives all symbols, [troubleshooting](site/troubleshooting.md) starts from an error message,
 # and the [API reference](site/reference.md) has every public name.
 

@@ -40,7 +40,9 @@ def outcomes():
 def test_scenes_and_methods_of_the_atlas(outcomes):
     scenes = sum(outcomes["default"])
     for file in (ROOT / "README.md", SITE / "verification.md"):
-        pattern = r"(\d+) scenes that are known to break contact codes, (?:solved )?by up to (\d+)"
+        pattern = (
+            r"(\d+) problems that are known to break contact codes, (?:solved )?by up to (\d+)"
+        )
         assert quoted(file, pattern) == [scenes, len(outcomes)]
     assert quoted(STUDIES / "stability" / "README.md", r"what becomes of (\d+) difficult") == [
         scenes
@@ -59,7 +61,7 @@ def test_outcomes_of_the_default_method(outcomes):
 def test_random_scenes():
     (total,) = [row for row in rows(STUDIES / "stability" / "README.md") if row[0] == "all"]
     for file in (ROOT / "README.md", SITE / "verification.md"):
-        assert quoted(file, r"(\d+) random scenes") == [int(total[1])]
+        assert quoted(file, r"(\d+) random problems") == [int(total[1])]
 
 
 def test_share_of_contact_in_an_iteration():
@@ -100,10 +102,20 @@ def test_cost_of_an_accuracy_and_gain_of_grading():
     ]
 
 
-def test_the_readme_has_ten_features_eight_limits_and_all_demos():
+def test_the_readme_has_one_table_with_all_demos_and_eight_limits():
     text = (ROOT / "README.md").read_text()
     parts = dict(re.findall(r"^## ([^\n]*)\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL))
-    assert len(re.findall(r"^\| \w", parts["What it does"], re.MULTILINE)) == 10
+    assert len(re.findall(r"^\|---", text, re.MULTILINE)) == 1
     assert len(re.findall(r"^- ", parts["Limits"], re.MULTILINE)) == 8
     demos = {file.stem for file in (ROOT / "demos").glob("demo_*.py")}
-    assert demos == set(re.findall(r"demos/(demo_\w+)\.py", parts["Demos"]))
+    assert demos == set(re.findall(r"demos/(demo_\w+)\.py", parts["What it does"]))
+
+
+def test_links_to_sections_of_the_limits_lead_to_sections():
+    titles = re.findall(r"^#+ (.*)$", (ROOT / "demos/guide/limits.md").read_text(), re.MULTILINE)
+    sections = {title.lower().replace(" ", "-") for title in titles}
+    pages = [ROOT / "README.md", *(ROOT / "demos").glob("**/*.md")]
+    linked = {
+        anchor for page in pages for anchor in re.findall(r"limits\.md#([\w-]+)", page.read_text())
+    }
+    assert len(linked) >= 7 and linked <= sections

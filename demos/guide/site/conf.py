@@ -10,10 +10,7 @@ os.environ["NUMBA_DISABLE_JIT"] = "1"  # kernels are documented as plain functio
 root = Path(__file__).resolve().parents[3]
 sys.path[:0] = [str(root)]
 
-from docutils import nodes
-from docutils.utils.math import MathError
-from docutils.utils.math.latex2mathml import tex2mathml
-from sphinx.util import logging
+from sphinx.util.nodes import make_refnode
 
 import fenics_mortar
 
@@ -25,6 +22,7 @@ version = release = fenics_mortar.__version__
 extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
+    "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
     "sphinx_copybutton",
@@ -41,16 +39,20 @@ napoleon_use_rtype = False
 napoleon_use_ivar = True
 napoleon_attr_annotations = False
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"  # the docstrings give types, shapes and units
+autodoc_typehints = "signature"  # the docstrings give shapes and units
+autodoc_typehints_format = "short"
+autodoc_type_aliases = {name: name for name in ("Array", "Flags", "Indices")}
+python_maximum_signature_line_length = 80
+python_display_short_literal_types = True
 add_module_names = False
 toc_object_entries = False  # headings suffice
 nitpicky = True
-# Bases outside of the package, which this site does not describe.
-nitpick_ignore_regex = [("py:.*", r"(?!fenics_mortar).*")]
+# Bases outside of the package, which this site does not describe, and variables of types.
+nitpick_ignore_regex = [("py:.*", r"(?!fenics_mortar).*"), ("py:class", r"fenics_mortar\..*\.T")]
+suppress_warnings = ["ref.python"]  # two internal classes of one name in signatures
 
 html_static_path = ["static"]
 html_css_files = ["site.css"]
-html_math_renderer = "mathml"
 
 html_theme = "sphinx_book_theme"
 html_title = "fenics_mortar"
@@ -62,29 +64,6 @@ html_theme_options = {
 }
 html_show_copyright = False
 html_copy_source = False
-
-
-def formula(text, *, display):
-    """A formula as MathML, which browsers draw without scripts and without a network."""
-    try:
-        return str(tex2mathml(text, as_block=display))
-    except MathError as error:
-        logging.getLogger(__name__).warning("formula %s: %s", text, error)
-        return ""
-
-
-def visit_math(translator, node):
-    """Write an inline formula."""
-    translator.body.append(formula(node.astext(), display=False))
-    raise nodes.SkipNode
-
-
-def visit_display(translator, node):
-    """Write a displayed formula, in a box that scrolls on narrow screens."""
-    translator.body.append('<div class="formula">')
-    translator.body.append(formula(node.astext(), display=True))
-    translator.body.append("</div>")
-    raise nodes.SkipNode
 
 
 MODULES = {path.stem: path for path in (root / "fenics_mortar").rglob("*.py")}
@@ -101,11 +80,31 @@ def link(match):
     return f"{match[1]} :py:mod:`{match[2]} <{module}>`"
 
 
+# On the first page of the reference, once for all.
+SAID = r"(?:Collective|All methods are collective|The constructor is collective)\."
+COLLECTIVE = re.compile(
+    rf"(?m)^\.\. note::\s+{SAID}\s*$| \(collective\)|; collective(?=\.)|(?: |^){SAID}"
+)
+
+
 def edit_docstring(app, what, name, obj, options, lines):
     """Link modules; escape |x|, which reStructuredText would treat as a substitution."""
-    pieces = TABLES.split("\n".join(lines).replace("|", "\N{DIVIDES}"))
+    text = "\n".join(lines).replace("|", "\N{DIVIDES}")
+    if app.env.docname.startswith("reference/"):
+        text = COLLECTIVE.sub("", text)
+    pieces = TABLES.split(text)
     pieces[::2] = [SEE.sub(link, piece) for piece in pieces[::2]]
     lines[:] = "".join(pieces).split("\n")
+
+
+def find_type(app, env, node, contnode):
+    """Link types in signatures, named by their modules, to the page of the public name."""
+    name = node.get("reftarget", "").rpartition(".")[2]
+    objects = env.domains["py"].objects
+    for package in ("fenics_mortar", "fenics_mortar.sensitivity", "fenics_mortar.laws"):
+        if found := objects.get(f"{package}.{name}"):
+            return make_refnode(app.builder, node["refdoc"], found.docname, found.node_id, contnode)
+    return None
 
 
 def skip_fields(app, what, name, obj, skip, options):
@@ -114,7 +113,7 @@ def skip_fields(app, what, name, obj, skip, options):
 
 
 def setup(app):
-    """Register the renderer of formulas and the editing of docstrings."""
-    app.add_html_math_renderer("mathml", (visit_math, None), (visit_display, None))
+    """Register the editing of docstrings."""
     app.connect("autodoc-process-docstring", edit_docstring)
     app.connect("autodoc-skip-member", skip_fields)
+    app.connect("missing-reference", find_type)

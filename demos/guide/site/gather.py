@@ -9,7 +9,6 @@ module of the package, otherwise to a copy of the file. A broken link is an erro
 
 from __future__ import annotations
 
-import inspect
 import os
 import re
 import shutil
@@ -18,42 +17,24 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import jupytext
-
-import fenics_mortar
-from fenics_mortar.contact.pair_side import PairSide
-from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.equations.reaction import Reaction
-from fenics_mortar.newton.report import Iteration
-from fenics_mortar.path.report import PathStep
-from fenics_mortar.verify.finding import Finding
-from fenics_mortar.verify.matrices import OperatorMatrices
+from gallery import Demo, all_demos, demos
+from reference import (
+    GROUPS,
+    about_module,
+    automodule,
+    documented,
+    group_of,
+    in_reference,
+    options_of,
+    rank,
+)
 
 SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[2]
+PICTURE_OF_CARD = re.compile(r"^:img-top: (\S+)$", re.MULTILINE)
 LINK = re.compile(r"(!?)\[((?:`[^`]*`|[^\]`])*)\]\(([^()#\s:]+)(#[^()\s]*)?\)")
 FENCE = re.compile(r"^(```.*?^```$)", re.MULTILINE | re.DOTALL)
-# Pages of the reference: title, and folders of the package whose public names they contain.
-GROUPS = {
-    "problem": ("The problem and its results", ("problem", "equations", "newton")),
-    "meshes": ("Meshes, spaces and supports", ("mesh", "utils.compat")),
-    "energies": ("Energies of the bodies", ("energies",)),
-    "pairs": ("Contact pairs", ("contact",)),
-    "laws": ("Contact laws", ("laws", "contact.laws", "contact.law", "contact.nodal")),
-    "obstacles": ("Rigid obstacles", ("obstacles", "rigid")),
-    "paths": ("Load steps and dynamics", ("path", "bulk")),
-    "sensitivities": ("Sensitivities", ("sensitivity",)),
-    "models": ("Choice of the model", ("models",)),
-    "verification": ("Verification of results", ("verify",)),
-    "files": ("Files and pictures", ("io",)),
-    "errors": ("Errors", ("utils",)),
-    "further": ("Further names", ()),
-}
-# Classes whose instances are created by the package, not by users.
-MET = (Finding, Iteration, InterfaceState, PathStep, OperatorMatrices, PairSide, Reaction)
-# Members of laws and obstacles are described once, at their base classes.
-NOT_REPEATED = "ABC, BaseException, Exception, tuple, Law, Obstacle"
-OF_CLASSES = ("   :members:", f"   :inherited-members: {NOT_REPEATED}")
-STEPS = ("two_blocks", "finite_strain", "friction", "enough", "research")
+STEPS = ("two_blocks", "finite_strain", "friction", "errors", "research")
 
 
 def pages_of_files() -> dict[str, str]:
@@ -62,31 +43,26 @@ def pages_of_files() -> dict[str, str]:
         "README.md": "index.md",
         "CHANGELOG.md": "changelog.md",
         "CONTRIBUTING.md": "contributing.md",
-        "demos/README.md": "gallery.md",
+        "demos/README.md": "demos.md",
         "demos": "demos.md",
         "demos/guide": "index.md",
         "demos/studies/README.md": "studies/index.md",
         "demos/studies": "studies/index.md",
     }
-    for name in ("installation", "features", "laws", "limits", "thresholds"):
-        pages[f"demos/guide/{name}.md"] = f"{name}.md"
+    for file in sorted((ROOT / "demos" / "guide").glob("*.md")):
+        pages[str(file.relative_to(ROOT))] = file.name
+    for file in sorted((ROOT / "demos" / "guide" / "features").glob("*.md")):
+        pages[str(file.relative_to(ROOT))] = f"features/{file.name}"
     for file in sorted((ROOT / "demos" / "studies").glob("*/*.md")):
         study = file.parent.name
         name = study if file.name == "README.md" else f"{study}_{file.stem}"
         name = f"{study}_numbers" if file.stem == study else name
         pages[str(file.relative_to(ROOT))] = f"studies/{name}.md"
-    for file in demos():
-        pages[str(file.relative_to(ROOT))] = f"demos/{file.stem.removeprefix('demo_')}.md"
+    for demo in all_demos():
+        pages[str(demo.script.relative_to(ROOT))] = f"demos/{demo.name}.md"
     for file in sorted(SITE.rglob("*.md")):
         pages[str(file.relative_to(ROOT))] = str(file.relative_to(SITE))
     return pages
-
-
-def demos() -> list[Path]:
-    """All demos, starting with the one to be read first."""
-    return sorted(
-        (ROOT / "demos").glob("demo_*.py"), key=lambda demo: (demo.stem != "demo_two_blocks", demo)
-    )
 
 
 class Gathered:
@@ -112,13 +88,16 @@ class Gathered:
         for file, page in self._pages.items():
             if file.endswith(".md") and file != "README.md" and (ROOT / file).exists():
                 self._put(page, file, (ROOT / file).read_text())
-        for demo in demos():
+        for demo in all_demos():
             self._write_demo(demo)
         self._write_tutorial()
-        self._write_index_of_demos()
+        self._write_gallery()
+        self._write_program()
         self._write_modules()
         self._write_reference()
-        self._list_studies()
+        self._list_pages("studies/index.md", "studies")
+        self._list_pages("features.md", "features")
+        self._put_below("contributing.md", ["thresholds"])
         if self._lost:
             raise SystemExit("links that lead nowhere:\n" + "\n".join(self._lost))
 
@@ -138,7 +117,11 @@ class Gathered:
             picture, label, target, anchor = match.groups()
             return self._link(picture, label, target, anchor or "", page, origin)
 
-        return LINK.sub(new, text)
+        def copied(match: re.Match[str]) -> str:
+            picture = self._copy(((ROOT / origin).parent / match[1]).resolve())
+            return f":img-top: {os.path.relpath(picture, PurePosixPath(page).parent)}"
+
+        return LINK.sub(new, PICTURE_OF_CARD.sub(copied, text))
 
     def _link(
         self, picture: str, label: str, target: str, anchor: str, page: str, origin: str
@@ -169,19 +152,14 @@ class Gathered:
 
     # Literate scripts
 
-    def _write_demo(self, demo: Path) -> None:
-        origin = str(demo.relative_to(ROOT))
-        name = demo.stem.removeprefix("demo_")
-        text = as_markdown(jupytext.read(demo).cells)
-        title, rest = text.split("\n", 1)
-        run = f"`bash demos/run.sh {name}` runs it. Source: [`{demo.name}`]({demo.name})\n"
-        pictures = [
-            f"![{title.removeprefix('# ')}](pictures/{picture.name})\n"
-            for picture in pictures_of(name)
-        ]
+    def _write_demo(self, demo: Demo) -> None:
+        origin = str(demo.script.relative_to(ROOT))
+        title, rest = as_markdown(jupytext.read(demo.script).cells).split("\n", 1)
+        source = f"[`{demo.script.name}`]({demo.script.name})"
+        run = f"`bash demos/run.sh {demo.name}` runs it. Source: {source}"
         self._pages.pop(origin)  # the link to its source
-        self._put(f"demos/{name}.md", origin, "\n".join([title, "", run, *pictures, rest]))
-        self._pages[origin] = f"demos/{name}.md"
+        self._put(f"demos/{demo.name}.md", origin, "\n".join([title, "", run, "", demo.text, rest]))
+        self._pages[origin] = f"demos/{demo.name}.md"
 
     def _write_tutorial(self) -> None:
         script = SITE.parent / "tutorial.py"
@@ -199,27 +177,33 @@ class Gathered:
         for name, cells in zip(STEPS, steps):
             self._put(f"tutorial/{name}.md", "demos/guide/tutorial.py", as_markdown(cells))
 
-    def _write_index_of_demos(self) -> None:
+    def _write_gallery(self) -> None:
+        """Cards of all demos by subject, instead of their texts, which are on their own pages."""
         path = self._folder / "demos.md"
-        cards = []
-        for demo in demos():
-            name = demo.stem.removeprefix("demo_")
-            title = demo.read_text().split("\n", 1)[0].removeprefix("# # ")
-            pictures = pictures_of(name)
-            image = [f":img-top: {self._copy(pictures[0])}"] if pictures else []
-            cards.append(
-                "\n".join([f":::{{grid-item-card}} {title}", f":link: demos/{name}",
-                           ":link-type: doc", *image, ":::\n"])
-            )  # fmt: skip
-        names = "\n".join(f"demos/{demo.stem.removeprefix('demo_')}" for demo in demos())
-        text = path.read_text()
-        path.write_text(text.replace("<cards>", "\n".join(cards)).replace("<names>", names))
+        lines = [path.read_text().split("\n## ", 1)[0], ""]
+        for subject, of_subject in demos().items():
+            lines += [f"## {subject}", "", ":::::{grid} 1 2 2 3", ":gutter: 3", ""]
+            for demo in of_subject:
+                picture = self._copy(ROOT / "demos" / "pictures" / f"{demo.name}.png")
+                lines += [f":::{{grid-item-card}} {demo.title}", f":link: demos/{demo.name}"]
+                lines += [":link-type: doc", f":img-top: {picture}", "", demo.level, ":::", ""]
+            lines += [":::::", ""]
+        path.write_text("\n".join(lines))
+        self._put_below("demos.md", [f"demos/{demo.name}" for demo in all_demos()])
+
+    def _write_program(self) -> None:
+        """The program of the README, which the pages of features continue."""
+        path = self._folder / "start.md"
+        program = re.search(r"^```python$.*?^```$", (ROOT / "README.md").read_text(), re.M | re.S)
+        path.write_text(path.read_text().replace("<program>", program[0]))
 
     def _write_reference(self) -> None:
         """A page for each group of public names, and a table of all."""
         found: dict[str, list[str]] = {group: [] for group in GROUPS}
         for full, thing in in_reference().items():
             found[group_of(thing)].append(full)
+        for names_on_page in found.values():
+            names_on_page.sort(key=lambda full: rank(full.rpartition(".")[2]))
         (self._folder / "reference").mkdir()
         tables = []
         groups = [group for group in GROUPS if found[group]]
@@ -242,9 +226,19 @@ class Gathered:
         text = path.read_text().replace("<tables>", "\n".join(tables))
         path.write_text(text.replace("<names>", names))
 
-    def _list_studies(self) -> None:
-        path = self._folder / "studies" / "index.md"
-        names = "\n".join(sorted(file.stem for file in path.parent.glob("*.md") if file != path))
+    def _list_pages(self, first: str, folder: str) -> None:
+        """Put the pages of a folder below its first page, in the order of the links on it."""
+        path = self._folder / first
+        text = path.read_text()
+        files = [file for file in sorted((self._folder / folder).glob("*.md")) if file != path]
+        pages = [os.path.relpath(file.with_suffix(""), path.parent) for file in files]
+        pages.sort(key=lambda page: text.find(f"({page}.md") % (len(text) + 1))
+        self._put_below(first, pages)
+
+    def _put_below(self, first: str, pages: list[str]) -> None:
+        """Put pages below another one in the navigation."""
+        path = self._folder / first
+        names = "\n".join(pages)
         path.write_text(f"{path.read_text()}\n```{{toctree}}\n:hidden:\n\n{names}\n```\n")
 
     def _write_modules(self) -> None:
@@ -265,63 +259,6 @@ class Gathered:
             names.append(f"modules/{name}")
         path = self._folder / "modules.md"
         path.write_text(path.read_text().replace("<names>", "\n".join(names)))
-
-
-def in_reference() -> dict[str, Any]:
-    """All objects of the reference by full names."""
-    package = fenics_mortar
-    public = {f"fenics_mortar.{name}": getattr(package, name) for name in package.__all__}
-    known = set(map(id, public.values()))
-    modules = package.energies, package.laws, package.sensitivity
-    of_modules = [getattr(module, name) for module in modules for name in module.__all__]
-    met = [*(thing for thing in of_modules if id(thing) not in known), *MET]
-    return public | {f"{cls.__module__}.{cls.__qualname__}": cls for cls in met}
-
-
-def group_of(thing: Any) -> str:
-    """The page of the reference of a public name, by the longest match of its module."""
-    module = thing.__module__.removeprefix("fenics_mortar.")
-    matches = [(len(place), group) for group, (_, places) in GROUPS.items() for place in places
-               if f"{module}.".startswith(f"{place}.")]  # fmt: skip
-    return max(matches, default=(0, "further"))[1]
-
-
-def documented(thing: Any) -> tuple[str, str]:
-    """Directive of a public name, and the first paragraph of its docstring."""
-    kind = "exception" if inspect.isclass(thing) and issubclass(thing, Exception) else "class"
-    about = (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ").replace("|", "\\|")
-    return kind if inspect.isclass(thing) else "function", about.replace("``", "`")
-
-
-def options_of(cls: type) -> list[str]:
-    """Options of the directive of a class; bases are shown if the reference has one of them."""
-    has_base = any(base in in_reference().values() for base in cls.__bases__)
-    return [*OF_CLASSES, *(["   :show-inheritance:"] if has_base else [])]
-
-
-def about_module(module: str) -> list[str]:
-    """Directive with the docstring of a module alone."""
-    return ["```{eval-rst}", f".. automodule:: {module}", "   :no-members:", "```", ""]
-
-
-def automodule(module: str) -> list[str]:
-    """Directive with the documentation of a module."""
-    elsewhere = {full.rpartition(".")[2]: full for full, thing in in_reference().items()
-                 if thing.__module__ == module}  # fmt: skip
-    lines = ["```{eval-rst}", f".. automodule:: {module}", "   :members:"]
-    lines += ["   :ignore-module-all:"]
-    if not elsewhere:
-        return [*lines, "```", ""]
-    links = ", ".join(f"{{py:obj}}`{name} <{full}>`" for name, full in elsewhere.items())
-    excluded = f"   :exclude-members: {', '.join(elsewhere)}"
-    return [*lines, excluded, "```", "", f"In the reference: {links}.", ""]
-
-
-def pictures_of(demo: str) -> list[Path]:
-    """Pictures of a demo: its name, and its name followed by a word."""
-    folder = ROOT / "demos" / "pictures"
-    return [path for path in (folder / f"{demo}.png", *sorted(folder.glob(f"{demo}_*.png")))
-            if path.exists()]  # fmt: skip
 
 
 def standing_alone(notebook: Any) -> Any:

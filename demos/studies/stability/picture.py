@@ -72,7 +72,7 @@ def draw_map(cells: Cells) -> Figure:
     height = 0.155 * rows + HEAD + FOOT
     figure = Figure((WIDTH, height))
     figure.suptitle(
-        "Stability atlas: what becomes of each scene by each method",
+        "Difficult problems: what becomes of each by each method",
         fontsize=12,
         weight="bold",
         y=1.0 - 0.18 / height,
@@ -200,7 +200,7 @@ def draw_iterations(cells: Cells) -> Figure:
 
 def table(cells: Cells) -> str:
     """Markdown: a summary, one table per family, and why cells failed or are wrong."""
-    parts = ["# Stability atlas", summary(cells)]
+    parts = ["# Difficult problems by method", summary(cells)]
     parts.append(
         "Numbers are Newton iterations per accepted load step; `c n`: n steps were cut; "
         "`wrong`, `failed`: see the reasons below the table; `dead end`: the driver has shown that "
