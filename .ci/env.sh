@@ -8,8 +8,20 @@ case ":${PYTHONPATH:-}:" in
     *":$_fm_root:"*) ;;
     *) export PYTHONPATH="$_fm_root${PYTHONPATH:+:$PYTHONPATH}" ;;
 esac
-# Debian's Python with Debian's packages: neither those of another Python nor those of ~/.local,
-# which may hold a numpy that dolfinx was not built with.
+# The Python and the mpirun of the set-up (.ci/setup.sh): those of this clone's .venv, if it was made, or
+# Debian's. Neither sees packages of another Python or of ~/.local, which may hold a numpy that
+# dolfinx was not built with.
+if [ -e "$_fm_root/.venv/complete" ] && [ "${FENICS_MORTAR_SETUP:-}" != debian ]; then
+    export FENICS_MORTAR_PYTHON="$_fm_root/.venv/bin/python"
+    export FENICS_MORTAR_MPIRUN="$_fm_root/.venv/bin/mpirun"
+    case ":$PATH:" in
+        *":$_fm_root/.venv/bin:"*) ;;
+        *) export PATH="$_fm_root/.venv/bin:$PATH" ;;
+    esac
+else
+    export FENICS_MORTAR_PYTHON=/usr/bin/python3
+    export FENICS_MORTAR_MPIRUN=/usr/bin/mpirun.openmpi
+fi
 unset PYTHONHOME
 export PYTHONNOUSERSITE=1
 

@@ -1,7 +1,7 @@
 # # Two blocks pressed together
 #
 # This demo shows how to
-# - name bodies and contact surfaces in gmsh and read them under `mpirun`,
+# - make a mesh of bodies with named surfaces, also under `mpirun`,
 # - write any bulk energy in UFL,
 # - put two surfaces in contact with one line,
 # - solve load steps by the semismooth Newton method, and look at the results.
@@ -16,7 +16,6 @@
 # +
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 
 import ufl
@@ -25,21 +24,17 @@ from dolfinx import fem
 import this_clone
 
 import fenics_mortar as fm
-from meshes import two_blocks
+from meshes.mapped_grids import Grid, block, mesh
 
 comm = MPI.COMM_WORLD
 # -
 
-# The mesh is made on the first rank; a file works the same: `fm.read_gmsh("blocks.msh", comm)`.
+# The sides of a grid are named `upper/bottom` and so on. A gmsh file or model with names, as of
+# `meshes/two_blocks.py`, works the same: `fm.read_gmsh("two_blocks.msh", comm)`.
 
-model = None
-if comm.rank == 0:
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
-    model = two_blocks.build()
-blocks = fm.read_gmsh(model, comm)
-if comm.rank == 0:
-    gmsh.finalize()
+upper = Grid("upper", block(10, 10, width=1.0, height=1.0, corner=(0.6, 1.0)))
+lower = Grid("lower", block(20, 10, width=2.2, height=1.0))
+blocks = mesh([upper, lower], comm=comm)
 
 # The bulk: displacement, energy and residual are plain UFL [mm, MPa].
 

@@ -27,7 +27,7 @@ fi
 bash "$root/.ci/setup.sh" demo
 # shellcheck source=.ci/env.sh
 . "$root/.ci/env.sh"
-command=(/usr/bin/mpirun.openmpi -n "$ranks" /usr/bin/python3 "$script")
+command=("$FENICS_MORTAR_MPIRUN" -n "$ranks" "$FENICS_MORTAR_PYTHON" "$script")
 echo "+ ${command[*]}"
 echo "(the first run compiles the kernels and forms, and keeps them for the next)"
 start=$(date +%s)

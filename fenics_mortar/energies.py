@@ -58,7 +58,15 @@ def lame(E: Any, nu: Any) -> tuple[Any, Any]:
 
     Returns:
         mu, the shear modulus, and lambda.
+
+    Raises:
+        ValueError: If ``nu`` is a number that is not between -1 and 0.5.
     """
+    if isinstance(nu, (int, float)) and not -1.0 < nu < 0.5:
+        raise ValueError(
+            f"nu={nu:g}: expected a number above -1 and below 0.5; incompressible bodies have a "
+            "pressure as second unknown, see mixed_neo_hookean and mixed_linear_elastic"
+        )
     return E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
 
 

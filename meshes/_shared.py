@@ -10,13 +10,7 @@ from typing import Any
 import gmsh
 import numpy as np
 
-CELLS = ("triangle", "quadrilateral")
-
-
-def check_cell(cell: str) -> None:
-    """Raise ``ValueError`` if ``cell`` is neither triangle nor quadrilateral."""
-    if cell not in CELLS:
-        raise ValueError(f"cell is {cell!r}; right is one of {CELLS}")
+from meshes.mapped_grids import check_cell
 
 
 def add_points(x: Sequence[Sequence[float]]) -> list[int]:

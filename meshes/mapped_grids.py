@@ -3,7 +3,8 @@
 
 A body is an array of positions, (columns + 1, rows + 1, 2), the first index running along the
 bottom from left to right, the second from bottom to top. So every node is where the formula of the
-body puts it, the same with all releases of gmsh, and a surface may have any shape.
+body puts it, the same with all releases of gmsh, and a surface may have any shape. ``mesh`` needs
+no gmsh, ``build`` makes a model of it.
 """
 
 from __future__ import annotations
@@ -14,13 +15,12 @@ from typing import Any
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 import fenics_mortar as fm
-from meshes._shared import check_cell, name_group, write
 
+CELLS = ("triangle", "quadrilateral")
 SIDES = ("bottom", "right", "top", "left")
 # The nodes of a facet, and those of the cells that a square of nodes is made into, by order and as
 # gmsh counts them.
@@ -37,6 +37,12 @@ NODES: dict[str, dict[int, list[list[tuple[int, int]]]]] = {
     },
 }
 GMSH_FAMILIES = {"triangle": "Triangle", "quadrilateral": "Quadrangle"}
+
+
+def check_cell(cell: str) -> None:
+    """Raise ``ValueError`` if ``cell`` is neither triangle nor quadrilateral."""
+    if cell not in CELLS:
+        raise ValueError(f"cell is {cell!r}; right is one of {CELLS}")
 
 
 @dataclass(frozen=True)
@@ -141,6 +147,10 @@ def mesh(grids: Sequence[Grid], *, comm: MPI.Comm = MPI.COMM_WORLD, **options: A
 
 def build(grids: Sequence[Grid], *, cell: str = "quadrilateral", order: int = 1) -> Any:
     """Build all bodies as a new model of the running gmsh session; return ``gmsh.model``."""
+    import gmsh
+
+    from meshes._shared import name_group
+
     found = arrays(grids, cell=cell, order=order)
     x = np.pad(found["points"], ((0, 0), (0, 1)))
     gmsh.model.add("mapped_grids")
@@ -182,4 +192,6 @@ def wheel_on_block() -> Any:
 
 
 if __name__ == "__main__":
+    from meshes._shared import write
+
     write(wheel_on_block, "mapped_grids.msh")

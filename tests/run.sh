@@ -10,6 +10,7 @@
 #                         tests marked long, which see on long paths or fine meshes what others see
 # FENICS_MORTAR_LONG      1: those marked long in serial, whatever the number of cases
 # FENICS_MORTAR_RUNS      which of these runs, "serial 2 3 kernels" if not set
+# FENICS_MORTAR_WITHOUT   folders that are left out in serial, as "tests/io tests/la"
 # FENICS_MORTAR_TIMEOUT   seconds without the end of a test after which one of these runs counts as
 #                         hanging (1200); how long the run takes does not matter, as on a slow machine
 
@@ -27,7 +28,7 @@ scratch=$(mktemp -d "${TMPDIR:-/tmp}/fenics_mortar-tests.XXXXXX")
 trap 'rm -rf "$scratch"' EXIT
 color=no # decided here: mpirun gives each rank a terminal of its own
 if [ -t 1 ]; then color=yes; fi
-pytest=(/usr/bin/python3 -m pytest "--color=$color")
+pytest=("$FENICS_MORTAR_PYTHON" -m pytest "--color=$color")
 # Files of tests over the cores; each test is on one rank. (nproc would answer with OMP_NUM_THREADS.)
 spread=(-n "$(env -u OMP_NUM_THREADS nproc)" --dist loadfile)
 # xdist 3.7 and later would begin with files of many tests, not with those of long ones.
@@ -42,6 +43,7 @@ on_three=(tests/interface/test_{surfaces,bad_surfaces,operators}.py
     tests/path/test_{stepping,dead_end}.py tests/verification/test_invariance.py)
 failed=0
 summary=()
+without=()
 
 run() { # TITLE COMMAND...: run it, and note how it ended
     local title=$1 code=0 start=$SECONDS outcome=passed
@@ -49,7 +51,7 @@ run() { # TITLE COMMAND...: run it, and note how it ended
     echo
     echo "##### $title"
     # Also prints the tests that failed or were running, if the run is stopped.
-    /usr/bin/python3 "$root/tests/watch.py" "$limit" "$@" || code=$?
+    "$FENICS_MORTAR_PYTHON" "$root/tests/watch.py" "$limit" "$@" || code=$?
     if [ $code -ne 0 ]; then
         failed=1
         outcome="FAILED (exit code $code)"
@@ -68,9 +70,9 @@ run_ranks() { # N ARGUMENTS...: pytest on N ranks; rank 0 prints, the others onl
     shift
     mkdir -p "$logs"
     # shellcheck disable=SC2016
-    if ! run "tests on $ranks ranks" /usr/bin/mpirun.openmpi -n "$ranks" bash -c '
+    if ! run "tests on $ranks ranks" "$FENICS_MORTAR_MPIRUN" -n "$ranks" bash -c '
         logs=$1; shift
-        rank=${OMPI_COMM_WORLD_RANK:?not started by Open MPI}
+        rank=${OMPI_COMM_WORLD_RANK:-${PMI_RANK:?not started by Open MPI or MPICH}}
         if [ "$rank" != 0 ]; then exec >"$logs/rank-$rank" 2>&1; fi
         exec "$@"' rank "$logs" "${pytest[@]}" -p no:cacheprovider "$@"; then
         for file in "$logs"/rank-*; do
@@ -86,9 +88,10 @@ if [ $# -gt 0 ]; then
 else
     export FENICS_MORTAR_CASES="${FENICS_MORTAR_CASES:-2}"
     parallel=(-m "not serial and not demo")
+    for folder in ${FENICS_MORTAR_WITHOUT:-}; do without+=("--ignore=$folder"); done
     for name in ${FENICS_MORTAR_RUNS:-serial 2 3 kernels}; do
         case "$name" in
-            serial) run "tests in serial" "${pytest[@]}" "${spread[@]}" --durations=15 --durations-min=4 || true ;;
+            serial) run "tests in serial" "${pytest[@]}" "${spread[@]}" --durations=15 --durations-min=4 "${without[@]}" || true ;;
             2) run_ranks 2 "${parallel[@]}" --ignore-glob='tests/rigid/test_supported*.py' "${on_three[@]/#/--ignore=}" ;;
             3) run_ranks 3 "${parallel[@]}" "${on_three[@]}" ;;
             kernels)

@@ -85,6 +85,11 @@ class ContactPair:
             self._set_up(discretization)
         with together(data.mesh.comm, "ContactPair"):
             self._set_up(discretization)
+            if isinstance(slave, Obstacle):
+                raise ValueError(
+                    f"slave={slave!r}: an obstacle has no multiplier and can only be the master; "
+                    "expected ContactPair(data, name of a boundary, obstacle)"
+                )
             self.slave_tags = data.boundary_tags(slave)
             if not (master is None or isinstance(master, Obstacle)):
                 data.boundary_tags(master)

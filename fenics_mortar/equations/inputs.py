@@ -47,7 +47,7 @@ from fenics_mortar.utils.errors import (
     together,
 )
 from fenics_mortar.utils.rounding import ROUNDING, SAME_PLACE
-from fenics_mortar.verify.obstacle_gradient import check_user_gradient
+from fenics_mortar.verify.checks.obstacle_gradient import check_user_gradient
 
 
 class Inputs:

@@ -137,7 +137,7 @@ class Solver:
             for contact, (partners, instant) in zip(e.contacts, accepted, strict=True):
                 contact.change(accepted_partners=partners, accepted_instant=instant)
             e.crossings.leave()
-            raise _wrong_state(report, violations)
+            raise _wrong_state(report, violations, moving=e.bulk.inertia is not None)
         e.crossings.accept(e.motions.places)
         return report
 
@@ -250,11 +250,14 @@ class Solver:
             contact.start_step()
 
 
-def _wrong_state(report: NewtonReport, violations: Sequence[str]) -> NotConvergedError:
-    """Error for a state that violates its certificate, with advice."""
+def _wrong_state(
+    report: NewtonReport, violations: Sequence[str], *, moving: bool
+) -> NotConvergedError:
+    """Error for a state that violates its certificate, with advice; ``Dynamics`` accepts none."""
     report.reason = f"converged to a wrong state: {'; '.join(violations)}"
     report.converged = False
     smaller = any("smaller steps" in message or "inverted" in message for message in violations)
-    advice = "follow_path reverts and cuts such a step; " * smaller
-    message = f"{report.reason}; {advice}solve(accept_violations=True) returns the state"
-    return NotConvergedError(message, report)
+    advice = "follow_path reverts and cuts such a step; " * (smaller and not moving)
+    if not moving:
+        advice += "solve(accept_violations=True) returns the state"
+    return NotConvergedError("; ".join(filter(None, (report.reason, advice))), report)

@@ -7,9 +7,53 @@ may drop the inf and nan that indicate a failed projection.
 """
 
 import logging
+import os
+import sys
+import time
 
 import numba
 from numba.core.compiler import Compiler
+
+# Seconds of compilation between two messages on standard error.
+INTERVAL = 5.0
+# Variables in which Open MPI, MPICH and Slurm give the number of the rank: one rank is enough.
+RANK = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID")
+
+
+class _Progress:
+    """Kernels defined and compiled in this process, and the time that it took.
+
+    Where compilation takes long, as in the first run, standard error says how far it is.
+    """
+
+    def __init__(self) -> None:
+        self.defined = self.compiled = 0
+        self._depth, self._began, self._spent, self._next = 0, 0.0, 0.0, INTERVAL
+        self._prints = next((os.environ[v] for v in RANK if v in os.environ), "0") == "0"
+
+    def begin(self) -> None:
+        """A kernel is compiled now, perhaps within another one that calls it."""
+        self.compiled += 1
+        if self._depth == 0:
+            self._began = time.monotonic()
+        self._depth += 1
+        seconds = self._spent + time.monotonic() - self._began
+        if seconds >= self._next and self._prints:
+            self._next = seconds + INTERVAL
+            print(
+                f"fenics_mortar: compiling kernel {self.compiled} of about {self.defined} "
+                f"({seconds:.0f} s; later runs load them from the cache)",
+                file=sys.stderr, flush=True,
+            )  # fmt: skip
+
+    def end(self) -> None:
+        """The kernel is compiled."""
+        self._depth -= 1
+        if self._depth == 0:
+            self._spent += time.monotonic() - self._began
+
+
+_progress = _Progress()
 
 
 class _NamingCompiler(Compiler):
@@ -23,7 +67,17 @@ class _NamingCompiler(Compiler):
         logging.getLogger("fenics_mortar").info(
             "compiling the kernel %s; later runs load it from the cache", func.__qualname__
         )
-        return super().compile_extra(func)
+        _progress.begin()
+        try:
+            return super().compile_extra(func)
+        finally:
+            _progress.end()
 
 
-kernel = numba.njit(cache=True, error_model="numpy", pipeline_class=_NamingCompiler)
+_compiled = numba.njit(cache=True, error_model="numpy", pipeline_class=_NamingCompiler)
+
+
+def kernel(function):
+    """Decorate a function that numba compiles at its first call with each kind of arguments."""
+    _progress.defined += 1
+    return _compiled(function)

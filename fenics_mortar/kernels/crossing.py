@@ -153,17 +153,17 @@ def is_out_at_once(outlines, links, f, forward, P, p):
 
 
 @kernel
-def depth_along(outlines, links, allowed, traces, useds, counts, forwards, order, walked):
+def depth_along(outlines, links, allowed, traces, useds, counts, forwards, one, walked):
     """Largest depth of the nodes of one trace below the other: (depth / facet, depth).
 
-    ``outlines`` = (x, segments, lengths, bodies); ``order``: numbers of the two traces; ``allowed``
+    ``outlines`` = (x, segments, lengths, bodies); ``one``: number of the trace, 0 or 1; ``allowed``
     overlaps are subtracted. The trace is followed until it leaves the body, or its depth decreases
     and is above one facet; the distance is that from edges of the other trace at a similar arc
     length. ``walked`` (m, 2) marks segments by direction with the body they were followed in, so
     that no segment is followed twice.
     """
     x, segments, lengths, bodies = outlines
-    one, two = order
+    two = 1 - one
     trace, used, other = traces[one], useds[one], traces[two]
     max_facets, depth, distance, near = 0.0, 0.0, 0.0, 0
     body, direction = bodies[useds[two][0]], int(forwards[one])
@@ -220,9 +220,13 @@ def crossing_depth(outlines, links, allowed, pair, P, work, walked):
     begin_trace(x, segments, second, used_2, f, on_f, P)
     counts[:] = 1
     traces, useds, forwards = (first, second), (used_1, used_2), (on_e, on_f)
-    one = depth_along(outlines, links, allowed, traces, useds, counts, forwards, (0, 1), walked)
-    two = depth_along(outlines, links, allowed, traces, useds, counts, forwards, (1, 0), walked)
-    return one if one[0] >= two[0] else two
+    depths = np.empty((2, 2))
+    for one in range(2):  # not two calls with constants: numba would compile each on its own
+        depths[one] = depth_along(
+            outlines, links, allowed, traces, useds, counts, forwards, one, walked
+        )
+    deeper = depths[0 if depths[0, 0] >= depths[1, 0] else 1]
+    return deeper[0], deeper[1]
 
 
 @kernel

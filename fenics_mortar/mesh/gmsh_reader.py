@@ -99,7 +99,8 @@ def _gmsh_model(source: str | Path | Any) -> Iterator[Any]:
         import gmsh
     except (ImportError, OSError) as exception:
         raise MeshError(
-            f"the Python module gmsh is needed to read '{source}': {exception}"
+            f"the Python module gmsh is needed to read '{source}': {exception}; "
+            + compat.cure_of_gmsh(exception)
         ) from None
     with _gmsh_session(gmsh):
         try:

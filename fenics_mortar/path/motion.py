@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Protocol
 
@@ -96,7 +96,8 @@ class Motion:
                 shown.cut(start + dt, str(failure), failure.report)
                 if dt <= options.smallest:
                     message = f"the motion ends at time {start:.6g}: a step of {dt:.1e} fails"
-                    raise NotConvergedError(f"{message}; {failure}", report) from failure
+                    message = f"{message}; {failure}{_other_reasons(report.failures)}"
+                    raise NotConvergedError(message, report) from failure
                 size = max(options.cut * dt, options.smallest)
                 continue
             except BaseException as interruption:
@@ -135,6 +136,14 @@ class Motion:
         if self._tolerance is not None:
             growth = min(growth, 0.9 * float(np.sqrt(self._tolerance / max(error, TINY))))
         return min(max(growth * size, options.smallest), self._largest)
+
+
+def _other_reasons(failures: Sequence[NewtonReport]) -> str:
+    """Clause on the reason for which larger steps failed first, "" if that is the last one."""
+    first, last = failures[0].reason, failures[-1].reason
+    count = sum(report.reason == first for report in failures)
+    times = f" ({count} times)" if count > 1 else ""
+    return "" if first == last else f"; larger steps failed since{times}: {first}"
 
 
 def check_run(

@@ -12,7 +12,7 @@ from fenics_mortar.equations.general import State
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.rounding import TINY
-from fenics_mortar.verify.friction_work import work_along_arcs
+from fenics_mortar.verify.checks.friction_work import work_along_arcs
 
 Forces = tuple[Array, Array, Array, Array, Array]
 
@@ -25,7 +25,7 @@ class Work(NamedTuple):
         supports: Work of the reactions.
         contact: Work of the contact forces.
         friction: Work of their tangential parts: the energy dissipated by friction. On nodes, these
-            forces turn with the surface, see ``verify.friction_work``.
+            forces turn with the surface, see ``verify.checks.friction_work``.
         largest: Upper bound of the work of contact forces: sum of the norms of forces times those
             of the motions of their nodes and obstacles.
         rotated: Work included in ``friction`` that the trapezoidal rule misses on turning surfaces.

@@ -185,10 +185,12 @@ class IdleBodies:
         self._set_aside(())
         moved = [body for body in idle if np.linalg.norm(self._motion(body)) > SOLVED * body.size]
         stay = [body for body in idle if body not in moved]
-        where = "they stay where they were", "they gave way to other bodies"
+        where = ("it stays where it was", "they stay where they were"), (
+            "it gave way to other bodies", "they gave way to other bodies"
+        )  # fmt: skip
         return [
-            f"no force acts on {bodies.names(group)}: {message}"
-            for group, message in zip((stay, moved), where, strict=True)
+            f"no force acts on {bodies.names(group)}: {messages[len(group) > 1]}"
+            for group, messages in zip((stay, moved), where, strict=True)
             if group
         ]
 

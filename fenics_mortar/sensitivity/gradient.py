@@ -26,6 +26,7 @@ from dolfinx import fem
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.controls import Before
+from fenics_mortar.sensitivity.flat import Status, flat_remarks, status_of
 from fenics_mortar.sensitivity.forms import put_owned
 from fenics_mortar.sensitivity.history import StepHistory
 from fenics_mortar.sensitivity.kinks import Kink, find_kinks, nearest
@@ -45,6 +46,7 @@ from fenics_mortar.sensitivity.protocols import (
 )
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import together
+from fenics_mortar.utils.ranks import agreed
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,8 @@ class Gradient:
             of the control]. Their sum is the derivative with respect to a
             value of all steps. Functions: values of the owned dofs.
         kinks: Undecided nodes and the nodes closest to a change of set; see ``kinks``.
+        remarks: Parameters of laws on which the objective does not depend, as all nodes in contact
+            stick, or none is in contact; see ``flat``.
     """
 
     value: float
@@ -73,6 +77,7 @@ class Gradient:
     controls: tuple[Any, ...]
     by_step: tuple[list[Array], ...]
     kinks: tuple[Kink, ...]
+    remarks: tuple[str, ...]
 
     def __getitem__(self, control: Any) -> Any:
         """Derivative with respect to a control (collective for functions).
@@ -86,7 +91,7 @@ class Gradient:
         raise KeyError(f"{control!r} is not one of the controls of this gradient")
 
     def __str__(self) -> str:
-        """Objective and a line for each control (local).
+        """Objective, a line for each control, and remarks (local).
 
         Fields, and derivatives of more than 8 values, are not printed.
         """
@@ -97,7 +102,7 @@ class Gradient:
             text = f"{derivative.size} values" if is_field else np.array2string(derivative)
             name = getattr(control, "name", type(control).__name__)
             lines.append(f"by control {number}, {name}: {text}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.remarks])
 
     @property
     def undecided(self) -> tuple[Kink, ...]:
@@ -153,8 +158,11 @@ def gradient(
     check_dependence(problem, quantities, made)
     with path.visited():
         value, values, weights = evaluate(path, quantities, over_steps)
-        by_step, kinks = _backwards(path, quantities, weights, made)
-    return Gradient(value, values, tuple(as_list(controls)), tuple(by_step), tuple(kinks))
+        by_step, kinks, statuses = _backwards(path, quantities, weights, made)
+    equations = problem.equations
+    remarks = agreed(equations.comm, flat_remarks(equations.contacts, statuses, made, by_step))
+    given = tuple(as_list(controls))
+    return Gradient(value, values, given, tuple(by_step), tuple(kinks), remarks)
 
 
 def recorded(path: Any) -> RecordedPath:
@@ -174,11 +182,15 @@ def recorded(path: Any) -> RecordedPath:
 
 def _backwards(
     path: RecordedPath, quantities: Sequence[Quantity], weights: Array, controls: Sequence[Control]
-) -> tuple[list[list[Array]], list[Kink]]:
-    """Contributions of the steps to the derivatives, for each control, and kinks (collective)."""
+) -> tuple[list[list[Array]], list[Kink], list[list[Status]]]:
+    """Contributions of the steps to the derivatives, for each control, and kinks (collective).
+
+    The last result is the status of all pairs in the steps that the objective depends on.
+    """
     problem = path.problem
     by_step: list[list[Array]] = [[] for _ in controls]
     kinks: list[Kink] = []
+    statuses: list[list[Status]] = []
     carried: list[Term] = []
     by_memory: Memories = {}
     for number in reversed(range(len(path.steps))):
@@ -189,6 +201,7 @@ def _backwards(
         path.go_to(number)
         before = state_before(path, number)
         kinks[:0] = find_kinks(problem, number)
+        statuses.append([status_of(contact) for contact in problem.equations.contacts])
         memory = StepMemory(problem, before)
         weighted = [(w, q) for w, q in zip(weights[number], quantities, strict=True) if w]
         of_quantities = [(w, q.gradient(problem, before)) for w, q in weighted]
@@ -203,7 +216,7 @@ def _backwards(
             carried = _carried(problem, weighted, y, before)
             carried += [(1.0, memory.before_back(by_memory))] if by_memory else []
             by_memory = memory.memory_back(by_memory, y)
-    return by_step, kinks
+    return by_step, kinks, statuses
 
 
 def _carried(

@@ -60,10 +60,17 @@ def least_squares(measured: npt.ArrayLike, scale: npt.ArrayLike = 1.0) -> OverSt
 
     Returns:
         The function of the values: the sum [1], and its derivatives, shape (steps, quantities).
+        It raises a ValueError if the path has another number of steps than ``measured``.
     """
 
     def misfit(values: Array) -> tuple[float, Array]:
-        data = np.asarray(measured, float).reshape(len(values), -1)
+        data = np.asarray(measured, float)
+        data = data[:, None] if data.ndim == 1 else data
+        if data.shape != values.shape:
+            raise ValueError(
+                f"measured has shape {np.shape(measured)}: expected a value for each of the "
+                f"{len(values)} steps and {values.shape[1]} quantities"
+            )
         difference = (values - data) / scale
         return 0.5 * float((difference**2).sum()), difference / scale
 

@@ -31,6 +31,9 @@ class SurfaceError(MortarError):
 class NotConvergedError(MortarError):
     """A solve or path did not converge; ``report`` is its record so far (local).
 
+    The record of a solve whose last part converged, with springs that hold a body, says that it
+    failed, and why.
+
     Args:
         message: Message of the error.
         report: Record of the solve or path.
@@ -39,6 +42,8 @@ class NotConvergedError(MortarError):
     def __init__(self, message: str, report: Any) -> None:
         super().__init__(message)
         self.report = report
+        if getattr(report, "converged", False):
+            report.converged, report.reason = False, message
 
     def __reduce__(self) -> tuple[Any, ...]:
         """How a pickle makes it again (local)."""

@@ -10,37 +10,36 @@ Errors at corners, which all these conditions may miss, are estimated in ``corne
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_stored
-from fenics_mortar.contact.messages import describe_search_radius
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.markdown import Markdown
 from fenics_mortar.utils.ranks import agreed
-from fenics_mortar.verify.balance import action_and_reaction, balance_of_bodies
-from fenics_mortar.verify.between_nodes import between_nodes, count_unpaired, paired_nodes
-from fenics_mortar.verify.corners import end_pressure, mean_friction, oblique_forces, runs_of
+from fenics_mortar.verify.checks import checks
+from fenics_mortar.verify.checks.balance import balance_of_bodies
+from fenics_mortar.verify.checks.missed_contact import paired_nodes
 from fenics_mortar.verify.crossing import Crossing
-from fenics_mortar.verify.friction_work import compare_work, uncertain_rotation
+from fenics_mortar.verify.finding import INFINITE, Finding, format_value
 from fenics_mortar.verify.limits import LIMITS
-from fenics_mortar.verify.obstacle_gradient import gradient_error
+from fenics_mortar.verify.measured import Measured
 from fenics_mortar.verify.pair_certificate import PairCertificate
-from fenics_mortar.verify.resolution import narrow_regions, uneven_gaps
-from fenics_mortar.verify.resultant import beyond_cover
-from fenics_mortar.verify.rotation import rotation_since_reference
-from fenics_mortar.verify.sharp_obstacle import along_facets
+
+# Advice for crossings that are no violation.
+_SMALLER = ": smaller steps, finer facets, or a pair of these surfaces"
+# Verdicts by increasing weight; the table states the largest one of each row.
+VERDICTS = ("", "ok", "remark", "violation")
 
 
 @dataclass(frozen=True)
 class Certificate(Markdown):
-    """Measured defects of a state; prints as a Markdown table.
+    """Measured defects of a state; prints as a Markdown table, one row per check.
 
     Attributes:
         pairs: One certificate per pair.
@@ -70,62 +69,76 @@ class Certificate(Markdown):
     tipping: list[str] = field(default_factory=list)
     inverted_nodes: str = ""
 
-    def violations(
-        self,
-        tolerance: float = LIMITS.tolerance,
-        penetration: float = LIMITS.penetration,
-        springs: float = LIMITS.negligible,
-    ) -> list[str]:
-        """Describe violated conditions; empty for a sound state (local).
+    @property
+    def of_bodies(self) -> tuple[Finding, ...]:
+        """Findings of all bodies and obstacles together (local)."""
+        return tuple(self._of_bodies())
 
-        Args:
-            tolerance: Limit for quantities that vanish in a solution of the equations [1].
-            penetration: Limit for penetration, distance and crossings [facet lengths].
-            springs: Limit for the force of springs over the contact force [1], see ``proximal``.
-        """
-        found = [v for pair in self.pairs for v in pair.violations(tolerance, penetration)]
-        if not self.balance <= tolerance:
-            found.append(f"balance of a body {self.balance:.1e} (allowed {tolerance:.1e})")
-        if not self.springs <= springs:
-            found.append(
-                f"springs carry {self.springs:.1e} of the contact force (allowed {springs:.1e})"
-            )
-        if not self.drift <= 1.0:
-            found.append(
-                f"an obstacle driven by forces slid away, by {self.drift:.1f} widths of its "
-                "contact: the path may lead to another equilibrium; take smaller steps, or "
-                "prescribe its motion"
-            )
-        if self.inverted:
-            found.append(f"{self.inverted} cells are inverted")
-        found += [str(crossing) for crossing in self.crossings if crossing.facets > penetration]
-        return found + self.passages + self.tipping
+    def violations(self) -> list[str]:
+        """Describe violated conditions; empty for a sound state (local)."""
+        of_pairs = [message for pair in self.pairs for message in pair.violations()]
+        return of_pairs + [f.message for f in self.of_bodies if f.verdict == "violation"]
 
     def remarks(self) -> list[str]:
         """Describe where the mesh is too coarse or the solution may not be unique (local)."""
-        crossings = [c for c in self.crossings if c.facets > LIMITS.coarse_penetration]
-        return [
-            *(remark for pair in self.pairs for remark in pair.remarks()),
-            *(
-                f"{crossing}: smaller steps, finer facets, or a pair of these surfaces"
-                for crossing in crossings
-            ),
-            *self.possible_passages,
-            *filter(None, (self.inverted_nodes,)),
-        ]
+        of_pairs = [message for pair in self.pairs for message in pair.remarks()]
+        return of_pairs + [f.message for f in self.of_bodies if f.verdict == "remark"]
 
     def __str__(self) -> str:
-        """Markdown table: one row per measure, one column per pair."""
-        names = [f.name for f in fields(PairCertificate) if f.type != "str"]
-        lines = ["| | " + " | ".join(pair.pair for pair in self.pairs) + " |"]
-        lines.append("|---|" + "---:|" * len(self.pairs))
-        for name in names:
-            cells = [f"{getattr(pair, name):.2g}" for pair in self.pairs]
-            lines.append(f"| {name} | {' | '.join(cells)} |")
-        lines.append(
-            f"\nbalance of the bodies: {self.balance:.1e}; inverted cells: {self.inverted}"
+        """Markdown table: a row per check, a column per pair and one of all bodies."""
+        columns = [*(pair.findings for pair in self.pairs), self.of_bodies]
+        names = [*(pair.pair for pair in self.pairs), "all bodies"]
+        head = ["check", *names, "remark above", "violation above", "result"]
+        lines = [f"| {' | '.join(head)} |", "|---|" + "---:|" * (len(head) - 2) + "---|"]
+        rows: dict[str, list[tuple[int, Finding]]] = {}
+        for column, findings in enumerate(columns):
+            for finding in findings:
+                rows.setdefault(finding.name, []).append((column, finding))
+        with_limits_first = sorted(rows.values(), key=lambda row: _verdict(row) == "")
+        lines += [_line(row, len(columns)) for row in with_limits_first]
+        return "\n\n".join(["\n".join(lines), *(self.violations() or self.remarks())])
+
+    def _of_bodies(self) -> Iterator[Finding]:
+        """Findings of all bodies; of several findings of a name the table shows the largest."""
+        yield Finding(
+            "balance",
+            "imbalance of all forces on a body",
+            self.balance,
+            f"balance of a body {self.balance:.1e} (allowed {LIMITS.tolerance:.1e})",
+            limit=LIMITS.tolerance,
         )
-        return "\n".join([*lines, *(self.violations() or self.remarks())])
+        yield Finding(
+            "springs",
+            "force of springs on bodies / contact force",
+            self.springs,
+            f"springs carry {self.springs:.1e} of the contact force (allowed "
+            f"{LIMITS.negligible:.1e})",
+            limit=LIMITS.negligible,
+        )
+        yield Finding(
+            "drift",
+            "sliding of an obstacle driven by forces / width of contact",
+            self.drift,
+            f"an obstacle driven by forces slid away, by {self.drift:.1f} widths of its contact: "
+            "the path may lead to another equilibrium; take smaller steps, or prescribe its motion",
+            limit=1.0,
+        )
+        yield Finding(
+            "inverted", "inverted cells", self.inverted, f"{self.inverted} cells are inverted", 0
+        )
+        at_nodes = [self.inverted_nodes] * (self.inverted_nodes != "")
+        yield from _counted("inverted_nodes", "cells inverted at nodes alone", at_nodes, remark=0)
+        for crossing in self.crossings:
+            yield _crossed(crossing.facets, f"{crossing}")
+        if not self.crossings:
+            yield _crossed(0.0)
+        yield from _counted("passages", "bodies passed through in the step", self.passages, limit=0)
+        yield from _counted(
+            "possible_passages", "bodies possibly passed through", self.possible_passages, remark=0
+        )
+        yield from _counted(
+            "tipping", "bodies that pressures cannot balance", self.tipping, limit=0
+        )
 
 
 def certify(
@@ -144,10 +157,7 @@ def certify(
     """
     paired = np.unique(np.concatenate([np.empty(0, np.int64), *map(paired_nodes, contacts)]))
     inverted, _ = bulk.inverted_cells()
-    pairs = [
-        _certify_tie(c) if isinstance(c, Tie) else _certify_pair(bulk, c, labels, paired)
-        for c in contacts
-    ]
+    pairs = [_certify_pair(bulk, contact, labels, paired) for contact in contacts]
     raise_stored(bulk.comm, contacts)
     balance = balance_of_bodies(bulk, contacts, labels, unbalanced)
     return agreed(
@@ -157,53 +167,59 @@ def certify(
 
 
 def _certify_pair(
-    bulk: Bulk, contact: Contact, labels: Indices, paired: Indices
+    bulk: Bulk, contact: Contact | Tie, labels: Indices, paired: Indices
 ) -> PairCertificate:
-    """Measure one pair; ``paired``: global numbers of the nodes with a partner in any pair."""
-    pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
-    limit = contact.now.friction_limit(pressure)
-    may_transfer = contact.acts if contact.pair.law.bridges_gap else contact.active
-    limit = np.where(may_transfer, limit, 0.0)
-    excess, tension = np.abs(contact.z_tau) - limit, contact.now.tension
-    smallest = LIMITS.min_pressure * float(contact.modulus.max())
-    largest = max(float(np.abs(pressure).max()), smallest)
-    gap = contact.now.closing_gap / contact.slave.nodal_lengths
-    gap[np.isnan(gap)] = 0.0  # uncovered nodes
-    gradient, gradient_at = gradient_error(contact)
-    return PairCertificate(
-        **action_and_reaction(contact),
-        tension=max(float(tension.max()), 0.0) / largest,
-        shear=max(float(excess.max()), 0.0) / max(largest, float(limit.max())),
-        overlap=max(-float(gap.min()), 0.0),
-        overlap_at=f"at {format_point(contact.operators.x[gap.argmin()])}, in facets; partners are "
-        f"searched {describe_search_radius(contact)}",
-        search_radius=describe_search_radius(contact),
-        complementarity=float(np.abs(tension * gap).max()) / largest,
-        **between_nodes(contact),
-        **oblique_forces(contact, pressure),
-        **along_facets(contact),
-        **narrow_regions(contact, pressure),
-        **uneven_gaps(contact, pressure),
-        friction=mean_friction(limit, pressure),
-        **end_pressure(contact, pressure),
-        **beyond_cover(contact, runs_of(contact)),
-        redundant=int(contact.redundant.sum()),
-        redundant_at=format_point(contact.operators.x[contact.redundant.argmax()]),
-        undecided_at=" and ".join(map(format_point, contact.operators.x[contact.undecided])),
-        **uncertain_rotation(contact),
-        **compare_work(contact),
-        gradient=gradient,
-        gradient_at=gradient_at,
-        tilt=rotation_since_reference(contact),
-        unpaired=count_unpaired(bulk, contact, labels, paired),
-        uncovered=int((contact.multiplier_nodes & ~contact.covered).sum()),
+    """Run the checks of one pair (collective)."""
+    if isinstance(contact, Tie):
+        found = [finding for check in checks("of_tie") for finding in check(contact)]
+    else:
+        measured = Measured(contact, bulk, labels, paired)
+        found = [finding for check in checks("of_contact") for finding in check(measured)]
+    return PairCertificate(f"{contact.slave.name} - {contact.master.name}", tuple(found))
+
+
+def _crossed(facets: float, message: str = "") -> Finding:
+    """The finding of a crossing of this depth [facet lengths] (local)."""
+    advice = "" if facets > LIMITS.penetration else _SMALLER
+    return Finding(
+        "crossings",
+        "depth of crossing outlines",
+        facets,
+        message + advice,
+        limit=LIMITS.penetration,
+        remark=LIMITS.coarse_penetration,
+        unit="facet lengths",
     )
 
 
-def _certify_tie(tie: Tie) -> PairCertificate:
-    """Measure one tied pair, which carries tension and shear as well."""
-    return PairCertificate(
-        **action_and_reaction(tie),
-        overlap=float(np.nanmax(tie.gap / tie.slave.nodal_lengths)),
-        uncovered=int((~tie.now.has_partner).sum()),
+def _counted(
+    name: str,
+    check: str,
+    messages: Sequence[str],
+    *,
+    limit: float = INFINITE,
+    remark: float = INFINITE,
+) -> Iterator[Finding]:
+    """A finding for each message, with their number as value, or one without a message (local)."""
+    for message in messages or [""]:
+        yield Finding(name, check, len(messages), message, limit, remark)
+
+
+def _verdict(row: Sequence[tuple[int, Finding]]) -> str:
+    """The verdict of the largest weight in a row (local)."""
+    return max((finding.verdict for _, finding in row), key=VERDICTS.index)
+
+
+def _line(row: Sequence[tuple[int, Finding]], columns: int) -> str:
+    """Row of the table: check, values, limits of all columns, verdict (local)."""
+    first = row[0][1]
+    values = {
+        column: max(finding.value for there, finding in row if there == column) for column, _ in row
+    }
+    limits = (
+        ", ".join(dict.fromkeys(format_value(x) for x in given if x < INFINITE))
+        for given in ([f.remark for _, f in row], [f.limit for _, f in row])
     )
+    check = f"{first.check} [{first.unit}]" if first.unit else first.check
+    cells = [format_value(values[c]) if c in values else "" for c in range(columns)]
+    return f"| {' | '.join([check, *cells, *limits, _verdict(row)])} |"

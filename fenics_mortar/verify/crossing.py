@@ -62,7 +62,11 @@ class Crossing:
         """The crossing as text."""
         first, second = self.sides
         who = f"{first} crosses itself" if first == second else f"{first} and {second} cross"
-        return f"{who} at {self.where}, {self.depth:.3g} deep ({self.facets:.1f} facets)"
+        found = f"{who} at {self.where}, {self.depth:.3g} deep ({self.facets:.1f} facets)"
+        if not any(side.startswith("body ") for side in self.sides):
+            return found
+        kind = "ContactPair(data, surface)" if first == second else "ContactPair"
+        return f"{found}; the surface of a body there is in no pair: add a {kind}"
 
 
 @dataclass(frozen=True)

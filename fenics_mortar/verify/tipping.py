@@ -24,6 +24,7 @@ from fenics_mortar.rigid.limit_analysis import Touching, unresisted_motion
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.responses import nearly_touching
 from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.verify.finding import Finding
 from fenics_mortar.verify.limits import LIMITS
 from fenics_mortar.verify.pair_certificate import PairCertificate
 
@@ -40,9 +41,10 @@ def tipping_bodies(bodies: BodyMotions, pairs: Sequence[PairCertificate]) -> lis
         cover, or if a law has adhesion.
     """
     beyond = [
-        pair
+        f"{pair.pair}: {_described(finding)}"
         for pair in pairs
-        if pair.outside > LIMITS.coarse_distance or pair.sharp > LIMITS.at_corners
+        for finding in pair.findings
+        if finding.name in ("resultant_outside", "obstacle_angle") and finding.verdict == "remark"
     ]
     if not (beyond and bodies.bodies) or any(c.pair.law.has_adhesion for c in bodies.contacts):
         return []
@@ -59,7 +61,7 @@ def tipping_bodies(bodies: BodyMotions, pairs: Sequence[PairCertificate]) -> lis
     ]
     if not found:
         return []
-    where = "; ".join(_described(pair) for pair in beyond)
+    where = "; ".join(beyond)
     names = bodies.names([body for body, _ in found])
     body, move = max(found, key=lambda each: float(np.abs(each[1]).max()))
     return [
@@ -70,11 +72,11 @@ def tipping_bodies(bodies: BodyMotions, pairs: Sequence[PairCertificate]) -> lis
     ]
 
 
-def _described(pair: PairCertificate) -> str:
-    """Positions of pressures that act elsewhere than where the surfaces touch."""
-    if pair.sharp > LIMITS.at_corners:
-        return f"{pair.pair}: along the facets at {pair.sharp_at}"
-    return f"{pair.pair}: {pair.outside:.2f} facets beyond the cover, at {pair.outside_at}"
+def _described(finding: Finding) -> str:
+    """Position of pressures that act elsewhere than where the surfaces touch."""
+    if finding.name == "obstacle_angle":
+        return f"along the facets at {finding.where}"
+    return f"{finding.value:.2f} facets beyond the cover, at {finding.where}"
 
 
 def _joined(pairs: Sequence[Touching]) -> Touching:

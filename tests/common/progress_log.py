@@ -8,6 +8,8 @@ import pytest
 
 # Name of the environment variable with the folder of the records.
 FOLDER = "FENICS_MORTAR_PROGRESS"
+# Environment variables with the rank of a process that mpirun started: Open MPI's, MPICH's.
+RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK")
 
 
 class ProgressLog:
@@ -18,8 +20,8 @@ class ProgressLog:
     """
 
     def __init__(self, folder):
-        rank = os.environ.get("OMPI_COMM_WORLD_RANK", "")
-        self._path = Path(folder) / f"{rank or 'serial'}-{os.getpid()}"
+        ranks = (os.environ.get(name) for name in RANKS)
+        self._path = Path(folder) / f"{next(filter(None, ranks), 'serial')}-{os.getpid()}"
 
     def _write(self, what, name):
         with self._path.open("a") as file:

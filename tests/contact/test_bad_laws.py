@@ -212,9 +212,9 @@ def test_negative_friction_limit_is_named_with_law_and_place(law, kind):
 
 
 def test_negative_coefficients_are_refused_with_their_place():
-    where = r"on 'upper/bottom' it is -0.5 at \(1.6, 1\) and 0 at \(0.6, 1\)"
-    with refused(ValueError, r"Coulomb\(function\): mu=-0.5 at a slave node.*" + where):
-        small_blocks(pair={"law": fm.Coulomb(lambda X: 0.3 - 0.5 * X[:, 0])})
+    where = r"on 'upper/bottom' it is -0.4 at \(1.6, 1\) and 0.1 at \(0.6, 1\)"
+    with refused(ValueError, r"Coulomb\(function\): mu=-0.4 at a slave node.*" + where):
+        small_blocks(pair={"law": fm.Coulomb(lambda X: 0.4 - 0.5 * X[:, 0])})
 
 
 @pytest.mark.serial

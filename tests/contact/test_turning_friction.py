@@ -41,7 +41,7 @@ def test_turned_wheel_pushes_the_block_along(angle):
     report = problem.solve()
     work = wheel.reaction[2] * angle
     assert contact.now.friction_work == pytest.approx(-work, rel=1e-8)
-    assert report.certificate.pairs[0].friction_work < 1e-8
+    assert report.certificate.pairs[0]["friction_work"].value < 1e-8
 
 
 @pytest.mark.parametrize("steps", [16, 7, 5, 1])
@@ -72,7 +72,7 @@ def test_shaft_in_a_ring_dissipates_the_work_of_its_moment(per_turn, slave):
     assert contact.now.friction_work > 0.0
     work = work_of(problem, before, problem.state(), forces, forces_of(problem))
     assert work.friction == pytest.approx(contact.now.friction_work, rel=1e-3)
-    assert report.certificate.pairs[0].friction_work < 1e-3
+    assert report.certificate.pairs[0]["friction_work"].value < 1e-3
 
 
 def test_direction_of_almost_half_a_turn_is_uncertain():

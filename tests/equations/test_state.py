@@ -107,7 +107,7 @@ def test_pair_shows_public_results():
     scene.loads["push"].value[:] = (0.0, -0.02)
     scene.problem.solve()
     (view,) = scene.problem.contacts
-    assert len(dir(view)) <= 21 and not any(name.startswith("_") for name in dir(view))
+    assert len(dir(view)) <= 23 and not any(name.startswith("_") for name in dir(view))
     assert set(view.status) <= {"open", "stick", "slip"}
     assert np.abs(view.forces.sum(axis=0) - view.total_force).max() < 1e-12
     assert (view.pressure[view.active] > 0.0).all() and view.positions.shape == view.tractions.shape

@@ -8,9 +8,13 @@ from scenes import linear_elastic, pressed_blocks
 
 import fenics_mortar as fm
 from fenics_mortar.la import choice, solver
+from fenics_mortar.utils import compat
 
 pytestmark = pytest.mark.serial
 MESH = {"n_upper": 4, "n_lower": 5, "layers_upper": 2, "layers_lower": 2}
+MULTIGRID = "gmres with multigrid" + (
+    "" if compat.petsc_has("hypre") else " by PETSc's gamg, without hypre"
+)
 
 
 def solver_of(**options):
@@ -25,7 +29,7 @@ def solver_of(**options):
     [
         ({}, "petsc (fewer than 100,000 unknowns, at most 20,000 on one rank)"),
         ({"solver": "direct"}, "petsc (solver='direct', at most 20,000 on one rank)"),
-        ({"solver": "iterative"}, "gmres with multigrid (solver='iterative')"),
+        ({"solver": "iterative"}, f"{MULTIGRID} (solver='iterative')"),
         ({"petsc_options": {"mat_mumps_icntl_14": 80}}, "by mumps (PETSc options are given)"),
         ({"algorithm": "saddle"}, "saddle-point system (algorithm='saddle')"),
         (
@@ -42,7 +46,7 @@ def test_choices_have_reasons(options, phrase):
 def test_many_unknowns_and_long_rows_are_reasons(monkeypatch):
     with monkeypatch.context() as changed:
         changed.setattr(choice, "COSTS", replace(choice.COSTS, many=10))
-        assert "gmres with multigrid (at least 10 unknowns)" in solver_of()
+        assert f"{MULTIGRID} (at least 10 unknowns)" in solver_of()
     monkeypatch.setattr(solver, "COSTS", replace(choice.COSTS, long_rows=1))
     assert "factors by mumps (rows of factors longer than 1)" in solver_of()
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Reading gmsh meshes with their names, from files and live models."""
 
+import sys
+
 from mpi4py import MPI
 
 import gmsh
@@ -278,11 +280,26 @@ def test_file_with_one_name_twice_raises_on_all_ranks(msh_path):
     raises_on_all_ranks(match, read_gmsh, msh_path, COMM)
 
 
-def test_missing_gmsh_raises_on_all_ranks(msh_path, monkeypatch):
+class Broken:
+    """Finder of modules for which gmsh lacks a library of the system."""
+
+    @staticmethod
+    def find_spec(name, *_):
+        if name == "gmsh":
+            raise OSError("libGLU.so.1: cannot open shared object file")
+
+
+@pytest.mark.parametrize(
+    ("finders", "cure"),
+    [([], "No module .*; install gmsh: "), ([Broken], "apt-get install libglu1")],
+)
+def test_missing_gmsh_raises_on_all_ranks_with_the_cure(msh_path, monkeypatch, finders, cure):
     on_root(msh_path.write_text, "")
     with monkeypatch.context() as patch:
-        patch.setitem(__import__("sys").modules, "gmsh", None)
-        raises_on_all_ranks("the Python module gmsh is needed", read_gmsh, msh_path, COMM)
+        patch.delitem(sys.modules, "gmsh")
+        patch.setattr(sys, "meta_path", finders)
+        patch.setattr(sys, "path", [])
+        raises_on_all_ranks(f"module gmsh is needed .*{cure}", read_gmsh, msh_path, COMM)
 
 
 def test_rank_that_does_not_exist_cannot_read():

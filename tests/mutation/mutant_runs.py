@@ -47,7 +47,7 @@ class Run:
         options = ["-x", "-q", "--color=no", "-p", "no:cacheprovider"]
         command = [sys.executable, "-m", "pytest", *options, *tests]
         if ranks > 1:
-            command = ["mpirun.openmpi", "-n", str(ranks), *command]
+            command = [os.environ.get("FENICS_MORTAR_MPIRUN", "mpirun"), "-n", str(ranks), *command]
         limited = f'ulimit -t {int(PATIENCE * allowed)}; exec "$@"'
         try:
             ended = subprocess.run(

@@ -231,3 +231,43 @@ def test_a_thickness_that_is_not_in_the_residual_is_reported(name):
 def test_a_radius_without_2_pi_is_reported(factor, count):
     found = thickness_remarks(lambda mesh, r: factor * r, None, geometry="axisymmetric")
     assert len(found) == count and all("2 pi of 6.283" in note for note in found)
+
+
+def test_an_obstacle_as_slave_is_refused_with_what_it_can_be():
+    scene = small_blocks()
+    wheel = fm.Circle((0.0, 3.0), 1.0)
+    with pytest.raises(ValueError, match="an obstacle .* can only be the master"):
+        fm.ContactPair(scene.data, wheel, "upper/bottom")
+
+
+def test_a_number_of_incompressible_bodies_is_refused_with_the_energy_for_them():
+    with pytest.raises(ValueError, match=r"nu=0.5: expected .* see mixed_neo_hookean"):
+        fm.energies.lame(100.0, 0.5)
+
+
+def test_measured_values_of_another_number_of_steps_are_refused():
+    misfit = fm.sensitivity.least_squares([1.0, 2.0])
+    assert misfit(np.array([[1.0], [3.0]]))[0] == pytest.approx(0.5)
+    with pytest.raises(ValueError, match=r"shape \(2,\): expected .* the 3 steps and 1 quant"):
+        misfit(np.zeros((3, 1)))
+
+
+def test_a_wheel_driven_beyond_its_friction_says_so_in_its_report():
+    """Its last solve, with springs, converged: the whole solve did not."""
+    scene = small_blocks()
+    data, V = scene.data, scene.u.function_space
+    u = fem.Function(V)
+    wheel = fm.Circle((1.1, 3.0), 1.0, name="wheel")
+    problem = fm.ContactProblem(
+        internal(u, linear_elastic(u, 100.0, 0.3)), u,
+        [fm.ContactPair(data, "upper/top", wheel, law=fm.Coulomb(0.3))],
+        bcs=[fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("lower/bottom", "upper/bottom")],
+        petsc_options_prefix="wheel_",
+    )  # fmt: skip
+    wheel.push(y=-1.0)
+    problem.solve()
+    wheel.push(y=-1.0, moment=3.0)
+    with pytest.raises(fm.NotConvergedError) as error:
+        problem.solve()
+    assert not error.value.report.converged
+    assert "converged in" not in error.value.report.reason.replace("not converged in", "")

@@ -25,7 +25,7 @@ LONG = (
 # time limit of a demo [s]: a minute, four on a loaded machine
 LIMIT = 240
 # MPI variables of the environment, which processes started by mpirun must not inherit
-OF_THIS_RUN = ("OMPI_COMM", "OMPI_MCA_ess", "PMIX")
+OF_THIS_RUN = ("OMPI_COMM", "OMPI_MCA_ess", "PMI", "HYDI_", "MPI_LOCAL")
 
 
 def run(folder, ranks, *arguments):

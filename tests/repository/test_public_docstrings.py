@@ -33,12 +33,13 @@ from fenics_mortar.sensitivity.kinks import Kink
 from fenics_mortar.sensitivity.numerics import NumericsReport, PairNumerics
 from fenics_mortar.sensitivity.path_record import RecordedStep
 from fenics_mortar.verify.crossing import AcceptedPositions, Crossing
+from fenics_mortar.verify.finding import Finding
 from fenics_mortar.verify.matrices import OperatorMatrices
 
 RESULTS = (
     PairView, OperatorMatrices, State, InterfaceState, Rates, Nodal, Row, Assumption, Iteration,
     Energies, TimeStep, PathStep, Work, Gradient, Kink, NumericsReport, PairNumerics, RecordedStep,
-    TangentLinear, AcceptedPositions, Crossing,
+    TangentLinear, AcceptedPositions, Crossing, Finding,
 )  # fmt: skip
 UNIT = re.compile(
     r"\[[\w ^/*.,'\s-]+\]|\[(its|their) units?\]|dimensionless|[Rr]elative|over the", re.S

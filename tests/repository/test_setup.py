@@ -5,20 +5,26 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-SCRIPTS = [".ci/env.sh", ".ci/lint.sh", ".ci/run", ".ci/setup.sh", "demos/run.sh", "tests/run.sh"]
+SCRIPTS = [".ci/run", *(f".ci/{path.name}" for path in (ROOT / ".ci").glob("*.sh"))]
+SCRIPTS += ["demos/run.sh", "demos/guide/build.sh", "tests/run.sh"]
 
 pytestmark = pytest.mark.serial
+on_debian = pytest.mark.skipif(
+    sys.executable != "/usr/bin/python3", reason="about Debian's packages, which are not used here"
+)
 
 
-def run(*command, path=None, **kwargs):
-    """Run a command; ``path`` goes before the others on PATH."""
-    hidden = ("PYTHONPATH", "OMPI_", "PMIX_")
+def run(*command, path=None, way="debian", **kwargs):
+    """Run a command; ``path`` goes before the others on PATH, ``way`` is that of set-up."""
+    hidden = ("PYTHONPATH", "OMPI_", "PMI", "CC")
     env = {name: value for name, value in os.environ.items() if not name.startswith(hidden)}
+    env |= {"FENICS_MORTAR_SETUP": way, "FENICS_MORTAR_REPORT": "0.2"}
     if path is not None:
         env["PATH"] = f"{path}:{env['PATH']}"
     command = [str(part) for part in command]
@@ -39,6 +45,7 @@ def test_shell_script_has_no_syntax_error(script):
     assert result.returncode == 0, result.stderr
 
 
+@on_debian
 def test_setup_survives_another_python_first_on_path(tmp_path):
     for name in ("python3", "python", "mpirun", "mpiexec"):
         put_command(tmp_path, name, "echo wrong one >&2; exit 1")
@@ -49,6 +56,7 @@ def test_setup_survives_another_python_first_on_path(tmp_path):
     assert "missing" not in result.stdout
 
 
+@on_debian
 def test_setup_without_rights_prints_the_command_for_an_administrator(tmp_path):
     put_command(tmp_path, "id", "echo 1000")
     put_command(tmp_path, "sudo", "exit 1")
@@ -65,16 +73,25 @@ def test_setup_without_rights_prints_the_command_for_an_administrator(tmp_path):
     assert "python3-dolfinx" not in command
 
 
+@on_debian
 @pytest.mark.parametrize("works", [True, False])
-def test_setup_folds_apt_output_into_one_line(tmp_path, monkeypatch, works):
+def test_setup_tells_the_size_and_how_far_apt_is(tmp_path, monkeypatch, works):
     flag, logs = tmp_path / "installed", tmp_path / "logs"
     logs.mkdir()
     monkeypatch.setenv("TMPDIR", str(logs))
     put_command(tmp_path, "id", "echo 0")
     known = f"[ -e {flag} ] && exec /usr/bin/dpkg-query \"$@\"; printf 'gcc=installed '; exit 1"
     put_command(tmp_path, "dpkg-query", known)
-    ends = f"touch {flag}" if works else "exit 100"
-    put_command(tmp_path, "apt-get", f"seq 500 | sed 's/^/unpacking /'; {ends}")
+    put_command(
+        tmp_path,
+        "apt-get",
+        f"""seq 500 | sed 's/^/unpacking /'
+        case "$*" in
+            *--print-uris*) echo Need to get 547 MB of archives. ;;
+            install*) echo dlstatus:3:23.4:Retrieving file 3 of 7; sleep 1
+                {f"touch {flag}" if works else "exit 100"} ;;
+        esac""",
+    )
     result = run("bash", ROOT / ".ci/setup.sh", "demo", path=tmp_path)
     (log,) = logs.glob("fenics_mortar-setup.*.log")
     assert log.read_text().count("unpacking") >= 1000  # of update and install
@@ -82,10 +99,123 @@ def test_setup_folds_apt_output_into_one_line(tmp_path, monkeypatch, works):
     if works:
         assert result.returncode == 0, result.stderr
         assert result.stdout.count("apt-get update: done") == 1
-        assert result.stdout.count("apt-get install: done") == 1
+        size, progress, done = (
+            result.stdout.index(line)
+            for line in (
+                "\nsetup: Need to get 547 MB of archives.\n",
+                " s: loading, 23 %: Retrieving file 3 of 7\n",
+                "\nsetup: apt-get install: done in ",
+            )
+        )
+        assert size < progress < done
     else:
         assert result.returncode == 10
         assert "unpacking 500" in result.stderr and "unpacking 400\n" not in result.stderr
+        assert "dlstatus" not in result.stderr
+        assert "FENICS_MORTAR_SETUP=venv" in result.stderr
+
+
+# A Python that does what set-up by pip asks for, and writes down what it is asked.
+PYTHON = r"""
+echo "$*" >>"{calls}"
+case "$*" in
+    *ensurepip*) [ ! -e "{folder}/no-ensurepip" ] ;;
+    *"print('python"*) echo python3.14 ;;
+    *get_path*) echo /nowhere ;;
+    *get_config_var*) echo some-cc ;;
+    *"-m pip "*)
+        echo "  Downloading numpy-2.5.whl (15.7 MB)"
+        sleep 1
+        [ ! -e "{folder}/no-pip" ] ;;
+    *check.py*) echo checked ;;
+    "-m venv "*) mkdir -p "$3/bin"; cp "$0" "$3/bin/python" ;;
+esac
+"""
+
+
+@pytest.fixture
+def clone(tmp_path):
+    """Set-up in a folder of its own: a function that runs it, and the folder of commands."""
+    root, folder = tmp_path / "clone", tmp_path / "bin"
+    folder.mkdir()
+    shutil.copytree(ROOT / ".ci", root / ".ci")
+    shutil.copy(ROOT / "pyproject.toml", root)
+    put_command(folder, "uname", "echo Linux x86_64")
+    put_command(folder, "getconf", "echo glibc 2.34")
+    put_command(folder, "some-cc", "exit 0")
+    put_command(folder, "python3.14", PYTHON.format(calls=folder / "calls", folder=folder))
+
+    def setup(kind="test", way="venv"):
+        return run("bash", root / ".ci/setup.sh", kind, path=folder, way=way)
+
+    setup.root, setup.folder = root, folder
+    return setup
+
+
+def test_setup_by_pip_tells_size_and_progress_and_is_done_once(clone):
+    for kind in ("demo", "test"):
+        result = clone(kind)
+        assert result.returncode == 0, result.stderr
+        assert result.stdout.endswith("checked\n")
+        if kind == "demo":
+            size, progress, done = (
+                re.search(text, result.stdout).start()
+                for text in (
+                    r"about \d+ MB to load",
+                    r"loading numpy, with it 15 of",
+                    "pip: done in",
+                )
+            )
+            assert size < progress < done
+    assert (clone.folder / "calls").read_text().count("-m pip install") == 1
+    with (clone.root / "pyproject.toml").open("a") as file:
+        file.write("# a newer release\n")
+    assert clone().returncode == 0
+    assert (clone.folder / "calls").read_text().count("-m pip install") == 2
+
+
+def test_setup_by_pip_that_fails_is_tried_again_and_keeps_what_others_made(clone):
+    (clone.folder / "no-pip").touch()
+    for _ in range(2):
+        result = clone()
+        assert result.returncode == 10 and "numpy-2.5.whl" in result.stderr
+    shutil.rmtree(clone.root / ".venv")
+    (clone.root / ".venv").mkdir()
+    result = clone()
+    assert result.returncode == 10 and "was not made by this script" in result.stderr
+
+
+LACKING = {
+    "machine": ("uname", "echo Linux aarch64", "x86-64"),
+    "libc": ("getconf", "echo glibc 2.31", "glibc 2.34 or newer"),
+    "musl": ("getconf", "exit 1", "glibc 2.34 or newer"),
+    "venv": ("no-ensurepip", "", "apt-get install python3.14-venv"),
+    "compiler": ("some-cc", "echo no Python.h >&2; exit 1", "dnf install python3-devel gcc"),
+    "python": ("python", "exit 1", "no Python 3.12 to 3.14"),
+}
+
+
+@pytest.mark.parametrize("what", LACKING)
+def test_setup_by_pip_names_what_is_lacking_and_the_cure(what, clone):
+    command, body, cure = LACKING[what]
+    names = ["python3.14", "python3.13", "python3.12", "python3"]
+    for name in names if command == "python" else [command]:
+        put_command(clone.folder, name, body)
+    result = clone()
+    assert result.returncode == 10
+    assert cure in result.stderr
+    assert not (clone.root / ".venv").exists()
+
+
+@on_debian
+def test_setup_without_rights_goes_by_pip(clone):
+    put_command(clone.folder, "id", "echo 1000")
+    put_command(clone.folder, "sudo", "exit 1")
+    put_command(clone.folder, "dpkg-query", "printf 'gcc=installed '; exit 1")
+    result = clone(way="")
+    assert result.returncode == 0, result.stderr
+    assert re.search(r"^ +apt-get update && apt-get install .*python3-dolfinx", result.stdout, re.M)
+    assert (clone.root / ".venv/complete").exists()
 
 
 def test_unknown_demo_lists_the_known_ones():
@@ -97,6 +227,7 @@ def test_unknown_demo_lists_the_known_ones():
     assert "two_blocks" in demos
 
 
+@on_debian
 @pytest.mark.slow
 def test_pip_installs_the_package_beside_debians_dolfinx(tmp_path):
     source, venv = tmp_path / "source", tmp_path / "venv"
@@ -143,7 +274,9 @@ FORBIDDEN = [
 
 def files_of_the_repository():
     """Text files of the checkout, without what git or a run put there."""
-    made = re.compile(r"\.git|__pycache__|results|build|dist|\.hypothesis|.*_cache|.*\.egg-info")
+    made = re.compile(
+        r"\.git|\.venv|__pycache__|results|build|dist|\.hypothesis|.*_cache|.*\.egg-info"
+    )
     for path in sorted(ROOT.rglob("*")):
         if any(made.fullmatch(part) for part in path.relative_to(ROOT).parts):
             continue

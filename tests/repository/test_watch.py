@@ -138,5 +138,5 @@ def test_run_is_stopped_without_progress_not_after_some_time(tmp_path):
 
 def test_the_script_of_all_tests_watches_them():
     script = (Path(watch.__file__).parent / "run.sh").read_text()
-    assert '/usr/bin/python3 "$root/tests/watch.py" "$limit" "$@"' in script
+    assert '"$FENICS_MORTAR_PYTHON" "$root/tests/watch.py" "$limit" "$@"' in script
     assert not re.search(r"^\s*timeout ", script, re.M)

@@ -71,7 +71,7 @@ def test_a_body_that_nothing_pushes_stays_exactly():
         scene = row(0.3, loads=(1.0, 5.0, 2.0), **options)
         for report in scene.solve():
             assert np.abs(scene.motion("idle0")).max() < 1e-15
-            assert any("they stay where they were" in note for note in report.notes)
+            assert any("it stays where it was" in note for note in report.notes)
 
 
 @pytest.mark.once

@@ -6,6 +6,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from scenes import linear_elastic
+from scipy.optimize import minimize
 from taylor_scenes import PRESS, SLIDE, blocks, check, obstacle_on_block, value_of, wave
 
 import ufl
@@ -231,6 +232,52 @@ def test_undecided_nodes_are_named():
     pressed = fm.gradient(FORCE, scene.controls["place"], scene.problem)
     assert not pressed.undecided and 0.0 < pressed.nearest_change.distance < 1.0
     assert "at a distance of" in str(pressed.nearest_change)
+
+
+@pytest.mark.each
+@pytest.mark.parametrize(
+    "mu, depth, expected",
+    [
+        (0.6, 0.05, "all nodes of 'upper/bottom' on 'lower/top' in contact stick"),
+        (0.6, -0.05, "no node of 'upper/bottom' on 'lower/top' is in contact"),
+        (0.1, 0.05, None),
+    ],
+)
+def test_a_friction_limit_without_effect_is_named(mu, depth, expected):
+    """Equal blocks: all nodes stick with mu = 0.6, and some slide with mu = 0.1."""
+    places = [(0.0, -0.6 * depth), (0.01, -depth), (0.03, -depth)]
+    scene = blocks(fm.Coulomb(mu), places=places, mesh={"width_upper": 1.0, "width_lower": 1.0})
+    path, control = scene.solve(), scene.controls["mu"]
+    (contact,) = scene.problem.equations.contacts
+    found = fm.gradient(FORCE, [control, scene.controls["E"]], path)
+    assert (found[control] == 0.0) == (expected is not None)
+    if expected is None:
+        assert 0 < contact.now.sliding.sum() < contact.active.sum() and found.remarks == ()
+        return
+    (remark,) = found.remarks
+    assert "the derivative by mu of pair 0 is zero" in remark and expected in remark
+    assert remark in str(found) and not contact.now.sliding.any()
+    assert fm.gradient(FORCE, scene.controls["E"], path).remarks == ()
+
+
+def test_a_search_that_jumps_to_stick_is_not_at_a_minimum():
+    """L-BFGS-B reports convergence where the derivative by mu is zero; the remark says why."""
+    places = [(0.0, -0.03), (0.01, -0.05), (0.03, -0.05)]
+    scene = blocks(fm.Coulomb(0.1), places=places, mesh={"width_upper": 1.0, "width_lower": 1.0})
+    start, control, found = scene.problem.state(), scene.controls["mu"], []
+
+    def misfit(x):
+        control.set(scene.problem, x[0])
+        scene.problem.restore(start)
+        found.append(fm.gradient([FORCE], control, scene.solve(), over_steps=squares))
+        return found[-1].value, np.atleast_1d(found[-1][control])
+
+    squares = sensitivity.least_squares(np.zeros((3, 1)))
+    misfit([0.1])
+    squares = sensitivity.least_squares(found[-1].values)
+    result = minimize(misfit, [0.05], jac=True, bounds=[(0.0, 1.0)], method="L-BFGS-B")
+    assert result.success and result.x[0] > 0.3 and result.fun > 1e-6
+    assert len(found[-1].remarks) == 1 and not found[1].remarks
 
 
 def test_wrong_arguments_are_refused():

@@ -74,7 +74,8 @@ def test_axial_pressure_is_uniform(material, degree, cell):
         problem, exact = homogeneous(material, (a, STRETCH), ENDS, data, sides, degree, choice)
         problem.solve()
         contact = problem.contacts[0]
-        assert np.abs(contact.pressure / pressure - 1).max() < EXACT
+        # On the axis the weight of a node is small: rounding over it is larger.
+        assert np.abs(contact.pressure / pressure - 1).max() < 10 * EXACT
         size = np.pi * a**2 * pressure * (1 if sides[0] == "upper/bottom" else -1)
         assert contact.total_force[1] == pytest.approx(size, rel=EXACT)
         u = problem.equations.bulk.u

@@ -173,7 +173,7 @@ def test_measured_penetration_is_independent_of_the_integration(pair):
     certificate = scene.problem.certificate()
     assert certificate.violations() == []
     own = certificate.pairs[0]
-    assert own.force < 1e-14 and own.unpaired == 0
+    assert own["force"].value < 1e-14 and own["missed_nodes"].value == 0
     exact = comm.allreduce(scene.contact.intersections().num_segments)
     assert exact > scene.contact.operators.num_segments
-    assert 1e-3 < own.penetration < 0.2  # 0.005 and 0.1 facets, between the points
+    assert 1e-3 < own["penetration"].value < 0.2  # 0.005 and 0.1 facets, between the points

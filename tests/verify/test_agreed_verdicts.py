@@ -11,6 +11,7 @@ from small_scenes import small_blocks
 
 import fenics_mortar as fm
 from fenics_mortar.verify.certificate import _certify_pair as certify_pair
+from fenics_mortar.verify.finding import Finding
 
 pytestmark = several_ranks
 FIRST, LAST = 0, COMM.size - 1
@@ -35,7 +36,8 @@ def out_of_balance(rank):
 
 
 def in_tension(rank):
-    return lambda *given: replace(certify_pair(*given), tension=float(COMM.rank == rank))
+    tension = Finding("tension", "tension", float(COMM.rank == rank), limit=0.5)
+    return lambda *given: replace(certify_pair(*given), findings=(tension,))
 
 
 MEASURES = {"balance_of_bodies": out_of_balance, "_certify_pair": in_tension}

@@ -67,5 +67,5 @@ def test_round_obstacles_are_not_sharp(radius):
     for depth in (0.01, 0.05):
         ball.move(y=-depth)
         certificate = problem.solve().certificate
-        assert max(pair.sharp for pair in certificate.pairs) < 0.05
+        assert max(pair["obstacle_angle"].value for pair in certificate.pairs) < 0.05
         assert np.abs(problem.contacts[0].total_force[1]) > 0.1

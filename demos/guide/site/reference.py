@@ -13,6 +13,7 @@ from fenics_mortar.equations.reaction import Reaction
 from fenics_mortar.newton.report import Iteration
 from fenics_mortar.path.report import PathStep
 from fenics_mortar.sensitivity.protocols import Control, Quantity
+from fenics_mortar.verify.finding import Finding
 from fenics_mortar.verify.matrices import OperatorMatrices
 
 # Pages of the reference: title, and folders of the package whose public names they contain.
@@ -44,7 +45,7 @@ GROUPS = {
     "further": ("Further names", ()),
 }
 # Classes whose instances are created by the package, not by users.
-MET = (Iteration, InterfaceState, PathStep, OperatorMatrices, PairSide, Reaction)
+MET = (Finding, Iteration, InterfaceState, PathStep, OperatorMatrices, PairSide, Reaction)
 # Names that come first on their page, in this order.
 FIRST = (
     "ContactProblem", "PairView", "PairSide", "contact_table", "Reaction", "NewtonReport",

@@ -27,7 +27,7 @@ def errors(posed: Posed) -> dict[str, float]:
     """All errors, by name, and the certificate's moment of the contact forces."""
     (contact,) = posed.problem.equations.contacts
     found = bulk_errors(posed) | contact_errors(posed, contact.pressure)
-    found["torque"] = posed.problem.certificate().pairs[0].moment
+    found["torque"] = posed.problem.certificate().pairs[0]["moment"].value
     if posed.shear is not None:
         found["shear"] = traction_error(posed, contact.nodal.z_tau, posed.shear)
     return found

@@ -52,7 +52,7 @@ class Worker:
             command = ["mpirun", "-n", str(ranks), *command]
         paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
         # hides the ranks of the calling process from the worker
-        hidden = ("OMPI_COMM", "OMPI_MCA_ess", "PMIX", "PMI_")
+        hidden = ("OMPI_COMM", "OMPI_MCA_ess", "PMI", "HYDI_")
         self._errors = tempfile.TemporaryFile()
         self._process = subprocess.Popen(
             command,

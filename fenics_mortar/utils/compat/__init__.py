@@ -26,6 +26,7 @@ from fenics_mortar.utils.compat.expressions import (
     interpolate_expression,
 )
 from fenics_mortar.utils.compat.libraries import (
+    cure_of_gmsh,
     gmsh_is_initialized,
     option_is_used,
     petsc_has,
@@ -67,6 +68,7 @@ __all__ = [
     "create_matrix",
     "create_mesh",
     "create_vector",
+    "cure_of_gmsh",
     "dofmap",
     "domain_of",
     "evaluate_expression",

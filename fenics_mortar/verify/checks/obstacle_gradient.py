@@ -7,6 +7,7 @@ direction of these forces without violating any other condition.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -18,6 +19,33 @@ from fenics_mortar.obstacles.shape_change import DIFFERENCE
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import MortarError, call_together, format_point
 from fenics_mortar.utils.rounding import TINY
+from fenics_mortar.verify.finding import Finding
+from fenics_mortar.verify.limits import LIMITS
+from fenics_mortar.verify.measured import Measured
+
+# Largest admissible sine of the angle between a user's gradient and difference quotients [1],
+# slightly below the error of forces along averaged normals.
+WRONG_GRADIENT = 0.04
+
+
+def of_contact(measured: Measured) -> Iterator[Finding]:
+    """Sine of the angle by which a wrong gradient misdirects contact forces (collective)."""
+    if measured.contact.obstacle is None:
+        return
+    error, where = gradient_error(measured.contact)
+    yield Finding(
+        "obstacle_gradient",
+        "error of the gradient of the obstacle's distance",
+        error,
+        "the gradient of the obstacle's distance is turned by "
+        f"{np.degrees(np.arcsin(min(error, 1.0))):.1f} degrees from difference quotients at "
+        f"{where}, and so is the direction of the contact forces; correct the function of the "
+        "obstacle",
+        limit=WRONG_GRADIENT,
+        remark=LIMITS.negligible,
+        unit="sine",
+        where=where,
+    )
 
 
 def gradient_error(contact: Contact) -> tuple[float, str]:

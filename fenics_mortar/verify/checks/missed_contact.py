@@ -1,45 +1,44 @@
 # SPDX-License-Identifier: MIT
-"""Geometric defects of a pair: penetration between the nodes, and nodes without a partner."""
+"""Nodes without a partner, of the slave and inside another body, where contact was missed."""
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
-from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.messages import describe_search_radius
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.errors import format_point
+from fenics_mortar.utils.arrays import Flags, Indices
 from fenics_mortar.utils.ranks import any_over_ranks
 from fenics_mortar.utils.rounding import HALF_FACET
-from fenics_mortar.verify.limits import LIMITS
+from fenics_mortar.verify.finding import Finding
+from fenics_mortar.verify.measured import Measured
 
 
-def between_nodes(contact: Contact) -> dict[str, Any]:
-    """Penetration and distance over facet lengths, as fields of a certificate (collective)."""
-    o, s = contact.operators, contact.intersections()
-    ends = o.x[s.slave[:, [0, -1]]]
-    gaps = o.sample_gaps(o.x + contact.now.offset[:, None] * o.n, s, _samples())
-    gaps /= np.hypot(*(ends[:, 1] - ends[:, 0]).T)[:, None]
-    smallest, where = np.inf, ""
-    if gaps.size:
-        deepest = gaps.min(axis=1).argmin()
-        smallest, where = float(gaps[deepest].min()), format_point(0.5 * ends[deepest].sum(axis=0))
-    smallest, where = min(contact.slave.comm.allgather((smallest, where)))
-    return {
-        "penetration": max(-smallest, 0.0),
-        "distance": max(smallest, 0.0) if contact.active.any() else 0.0,
-        "where": where,
-    }
+def of_contact(measured: Measured) -> Iterator[Finding]:
+    """Number of nodes inside another body without a partner in any pair, and of slave nodes."""
+    contact, missed = measured.contact, _count_missed(measured)
+    yield Finding(
+        "missed_nodes",
+        "nodes inside another body without a partner",
+        missed,
+        f"{missed} nodes are inside another body and have no partner: contact was missed, since "
+        f"partners are searched {describe_search_radius(contact)}; take smaller steps or a larger "
+        "search_radius",
+        limit=0,
+    )
+    yield _uncovered(contact.multiplier_nodes & ~contact.covered)
 
 
-@cache
-def _samples() -> Array:
-    """Points of a segment at which the gap is measured, -1 ... 1, ends included (local)."""
-    return np.linspace(-1.0, 1.0, LIMITS.samples)
+def of_tie(tie: Tie) -> Iterator[Finding]:
+    """Number of slave nodes without a partner (local)."""
+    yield _uncovered(~tie.now.has_partner)
+
+
+def _uncovered(nodes: Flags) -> Finding:
+    return Finding("uncovered", "slave nodes without a partner", int(nodes.sum()))
 
 
 def paired_nodes(contact: Contact | Tie) -> Indices:
@@ -52,16 +51,13 @@ def paired_nodes(contact: Contact | Tie) -> Indices:
     )
 
 
-def count_unpaired(bulk: Bulk, contact: Contact, labels: Indices, paired: Indices) -> int:
+def _count_missed(measured: Measured) -> int:
     """Count nodes of both surfaces inside another body or obstacle without a partner (collective).
 
-    Args:
-        bulk: The bodies.
-        contact: The pair.
-        labels: Body of each local node, shape (local nodes,).
-        paired: Global numbers of the nodes with a partner in any pair, ascending.
+    A node with a partner in any pair is no missed contact.
     """
-    o = contact.operators
+    contact, bulk, paired = measured.contact, measured.bulk, measured.paired
+    o, labels = contact.operators, measured.labels
     mine = bulk.space.spread(labels)
     found = 0
     for surface, x in ((contact.slave, o.x), (contact.master, o.m)):

@@ -22,7 +22,7 @@ stiffness: the force is 7, 28 and 20 % too small. With curved cells of order 2 t
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -32,9 +32,16 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 from fenics_mortar.utils.rounding import HALF_FACET, ROUNDING
-from fenics_mortar.verify.corners import facet_angles, runs_of
-from fenics_mortar.verify.limits import LIMITS
+from fenics_mortar.verify.checks.corners import facet_angles, runs_of
+from fenics_mortar.verify.finding import Finding
+from fenics_mortar.verify.limits import CURVED, LIMITS
+from fenics_mortar.verify.measured import Measured
 
+# Number of active nodes of a region of contact, below which it is too narrow.
+FEWEST_NODES = 3
+# Gap between active nodes over the approach of the bodies above which there is a remark [1]: forces
+# are 7 % too small.
+FACET_GAPS = 0.1
 # Angle between the facets at a node above which it is a corner [radian]: polygons with more than
 # six sides count as coarse circles.
 SHARP_CORNER = np.pi / 3
@@ -45,7 +52,30 @@ FACETS_OVER_WIDTH = 4
 POINTS_BETWEEN = np.linspace(-1.0, 1.0, LIMITS.samples)
 
 
-def narrow_regions(contact: Contact, pressure: Array) -> dict[str, Any]:
+def of_contact(measured: Measured) -> Iterator[Finding]:
+    """Force on regions that are too narrow, and gaps of facets that do not fit (collective)."""
+    part, regions = _narrow_regions(measured.contact, measured.pressure)
+    yield Finding(
+        "unresolved_force",
+        "force on regions that the facets do not resolve / normal force",
+        part,
+        f"{part:.0%} of the normal forces act on regions that the mesh does not resolve: {regions}",
+        remark=LIMITS.at_corners,
+    )
+    gaps, where = _gaps_of_facets(measured.contact, measured.pressure)
+    yield Finding(
+        "facet_gaps",
+        "gaps between nodes due to facets / approach of the bodies",
+        gaps,
+        "facets of the two sides do not fit: between the nodes, most of all at "
+        f"{where}, the gap is {gaps:.0%} of the approach of the bodies: forces may be far too "
+        f"small, and single pressures far too large; take {CURVED}, or finer facets",
+        remark=FACET_GAPS,
+        where=where,
+    )
+
+
+def _narrow_regions(contact: Contact, pressure: Array) -> tuple[float, str]:
     """Fraction of the normal forces in regions that are too narrow, and the largest of them.
 
     Collective.
@@ -53,13 +83,10 @@ def narrow_regions(contact: Contact, pressure: Array) -> dict[str, Any]:
     Args:
         contact: The pair.
         pressure: Normal multipliers, shape (slave nodes,) [stress].
-
-    Returns:
-        ``narrow`` [1] and ``narrow_at`` of ``PairCertificate``; empty if there are none.
     """
     force = np.where(contact.active, np.maximum(pressure, 0.0) * contact.operators.weight, 0.0)
     if not _is_pressed(contact, pressure):
-        return {}
+        return 0.0, ""
     facets = _longest_facets(contact)
     found = [
         (float(force[nodes].sum()), text)
@@ -67,7 +94,7 @@ def narrow_regions(contact: Contact, pressure: Array) -> dict[str, Any]:
         if (text := _describe_if_narrow(contact, nodes, facets))
     ]
     carried = sum(part for part, _ in found)
-    return {"narrow": carried / float(force.sum()), "narrow_at": max(found)[1]} if found else {}
+    return (carried / float(force.sum()), max(found)[1]) if found else (0.0, "")
 
 
 def _is_pressed(contact: Contact, pressure: Array) -> bool:
@@ -109,7 +136,7 @@ def _describe_if_narrow(contact: Contact, nodes: Indices, facets: tuple[Array, A
     count = copies * (active - 1) + 1
     width = copies * float(slave.nodal_lengths[nodes].sum())
     own, opposite = (float(lengths[nodes].max()) for lengths in facets)
-    is_narrow = count < LIMITS.fewest_nodes or width < own
+    is_narrow = count < FEWEST_NODES or width < own
     beside = np.concatenate([slave.previous[nodes], slave.following[nodes]])
     beside = beside[(beside >= 0) & ~np.isin(beside, nodes)]
     if beside.size and not contact.covered[beside].any():  # between the ends of the master
@@ -158,7 +185,7 @@ def _sagittas(surface: Surface) -> Array:
     return np.where(turns < SHARP_CORNER, turns, 0.0) * surface.nodal_lengths / 8.0
 
 
-def uneven_gaps(contact: Contact, pressure: Array) -> dict[str, Any]:
+def _gaps_of_facets(contact: Contact, pressure: Array) -> tuple[float, str]:
     """Gaps of either sign between active nodes over the approach of the bodies (collective).
 
     Gaps are those of curved surfaces, at most the sagitta of their facets; larger ones are due to
@@ -170,11 +197,11 @@ def uneven_gaps(contact: Contact, pressure: Array) -> dict[str, Any]:
         pressure: Normal multipliers, shape (slave nodes,) [stress].
 
     Returns:
-        ``uneven`` [1] and ``uneven_at`` of ``PairCertificate``; empty without pressure.
+        Their root mean square over the approach [1], zero without pressure; where they are largest.
     """
     slave, o, s = contact.slave, contact.operators, contact.intersections()
     if not _is_pressed(contact, pressure) or contact.offset.any():
-        return {}
+        return 0.0, ""
     approach = float(np.maximum(pressure, 0.0) @ slave.nodal_lengths) / float(contact.modulus.max())
     gaps = o.sample_gaps(o.x + contact.now.offset[:, None] * o.n, s, POINTS_BETWEEN)
     # gaps of active nodes are not zero under a law with a closing gap
@@ -188,10 +215,10 @@ def uneven_gaps(contact: Contact, pressure: Array) -> dict[str, Any]:
     sizes = 0.5 * np.ptp(s.ends, axis=1) * np.hypot(*(ends[:, 1] - ends[:, 0]).T) * inside
     sums = sum_over_ranks(slave.comm, [sizes @ squares, sizes.sum()])
     if not sums[0] > 0.0:
-        return {}
+        return 0.0, ""
     largest, where = 0.0, ""
     if inside.any():
         first = int(np.argmax(np.where(inside, squares, 0.0)))
         largest, where = float(squares[first]), format_point(ends[first].mean(axis=0))
     _, where = max(slave.comm.allgather((largest, where)))
-    return {"uneven": float(np.sqrt(sums[0] / sums[1])) / approach, "uneven_at": where}
+    return float(np.sqrt(sums[0] / sums[1])) / approach, where

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 from mpi4py import MPI
 
@@ -17,7 +16,9 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.ranks import sum_over_ranks
 from fenics_mortar.utils.rounding import ROUNDING
+from fenics_mortar.verify.finding import Finding
 from fenics_mortar.verify.limits import LIMITS
+from fenics_mortar.verify.measured import Measured
 
 
 def balance_of_bodies(
@@ -60,8 +61,19 @@ def balance_of_bodies(
     return float(defect) / positive_or_one(size + rounding)
 
 
-def action_and_reaction(contact: Interface) -> dict[str, Any]:
-    """Sums of the forces and moments of a pair, as fields of a ``PairCertificate`` (local)."""
+def of_contact(measured: Measured) -> Iterator[Finding]:
+    """Balance of a pair in contact (local)."""
+    return of_tie(measured.contact)
+
+
+def of_tie(contact: Interface) -> Iterator[Finding]:
+    """Balance of the forces of both sides of a pair, in contact or tied (local).
+
+    Yields:
+        ``force``: sum of all contact forces over the sum of their norms, zero up to rounding;
+        ``moment``: sum of their moments over forces times lever arms, of third order in the facet
+        length, zero up to rounding for a tied pair without gap.
+    """
     o, (on_slave, reaction) = contact.operators, contact.now.forces
     where = o.m
     if not len(where):
@@ -71,11 +83,17 @@ def action_and_reaction(contact: Interface) -> dict[str, Any]:
     moments = lever[:, 0] * forces[:, 1] - lever[:, 1] * forces[:, 0]
     sizes = np.abs(forces)
     arms = float((sizes.max(axis=1) * np.abs(lever).max(axis=1)).sum())
-    return {
-        "pair": f"{contact.slave.name} - {contact.master.name}",
-        "force": float(np.abs(forces.sum(axis=0)).max()) / positive_or_one(float(sizes.sum())),
-        "moment": abs(float(moments.sum())) / positive_or_one(arms),
-    }
+    yield Finding(
+        "force",
+        "imbalance of contact forces",
+        float(np.abs(forces.sum(axis=0)).max()) / positive_or_one(float(sizes.sum())),
+        limit=LIMITS.tolerance,
+    )
+    yield Finding(
+        "moment",
+        "imbalance of contact moments",
+        abs(float(moments.sum())) / positive_or_one(arms),
+    )
 
 
 def positive_or_one(value: float) -> float:

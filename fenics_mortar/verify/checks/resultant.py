@@ -10,7 +10,7 @@ the limit of fine meshes.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -18,32 +18,40 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
-from fenics_mortar.verify.balance import positive_or_one
+from fenics_mortar.verify.checks.balance import positive_or_one
+from fenics_mortar.verify.checks.corners import runs_of
+from fenics_mortar.verify.finding import Finding
+from fenics_mortar.verify.limits import LIMITS
+from fenics_mortar.verify.measured import Measured
 
 
-def beyond_cover(contact: Contact, runs: Indices) -> dict[str, Any]:
+def of_contact(measured: Measured) -> Iterator[Finding]:
     """Largest distance of a resultant beyond the cover, over the longest facet (collective).
 
     Runs with tensile nodes are excluded, since their resultant may lie anywhere; so are obstacles,
     which have no ends.
-
-    Args:
-        contact: The pair.
-        runs: Number of the run of active nodes of each slave node, shape (slave nodes,).
-
-    Returns:
-        "outside" [1] and "outside_at" of ``PairCertificate``; empty if no resultant lies beyond.
     """
+    contact = measured.contact
     if contact.obstacle is not None:
-        return {}
-    o = contact.operators
+        return
+    o, runs = contact.operators, runs_of(contact)
     forces = np.einsum("jc,jc->j", contact.now.forces[0], o.n)
     found = [
         _beyond(contact, np.flatnonzero(contact.active & (runs == run)), forces)
         for run in np.unique(runs[contact.active])
     ]
     beyond, where = max(found, default=(0.0, ""))
-    return {"outside": beyond, "outside_at": where} if beyond > 0.0 else {}
+    yield Finding(
+        "resultant_outside",
+        "resultant of pressures beyond the covered surface",
+        beyond,
+        f"the resultant of the pressures acts at {where}, {beyond:.2f} facets outside of the part "
+        "of the slave that the master covers: the limit load of this mesh may be above that of a "
+        "finer one",
+        remark=LIMITS.coarse_distance,
+        unit="facet lengths",
+        where=where,
+    )
 
 
 def _beyond(contact: Contact, nodes: Indices, forces: Array) -> tuple[float, str]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -10,7 +11,26 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.utils.errors import call_together
-from fenics_mortar.utils.rounding import TINY
+from fenics_mortar.utils.rounding import SMALL_ANGLE, TINY
+from fenics_mortar.verify.finding import Finding
+from fenics_mortar.verify.measured import Measured
+
+
+def of_contact(measured: Measured) -> Iterator[Finding]:
+    """With small sliding, mean rotation of the normals, by which the resultant is misdirected."""
+    if measured.contact.pair.sliding != "small":
+        return
+    degrees = float(np.degrees(abs(rotation_since_reference(measured.contact))))
+    yield Finding(
+        "surface_rotation",
+        "rotation of the surface, with small sliding",
+        degrees,
+        f"the contact surface has rotated by {degrees:.1f} degrees, but sliding='small' keeps the "
+        "directions of the undeformed mesh: contact forces are misdirected by this angle; use "
+        "sliding='finite'",
+        remark=float(np.degrees(SMALL_ANGLE)),
+        unit="degrees",
+    )
 
 
 def rotation_since_reference(contact: Contact) -> float:
