@@ -72,30 +72,30 @@ def misfit(logarithms):  # and its derivatives by the logarithms of E and mu
         problem.solve(predict=False)
         path.record()
     found = fm.gradient(forces, [E, mu], path, over_steps=fm.sensitivity.least_squares(measured))
-    curves.append(found.values)
-    remarks.append(found.remarks)
+    history.append(found)
     return found.value, np.array([E.value * found[E], law.mu * found[mu]])
 
 
-curves, remarks, measured = [], [], np.zeros((slides.size, 2))
+history, measured = [], np.zeros((slides.size, 2))
 misfit(np.log([measured_E, measured_mu]))
-measured = curves.pop()
+measured = history.pop().values
 start, bounds = np.log([150.0, 0.2]), np.log([(1.0, 1e5), (0.01, 10.0)])
 result = minimize(misfit, start, jac=True, bounds=bounds, tol=1e-20)
-identified = np.exp(result.x)
 # -
 
 # ## Comparison
 
 # +
+identified = np.exp(result.x)
 errors = np.abs(identified / [measured_E, measured_mu] - 1)
 if comm.rank == 0:
-    print(f"{len(curves)} paths; E and mu {identified}, relative errors {errors}", *remarks[-1])
+    print(f"{len(history)} paths; E and mu {identified}, relative errors {errors}")
     Path("results").mkdir(exist_ok=True)
     axes = Figure((6, 3.2), layout="constrained").add_subplot()
     axes.set(xlabel="displacement [mm]", ylabel="shear force [N/mm]")
-    for number, curve in enumerate(curves, 1):
-        axes.plot(slides, -curve[:, 0], "#c8102e", alpha=0.2 + 0.8 * number / len(curves), lw=1)
+    for number, found in enumerate(history, 1):
+        alpha = 0.2 + 0.8 * number / len(history)
+        axes.plot(slides, -found.values[:, 0], "#c8102e", alpha=alpha, lw=1)
     axes.lines[-1].set_label("iterates, the last one darkest")
     axes.plot(slides, -measured[:, 0], "ko", ms=4, label="measured")
     axes.legend(frameon=False)
@@ -104,4 +104,4 @@ if comm.rank == 0:
 
 # ## Check
 
-assert max(errors) < 1e-6 and not remarks[-1]
+assert max(errors) < 1e-6 and not history[-1].remarks

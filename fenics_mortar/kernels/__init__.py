@@ -14,7 +14,7 @@ import time
 import numba
 from numba.core.compiler import Compiler
 
-# Seconds of compilation between two messages on standard error.
+# Time of compilation between two messages on standard error [s].
 INTERVAL = 5.0
 # Variables in which Open MPI, MPICH and Slurm give the number of the rank: one rank is enough.
 RANK = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID")

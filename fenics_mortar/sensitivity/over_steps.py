@@ -60,7 +60,9 @@ def least_squares(measured: npt.ArrayLike, scale: npt.ArrayLike = 1.0) -> OverSt
 
     Returns:
         The function of the values: the sum [1], and its derivatives, shape (steps, quantities).
-        It raises a ValueError if the path has another number of steps than ``measured``.
+
+    Raises:
+        ValueError: When it is evaluated, if ``measured`` has another number of steps or quantities.
     """
 
     def misfit(values: Array) -> tuple[float, Array]:

@@ -11,7 +11,10 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 # Helpers: of demos, of tests, and the settings of Sphinx, which nothing else imports.
-HELPERS = {"demos/this_clone.py", "tests/conftest.py", "demos/guide/site/conf.py"}
+HELPERS = {
+    "demos/this_clone.py", "tests/conftest.py", "demos/guide/site/conf.py",
+    "demos/studies/same/record.py",
+}  # fmt: skip
 SCRIPT = "import fenics_mortar as fm; print('found', fm.__version__, fm.read_gmsh.__module__)"
 
 

@@ -115,10 +115,10 @@ def table(rows: list[tuple[str, dict[str, Any], dict[str, Any], list[str]]]) -> 
     for name, before, now, found in rows:
         iterations = sum(solve.get("iterations", 0) for solve in now["solves"])
         iterations += sum(sum(cell["iterations"]) for cell in now["cells"])
-        words = "none" if not found else f"{len(found)}: {'; '.join(found[:3])}"
+        described = "none" if not found else f"{len(found)}: {'; '.join(found[:3])}"
         lines.append(
             f"| {name} | {len(now['solves'])} | {iterations} | {before['seconds']:.1f} "
-            f"| {now['seconds']:.1f} | {words} |"
+            f"| {now['seconds']:.1f} | {described} |"
         )
     return "\n".join(lines)
 
