@@ -94,8 +94,7 @@ if comm.rank == 0:
     axes = Figure((6, 3.2), layout="constrained").add_subplot()
     axes.set(xlabel="displacement [mm]", ylabel="shear force [N/mm]")
     for number, found in enumerate(history, 1):
-        alpha = 0.2 + 0.8 * number / len(history)
-        axes.plot(slides, -found.values[:, 0], "#c8102e", alpha=alpha, lw=1)
+        axes.plot(slides, -found.values[:, 0], "#c8102e", alpha=number / len(history), lw=1)
     axes.lines[-1].set_label("iterates, the last one darkest")
     axes.plot(slides, -measured[:, 0], "ko", ms=4, label="measured")
     axes.legend(frameon=False)
