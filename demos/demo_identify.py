@@ -80,17 +80,18 @@ def misfit(logarithms):  # and its derivatives by the logarithms of E and mu
 curves, remarks, measured = [], [], np.zeros((slides.size, 2))
 misfit(np.log([measured_E, measured_mu]))
 measured = curves.pop()
-start, bounds = np.log([150.0, 0.2]), np.log([(1.0, 1e5), (0.01, 10.0)])
-result = minimize(misfit, start, jac=True, bounds=bounds, tol=1e-20)
-identified = np.exp(result.x)
+bounds = np.log([(1.0, 1e5), (0.01, 10.0)])
+result = minimize(misfit, np.log([150.0, 0.2]), jac=True, bounds=bounds, tol=1e-20)
 # -
 
 # ## Comparison
 
 # +
-errors = np.abs(identified / [measured_E, measured_mu] - 1)
+errors = np.abs(np.exp(result.x) / [measured_E, measured_mu] - 1)
 if comm.rank == 0:
-    print(f"{len(curves)} paths; E and mu {identified}, relative errors {errors}", *remarks[-1])
+    print(
+        f"{len(curves)} paths; E and mu {np.exp(result.x)}, relative errors {errors}", *remarks[-1]
+    )
     Path("results").mkdir(exist_ok=True)
     axes = Figure((6, 3.2), layout="constrained").add_subplot()
     axes.set(xlabel="displacement [mm]", ylabel="shear force [N/mm]")
