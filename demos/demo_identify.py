@@ -89,9 +89,7 @@ result = minimize(misfit, np.log([150.0, 0.2]), jac=True, bounds=bounds, tol=1e-
 # +
 errors = np.abs(np.exp(result.x) / [measured_E, measured_mu] - 1)
 if comm.rank == 0:
-    print(
-        f"{len(curves)} paths; E and mu {np.exp(result.x)}, relative errors {errors}", *remarks[-1]
-    )
+    print(f"{len(curves)} paths; E and mu {np.exp(result.x)}, relative errors {errors}")
     Path("results").mkdir(exist_ok=True)
     axes = Figure((6, 3.2), layout="constrained").add_subplot()
     axes.set(xlabel="displacement [mm]", ylabel="shear force [N/mm]")
@@ -105,4 +103,4 @@ if comm.rank == 0:
 
 # ## Check
 
-assert max(errors) < 1e-6 and not remarks[-1]
+assert max(errors) < 1e-6 and not remarks[-1], remarks[-1]
