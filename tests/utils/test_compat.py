@@ -53,6 +53,14 @@ def test_scalars_are_real_where_petsc_is():
     assert compat.scalar_is_complex() == (PETSc.ScalarType in (np.complex64, np.complex128))
 
 
+def test_parts_of_a_mixed_space_have_their_shapes():
+    """Until dolfinx 0.6 every shape was taken for that of a plane vector."""
+    mesh = dmesh.create_unit_square(MPI.COMM_WORLD, 2, 2)
+    parts = ("Lagrange", 1, (2,)), ("DG", 0, (3,)), ("DG", 0, (2, 2)), ("DG", 0)
+    w = fem.Function(compat.mixed_space(mesh, *parts))
+    assert [part.ufl_shape for part in ufl.split(w)] == [(2,), (3,), (2, 2), ()]
+
+
 @pytest.mark.parametrize("cell", CELLS)
 def test_cell_name_is_that_of_the_cells(cell):
     assert compat.cell_name(unit_square(cell)) == cell

@@ -54,7 +54,7 @@ def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
 
     Args:
         mesh: The mesh.
-        parts: Family, degree and, for vectors, the shape of each unknown. One of them is the
+        parts: Family, degree and, for vectors and tensors, the shape of each unknown. One of them is the
             displacement, ``("Lagrange", 2, (2,))`` for example; ``ContactProblem(displacement=i)``
             if it is not the first.
 
@@ -79,11 +79,7 @@ def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
     if not parts:
         raise ValueError("expected parts: each a family, a degree and, for vectors, the shape")
     if hasattr(ufl, "MixedElement"):
-        cell = mesh.ufl_cell()
-        elements = [
-            (ufl.VectorElement if len(part) == 3 else ufl.FiniteElement)(part[0], cell, part[1])
-            for part in parts
-        ]
+        elements = [_element(mesh.ufl_cell(), *part) for part in parts]
         return fem.FunctionSpace(mesh, ufl.MixedElement(*elements))
     basix_ufl = importlib.import_module("basix.ufl")
     elements = [
@@ -91,6 +87,15 @@ def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
         for family, degree, *shape in parts
     ]
     return fem.functionspace(mesh, basix_ufl.mixed_element(elements))
+
+
+def _element(cell: Any, family: str, degree: int, shape: tuple[int, ...] = ()) -> Any:
+    """Element of UFL until 2022, for values of a shape."""
+    if not shape:
+        return ufl.FiniteElement(family, cell, degree)
+    if len(shape) == 1:
+        return ufl.VectorElement(family, cell, degree, dim=shape[0])
+    return ufl.TensorElement(family, cell, degree, shape=tuple(shape))
 
 
 def is_part_of(V: fem.FunctionSpace, part: Any) -> bool:
