@@ -1,6 +1,7 @@
 # # A clutch wears: from uniform pressure to uniform wear
 #
-# This demo changes the shape of a surface from step to step, by `contact.offset`.
+# This demo changes the shape of a surface from step to step, by `contact.offset`. The law
+# `fm.laws.Worn` does so within each step, for any friction in the plane, and admits larger steps.
 #
 # ## Problem
 # A ring with a soft lining, $a = 60$ mm $< r < b = 110$ mm, is pressed on a rotating disk by a

@@ -17,8 +17,11 @@ from fenics_mortar.utils.arguments import check_number
 class Worn(Coulomb):
     """Archard's wear with Coulomb's friction: the depth h grows by h' = wear z_n |u'|.
 
+    ``ResultsWriter`` writes the depth h [length] as ``memory_depth``; pair i has it as
+    ``problem.equations.contacts[i].accepted_instant.memory["depth"]``.
+
     Args:
-        mu: Coefficient of friction [1].
+        mu: Coefficient of friction [1], a number, or as in ``Coulomb`` one that varies in space.
         wear: Wear coefficient over hardness [1 / stress].
 
     Raises:
