@@ -54,9 +54,9 @@ def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
 
     Args:
         mesh: The mesh.
-        parts: Family, degree and, for vectors and tensors, the shape of each unknown. One of them is the
-            displacement, ``("Lagrange", 2, (2,))`` for example; ``ContactProblem(displacement=i)``
-            if it is not the first.
+        parts: Family, degree and, for vectors and tensors, the shape of each unknown. One of them
+            is the displacement, ``("Lagrange", 2, (2,))`` for example;
+            ``ContactProblem(displacement=i)`` if it is not the first.
 
     Raises:
         ValueError: If ``mesh`` is not a mesh or no part is given.
