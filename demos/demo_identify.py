@@ -79,7 +79,7 @@ def misfit(logarithms):  # and its derivatives by the logarithms of E and mu
 history, measured = [], np.zeros((slides.size, 2))
 misfit(np.log([measured_E, measured_mu]))
 measured = history.pop().values
-start, bounds = np.log([150.0, 0.2]), np.log([(1.0, 1e5), (0.01, 10.0)])
+start, bounds = np.log([150.0, 0.2]), np.log([(50.0, 1000.0), (0.05, 1.0)])
 result = minimize(misfit, start, jac=True, bounds=bounds, tol=1e-20)
 # -
 
@@ -92,7 +92,7 @@ if comm.rank == 0:
     print(f"{len(history)} paths; E and mu {identified}, relative errors {errors}")
     Path("results").mkdir(exist_ok=True)
     axes = Figure((6, 3.2), layout="constrained").add_subplot()
-    axes.set(xlabel="displacement [mm]", ylabel="shear force [N/mm]")
+    axes.set(xlabel="displacement [mm]", ylabel="shear force [N/mm]", ylim=(-0.05, 1.5))
     for number, found in enumerate(history, 1):
         axes.plot(slides, -found.values[:, 0], "#c8102e", alpha=number / len(history), lw=1)
     axes.lines[-1].set_label("iterates, the last one darkest")
