@@ -50,7 +50,7 @@ logged() { # NAME HOW_FAR COMMAND...: HOW_FAR makes a line of what the command h
         say "$name: done in $((SECONDS - start)) s"
     else
         say "$name: failed; the end of what it said:" >&2
-        tail -n "+$from" "$log" | grep -avE '^(dl|pm)status:' | tail -n 40 >&2
+        tail -n "+$from" "$log" | tail -n 40 >&2
     fi
     return $code
 }

@@ -63,8 +63,7 @@ setup_debian() {
 
 install_packages() {
     local apt=(env DEBIAN_FRONTEND=noninteractive LC_ALL=C apt-get) install
-    local options=(-o DPkg::Lock::Timeout=300 -o Acquire::Retries=3 -o Dpkg::Use-Pty=0 -q
-        -o APT::Status-Fd=1)
+    local options=(-o DPkg::Lock::Timeout=300 -o Acquire::Retries=3 -o Dpkg::Use-Pty=0 -q)
     if [ ${#as_root[@]} -gt 0 ]; then say "not root: using ${as_root[*]}"; fi
     start_log apt
     logged "apt-get update" how_far_apt "${as_root[@]}" "${apt[@]}" update "${options[@]}" ||
@@ -77,10 +76,17 @@ install_packages() {
             "without these packages: FENICS_MORTAR_SETUP=venv, which installs wheels by pip in this clone"
 }
 
-how_far_apt() { # dlstatus:FILE:PERCENT:TEXT and pmstatus:PACKAGE:PERCENT:TEXT
-    awk -F: '$1 == "dlstatus" || $1 == "pmstatus" {
-            part = $1 == "dlstatus" ? "loading" : "installing"
-            text = sprintf("%s, %.0f %%: %s", part, $3, $4)
-        }
-        END { print text }'
+# Of "0 upgraded, 312 newly installed", "Get:57 ... libfoo", "Unpacking libfoo", "Setting up libfoo". (A
+# descriptor for apt's status would not pass through sudo, and standard output is that of the packages.)
+how_far_apt() {
+    awk '$2 == "upgraded," && $4 == "newly" { all = $3 }
+        /^Get:/ { loaded++; name = $5 }
+        /^Unpacking / { unpacked++; name = $2 }
+        /^Setting up / { ready++; name = $3 }
+        END {
+            of = all ? " of " all : ""
+            if (ready) print "setting up " ready of ": " name
+            else if (unpacked) print "unpacking " unpacked of ": " name
+            else if (loaded) print "loading " loaded of ": " name
+        }'
 }
