@@ -15,6 +15,9 @@ MESH = {"n_upper": 4, "n_lower": 5, "layers_upper": 2, "layers_lower": 2}
 MULTIGRID = "gmres with multigrid" + (
     "" if compat.petsc_has("hypre") else " by PETSc's gamg, without hypre"
 )
+PETSC = "petsc" + (
+    "" if compat.petsc_has("suitesparse", "amd") else " in order nd, without SuiteSparse"
+)
 
 
 def solver_of(**options):
@@ -27,8 +30,8 @@ def solver_of(**options):
 @pytest.mark.parametrize(
     "options, phrase",
     [
-        ({}, "petsc (fewer than 100,000 unknowns, at most 20,000 on one rank)"),
-        ({"solver": "direct"}, "petsc (solver='direct', at most 20,000 on one rank)"),
+        ({}, f"{PETSC} (fewer than 100,000 unknowns, at most 20,000 on one rank)"),
+        ({"solver": "direct"}, f"{PETSC} (solver='direct', at most 20,000 on one rank)"),
         ({"solver": "iterative"}, f"{MULTIGRID} (solver='iterative')"),
         ({"petsc_options": {"mat_mumps_icntl_14": 80}}, "by mumps (PETSc options are given)"),
         ({"algorithm": "saddle"}, "saddle-point system (algorithm='saddle')"),
