@@ -3,14 +3,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
+from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.proximal import Remaining
 from fenics_mortar.utils.arrays import Array
+
+
+def _reason(carried: Iterable[tuple[str, float, bool]]) -> str:
+    """Why springs carry forces: names, fractions of the contact force, whether all nodes slide."""
+    sliding = [name for name, fraction, slides in carried if slides and fraction > RIGID.slight]
+    if sliding:
+        return (
+            f"all nodes with friction of {', '.join(sliding)} slide at their friction limit, which "
+            "the loads exceed; reduce these, or prescribe the motion"
+        )
+    return (
+        "the resistance of contact to the motion is below the force from the corners of the "
+        "facets; prescribe the motion, or refine"
+    )
 
 
 class CombinedSprings:
@@ -69,9 +84,7 @@ class CombinedSprings:
         return Remaining(
             self.largest(),
             max((fraction for _, fraction, slides in carried if slides), default=0.0),
-            f"springs carry {', '.join(each)}, with an energy of {energy:.3e}: the resistance of "
-            f"contact to the motion is below the force from the corners of the facets; prescribe "
-            f"the motion, or refine",
+            f"springs carry {', '.join(each)}, with an energy of {energy:.3e}: {_reason(carried)}",
         )
 
     def _total(self) -> Array:

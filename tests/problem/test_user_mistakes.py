@@ -267,7 +267,7 @@ def test_a_wheel_driven_beyond_its_friction_says_so_in_its_report():
     wheel.push(y=-1.0)
     problem.solve()
     wheel.push(y=-1.0, moment=3.0)
-    with pytest.raises(fm.NotConvergedError) as error:
+    with pytest.raises(fm.NotConvergedError, match="'wheel' slide at their") as error:
         problem.solve()
     assert not error.value.report.converged
     assert "converged in" not in error.value.report.reason.replace("not converged in", "")
