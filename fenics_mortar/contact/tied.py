@@ -95,9 +95,21 @@ class Tie(Interface):
         if not (self.operators.cover > 0.0).any():
             raise SurfaceError(
                 f"{self._names} are farther apart than {self.options.radius:.3g} everywhere: "
-                f"increase search_radius"
+                f"increase search_radius{self._periodic(pair.translation)}"
             )
         self.drop(self.operators.cover < MIN_SHARE * self.slave.full_cover)
+
+    def _periodic(self, translation: Array) -> str:
+        """Advice for sides of the same size, which may be those of a periodic cell (local)."""
+        low, high = (
+            np.array([getattr(side.X, end)(axis=0) for side in (self.slave, self.master)])
+            for end in ("min", "max")
+        )
+        size = high - low
+        if np.abs(size[0] - size[1]).max() > HALF_FACET * float(self.slave.lengths.max()):
+            return ""
+        x, y = translation + 0.5 * (low[0] + high[0] - low[1] - high[1])
+        return f", or, for the two sides of a periodic cell, take translation=({x:.6g}, {y:.6g})"
 
     def yield_at(self, nodes: Flags) -> None:
         """Remove multipliers as ``drop``; the joint may open at these nodes (collective)."""

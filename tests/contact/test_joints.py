@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from refusal import refused
 from scenes import TIGHT, internal, neo_hookean, read
 from tied_scenes import EXACT, blocks, comm, four_blocks, linear, neo, off, tied
 
@@ -252,6 +253,14 @@ def test_a_periodic_cell_passes_a_macroscopic_strain(slave, counts):
     report = problem.solve()
     assert off(problem, exact) < EXACT and report.certificate.violations() == []
     assert min(problem.check_tangent(print_table=False).slopes.values()) > 1.95
+
+
+@pytest.mark.parametrize("given", [(0.0, 0.0), (-1.0, 0.0), (0.5, 0.25)])
+def test_a_wrong_translation_is_refused_with_the_right_one(given):
+    data = read(build, grids=[Grid("cell", block(6, 5, width=1.0, height=1.0))])
+    tie = fm.TiedPair(data, "cell/right", "cell/left", translation=given)
+    with refused(fm.SurfaceError, r"periodic cell, take translation=\(1, 0\)"):
+        tied(data, [tie], ["cell/bottom"], np.eye(2))
 
 
 def test_a_cell_that_is_periodic_in_both_directions_needs_no_support():
