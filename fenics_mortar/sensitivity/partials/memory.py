@@ -97,7 +97,7 @@ class PairMemory:
         total = self._by["gap"] * gap
         slip = changes.get("slip", none) + f.slip_by_gap * gap
         total = total + self._by["slip"] * slip
-        for name in ("z_n", "z_tau"):
+        for name in ARGUMENTS[2:]:
             total = total + self._by[name] * changes.get(name, none)
         return total
 
