@@ -47,7 +47,7 @@ from fenics_mortar.interface.surfaces import MIN_SHARE, Surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, format_point
-from fenics_mortar.utils.rounding import HALF_FACET, LAST_DIGITS, SAME_PLACE
+from fenics_mortar.utils.rounding import HALF_FACET, LAST_DIGITS, SAME_PLACE, SUM_ROUNDING
 
 
 def _refuse_offset(_: Any, lengths: Any) -> None:
@@ -108,7 +108,9 @@ class Tie(Interface):
         size = high - low
         if np.abs(size[0] - size[1]).max() > HALF_FACET * float(self.slave.lengths.max()):
             return ""
-        x, y = translation + 0.5 * (low[0] + high[0] - low[1] - high[1])
+        period = translation + 0.5 * (low[0] + high[0] - low[1] - high[1])
+        rounding = SUM_ROUNDING * float(np.abs([low, high]).max())
+        x, y = np.where(np.abs(period) > rounding, period, 0.0)
         return f", or, for the two sides of a periodic cell, take translation=({x:.6g}, {y:.6g})"
 
     def yield_at(self, nodes: Flags) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array, Flags
-from fenics_mortar.utils.rounding import SUM_ROUNDING
+from fenics_mortar.utils.rounding import MAX_STEPS, SUM_ROUNDING
 
 
 def closest_move(
@@ -58,12 +58,57 @@ def nearest_below(desired: Array, rows: Array, slack: Array) -> tuple[Array | No
     if not (excess > 0.0).any():
         return desired, np.zeros(len(rows), bool)
     scale = max(float(excess.max()), float(np.abs(desired).max()))
-    from scipy.optimize import nnls  # imported on first use: a tenth of the package's import time
-
     system = np.vstack([-rows.T, excess / scale])
     target = np.zeros(desired.size + 1)
     target[-1] = 1.0
-    multipliers, _ = nnls(system, target)
+    multipliers = nonnegative_least_squares(system, target)
     *change, last = system @ multipliers - target
     pressed = multipliers > 0.0
     return (desired - scale * np.array(change) / last if last < -SUM_ROUNDING else None), pressed
+
+
+def nonnegative_least_squares(A: Array, b: Array) -> Array:
+    """The x >= 0 with the smallest |A x - b| (Lawson & Hanson 1974, ch. 23; local).
+
+    SciPy has the same method, but some releases (1.15) return points that are not stationary if
+    columns depend on one another, as those of the nodes of a facet under rigid motions do.
+
+    Args:
+        A: Shape (m, n), few rows.
+        b: Shape (m,).
+
+    Returns:
+        Shape (n,); the columns with x > 0 are linearly independent.
+    """
+    x, positive = np.zeros(A.shape[1]), list[int]()
+    refused = np.zeros(x.size, bool)  # columns that rounding alone lets enter
+    least = SUM_ROUNDING * np.linalg.norm(A, axis=0) * np.linalg.norm(b)
+    for _ in range(MAX_STEPS * x.size):
+        descent = A.T @ (b - A @ x)
+        descent[refused | (x > 0.0) | (descent <= least)] = 0.0
+        if not descent.any():
+            break
+        entering = int(descent.argmax())
+        solution = _least_squares(A, b, [*positive, entering])
+        refused[entering] = solution[-1] <= 0.0
+        if refused[entering]:
+            continue
+        refused[:] = False
+        positive.append(entering)
+        while solution.min(initial=1.0) <= 0.0:  # to the boundary of the orthant, where columns leave
+            now = x[positive]
+            reach = np.full(now.size, np.inf)
+            down = solution <= 0.0
+            reach[down] = now[down] / (now[down] - solution[down])
+            moved = now + reach.min() * (solution - now)
+            stays = (moved > 0.0) & (reach > reach.min())
+            x[positive] = np.where(stays, moved, 0.0)
+            positive = [j for j, kept in zip(positive, stays, strict=True) if kept]
+            solution = _least_squares(A, b, positive)
+        x[positive] = solution
+    return x
+
+
+def _least_squares(A: Array, b: Array, columns: list[int]) -> Array:
+    found: Array = np.linalg.lstsq(A[:, columns], b, rcond=None)[0]
+    return found

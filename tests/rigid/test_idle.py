@@ -6,6 +6,7 @@ import pytest
 from idle_scenes import disk_on_block, particle, queue, row, squeezed, wedge
 
 import fenics_mortar as fm
+from fenics_mortar.rigid.moves import nonnegative_least_squares
 
 # Rounding of gaps over the size of the scene [1]: of sums over the nodes of a facet.
 ROUNDING = 1e-13
@@ -55,14 +56,29 @@ def test_force_of_the_pressed_block_is_that_without_a_neighbour():
     assert np.abs(pressures[0] - pressures[1]).max() < 1e-9 * pressures[1].max()
 
 
-@pytest.mark.parametrize("mu", [0.0, 0.3])
-def test_a_row_of_idle_blocks_gives_way_together(mu):
-    scene = row(mu, idle=3, loads=(3.0,))
+@pytest.mark.parametrize("mu, load", [(0.0, 2.2), (0.0, 2.4), (0.0, 2.8), (0.0, 3.0), (0.3, 3.0)])
+def test_a_row_of_idle_blocks_gives_way_together(mu, load):
+    scene = row(mu, idle=3, loads=(load,))
     (report,) = scene.solve()
     assert_idle(scene, report, ["idle0", "idle1", "idle2"])
     moves = [scene.motion(f"idle{k}")[0] for k in range(3)]
     assert 0.0 < moves[0] < 2e-3
     assert moves == pytest.approx([moves[0]] * 3, rel=0.1)
+
+
+def test_nonnegative_least_squares_with_dependent_columns():
+    """No component can decrease the residual, and none that is positive can at all."""
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        rows, columns = rng.integers(1, 12), rng.integers(1, 60)
+        rank = rng.integers(1, rows + 1)
+        A = np.round(2.0 * rng.normal(size=(rows, rank))) @ rng.normal(size=(rank, columns))
+        A[:, columns // 2 : 2 * (columns // 2)] = A[:, : columns // 2]
+        b = rng.normal(size=rows)
+        x = nonnegative_least_squares(A, b)
+        descent = A.T @ (b - A @ x) / max(np.linalg.norm(A), 1.0)
+        assert (x >= 0.0).all() and descent.max() < 1e-11
+        assert np.abs(descent[x > 0.0]).max(initial=0.0) < 1e-11
 
 
 def test_a_body_that_nothing_pushes_stays_exactly():
