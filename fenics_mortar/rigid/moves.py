@@ -95,7 +95,7 @@ def nonnegative_least_squares(A: Array, b: Array) -> Array:
             continue
         refused[:] = False
         positive.append(entering)
-        while solution.min(initial=1.0) <= 0.0:  # to the boundary of the orthant, where columns leave
+        while solution.min(initial=1.0) <= 0.0:  # columns leave at the boundary
             now = x[positive]
             reach = np.full(now.size, np.inf)
             down = solution <= 0.0
