@@ -34,9 +34,9 @@ from fenics_mortar.mesh.dirichlet import dirichlet
 from fenics_mortar.mesh.from_arrays import mesh_from_arrays
 from fenics_mortar.mesh.from_meshio import mesh_from_meshio
 from fenics_mortar.mesh.gmsh_reader import read_gmsh
-from fenics_mortar.models.adequacy import AdequacyCheck
 from fenics_mortar.models.elastic_obstacle import ElasticObstacle
-from fenics_mortar.models.report import AdequacyReport
+from fenics_mortar.models.model_check import ModelCheck
+from fenics_mortar.models.report import ModelReport
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle, SignedDistance
@@ -58,8 +58,6 @@ from fenics_mortar.verify.tangent import TangentCheck
 __version__ = "0.1.0"  # single source: read by pyproject.toml
 
 __all__ = [
-    "AdequacyCheck",
-    "AdequacyReport",
     "Certificate",
     "Circle",
     "ContactPair",
@@ -75,6 +73,8 @@ __all__ = [
     "LinearVector",
     "MeshData",
     "MeshError",
+    "ModelCheck",
+    "ModelReport",
     "MortarError",
     "NewtonOptions",
     "NewtonReport",

@@ -72,8 +72,8 @@ class ContactProblem:
         thickness: Out-of-plane thickness of plane bodies, by which interface integrals are
             weighted; the measures of ``residual`` must contain it, too. A positive length, or a
             function of reference positions (n, 2); ``None`` means one, without a unit.
-        adequacy: An ``AdequacyCheck`` that estimates the model error after each solve
-            (``report.adequacy``) and may start each solve on a cheaper model.
+        model_check: An ``ModelCheck`` that estimates the model error after each solve
+            (``report.model_check``) and may start each solve on a cheaper model.
 
     Attributes:
         equations: All equations and their state, for research: bodies, contacts with surfaces and
@@ -117,7 +117,7 @@ class ContactProblem:
         linear_bulk: bool | None = None,
         geometry: Geometry = "plane",
         thickness: float | Callable[[Array], Any] | None = None,
-        adequacy: Any | None = None,
+        model_check: Any | None = None,
     ) -> None:
         self._given = {
             "residual": residual, "u": u, "bcs": bcs, "jacobian": jacobian,
@@ -126,7 +126,7 @@ class ContactProblem:
             "newton": newton, "displacement": displacement, "linear_bulk": linear_bulk,
             "geometry": geometry, "thickness": thickness,
         }  # fmt: skip
-        setup.check_given(self._given, pairs, adequacy)
+        setup.check_given(self._given, pairs, model_check)
         with unchanged_if_refused(u):
             self.equations = setup.equations_of(
                 residual, u, pairs, bcs, jacobian, solver=solver, linearization=linearization,
@@ -139,9 +139,9 @@ class ContactProblem:
             self._continuation = Continuation(self.equations)
             self._present = PresentState(self.equations, self._solver)
             self._inputs = Inputs(self.equations.bulk, self.equations.contacts, self.obstacles)
-            self.equations.adequacy = adequacy
-            if adequacy is not None:
-                adequacy.prepare(self)
+            self.equations.model_check = model_check
+            if model_check is not None:
+                model_check.prepare(self)
 
     @property
     def contacts(self) -> tuple[PairView, ...]:
@@ -207,14 +207,14 @@ class ContactProblem:
             self.equations.newton, sensitivity, accept_violations=accept_violations, predict=predict
         )
         with restored_if_interrupted(self.equations):
-            adequacy = self.equations.adequacy
-            report = None if adequacy is None else adequacy.solve_cheaper()
+            model_check = self.equations.model_check
+            report = None if model_check is None else model_check.solve_cheaper()
             if report is None:
                 solve = partial(self._solver.solve, remarks, accept_violations=accept_violations)
-                predict &= adequacy is None and not self.equations.newton.tentative
+                predict &= model_check is None and not self.equations.newton.tentative
                 report = self._continuation.solve(solve, guess=predict)
-            if adequacy is not None:
-                report.adequacy = adequacy.assess(self)
+            if model_check is not None:
+                report.model_check = model_check.assess(self)
             if sensitivity is not None:
                 report.sensitivity = sensitivity.of(self)
             return report

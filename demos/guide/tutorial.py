@@ -314,21 +314,21 @@ if comm.rank == 0:
 #
 # ## The model
 #
-# Step 1 used linear elasticity. Is it accurate enough at a compression of 0.02 mm? An
-# `AdequacyCheck` estimates the error of the simpler model from one Newton step of the richer
+# Step 1 used linear elasticity. Is it accurate enough at a compression of 0.02 mm? A
+# `ModelCheck` estimates the error of the simpler model from one Newton step of the richer
 # one, here the neo-Hookean residual.
 
 # +
 u.x.array[:] = 0.0
-check = fm.AdequacyCheck(0.02, finite_strain=finite)
+check = fm.ModelCheck(0.02, finite_strain=finite)
 problem = fm.ContactProblem(
-    linear, u, [contact], bcs=bcs, petsc_options_prefix="step_4_", adequacy=check
+    linear, u, [contact], bcs=bcs, petsc_options_prefix="step_4_", model_check=check
 )
 for depth in (0.002, 0.02, 0.1):
     push.value[:] = (0.0, -depth)
-    adequacy = problem.solve().adequacy
+    found = problem.solve().model_check
     if comm.rank == 0:
-        print(f"depth {depth} mm: error {100 * adequacy.error:.1f} %, enough: {adequacy.suffices}")
+        print(f"depth {depth} mm: error {100 * found.error:.1f} %, enough: {found.suffices}")
 # -
 
 # ```text
@@ -337,7 +337,7 @@ for depth in (0.002, 0.02, 0.1):
 # depth 0.1 mm: error 4.2 %, enough: False
 # ```
 #
-# `print(adequacy)` lists each assumption: linear kinematics, small sliding, a rigid obstacle, no
+# `print(found)` lists each assumption: linear kinematics, small sliding, a rigid obstacle, no
 # friction. With `hierarchy=True` a solve starts on the cheapest model and uses a richer one only
 # where the estimate demands it.
 #

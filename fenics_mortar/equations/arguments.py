@@ -47,7 +47,7 @@ def check_options(
     newton: Any,
     displacement: Any,
     linear_bulk: Any,
-    adequacy: Any,
+    model_check: Any,
     geometry: Any,
     thickness: Any,
 ) -> None:
@@ -70,5 +70,9 @@ def check_options(
         check_choice("algorithm", algorithm, get_args(Algorithm))
     expected = "the number of a sub-space"
     check_number("displacement", displacement, expected, lambda part: part >= 0, whole=True)
-    if adequacy is not None and (isinstance(adequacy, type) or not hasattr(adequacy, "prepare")):
-        raise ValueError(f"adequacy={adequacy!r}: expected an instance of AdequacyCheck, or None")
+    if model_check is not None and (
+        isinstance(model_check, type) or not hasattr(model_check, "prepare")
+    ):
+        raise ValueError(
+            f"model_check={model_check!r}: expected an instance of ModelCheck, or None"
+        )

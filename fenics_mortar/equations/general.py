@@ -72,7 +72,7 @@ class ContactEquations:
             follows; else ``None``.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
         system: The linear system; has to be set before the first ``advance``.
-        adequacy: An ``AdequacyCheck`` that follows each solve, or ``None``.
+        model_check: An ``ModelCheck`` that follows each solve, or ``None``.
         reduced_tangent: Returns solves by factors of a linear bulk, or ``None`` (collective).
 
     Raises:
@@ -111,7 +111,7 @@ class ContactEquations:
         )
         self._shortest_facet = min((float(c.slave.lengths.min()) for c in contacts), default=0.0)
         self._loose: list[FloatingBody] = []
-        self.adequacy: Any = None
+        self.model_check: Any = None
         self.reduced_tangent: Callable[[], Tangent | None] = lambda: None
 
     def add_inertia(self, inertia: Inertia) -> None:

@@ -37,14 +37,14 @@ from fenics_mortar.utils.errors import check_same_texts, together
 
 
 def check_given(
-    given: dict[str, Any], pairs: Sequence[ContactPair | TiedPair], adequacy: Any
+    given: dict[str, Any], pairs: Sequence[ContactPair | TiedPair], model_check: Any
 ) -> None:
     """Reject arguments of a wrong type, or that differ between ranks (collective).
 
     Args:
-        given: Arguments of ``ContactProblem`` by name, without pairs and adequacy.
+        given: Arguments of ``ContactProblem`` by name, without pairs and model check.
         pairs: The pairs.
-        adequacy: Check of the model, or ``None``.
+        model_check: Check of the model, or ``None``.
 
     Raises:
         ValueError: On all ranks, if an argument has a value that is not allowed.
@@ -59,7 +59,7 @@ def check_given(
         compat.settle_coordinate_element(mesh)
     with together(comm, "ContactProblem"):
         check_arguments(pairs=pairs, **forms)
-        check_options(**options, adequacy=adequacy)
+        check_options(**options, model_check=model_check)
         signature = given["residual"].signature()
         options["residual"] = f"a form with the signature {signature[:8]}"
     options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
@@ -75,7 +75,7 @@ def check_attributes(problem: Any, given: dict[str, Any]) -> None:
     """
     cure = "set up a new problem, or see variant(); problem.equations.newton may be set"
     with together(problem.equations.comm, "ContactProblem"):
-        check_no_effect("the problem", problem, [*given, "pairs", "adequacy"], cure)
+        check_no_effect("the problem", problem, [*given, "pairs", "model_check"], cure)
 
 
 def equations_of(

@@ -48,8 +48,8 @@ class Snapshot:
         self._equations, self._state, self._depth = equations, equations.state(), clock.depth
         self._operators = [contact.operators for contact in equations.contacts]
         self._springs = equations.floating.springs, equations.motions.springs
-        adequacy = equations.adequacy
-        self._revert_adequacy = None if adequacy is None else adequacy.snapshot()
+        model_check = equations.model_check
+        self._revert_model_check = None if model_check is None else model_check.snapshot()
 
     def revert(self, *, renew: bool) -> None:
         """Restore the snapshot; ``renew``: create matrices and solvers again in the next solve."""
@@ -60,8 +60,8 @@ class Snapshot:
         for contact, operators in zip(equations.contacts, self._operators, strict=True):
             contact.set_operators(operators)
         equations.floating.springs, equations.motions.springs = self._springs
-        if self._revert_adequacy is not None:
-            self._revert_adequacy()
+        if self._revert_model_check is not None:
+            self._revert_model_check()
         equations.interrupted |= renew
 
 

@@ -63,8 +63,8 @@ def save_state(problem: ContactProblem, path: str | Path) -> None:
     file = _state_file(problem, path)
     make_folder(problem.equations.comm, file.parent)
     data, first = _arrays_of(problem), problem.equations.comm.rank == 0
-    if problem.equations.adequacy is not None:
-        data |= problem.equations.adequacy.saved_data(problem)
+    if problem.equations.model_check is not None:
+        data |= problem.equations.model_check.saved_data(problem)
     write = partial(write_whole, file, partial(_write_arrays, data))
     try_together(problem.equations.comm, first, write, f"cannot write '{file}'")
 
@@ -103,8 +103,8 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
     here = problem.state()
     problem.restore(replace(here, places=data["places"], converged=bool(data["converged"])))
     problem.accept()
-    if problem.equations.adequacy is not None:
-        problem.equations.adequacy.restore_data(problem, data)
+    if problem.equations.model_check is not None:
+        problem.equations.model_check.restore_data(problem, data)
 
 
 def _arrays_of(problem: ContactProblem) -> Arrays:

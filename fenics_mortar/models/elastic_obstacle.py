@@ -65,7 +65,7 @@ class ElasticObstacle:
 
     Example:
         ``tool = fm.ElasticObstacle(circle, residual, u, data, "tool/rim", bcs=grips)``, and in the
-        problem with the circle, ``adequacy=fm.AdequacyCheck(elastic_obstacles=[tool])``.
+        problem with the circle, ``model_check=fm.ModelCheck(elastic_obstacles=[tool])``.
     """
 
     def __init__(

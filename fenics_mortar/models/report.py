@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The report of an adequacy check."""
+"""The report of a model check."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Assumption:
 
 
 @dataclass(frozen=True)
-class AdequacyReport(Markdown):
+class ModelReport(Markdown):
     """Estimated errors of the assumptions of a solution; prints as a Markdown table; local.
 
     Attributes:

@@ -48,7 +48,7 @@ class NewtonReport(Markdown):
         iterations: One row per iteration; row 0 is the state before the first linear system.
         notes: Messages on all deviations from full Newton steps.
         certificate: Measured defects of a converged state, a ``Certificate``.
-        adequacy: Estimated errors of the model's assumptions, an ``AdequacyReport``, if requested.
+        model_check: Estimated errors of the model's assumptions, an ``ModelReport``, if requested.
         sensitivity: Derivatives with respect to numerical choices, a ``NumericsReport``, if
             requested.
         force: Reference force of the residuals, the largest norm of the nodal forces in the
@@ -62,7 +62,7 @@ class NewtonReport(Markdown):
     iterations: list[Iteration] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     certificate: Any = None
-    adequacy: Any = None
+    model_check: Any = None
     sensitivity: Any = None
     force: float = 0.0
     allowed: float = 0.0

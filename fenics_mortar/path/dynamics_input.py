@@ -41,8 +41,8 @@ def check_dynamics(
     _check_density(density, mesh)
     _check_energy(energy, mesh)
     _check_velocity(velocity, problem)
-    if problem.equations.adequacy is not None:
-        raise ValueError("problem has an AdequacyCheck, whose cheaper models have no inertia")
+    if problem.equations.model_check is not None:
+        raise ValueError("problem has a ModelCheck, whose cheaper models have no inertia")
     if problem.equations.bulk.inertia is not None:
         raise ValueError("problem has inertia already, from another Dynamics: set up a new problem")
 

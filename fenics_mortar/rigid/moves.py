@@ -74,11 +74,11 @@ def nonnegative_least_squares(A: Array, b: Array) -> Array:
     columns depend on one another, as those of the nodes of a facet under rigid motions do.
 
     Args:
-        A: Shape (m, n), few rows.
-        b: Shape (m,).
+        A: Shape (m, n), few rows [1].
+        b: Shape (m,) [1].
 
     Returns:
-        Shape (n,); the columns with x > 0 are linearly independent.
+        x, shape (n,) [1]; the columns with x > 0 are linearly independent.
     """
     x, positive = np.zeros(A.shape[1]), list[int]()
     refused = np.zeros(x.size, bool)  # columns that rounding alone lets enter

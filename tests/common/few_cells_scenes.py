@@ -388,7 +388,7 @@ def models(kind, folder):
     for quantity in ("energy norm", "total force", "peak pressure"):
         u = fem.Function(V)
         richer = internal(u, neo_hookean(u, 100.0, 0.3))
-        check = fm.AdequacyCheck(
+        check = fm.ModelCheck(
             0.01,
             quantity=quantity,
             finite_strain=richer,
@@ -398,12 +398,12 @@ def models(kind, folder):
         problem, push = linear_blocks(data, u, check)
         push.value[:] = 0.0, -0.02
         report = problem.solve()
-        yield f"{quantity}: errors", errors(report.adequacy)
-        yield f"{quantity}: suffices", report.adequacy.suffices
-        yield f"{quantity}: sum", report.adequacy.error
-        verdicts = [report.adequacy.verdict(a) for a in report.adequacy.assumptions]
+        yield f"{quantity}: errors", errors(report.model_check)
+        yield f"{quantity}: suffices", report.model_check.suffices
+        yield f"{quantity}: sum", report.model_check.error
+        verdicts = [report.model_check.verdict(a) for a in report.model_check.assumptions]
         yield f"{quantity}: verdicts", verdicts
-        assert str(report.adequacy)
+        assert str(report.model_check)
         if quantity == "energy norm":
             fm.save_state(problem, folder / "hierarchy")
             fm.load_state(problem, folder / "hierarchy")
@@ -414,18 +414,18 @@ def models(kind, folder):
         obstacle, internal(w, linear_elastic(w, 100.0, 0.3)), w, data, "lower/top", bcs=grips
     )
     u = fem.Function(V)
-    check = fm.AdequacyCheck(elastic_obstacles=[elastic])
+    check = fm.ModelCheck(elastic_obstacles=[elastic])
     problem, push = linear_blocks(data, u, check, obstacle)
     push.value[:] = 0.0, -0.02
     report = problem.solve()
-    yield "elastic obstacle", errors(report.adequacy)
+    yield "elastic obstacle", errors(report.model_check)
     yield "bent", np.sort(elastic.displacements(problem.equations.contacts)[0])
     yield "flat", np.sort(elastic.flatness(problem.equations.contacts)[0])
 
 
-def errors(adequacy):
-    """All errors of a report on the adequacy of a model."""
-    return [a.errors[name] for a in adequacy.assumptions for name in sorted(a.errors)]
+def errors(model_check):
+    """All errors of a report on the errors of a model."""
+    return [a.errors[name] for a in model_check.assumptions for name in sorted(a.errors)]
 
 
 def linear_blocks(data, u, check, master="lower/top"):
@@ -436,7 +436,7 @@ def linear_blocks(data, u, check, master="lower/top"):
     pair = fm.ContactPair(data, "upper/bottom", master)
     problem = fm.ContactProblem(
         internal(u, linear_elastic(u, 100.0, 0.3)), u, [pair], bcs=bcs, newton=TIGHT,
-        petsc_options_prefix="few_", adequacy=check,
+        petsc_options_prefix="few_", model_check=check,
     )  # fmt: skip
     return problem, push
 

@@ -90,8 +90,8 @@ def test_law_that_raises_on_one_rank_raises_on_all(method, hierarchy):
 
     law = Spoilt(method, fail)
     law._on = False
-    adequacy = fm.AdequacyCheck(hierarchy=True) if hierarchy else None
-    scene = small_blocks(pair={"law": law}, problem={"adequacy": adequacy})
+    model_check = fm.ModelCheck(hierarchy=True) if hierarchy else None
+    scene = small_blocks(pair={"law": law}, problem={"model_check": model_check})
     scene.loads["push"].value[1] = -0.02
     scene.problem.solve()
     law._on = True

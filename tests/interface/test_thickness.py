@@ -275,7 +275,7 @@ def test_an_obstacle_pushed_along_the_axis_feels_the_total_force():
         problem.solve()
 
 
-def test_adequacy_of_small_strains_and_of_a_rigid_sphere():
+def test_model_check_of_small_strains_and_of_a_rigid_sphere():
     """With an elastic sphere, ten times as stiff, the force is smaller by 1 / 11 (Hertz)."""
     centre = (0.0, 2.0)
     sphere = sector(40, 12, radii=(0.2, 1.0), angles=(-np.pi / 2, 0.0), centre=centre)
@@ -300,9 +300,9 @@ def test_adequacy_of_small_strains_and_of_a_rigid_sphere():
             on_axis(V, data, ["lower/left", "upper/left"]),
         ],
         geometry="axisymmetric", petsc_options_prefix="axis_",
-        adequacy=fm.AdequacyCheck(0.05, finite_strain=rich, elastic_obstacles=[tool]),
+        model_check=fm.ModelCheck(0.05, finite_strain=rich, elastic_obstacles=[tool]),
     )  # fmt: skip
     report = problem.solve()
-    errors = {a.name: a.errors["total force"] for a in report.adequacy.assumptions}
+    errors = {a.name: a.errors["total force"] for a in report.model_check.assumptions}
     assert errors["linear strain"] < 0.01
     assert 0.07 < errors["rigid sphere"] < 0.13

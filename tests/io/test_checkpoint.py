@@ -202,7 +202,7 @@ def test_restart_with_a_model_hierarchy_agrees_with_the_uninterrupted_run(shared
     for load in path[2:]:
         push[:] = same_push[:] = load
         reports = whole.solve(), again.solve()
-        assumptions = [[a.name for a in report.adequacy.assumptions] for report in reports]
+        assumptions = [[a.name for a in report.model_check.assumptions] for report in reports]
         assert assumptions[0] == assumptions[1]
         assert reports[0].num_iterations == reports[1].num_iterations
         assert len(steps) == len(same_steps)

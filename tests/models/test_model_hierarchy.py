@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from adequacy_scenes import MESH
+from model_check_scenes import MESH
 from scenes import TIGHT, internal, neo_hookean, nodal, pressed_blocks
 
 from dolfinx import fem
@@ -23,7 +23,7 @@ def hierarchy_path(law=None, **check):
     problem = fm.ContactProblem(
         internal(u, neo_hookean(u, 100.0, 0.3)), u, [pair], bcs=scene.problem.equations.bulk.bcs,
         petsc_options_prefix="test_", newton=TIGHT,
-        adequacy=fm.AdequacyCheck(hierarchy=True, **check) if check else None,
+        model_check=fm.ModelCheck(hierarchy=True, **check) if check else None,
     )  # fmt: skip
     steps, advance = [], problem.equations.advance
     problem.equations.advance = lambda: steps.append(1) or advance()
@@ -39,7 +39,7 @@ def test_hierarchy_ends_on_the_full_model_if_needed(law):
         full.solve()
         report = problem.solve()
         assert report.certificate.violations() == []
-        assert report.adequacy.suffices and not report.adequacy.assumptions
+        assert report.model_check.suffices and not report.model_check.assumptions
         u, w = nodal(full), nodal(problem)
         assert np.abs(u - w).max() < 1e-9 * np.abs(u).max()
         z, w = full.equations.contacts[0].z, problem.equations.contacts[0].z
@@ -59,8 +59,8 @@ def test_hierarchy_ends_on_a_sufficient_model():
         push[1] = same_push[1] = -depth
         full.solve()
         report = problem.solve()
-        (assumption,) = report.adequacy.assumptions
-        assert assumption.name == "linear strain and small sliding" and report.adequacy.suffices
+        (assumption,) = report.model_check.assumptions
+        assert assumption.name == "linear strain and small sliding" and report.model_check.suffices
         assert report.certificate.violations() == []
         true = differences(problem, SolutionQuantities.of(problem), SolutionQuantities.of(full))
         for name in QUANTITIES:  # errors of the model's forces
@@ -73,7 +73,7 @@ def test_hierarchy_ends_on_an_intermediate_model():
     problem, push, steps = hierarchy_path(tolerance=0.02)
     full, same_push, _ = hierarchy_path()
     push[:] = same_push[:] = (0.3, -0.003)
-    names = [a.name for a in problem.solve().adequacy.assumptions]
+    names = [a.name for a in problem.solve().model_check.assumptions]
     assert names == ["linear strain"]
     full.solve()
     true = differences(problem, SolutionQuantities.of(problem), SolutionQuantities.of(full))
@@ -89,10 +89,10 @@ def test_hierarchy_ends_at_the_error_of_the_mesh():
     for known in ({}, {"discretisation": 0.5}):
         problem, push, _ = hierarchy_path(tolerance=1e-4, **known)
         push[1] = -0.02
-        adequacy = problem.solve().adequacy
-        (assumption,) = adequacy.assumptions
-        assert not adequacy.suffices and adequacy.discretisation > adequacy.error
-        assert adequacy.verdict(assumption) == "refine the mesh first"
+        model_check = problem.solve().model_check
+        (assumption,) = model_check.assumptions
+        assert not model_check.suffices and model_check.discretisation > model_check.error
+        assert model_check.verdict(assumption) == "refine the mesh first"
 
 
 @pytest.mark.once
@@ -101,18 +101,18 @@ def test_mesh_error_and_model_error_are_separate():
     problem, push, _ = hierarchy_path(tolerance=1e-4)
     (full, same_push, _) = hierarchy_path()
     push[:] = same_push[:] = (0.4, -0.03)
-    adequacy = problem.solve().adequacy
+    model_check = problem.solve().model_check
     full.solve()
-    assert adequacy.discretisation == pytest.approx(full.estimate().relative, rel=0.2)
+    assert model_check.discretisation == pytest.approx(full.estimate().relative, rel=0.2)
     true = differences(problem, SolutionQuantities.of(problem), SolutionQuantities.of(full))[ENERGY]
-    assert true < adequacy.discretisation
+    assert true < model_check.discretisation
 
 
 @pytest.mark.once
 def test_hierarchy_continues_after_a_failed_model(monkeypatch):
     """A cheap model without solution has no effect."""
     (full, push, _), (problem, same_push, _) = hierarchy_path(), hierarchy_path(tolerance=0.5)
-    hierarchy = problem.equations.adequacy._hierarchy
+    hierarchy = problem.equations.model_check._hierarchy
     models = [hierarchy._model, *hierarchy._models]
     hierarchy._models = iter(models[1:])
     assert len(models) == 2

@@ -286,7 +286,7 @@ def test_notebooks_render_reports_as_markdown():
     assert record()._repr_markdown_() == str(record())
     for kind in (fm.NewtonReport, fm.PathReport, fm.DynamicsReport, fm.Certificate):
         assert hasattr(kind, "_repr_markdown_")
-    for kind in (fm.AdequacyReport, fm.ErrorEstimate, fm.TangentCheck):
+    for kind in (fm.ModelReport, fm.ErrorEstimate, fm.TangentCheck):
         assert hasattr(kind, "_repr_markdown_")
 
 

@@ -132,7 +132,7 @@ def test_argument_of_a_wrong_type_is_refused(call, message):
         ({"petsc_options": {"-ksp_rtol": 1}}, "petsc_options with '-ksp_rtol': expected a name"),
         ({"displacement": "u"}, "displacement='u': expected the number of a sub-space"),
         ({"displacement": 3}, "displacement=3: the function u is not mixed"),
-        ({"adequacy": fm.AdequacyCheck}, "adequacy=.*: expected an instance of AdequacyCheck"),
+        ({"model_check": fm.ModelCheck}, "model_check=.*: expected an instance of ModelCheck"),
     ],
 )
 def test_option_of_a_wrong_type_is_refused(options, message):

@@ -88,7 +88,7 @@ def test_fewer_points_than_nodes_of_a_facet_are_refused(kind, options):
         ({"pairs": None}, "pairs=None: .*list of ContactPair"),
         ({"bcs": [0.0]}, r"bcs=\[0.0\]: .*list of Dirichlet"),
         ({"newton": {"max_iterations": 5}}, "newton=.*: expected an instance of NewtonOptions"),
-        ({"adequacy": True}, "adequacy=True: expected an instance of AdequacyCheck"),
+        ({"model_check": True}, "model_check=True: expected an instance of ModelCheck"),
         ({"petsc_options": "ksp_view"}, "petsc_options='ksp_view': expected a dictionary"),
         ({"jacobian": "exact"}, "jacobian='exact': expected a UFL form"),
         ({"linear_bulk": "yes"}, "linear_bulk='yes': expected True, False or None"),

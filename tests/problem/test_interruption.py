@@ -193,7 +193,7 @@ def test_a_model_hierarchy_may_be_interrupted_anywhere(check):
     push[1] = -0.02
     problem.solve()
     push[:] = (0.02, -0.03)
-    start = problem.equations.adequacy.snapshot()
+    start = problem.equations.model_check.snapshot()
     interrupt_at_random(problem, lambda: (start(), problem.solve()), seed=1, times=6)
 
 

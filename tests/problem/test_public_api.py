@@ -51,7 +51,7 @@ def test_public_names_of_a_problem_are_few_and_documented():
 
 
 RESULTS = [
-    "AdequacyReport",
+    "ModelReport",
     "Certificate",
     "ErrorEstimate",
     "NewtonReport",

@@ -4,7 +4,7 @@
 from dataclasses import replace
 
 import pytest
-from adequacy_scenes import blocks
+from model_check_scenes import blocks
 from one_rank import several_ranks
 from refusal import COMM
 from small_scenes import small_blocks
@@ -77,6 +77,6 @@ def test_models_are_sufficient_on_all_ranks_or_none(rank, monkeypatch):
 
     monkeypatch.setattr("fenics_mortar.models.model_error.relative", relative)
     _, report = blocks((0.0, -0.02), hierarchy=True)
-    assert report.adequacy.suffices == (rank == LAST)
-    errors = [assumption.errors for assumption in report.adequacy.assumptions]
+    assert report.model_check.suffices == (rank == LAST)
+    errors = [assumption.errors for assumption in report.model_check.assumptions]
     assert equal_on_ranks(errors) and equal_on_ranks(report.num_iterations)

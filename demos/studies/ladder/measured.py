@@ -56,8 +56,8 @@ def follow(scene: Scene, posed: Posed, row: Row) -> bool:
         row.reason = str(error)
         return False
     row.seconds = time.process_time() - start
-    if report.adequacy is not None:
-        found = report.adequacy.assumptions
+    if report.model_check is not None:
+        found = report.model_check.assumptions
         if row.model == HIERARCHY:
             row.ended = ENDED[found[-1].name] if found else FULL.name
         row.estimate = found[-1].errors if found else dict.fromkeys(QUANTITIES, 0.0)
@@ -99,13 +99,13 @@ def mesh_errors(scene: Scene, load: float, full: Posed) -> Errors:
 
 
 def estimated_errors(scene: Scene, load: float, model: Model, posed: Posed) -> Errors:
-    """Errors estimated by ``AdequacyCheck`` for all assumptions; nan for bodies in motion."""
+    """Errors estimated by ``ModelCheck`` for all assumptions; nan for bodies in motion."""
     if posed.dynamics is not None:
         return NOTHING
     if model.rigid:
         return by_meshed_tool(scene, load, posed)
     finite = posed.finite if model.strain == "linear" else None
-    assumptions = fm.AdequacyCheck(finite_strain=finite).assess(posed.problem).assumptions
+    assumptions = fm.ModelCheck(finite_strain=finite).assess(posed.problem).assumptions
     return assumptions[-1].errors if assumptions else dict.fromkeys(QUANTITIES, 0.0)
 
 

@@ -89,9 +89,7 @@ def pose(scene: Scene, load: float, model: Model, data: Any, friction: float = 0
     check = None
     if model.uses_hierarchy or model.leaves_out:
         friction_left_out = model.leaves_out or None
-        check = fm.AdequacyCheck(
-            TOLERANCE, hierarchy=model.uses_hierarchy, friction=friction_left_out
-        )
+        check = fm.ModelCheck(TOLERANCE, hierarchy=model.uses_hierarchy, friction=friction_left_out)
     push = fem.Constant(data.mesh, 0.0)
     loads = pressed(u, data, push) if scene.pressure else 0
     problem = fm.ContactProblem(
@@ -102,7 +100,7 @@ def pose(scene: Scene, load: float, model: Model, data: Any, friction: float = 0
         petsc_options_prefix="ladder_",
         linearization=model.linearization,
         newton=fm.NewtonOptions(max_iterations=100),
-        adequacy=check,
+        model_check=check,
         geometry=scene.geometry,
     )
     overlap = np.nan_to_num(problem.equations.contacts[0].gap)

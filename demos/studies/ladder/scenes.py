@@ -108,7 +108,7 @@ class Scene:
     pressure: Callable[[float], float] | None = None
 
     def models(self) -> list[Model]:
-        """The models that make sense: cheaper models have no inertia, see ``AdequacyCheck``."""
+        """The models that make sense: cheaper models have no inertia, see ``ModelCheck``."""
         moves, alone = self.duration > 0.0, self.pressure is not None
         return [
             model

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Adequacy of models: estimates compared with true errors, and restored states."""
+"""Checks of models: estimates compared with true errors, and restored states."""
 
 import numpy as np
 import pytest
-from adequacy_scenes import MESH, blocks
+from model_check_scenes import MESH, blocks
 from scenes import internal, linear_elastic, neo_hookean, nodal, pressed_blocks, read, rotation
 
 import ufl
@@ -36,7 +36,7 @@ def test_estimates_are_within_a_factor_of_the_true_error(push, strain, sliding):
     problem, report = blocks(push, strain=strain, sliding=sliding)
     full, _ = blocks(push, strain="finite")
     true = differences(problem, SolutionQuantities.of(problem), SolutionQuantities.of(full))
-    found = report.adequacy.assumptions[-1].errors
+    found = report.model_check.assumptions[-1].errors
     for name in QUANTITIES:
         if true[name] > 1e-5:  # below, errors of the cheap model are rounding
             assert true[name] / 2.0 < found[name] < 2.0 * true[name], (name, true, found)
@@ -47,9 +47,9 @@ def test_estimates_are_within_a_factor_of_the_true_error(push, strain, sliding):
 def test_check_changes_neither_state_nor_later_steps():
     problem, _ = blocks((0.05, -0.1), sliding="small")
     alone, _ = blocks((0.05, -0.1), sliding="small")
-    alone.equations.adequacy = None
+    alone.equations.model_check = None
     before = problem.state()
-    problem.equations.adequacy.assess(problem)
+    problem.equations.model_check.assess(problem)
     after = problem.state()
     assert np.array_equal(before.u, after.u) and np.array_equal(
         before.interfaces[0].z, after.interfaces[0].z
@@ -57,7 +57,7 @@ def test_check_changes_neither_state_nor_later_steps():
     assert np.array_equal(before.interfaces[0].active, after.interfaces[0].active)
     assert problem.equations.contacts[0].operators.linearization.frozen
     one, other = problem.solve(), alone.solve()
-    assert other.adequacy is None and one.num_iterations == other.num_iterations
+    assert other.model_check is None and one.num_iterations == other.num_iterations
     u, w = nodal(problem), nodal(alone)
     assert np.abs(u - w).max() < 1e-10 * np.abs(u).max()  # rounding of MUMPS
 
@@ -66,21 +66,25 @@ def test_check_changes_neither_state_nor_later_steps():
 def test_table_contains_the_verdicts():
     """One row per assumption and their sum; slip and rotation are those of the scene."""
     _, report = blocks((0.1, -0.1), sliding="small")
-    adequacy = report.adequacy
-    names = [assumption.name for assumption in adequacy.assumptions]
+    model_check = report.model_check
+    names = [assumption.name for assumption in model_check.assumptions]
     assert names == ["linear strain", "small sliding", "linear strain and small sliding"]
-    assert [adequacy.verdict(a) for a in adequacy.assumptions] == ["not enough"] * 3
-    assert not adequacy.suffices and "not enough" in str(adequacy) and "facets" in str(adequacy)
+    assert [model_check.verdict(a) for a in model_check.assumptions] == ["not enough"] * 3
+    assert (
+        not model_check.suffices
+        and "not enough" in str(model_check)
+        and "facets" in str(model_check)
+    )
     _, report = blocks((0.0, -0.001), sliding="small")
-    assert report.adequacy.suffices
+    assert report.model_check.suffices
     _, report = blocks((0.1, -0.1), sliding="small", discretisation=0.5)
-    assert report.adequacy.verdict(report.adequacy.assumptions[1]) == "refine the mesh first"
+    assert report.model_check.verdict(report.model_check.assumptions[1]) == "refine the mesh first"
 
 
 @pytest.mark.once
 def test_the_full_model_assumes_nothing():
     _, report = blocks((0.0, -0.05), strain="finite")
-    assert report.adequacy.assumptions == [] and report.adequacy.suffices
+    assert report.model_check.assumptions == [] and report.model_check.suffices
 
 
 @pytest.mark.parametrize("ratio, verdict", [(None, "unknown"), (0.001, "enough"), (0.5, "not en")])
@@ -92,13 +96,13 @@ def test_rigid_obstacles_follow_the_rule_of_stiffness(ratio, verdict):
         internal(u, neo_hookean(u, 100.0, 0.3)), u,
         [fm.ContactPair(scene.data, "upper/bottom", plane)],
         bcs=scene.problem.equations.bulk.bcs, petsc_options_prefix="test_",
-        adequacy=fm.AdequacyCheck(stiffness_ratio=ratio),
+        model_check=fm.ModelCheck(stiffness_ratio=ratio),
     )  # fmt: skip
     scene.loads["push"].value[1] = -0.05
-    adequacy = problem.solve().adequacy
-    (assumption,) = adequacy.assumptions
-    assert adequacy.verdict(assumption).startswith(verdict)
-    assert adequacy.suffices == (verdict == "enough")
+    model_check = problem.solve().model_check
+    (assumption,) = model_check.assumptions
+    assert model_check.verdict(assumption).startswith(verdict)
+    assert model_check.suffices == (verdict == "enough")
 
 
 SOFT = Grid("soft", block(12, 5, width=1.0, height=0.5))
@@ -142,7 +146,7 @@ def test_meshed_tool_gives_the_error_of_a_rigid_obstacle():
     for angle in (0.0, 0.7):
         problem, tool = soft_on("rigid", angle=angle)
         before, offset = problem.state(), problem.equations.contacts[0].offset
-        (assumption,) = fm.AdequacyCheck(elastic_obstacles=[tool()]).assess(problem).assumptions
+        (assumption,) = fm.ModelCheck(elastic_obstacles=[tool()]).assess(problem).assumptions
         assert np.array_equal(problem.state().u, before.u)
         assert (
             problem.equations.contacts[0].offset is offset
@@ -206,7 +210,7 @@ def test_report_contains_faceting_and_elasticity_of_a_meshed_tool():
     assert 0.85 < found["total force"] / true < 1.15
     peaks = [problem.equations.contacts[0].pressure.max() for problem in (rigid, full)]
     assert 0.7 < found[PEAK] / (abs(peaks[0] / peaks[1] - 1)) < 1.3
-    check = fm.AdequacyCheck(1e-3, elastic_obstacles=[elastic]).assess(rigid)
+    check = fm.ModelCheck(1e-3, elastic_obstacles=[elastic]).assess(rigid)
     assert check.verdict(check.assumptions[0]) == "refine the mesh first"
     assert "facets deviate" in str(check)
 
@@ -227,18 +231,18 @@ def test_small_sliding_on_an_obstacle_that_has_moved():
         forms = {name: internal(u, law(u, 100.0, 0.3)) for name, law in materials.items()}
         tool = fm.Circle((1.1, -1.0), 2.0)
         pair = fm.ContactPair(scene.data, "upper/bottom", tool, sliding="small")
-        check = fm.AdequacyCheck(finite_strain=forms["finite"], stiffness_ratio=0.001)
+        check = fm.ModelCheck(finite_strain=forms["finite"], stiffness_ratio=0.001)
         problem = fm.ContactProblem(
             forms[strain], u, [pair], bcs=scene.problem.equations.bulk.bcs,
-            petsc_options_prefix="test_", adequacy=check if strain == "linear" else None,
+            petsc_options_prefix="test_", model_check=check if strain == "linear" else None,
         )  # fmt: skip
         tool.move(x=0.3, y=0.05)
-        found[strain] = problem, problem.solve().adequacy
-    problem, adequacy = found["linear"]
+        found[strain] = problem, problem.solve().model_check
+    problem, model_check = found["linear"]
     true = differences(
         problem, SolutionQuantities.of(problem), SolutionQuantities.of(found["finite"][0])
     )
-    errors = adequacy.assumptions[0].errors
+    errors = model_check.assumptions[0].errors
     assert all(0.5 < errors[name] / true[name] < 2.0 for name in QUANTITIES), (errors, true)
 
 
@@ -273,7 +277,7 @@ def test_rigid_motions_of_the_bodies_are_no_strain():
 )
 def test_options_are_checked(options, message):
     with pytest.raises(ValueError, match=message):
-        fm.AdequacyCheck(**options)
+        fm.ModelCheck(**options)
 
 
 @pytest.mark.parametrize(
@@ -295,10 +299,10 @@ def test_frictionless_against_stick(width, push, friction, verdict):
         found[type(law)] = scene.problem
     problem, rough = found.values()
     before = problem.state()
-    check = fm.AdequacyCheck(0.02, friction=friction)
-    (assumption,) = (adequacy := check.assess(problem)).assumptions
+    check = fm.ModelCheck(0.02, friction=friction)
+    (assumption,) = (model_check := check.assess(problem)).assumptions
     assert np.array_equal(problem.state().u, before.u)
-    assert adequacy.verdict(assumption) == verdict and "stick requires" in assumption.indicator
+    assert model_check.verdict(assumption) == verdict and "stick requires" in assumption.indicator
     true = differences(problem, SolutionQuantities.of(problem), SolutionQuantities.of(rough))
     assert (true[ENERGY] <= 0.02) == (verdict == "enough")
     for name in QUANTITIES:
@@ -319,11 +323,15 @@ def test_friction_counts_the_slip_of_all_steps():
     """Shear of four steps, of which the last makes a quarter."""
     found = []
     for law, check in (
-        (fm.Frictionless(), fm.AdequacyCheck(friction=0.3)),
+        (fm.Frictionless(), fm.ModelCheck(friction=0.3)),
         (fm.Coulomb(0.3), None),
     ):
         scene = pressed_blocks(
-            **MESH, width_upper=1.0, width_lower=2.2, pair={"law": law}, problem={"adequacy": check}
+            **MESH,
+            width_upper=1.0,
+            width_lower=2.2,
+            pair={"law": law},
+            problem={"model_check": check},
         )
         for depth in (0.02, 0.04, 0.06, 0.08):
             scene.loads["push"].value[1] = -depth
@@ -331,7 +339,7 @@ def test_friction_counts_the_slip_of_all_steps():
         found.append((scene.problem, report))
     (problem, report), (rough, _) = found
     true = differences(problem, SolutionQuantities.of(problem), SolutionQuantities.of(rough))
-    (assumption,) = report.adequacy.assumptions
+    (assumption,) = report.model_check.assumptions
     for name in QUANTITIES:
         assert 0.8 < assumption.errors[name] / true[name] < 1.25, (name, true, assumption.errors)
 
@@ -347,4 +355,4 @@ def test_a_tie_has_no_friction_to_neglect():
         bcs=bcs, petsc_options_prefix="test_",
     )  # fmt: skip
     problem.solve()
-    assert fm.AdequacyCheck(friction=0.3).assess(problem).assumptions == []
+    assert fm.ModelCheck(friction=0.3).assess(problem).assumptions == []

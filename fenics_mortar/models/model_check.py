@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Adequacy of a model: estimated errors of its assumptions.
+"""Model check: estimated errors of its assumptions.
 
 The estimates of ``model_error`` use one Newton step of a richer model at the solution of the
 present one.
@@ -46,7 +46,7 @@ from fenics_mortar.models.model_error import (
     shear_demand,
     sliding_little,
 )
-from fenics_mortar.models.report import AdequacyReport, Assumption
+from fenics_mortar.models.report import Assumption, ModelReport
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_choice, check_flag, check_kind, check_number
@@ -54,7 +54,7 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_same_texts
 
 
-class AdequacyCheck:
+class ModelCheck:
     """Check of the assumptions of a problem's model after each solve; the constructor is local.
 
     Args:
@@ -75,8 +75,8 @@ class AdequacyCheck:
         ValueError: If an argument is of another type or not allowed.
 
     Example:
-        ``ContactProblem(..., adequacy=fm.AdequacyCheck(0.02, finite_strain=residual))``; then
-        ``print(problem.solve().adequacy)``.
+        ``ContactProblem(..., model_check=fm.ModelCheck(0.02, finite_strain=residual))``; then
+        ``print(problem.solve().model_check)``.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class AdequacyCheck:
             "elastic_obstacles": len(self._elastic),
             "finite_strain": self._finite_strain is not None,
         }  # fmt: skip
-        check_same_texts(problem.equations.comm, "AdequacyCheck", given)
+        check_same_texts(problem.equations.comm, "ModelCheck", given)
         if self._has_hierarchy:
             self._hierarchy = ModelHierarchy(
                 problem, self._tolerance, self._quantity, self._discretisation
@@ -177,7 +177,7 @@ class AdequacyCheck:
         if self._hierarchy and "hierarchy" in data:
             self._hierarchy.restore_data(data)
 
-    def assess(self, problem: ContactProblem) -> AdequacyReport:
+    def assess(self, problem: ContactProblem) -> ModelReport:
         """Estimate the errors of the present solution; its state is restored (collective)."""
         used = self._hierarchy.used if self._hierarchy else None
         first = [Assumption(used.model.name, used.remark, used.errors)] if used else []
@@ -188,7 +188,7 @@ class AdequacyCheck:
             ):
                 contact.set_operators(theirs.operators)
         mesh_error = self._hierarchy.mesh_error if self._hierarchy else self._discretisation
-        return AdequacyReport(found, self._tolerance, self._quantity, mesh_error)
+        return ModelReport(found, self._tolerance, self._quantity, mesh_error)
 
     def _assumptions(self, problem: ContactProblem) -> Iterator[Assumption]:
         richer: dict[str, dict[str, Any]] = {}

@@ -21,7 +21,7 @@ def blocks(push, *, strain="linear", sliding="finite", solve=True, **check):
     problem = fm.ContactProblem(
         forms[strain], u, [fm.ContactPair(data, "upper/bottom", "lower/top", sliding=sliding)],
         bcs=bcs, petsc_options_prefix="test_",
-        adequacy=fm.AdequacyCheck(**{"tolerance": 0.02, **richer, **check}),
+        model_check=fm.ModelCheck(**{"tolerance": 0.02, **richer, **check}),
     )  # fmt: skip
     scene.loads["push"].value[:] = push
     return problem, (problem.solve() if solve else None)
