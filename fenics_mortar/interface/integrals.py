@@ -15,7 +15,7 @@ from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
 from fenics_mortar.interface.segments import Segments, find_segments
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels import facets, normals
+from fenics_mortar.kernels import normals, segments
 from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view, summed
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.ranks import sum_over_ranks
@@ -148,18 +148,36 @@ def sum_over_facets(
     return nodal[0], nodal[1], nodal[2], nodal[3]
 
 
-def _empty_values(s: Segments, size: int) -> tuple[Array, ...]:
-    """Arrays for D, dD, M, dM, g, dg and the cover; see ``kernels.facets``."""
-    number, count, columns = s.facets.size, len(s.slave), 8 * size - 4
-    return (
-        np.zeros((number, size, size)),
-        np.zeros((count, size**2, columns)),
-        np.empty((count, size, size)),
-        np.zeros((len(s.pairs), size**2, columns)),
-        np.zeros((number, size)),
-        np.empty((count, size, columns)),
-        np.zeros((number, size)),
-    )
+def integrate_segments(
+    s: Segments,
+    nodes: Indices,
+    geometry: tuple[Array, Array, Array, Array],
+    weights: Array,
+    options: tuple[int, int, bool],
+    thickness: tuple[Array, float] | None,
+) -> tuple[Array, ...]:
+    """D, dD, M, dM, g, dg and cover of f facets, as in ``MortarOperators`` (local).
+
+    Args:
+        s: The segments.
+        nodes: Nodes of their slave facets, shape (f, K).
+        geometry: Slave positions, normals, their derivatives, and master positions.
+        weights: Hand-over H, shape (f, K, K).
+        options: Basis, weights of the gap, and whether the ends of segments have derivatives.
+        thickness: See ``kernels.segments``.
+    """
+    (number, size), count, kind = nodes.shape, s.num_segments, geometry[0].dtype
+    columns = 8 * size - 4
+    D, M = np.zeros((number, size, size), kind), np.empty((count, size, size), kind)
+    g, cover = np.zeros((number, size), kind), np.zeros((number, size), kind)
+    dD, dM = (np.empty((k, size**2, columns), kind) for k in (count, len(s.pairs)))
+    dg = np.empty((count, size, columns), kind)
+    segments.integrate_segments(
+        geometry, (nodes, weights, s.partial), (s.master, s.end_is_fixed, s.ends), s.offsets,
+        s.pair_offsets, s.rule, options, (D, M, g, cover), (dD, dM, dg), thickness,
+    )  # fmt: skip
+    shape = size, size, columns
+    return D, dD.reshape(-1, *shape), M, dM.reshape(-1, *shape), g, dg, cover
 
 
 def _integrate(
@@ -180,22 +198,15 @@ def _integrate(
     thickness = slave.thickness.for_kernels if slave.thickness else None
     if slave.degree > 1:
         cover = np.empty(nodes.shape)
-        facets.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover, thickness)
+        segments.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover, thickness)
         nodal = summed(cover.ravel(), nodes.ravel(), slave.num_nodes)
         nodal = sum_over_ranks(slave.comm, nodal)
         multiplier_nodes = multiplier_nodes & (nodal > 0.0)
     weights = hand_over(multiplier_nodes[nodes])
-    size = nodes.shape[1]
-    D, dD, M, dM, g, dg, cover = _empty_values(s, size)
-    facets.integrate_facets(
-        geometry, (nodes, weights, s.partial), (s.master, s.end_is_fixed, s.ends), s.offsets,
-        s.pair_offsets, (s.points, s.weights, s.spans), (*options.kinds, move_ends),
-        (D, M, g, cover), (dD, dM, dg), thickness,
-    )  # fmt: skip
+    found = integrate_segments(s, nodes, geometry, weights, (*options.kinds, move_ends), thickness)
     if options.integration == "nodes":
-        D[weights == 0.0] = 0.0  # remove rounding
-    shape = size, size, dD.shape[2]
-    return D, dD.reshape(-1, *shape), M, dM.reshape(-1, *shape), g, dg, cover
+        found[0][weights == 0.0] = 0.0  # remove rounding
+    return found
 
 
 def hand_over(multiplier_nodes: Flags) -> Array:

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Integrals over facets that face a rigid obstacle, and their derivatives; see ``on_obstacle``."""
+"""Points of facets that face a rigid obstacle, and integrals; see ``on_obstacle``."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from fenics_mortar.interface.options import MortarOptions
+from fenics_mortar.kernels import facets
 from fenics_mortar.kernels.basis import BY_STANDARD, DUAL
 from fenics_mortar.kernels.shapes import lagrange
 from fenics_mortar.obstacles.obstacle import Obstacle
@@ -21,7 +22,7 @@ def integrate_facets(
     options: MortarOptions,
     thickness: tuple[Array, float] | None = None,
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Integrals over f whole facets of K nodes, with C = 6 K - 4 columns, see ``columns`` (local).
+    """Integrals over f whole facets of K nodes, with C = 2 K columns, its dofs (local).
 
     Args:
         obstacle: The other side.
@@ -37,47 +38,53 @@ def integrate_facets(
         D (f, K, K) [length], dD (f, K, K, C) [1], g (f, K) [length^2], dg (f, K, C) [length], dg by
         the motions (f, K, 3) [length], d (f, K) [length].
     """
-    (N, dN), (count, size, _) = shapes_at(rule[0], x.shape[1]), x.shape
+    count, size, _ = x.shape
+    T = np.stack(shapes_at(rule[0], size)).transpose(2, 0, 1)
+    values, rows = _points(obstacle, arm, x, rule, T, thickness)
+    kind, columns = rows.dtype, rows.shape[3]
+    D, g, d = np.zeros((count, size, size), kind), *np.zeros((2, count, size), kind)
+    dD, dg = np.empty((count, size**2, columns), kind), np.empty((count, size, columns), kind)
+    facets.integrate_whole_facets(
+        (values, rows, np.ascontiguousarray(T)), weights, options.kinds, (D, g, d), (dD, dg)
+    )
+    dD = dD[..., :-3].reshape(count, size, size, columns - 3)
+    return D, dD, g, np.ascontiguousarray(dg[..., :-3]), dg[..., -3:], d
+
+
+def _points(
+    obstacle: Obstacle,
+    arm: float,
+    x: Array,
+    rule: tuple[Array, Array],
+    T: Array,
+    thickness: tuple[Array, float] | None,
+) -> tuple[Array, Array]:
+    """W and g at points of facets, (f, q, 2), and derivatives (local).
+
+    The latter, of xi, W, eta and g as of two surfaces, (f, q, 4, 2 K + 3), have the nodes and the
+    motions as columns; xi and eta are constant. ``T`` (q, 2, K): shape functions; other arguments:
+    see ``integrate_facets``.
+    """
+    (N, dN), size = T.transpose(1, 2, 0), x.shape[1]
     tangent, at = np.einsum("kp,ekc->epc", dN, x), np.einsum("kp,ekc->epc", N, x)
     J = np.sqrt((tangent**2).sum(axis=2))
-    phi, gradient, _ = obstacle.evaluate(at.reshape(-1, 2))
-    phi, gradient = phi.reshape(J.shape), gradient.reshape(at.shape)
     W = rule[1] * J
+    phi, gradient, _ = obstacle.evaluate(at.reshape(-1, 2))
+    rows = np.zeros((*J.shape, 4, 2 * size + 3), np.result_type(x, phi))
+    by_nodes = rows[..., :-3].reshape(*J.shape, 4, size, 2)
+    V = obstacle.motions(at.reshape(-1, 2), arm).reshape(*J.shape, 3, 2)
+    gradient = gradient.reshape(at.shape)
     dW = np.einsum("p,epc,kp->epkc", rule[1], tangent / J[:, :, None], dN)
-    dW = dW.reshape(*J.shape, 2 * size)
     if thickness is not None:
         theta = thickness[0] @ N
-        dW = dW * theta[:, :, None]
-        dW[:, :, ::2] += thickness[1] * W[:, :, None] * N.T
+        dW = dW * theta[:, :, None, None]
+        dW[..., 0] += thickness[1] * W[:, :, None] * N.T
         W = W * theta
-    d, dd = np.einsum("ep,jp->ej", W, N), np.einsum("epq,jp->ejq", dW, N)
-    mass = np.einsum("ep,jp,kp->ejk", W, N, N)
-    dmass = np.einsum("epq,jp,kp->ejkq", dW, N, N)
-    basis, gap_weights = options.kinds
-    if basis == DUAL:
-        inverse = np.linalg.inv(mass)
-        A, D = d[:, :, None] * inverse, d[:, None, :] * weights
-        dA = dd[:, :, None] * inverse[..., None]
-        dA = dA - np.einsum("ejr,erlq,elk->ejkq", A, dmass, inverse)
-        dD_own = weights[..., None] * dd[:, None]
-    else:
-        A, dA = np.broadcast_to(np.eye(size), mass.shape), np.zeros_like(dmass)
-        D, dD_own = weights @ mass, np.einsum("ejl,elkq->ejkq", weights, dmass)
-    if gap_weights == BY_STANDARD:
-        A, dA = np.broadcast_to(np.eye(size), mass.shape), np.zeros_like(dmass)
-    Psi = weights @ A @ N
-    dPsi = np.einsum("ejl,elkq,kp->ejpq", weights, dA, N)
-    g = np.einsum("ejp,ep,ep->ej", Psi, W, phi)
-    own = slice(2 * (size - 1), 2 * (2 * size - 1))
-    dD = np.zeros((count, size, size, 6 * size - 4), g.dtype)
-    dg = np.zeros((count, size, 6 * size - 4), g.dtype)
-    dD[..., own] = dD_own
-    dg[..., own] = np.einsum("ejpq,ep,ep->ejq", dPsi, W, phi)
-    dg[..., own] += np.einsum("ejp,epq,ep->ejq", Psi, dW, phi)
-    along = np.einsum("ejp,ep,epc,kp->ejkc", Psi, W, gradient, N)
-    dg[..., own] += along.reshape(count, size, 2 * size)
-    V = obstacle.motions(at.reshape(-1, 2), arm).reshape(*J.shape, 3, 2)
-    return D, dD, g, dg, -np.einsum("ejp,ep,epc,epmc->ejm", Psi, W, gradient, V), d
+    by_nodes[:, :, 1] = dW
+    by_nodes[:, :, 3] = np.einsum("epc,kp->epkc", gradient, N)
+    rows[..., 3, -3:] = -np.einsum("epc,epmc->epm", gradient, V)
+    values = np.stack([W, phi.reshape(J.shape)], axis=2).astype(rows.dtype)
+    return values, rows
 
 
 def gap_weights(

@@ -20,7 +20,7 @@ f_q         -sum_k F_k . V(x_k): generalized force on the obstacle by the nodal 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Self
 
 import numpy as np
@@ -61,6 +61,11 @@ class ObstacleOperators(MortarOperators):
     dn_dq: Array
     dgap_dq: Array
 
+    @cached_property
+    def columns(self) -> Indices:
+        """Displacement dofs of the nodes of each facet, shape (f, 2 K)."""
+        return self.slave.dofs_of(self.facet_nodes)
+
     def freeze(self) -> Self:
         """Copy with constant D and n; the gap keeps its derivative with respect to the motions."""
         return replace(super().freeze(), dn_dq=np.zeros_like(self.dn_dq))
@@ -93,13 +98,11 @@ class ObstacleOperators(MortarOperators):
             Arrays (3, slave nodes, 2) [stress], (3, slave nodes, 2) [length] and (3, 3) [stress]. D
             depends on the nodes, V on nodes and motions.
         """
-        nodes, degree = self.facet_nodes, self.slave.degree
-        near = self.slave.along(nodes[:, 0], range(-degree, 2 * degree + 1))
-        there = near >= 0
+        nodes = self.facet_nodes
         sums = np.zeros((3, self.slave.num_nodes, 3, 2))
         change = -np.einsum("ejkq,ejc,ekmc->emq", self.dD, z[nodes], self.V[nodes])
-        change = np.swapaxes(change.reshape(len(nodes), 3, near.shape[1], 2), 1, 2)
-        np.add.at(sums[0], near[there], change[there])
+        change = np.swapaxes(change.reshape(len(nodes), 3, nodes.shape[1], 2), 1, 2)
+        np.add.at(sums[0], nodes, change)
         np.add.at(sums[1], nodes, -np.einsum("ejk,ekmc->ejmc", self.D, self.V[nodes]))
         np.add.at(sums[2, :, 0], nodes, np.einsum("ejk,ejc->ekc", self.D, z[nodes]))
         sums = sum_over_ranks(self.slave.comm, sums)

@@ -4,28 +4,27 @@
 ===========  ====================================================================  ===========
 symbol       meaning                                                               shape
 ===========  ====================================================================  ===========
-T            1, t, ..., t^(K - 1) with t = (xi - middle) / half: a basis on the    (K,)
-             covered part S of the facet, which is -1 <= t <= 1
-G            moments int t^p dgamma over S, p = 0 ... 2 K - 2; the mass matrix     (2 K - 1,)
-             of T has the entries G[p + q]
-B            coefficients of the shape functions, N = B T; zero from column K on    (K, 2 K - 1)
-d            int N_j dgamma over S, d = B G                                        (K,)
+T            functions on the covered part S of the facet that span the shape      (K,)
+             functions: powers in the plane, which stay independent on a small S
+B            coefficients of the shape functions, N = B T                          (K, K)
+G            mass matrix int T_p T_q dgamma over S, packed: G[index[p, q]]         (m,)
+d            int N_j dgamma over S                                                 (K,)
 H            hand-over: H[i, j] is the fraction of function j added to that of i   (K, K)
 C            coefficients of the multiplier functions, Phi = C T                   (K, K)
 C_g          coefficients of the functions that weight the gap                     (K, K)
-..._dG       derivatives with respect to G                                         (..., 2 K - 1)
+..._dG       derivatives with respect to G; m = K (K + 1) / 2                      (..., m)
 ===========  ====================================================================  ===========
 
 The bases are
 
     standard   C = H B
-    dual       C = H E,  E_j = d_j T(xi_j) G^-1:
+    dual       C = H E,  E_j = d_j T(node j) G^-1:
 
-the integral of E_j times a polynomial of degree K - 1 is d_j times the polynomial at node j. The
-dual functions are therefore biorthogonal to N on S for any S and J, and sum to one ("consistent"
-dual basis: Cichosz & Bischoff 2011; Popp, Seitz, Gee & Wall 2013). D and M are sums over the same
+the integral of E_j times a function of the span of T is d_j times its value at node j. The dual
+functions are therefore biorthogonal to N on S for any S and J, and sum to one ("consistent" dual
+basis: Cichosz & Bischoff 2011; Popp, Seitz, Gee & Wall 2013). D and M are sums over the same
 quadrature points, those of the segments: contact forces of both sides balance to rounding. If these
-points are the two nodes of a facet, both bases coincide and D is diagonal.
+points are the nodes of a facet, both bases coincide and D is diagonal.
 
 The function of a node without multiplier is handed over to other nodes of the facet: each column of
 H sums to one. Dual functions are shared in proportion to d_j: a neighbour with d_j = 0 receives no
@@ -42,15 +41,12 @@ facets with multipliers at both nodes, the gap is evaluated at the edge p of S i
 
 and on other facets it is weighted by N_j. The integral of each of these functions is d_j.
 
-T is fixed: ``middle`` and ``half`` have no derivatives, since Phi does not depend on them. All
+T is fixed at the positions of an evaluation, since Phi does not depend on its choice. All
 derivatives follow from those of G, with coefficients computed once per facet, and from that of p.
 """
 
-import numpy as np
-
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.rows import copy_row, copy_rows
-from fenics_mortar.kernels.shapes import tabulate_shapes
 
 DUAL, STANDARD = range(2)
 # Functions that weight the gap, see above
@@ -58,47 +54,41 @@ BY_BASIS, BY_COVER, BY_STANDARD = range(3)
 
 
 @kernel
-def outermost(ends):
-    """Indices of the segments at the lower and the upper end of the cover.
-
-    ``ends`` (s, 2), s > 0. These need not be the first and the last segment, as segments can have
-    zero length.
-    """
-    first, last = 0, 0
-    for i in range(1, ends.shape[0]):
-        first = i if ends[i, 0].real < ends[first, 0].real else first
-        last = i if ends[i, 1].real > ends[last, 1].real else last
-    return first, last
+def packed_index(index):
+    """Fill ``index`` (K, K), the places of the entries of a symmetric matrix in a packed one."""
+    place = 0
+    for p in range(index.shape[0]):
+        for q in range(p, index.shape[0]):
+            index[p, q] = index[q, p] = place
+            place += 1
 
 
 @kernel
-def shape_coefficients(bounds, G, B, d):
-    """Fill ``d`` = B G and the first K columns of ``B``: Taylor coefficients at the middle of S.
-
-    ``bounds`` = (lower end, upper end) of S in xi.
-    """
-    low, high = bounds
+def integrate_shapes(B, index, G, d, d_dG):
+    """Fill ``d`` (K,), the integrals of N = B T, and ``d_dG`` (K, m); sum_k N_k is one."""
     count = d.size
-    N = np.empty((3, count))
-    tabulate_shapes(0.5 * (low + high), N)
+    d_dG[:] = 0.0
     for j in range(count):
-        scale, d[j] = 1.0, 0.0
-        for p in range(count):
-            B[j, p] = N[p, j] * scale
-            d[j] += B[j, p] * G[p]
-            scale *= 0.5 * (high - low) / (p + 1.0)
+        d[j] = 0.0
+        for q in range(count):
+            one = 0.0
+            for k in range(count):
+                one += B[k, q]
+            for p in range(count):
+                d_dG[j, index[p, q]] += B[j, p] * one
+                d[j] += B[j, p] * one * G[index[p, q]]
 
 
 @kernel
-def invert_mass(G, work, inverse):
-    """Fill ``inverse`` (K, K) of the mass matrix G[p + q] by Gauss-Jordan elimination.
+def invert_mass(index, G, work, inverse):
+    """Fill ``inverse`` (K, K) of the mass matrix by Gauss-Jordan elimination.
 
     No pivoting: the matrix is positive definite. ``work`` (K, K) is overwritten.
     """
     size = inverse.shape[0]
     for i in range(size):
         for k in range(size):
-            work[i, k] = G[i + k]
+            work[i, k] = G[index[i, k]]
             inverse[i, k] = 1.0 if i == k else 0.0
     for i in range(size):
         pivot = work[i, i]
@@ -114,21 +104,20 @@ def invert_mass(G, work, inverse):
 
 
 @kernel
-def dual_function(t, d, shape, inverse, E, E_dG):
-    """Fill ``E`` (K,) = d T(t) G^-1 and ``E_dG`` (K, 2 K - 1); ``shape`` (2 K - 1,) is dd/dG."""
+def dual_function(at, index, d, d_dG, inverse, E, E_dG):
+    """Fill ``E`` (K,) = d T G^-1 with T = ``at`` (K,), and ``E_dG`` (K, m); ``d_dG`` (m,)."""
     count = E.size
     for p in range(count):
-        value, T = 0.0 * d, 1.0 + 0.0 * t
+        value = 0.0 * d
         for q in range(count):
-            value += T * inverse[q, p]
-            T *= t
+            value += at[q] * inverse[q, p]
         E[p] = d * value
-        for q in range(shape.size):
-            E_dG[p, q] = value * shape[q]
+        for q in range(d_dG.size):
+            E_dG[p, q] = value * d_dG[q]
     for a in range(count):
         for b in range(count):
             for p in range(count):
-                E_dG[p, a + b] -= E[a] * inverse[b, p]
+                E_dG[p, index[a, b]] -= E[a] * inverse[b, p]
 
 
 @kernel
@@ -141,10 +130,10 @@ def receives_share(weights, d, i, j):
 
 
 @kernel
-def hand_over(j, weights, B, d, E, E_dG, C, C_dG, D, D_dG):
+def hand_over(j, weights, d, d_dG, E, E_dG, C, C_dG, D, D_dG):
     """Add the shares of node ``j``'s function ``E`` (K,) to C; fill column j of D.
 
-    ``D_dG`` has the shape (K K, 2 K - 1).
+    ``d_dG`` (K, m), ``D_dG`` (K K, m).
     """
     count = d.size
     total = 0.0 * d[0]
@@ -159,41 +148,36 @@ def hand_over(j, weights, B, d, E, E_dG, C, C_dG, D, D_dG):
         D[i, j] = h * d[j]
         for p in range(count):
             C[i, p] += h * E[p]
-        for q in range(B.shape[1]):
+        for q in range(d_dG.shape[1]):
             h_dG = 0.0 * total
             if shared and receives_share(weights, d, i, j):
                 for k in range(count):
                     if receives_share(weights, d, k, j):
-                        h_dG += ((1.0 if i == k else 0.0) - h) * B[k, q] / total
-            D_dG[count * i + j, q] = h * B[j, q] + h_dG * d[j]
+                        h_dG += ((1.0 if i == k else 0.0) - h) * d_dG[k, q] / total
+            D_dG[count * i + j, q] = h * d_dG[j, q] + h_dG * d[j]
             for p in range(count):
                 C_dG[i, p, q] += h * E_dG[p, q] + h_dG * E[p]
 
 
 @kernel
-def dual_multipliers(bounds, weights, B, d, inverse, work, C, C_dG, D, D_dG):
+def dual_multipliers(at_nodes, index, weights, d, d_dG, inverse, C, C_dG, D, D_dG, E, E_dG):
     """Fill C (K, K), D (K, K) and their derivatives with respect to G for the dual basis.
 
-    ``bounds`` = (lower end, upper end) of S; ``weights`` = H (K, K); ``inverse`` (K, K) that of the
-    mass matrix; ``work`` = (E (K,), E_dG (K, 2 K - 1)), overwritten.
+    ``at_nodes`` (K, K): T at the nodes; ``weights`` = H (K, K); ``inverse`` (K, K) that of the mass
+    matrix; ``E`` (K,) and ``E_dG`` (K, m) are overwritten.
     """
-    E, E_dG = work
-    count = d.size
-    low, high = bounds
     C[:] = 0.0
     C_dG[:] = 0.0
-    for j in range(count):
-        xi = 2.0 * j / (count - 1.0) - 1.0
-        t = (2.0 * xi - low - high) / (high - low)
-        dual_function(t, d[j], B[j], inverse, E, E_dG)
-        hand_over(j, weights, B, d, E, E_dG, C, C_dG, D, D_dG)
+    for j in range(d.size):
+        dual_function(at_nodes[j], index, d[j], d_dG[j], inverse, E, E_dG)
+        hand_over(j, weights, d, d_dG, E, E_dG, C, C_dG, D, D_dG)
 
 
 @kernel
-def standard_multipliers(weights, G, B, C, C_dG, D, D_dG):
+def standard_multipliers(weights, index, G, B, C, C_dG, D, D_dG):
     """Fill C (K, K), D (K, K) and their derivatives with respect to G for the standard basis.
 
-    ``weights`` = H (K, K); shapes of derivatives: C_dG (K, K, 2 K - 1), D_dG (K K, 2 K - 1).
+    ``weights`` = H (K, K); shapes of derivatives: C_dG (K, K, m), D_dG (K K, m).
     """
     count = C.shape[0]
     C_dG[:] = 0.0
@@ -207,28 +191,17 @@ def standard_multipliers(weights, G, B, C, C_dG, D, D_dG):
             D[i, k] = 0.0
             for p in range(count):
                 for r in range(count):
-                    D_dG[count * i + k, p + r] += C[i, p] * B[k, r]
-                    D[i, k] += C[i, p] * B[k, r] * G[p + r]
+                    D_dG[count * i + k, index[p, r]] += C[i, p] * B[k, r]
+                    D[i, k] += C[i, p] * B[k, r] * G[index[p, r]]
 
 
 @kernel
-def edge_beyond(j, count, bounds):
-    """Edge of S beyond which node ``j`` of ``count`` lies: -1 lower, 1 upper, 0 none.
+def weigh_gap(kinds, beyond, T_edges, index, weights, B, d, d_dG, inverse, C, C_dG, C_g, C_g_dG,
+              C_g_dp):  # fmt: skip
+    """Fill ``C_g``, its derivatives ``C_g_dG``, and ``C_g_dp`` (K, K) by the edge at each node.
 
-    ``bounds`` = (lower end, upper end) of S in xi.
-    """
-    xi = 2.0 * j / (count - 1.0) - 1.0
-    if xi < bounds[0]:
-        return -1
-    return 1 if xi > bounds[1] else 0
-
-
-@kernel
-def weigh_gap(kinds, bounds, edges, weights, B, d, inverse, C, C_dG, C_g, C_g_dG, C_g_dp):
-    """Fill ``C_g``, its derivatives ``C_g_dG``, and ``C_g_dp`` by the edge next to each node.
-
-    ``kinds`` = (basis, weights of the gap); ``edges`` are the ends of S, complex in a complex step;
-    ``bounds`` are their real parts; ``C_g_dp`` has the shape (K, K).
+    ``kinds`` = (basis, weights of the gap); ``beyond`` (K,): edge of S beyond which each node lies,
+    -1 for none; ``T_edges`` (2, 2, K): T at both edges, and its derivative.
     """
     basis, by = kinds
     count = d.size
@@ -239,15 +212,14 @@ def weigh_gap(kinds, bounds, edges, weights, B, d, inverse, C, C_dG, C_g, C_g_dG
     for j in range(count):
         copy_row(C[j], C_g[j])
         copy_rows(C_dG[j], count, C_g_dG[j], 0)
-        edge = edge_beyond(j, count, bounds)
-        if basis == STANDARD or by == BY_BASIS or (by == BY_COVER and edge == 0):
+        edge = beyond[j]
+        if basis == STANDARD or by == BY_BASIS or (by == BY_COVER and edge < 0):
             continue
         if by == BY_COVER and count == 2 and whole:
-            p = edges[0] if edge < 0 else edges[1]
-            t = (2.0 * p - bounds[0] - bounds[1]) / (bounds[1] - bounds[0])
-            dual_function(t, d[j], B[j], inverse, C_g[j], C_g_dG[j])
+            dual_function(T_edges[edge, 0], index, d[j], d_dG[j], inverse, C_g[j], C_g_dG[j])
             for q in range(count):
-                C_g_dp[j, q] = d[j] * inverse[1, q] * 2.0 / (bounds[1] - bounds[0])
+                for p in range(count):
+                    C_g_dp[j, q] += d[j] * T_edges[edge, 1, p] * inverse[p, q]
             continue
         C_g_dG[j] = 0.0
         for q in range(count):

@@ -1,9 +1,26 @@
 # SPDX-License-Identifier: MIT
-"""D, M, the weighted gap and all derivatives of slave facets with K = 2 or 3 nodes.
+"""D, M, the weighted gap and all derivatives of slave facets, from their quadrature points.
 
-There are two passes over the segments of a facet. The first one computes the moments of the covered
-part, which determine the multiplier functions; the second one the integrals and their derivatives.
-For the symbols see ``basis`` and ``moments``.
+Each point has its weight W, gap g and coordinates xi on the slave and eta on the master facet, in a
+surface of any dimension, and the derivatives of these s numbers. They come from the facets of two
+surfaces, see ``points``, or from a signed distance, see ``interface.on_obstacle``.
+
+There are two passes over the points of a facet. The first one computes the moments of the covered
+part, which determine the multiplier functions; the second one the derivatives of all integrals:
+
+    dG_pq = sum [ dW T_p T_q + W (T_p,a T_q + T_p T_q,a) dxi_a ]
+    dM_jl = sum [ dW Phi_j L_l + W Phi_j,a L_l dxi_a + W Phi_j L_l,a deta_a ] + dC_jp int T_p L_l
+    dg_j  = sum [ dW Psi_j g + W Psi_j,a g dxi_a + W Psi_j dg ] + dC_g,jp int T_p g
+
+=========  =========================================================================  ===========
+symbol     meaning                                                                    shape
+=========  =========================================================================  ===========
+T, L       functions on the slave facet, see ``basis``, and shape functions of the    (1 + a, K),
+           master facet, with their derivatives by xi_a and eta_a                     (1 + a, K')
+rows       derivatives of xi_a, W, eta_a and g of a point, in this order              (s, C)
+T_M, T_g   moments int T_p L_l dgamma, int T_p g dgamma                               (K, K'), (K,)
+Phi, Psi   multiplier functions C T, functions C_g T that weight the gap              (K,)
+=========  =========================================================================  ===========
 
 If the multiplier functions of a facet vary with its segments, M on segment i has derivatives with
 respect to the nodes of each segment k: hence the pairs (i, k). They vary on curved facets, as J
@@ -17,83 +34,124 @@ from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.basis import (
     DUAL,
     dual_multipliers,
+    integrate_shapes,
     invert_mass,
-    outermost,
-    shape_coefficients,
+    packed_index,
     standard_multipliers,
     weigh_gap,
 )
-from fenics_mortar.kernels.moments import (
-    add_product,
-    chain_normals,
-    integrate_derivatives,
-    integrate_moments,
-    thickness_at,
-)
-from fenics_mortar.kernels.projection import gather, interpolate, segment_ends
-from fenics_mortar.kernels.rows import copy_row
-from fenics_mortar.kernels.shapes import tabulate_shapes
+from fenics_mortar.kernels.rows import copy_row, copy_rows
 
 
 @kernel
-def gather_thickness(x, nodes, thickness, theta):
-    """Fill ``theta`` (K,), the ``thickness`` at ``nodes`` (K,), [length]."""
-    constant, by_x = thickness
-    for i in range(nodes.size):
-        theta[i] = constant[nodes[i]] + by_x * x[nodes[i], 0]
+def add_moments(q, values, T, L, index, G, T_M, i, T_g):
+    """Add the contributions of point q to the moments ``G`` (m,), ``T_M[i]`` and ``T_g``."""
+    for p in range(T_g.size):
+        weighted = values[q, 0] * T[q, 0, p]
+        T_g[p] += weighted * values[q, 1]
+        for r in range(p, T_g.size):
+            G[index[p, r]] += weighted * T[q, 0, r]
+        for l in range(L.shape[2]):
+            T_M[i, p, l] += weighted * L[q, 0, l]
 
 
 @kernel
-def tabulate_covers(x, facets, ends, offsets, rule, cover, thickness=None):
-    """Fill ``cover`` (f, K) with the integrals of N over the covered parts [length].
+def add_row(factor, row, out):
+    """Add ``factor`` times ``row`` (C,) to ``out``."""
+    for k in range(out.size):
+        out[k] += factor * row[k]
 
-    ``x`` (n, 2), ``facets`` (f, K), ``ends`` (s, 2); others as in ``tabulate_facets``.
+
+@kernel
+def evaluate(C, T, q, values):
+    """Fill ``values`` (1 + a, K) of the functions C T at point q, and their derivatives."""
+    for order in range(T.shape[1]):
+        for j in range(C.shape[0]):
+            total = 0.0 * C[j, 0]
+            for p in range(C.shape[1]):
+                total += C[j, p] * T[q, order, p]
+            values[order, j] = total
+
+
+@kernel
+def weigh_rows(q, values, T, L, Phi, Psi, by):
+    """Fill the factors ``by`` (r, s) of the rows of point q in the derivatives of G, M and g.
+
+    ``Phi`` and ``Psi`` are values and derivatives at the point, (1 + a, K) each.
     """
-    points, weights, spans = rule
-    theta = np.empty(facets.shape[1])
-    y, N = np.empty(6 * facets.shape[1]), np.empty((3, facets.shape[1]))
-    cover[:] = 0.0
-    for e in range(facets.shape[0]):
-        gather(x, x, x, facets[e], facets[e], y)
-        if thickness is not None:
-            gather_thickness(x, facets[e], thickness, theta)
-        for i in range(offsets[e], offsets[e + 1]):
-            c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
-            for p in range(spans[i, 0], spans[i, 1]):
-                tabulate_shapes(c + h * points[p], N)
-                tx, ty = interpolate(y, 0, N, 1)
-                J = np.sqrt(tx * tx + ty * ty)
-                if thickness is not None:
-                    J = J * thickness_at(theta, N, 0)
-                for j in range(facets.shape[1]):
-                    cover[e, j] += weights[p] * J * h * N[0, j]
+    count, axes, r = T.shape[2], T.shape[1] - 1, 0
+    W, gap = values[q, 0], values[q, 1]
+    for p in range(count):
+        for o in range(p, count):
+            by[r, axes] = T[q, 0, p] * T[q, 0, o]
+            for a in range(axes):
+                by[r, a] = W * (T[q, 1 + a, p] * T[q, 0, o] + T[q, 0, p] * T[q, 1 + a, o])
+            r += 1
+    for j in range(count):
+        for l in range(L.shape[2]):
+            by[r, axes] = Phi[0, j] * L[q, 0, l]
+            for a in range(axes):
+                by[r, a] = W * Phi[1 + a, j] * L[q, 0, l]
+                by[r, axes + 1 + a] = W * Phi[0, j] * L[q, 1 + a, l]
+            r += 1
+    for j in range(count):
+        by[r, axes], by[r, 2 * axes + 1] = Psi[0, j] * gap, W * Psi[0, j]
+        for a in range(axes):
+            by[r, a] = W * Psi[1 + a, j] * gap
+        r += 1
+
+
+@kernel
+def add_weighted(by, rows, q, out):
+    """Add ``by`` (r, s) times ``rows[q]`` (s, C) to ``out`` (r, C).
+
+    Loops over four scalars, as in the plane, or over two at a time are the fastest.
+    """
+    for r in range(out.shape[0]):
+        total = out[r]
+        if rows.shape[1] == 4:
+            a, b, c, d = by[r, 0], by[r, 1], by[r, 2], by[r, 3]
+            by_xi, by_W, by_eta, by_g = rows[q, 0], rows[q, 1], rows[q, 2], rows[q, 3]
+            for k in range(total.size):
+                total[k] += a * by_xi[k] + b * by_W[k] + c * by_eta[k] + d * by_g[k]
+        else:
+            for s in range(0, rows.shape[1], 2):
+                a, b, one, other = by[r, s], by[r, s + 1], rows[q, s], rows[q, s + 1]
+                for k in range(total.size):
+                    total[k] += a * one[k] + b * other[k]
+
+
+@kernel
+def add_product(A, B, out):
+    """Add the matrix product A (r, c) B (c, k) to ``out`` (r, k)."""
+    for r in range(A.shape[0]):
+        for c in range(A.shape[1]):
+            add_row(A[r, c], B[c], out[r])
 
 
 @kernel
 def apply_functions(C, C_dG, T_M, M, M_dG):
-    """Fill M (K, K) = C T_M and its derivative with respect to G, (K K, 2 K - 1)."""
-    count = C.shape[0]
+    """Fill M (K, K') = C T_M and its derivative with respect to G, (K K', m)."""
+    others = M.shape[1]
     M_dG[:] = 0.0
-    for j in range(count):
-        for l in range(count):
+    for j in range(M.shape[0]):
+        for l in range(others):
             M[j, l] = 0.0
-            for p in range(count):
+            for p in range(C.shape[0]):
                 M[j, l] += C[j, p] * T_M[p, l]
-                for q in range(M_dG.shape[1]):
-                    M_dG[count * j + l, q] += C_dG[j, p, q] * T_M[p, l]
+                add_row(T_M[p, l], C_dG[j, p], M_dG[others * j + l])
 
 
 @kernel
 def apply_to_gap(C_g, C_g_dG, C_g_dp, T_g, g, g_dG, g_dp):
-    """Fill g (K,) = C_g T_g and its derivatives by G, (K, 2 K - 1), and by the edges, (K,)."""
+    """Fill g (K,) = C_g T_g and its derivatives by G, (K, m), and by the edges, (K,)."""
     g_dG[:] = 0.0
     for j in range(g.size):
         g[j], g_dp[j] = 0.0, 0.0
         for p in range(g.size):
             g[j] += C_g[j, p] * T_g[p]
             g_dp[j] += C_g_dp[j, p] * T_g[p]
-            for q in range(g_dG.shape[1]):
-                g_dG[j, q] += C_g_dG[j, p, q] * T_g[p]
+            add_row(T_g[p], C_g_dG[j, p], g_dG[j])
 
 
 @kernel
@@ -103,140 +161,131 @@ def square(count, kind):
 
 
 @kernel
-def add_edge(g_dp, dend, dn_dx, nodes, row, dg):
-    """Add the change of g by the motion ``dend`` (6 K,) of an edge to ``dg`` (8 K - 4,)."""
-    chain_normals(dend, dn_dx, nodes, row)
-    for q in range(row.size):
-        dg[q] += g_dp * row[q]
+def facet_work(most, count, others, example):
+    """Arrays that ``integrate_facet`` overwrites, for at most so many segments of a facet.
+
+    ``example`` (p, s, C): rows of points, which have the kind and the number of columns.
+    """
+    kind, scalars, columns = example.dtype, example.shape[1], example.shape[2]
+    size = count * (count + 1) // 2
+    index = np.empty((count, count), np.int64)
+    packed_index(index)
+    total = size + count * others + count
+    of_functions = (
+        square(count, kind), square(count, kind), square(count, kind), square(count, kind),
+        square(count, kind), np.empty((count, count, size), kind),
+        np.empty((count, count, size), kind), np.empty((count**2, size), kind),
+        np.empty((count, size), kind),
+    )  # fmt: skip
+    of_moments = (
+        np.empty(size, kind), np.empty(count, kind), np.empty((count, size)),
+        np.empty((most, count, others), kind), np.empty(count, kind),
+        np.empty((most, count * others, size), kind), np.empty((most, size, columns), kind),
+        np.empty(count, kind),
+    )  # fmt: skip
+    of_points = (
+        np.empty((scalars // 2, count), kind), np.empty((scalars // 2, count), kind),
+        np.zeros((total, scalars), kind), np.empty((total, columns), kind),
+    )  # fmt: skip
+    return index, of_functions, of_moments, of_points
 
 
 @kernel
-def tabulate_facets(
-    geometry, facets, segments, offsets, pair_offsets, rule, options, values, thickness=None
-):
-    """Evaluate D, M, the weighted gap and their derivatives on all facets.
+def integrate_facet(points, functions, edges, H, partial, kinds, work, values, derivatives):
+    """D, M, the weighted gap and their derivatives on one facet with n > 0 segments.
 
     Args:
-        geometry: (x, n, dn_dx, m): slave positions, normals and their derivatives, master
-            positions [length].
-        facets: (slave nodes (f, K), weights H (f, K, K), partial (f,): whether the multiplier
-            functions of a facet vary with its segments).
-        segments: (master nodes (n, K), end_is_fixed (n, 2), ends (n, 2)).
-        offsets: Segments of facet e are offsets[e]:offsets[e + 1], shape (f + 1,).
-        pair_offsets: Pairs (i, k) of segments of facet e are pair_offsets[e]:pair_offsets[e + 1],
-            shape (f + 1,): all pairs with k running fastest if it is partial, else only i = k.
-        rule: (s (p,), w (p,), spans (n, 2)): points of segment i are spans[i, 0]:spans[i, 1].
-        options: (basis, weights of the gap, whether the ends of segments have derivatives).
-        values: (D (f, K, K), dD (n, K K, C), M (n, K, K), dM (pairs, K K, C), g (f, K), dg
-            (n, K, C), cover (f, K)) with C = 8 K - 4 columns; filled. Rows of facets without
-            segments are unchanged; dD and dM must be zero on entry. D, M, cover and dg are
-            [length], g is [length^2], dD and dM are [1].
-        thickness: (constant part at the slave nodes (n,) [length], derivative with respect to their
-            first current coordinate [1]), linear between nodes; a factor of all integrals; by
-            default 1.
+        points: (W and g (p, 2); rows (p, s, C); T (p, 1 + a, K); L (p, 1 + a, K'); points of
+            segment i are those from the i-th to the next of (n + 1,)).
+        functions: (B (K, K), T at the nodes (K, K)).
+        edges: (edge of S beyond which each node lies (K,), -1 for none; segments at both edges
+            (2,); T at the edges (2, 2, K); rows of xi of the edges (2, C)).
+        H: Hand-over, shape (K, K).
+        partial: Whether the multiplier functions vary with the segments.
+        kinds: (basis, weights of the gap).
+        work: See ``facet_work``.
+        values: (D (K, K), M (n, K, K'), g (K,), cover (K,)) [length], g [length^2]; filled.
+        derivatives: (dD (n, K K, C) [1], dM (pairs, K K', C) [1], dg (n, K, C) [length]); filled.
+            The pairs (i, k) of segments are all with k running fastest if the facet is partial,
+            else only i = k.
     """
-    x, n, dn_dx, m = geometry
-    nodes, weights, partial = facets
-    masters, end_is_fixed, found = segments
-    points, point_weights, spans = rule
-    basis, gap_weights, move_ends = options
-    D, dD, M, dM, g, dg, cover = values
-    kind, count, columns = x.dtype, nodes.shape[1], dD.shape[2]
-    size, max_segments = 2 * count - 1, np.max(offsets[1:] - offsets[:-1]) if nodes.shape[0] else 0
-    of_M, of_g, rows = size, size + count * count, size + count * count + count
-    shapes = np.empty((3, count), kind), np.empty((3, count), kind)
-    work = shapes, np.empty((4, 6 * count), kind), np.empty((rows, 4), kind)
-    y, ends = np.empty((max_segments, 6 * count), kind), np.empty((max_segments, 2), kind)
-    dends, by_y = np.empty((max_segments, 2, 6 * count), kind), np.empty((rows, 6 * count), kind)
-    T_M = np.empty((max_segments, count, count), kind)
-    G, T_g = np.empty(size, kind), np.empty(count, kind)
-    C, C_g, C_g_dp = square(count, kind), square(count, kind), square(count, kind)
-    inverse, scratch = square(count, kind), square(count, kind)
-    C_dG, C_g_dG = np.empty((count, count, size), kind), np.empty((count, count, size), kind)
-    M_dG, D_dG = np.empty((max_segments, count**2, size), kind), np.empty((count**2, size), kind)
-    g_dG = np.empty((count, size), kind)
-    B, d, g_dp = np.zeros((count, size)), np.empty(count, kind), np.empty(count, kind)
-    dG, row = np.empty((max_segments, size, columns), kind), np.empty(columns, kind)
-    if thickness is None:
-        theta, by_x = None, 0.0
+    point_values, rows, T, L, starts = points
+    (B, at_nodes), (beyond, at_edge, T_edges, edge_rows) = functions, edges
+    index, of_functions, of_moments, (Phi, Psi, by, out) = work
+    C, C_g, C_g_dp, inverse, scratch, C_dG, C_g_dG, D_dG, g_dG = of_functions
+    G, d, d_dG, T_M, T_g, M_dG, dG, g_dp = of_moments
+    D, M, g, cover = values
+    dD, dM, dg = derivatives
+    number, count, size = M.shape[0], g.size, G.size
+    G[:] = 0.0
+    T_g[:] = 0.0
+    for i in range(number):
+        T_M[i] = 0.0
+        for q in range(starts[i], starts[i + 1]):
+            add_moments(q, point_values, T, L, index, G, T_M, i, T_g)
+    integrate_shapes(B, index, G, d, d_dG)
+    if kinds[0] == DUAL:
+        invert_mass(index, G, scratch, inverse)
+        dual_multipliers(at_nodes, index, H, d, d_dG, inverse, C, C_dG, D, D_dG, g_dp, g_dG)
     else:
-        theta, by_x = np.empty(count, kind), thickness[1]
-    for e in range(nodes.shape[0]):
-        start, number = offsets[e], offsets[e + 1] - offsets[e]
-        if number == 0:
-            continue
+        standard_multipliers(H, index, G, B, C, C_dG, D, D_dG)
+    weigh_gap(
+        kinds, beyond, T_edges, index, H, B, d, d_dG, inverse, C, C_dG, C_g, C_g_dG, C_g_dp
+    )  # fmt: skip
+    copy_row(d, cover)
+    apply_to_gap(C_g, C_g_dG, C_g_dp, T_g, g, g_dG, g_dp)
+    step, of_g = number + 1 if partial else 1, out.shape[0] - count
+    for i in range(number):
+        apply_functions(C, C_dG, T_M[i], M[i], M_dG[i])
+        out[:] = 0.0
+        for q in range(starts[i], starts[i + 1]):
+            evaluate(C, T, q, Phi)
+            evaluate(C_g, T, q, Psi)
+            weigh_rows(q, point_values, T, L, Phi, Psi, by)
+            add_weighted(by, rows, q, out)
+        copy_rows(out[:size], size, dG[i], 0)
+        copy_rows(out[size:of_g], of_g - size, dM[i * step], 0)
+        copy_rows(out[of_g:], count, dg[i], 0)
+        dD[i] = 0.0
+        add_product(D_dG, dG[i], dD[i])
+    if not partial:
+        return
+    for k in range(number):
+        add_product(g_dG, dG[k], dg[k])
         for i in range(number):
-            gather(x, n, m, nodes[e], masters[start + i], y[i])
-            segment_ends(
-                y[i], end_is_fixed[start + i], found[start + i], shapes[0], ends[i], dends[i]
-            )
-        if thickness is not None:
-            gather_thickness(x, nodes[e], thickness, theta)
-        first, last = outermost(ends[:number])
-        bounds = ends[first, 0].real, ends[last, 1].real
-        G[:] = 0.0
-        T_g[:] = 0.0
-        for i in range(number):
-            span = slice(spans[start + i, 0], spans[start + i, 1])
-            own_rule = points[span], point_weights[span]
-            integrate_moments(y[i], ends[i], bounds, own_rule, shapes, G, T_M[i], T_g, theta)
-        shape_coefficients(bounds, G, B, d)
-        if basis == DUAL:
-            invert_mass(G, scratch, inverse)
-            own = g_dp, g_dG
-            dual_multipliers(bounds, weights[e], B, d, inverse, own, C, C_dG, D[e], D_dG)
-        else:
-            standard_multipliers(weights[e], G, B, C, C_dG, D[e], D_dG)
-        weigh_gap(
-            (basis, gap_weights), bounds, (ends[first, 0], ends[last, 1]), weights[e], B, d,
-            inverse, C, C_dG, C_g, C_g_dG, C_g_dp,
-        )  # fmt: skip
-        copy_row(d, cover[e])
-        apply_to_gap(C_g, C_g_dG, C_g_dp, T_g, g[e], g_dG, g_dp)
-        pairs, step = pair_offsets[e], number + 1 if partial[e] else 1
-        for i in range(number):
-            own = start + i
-            apply_functions(C, C_dG, T_M[i], M[own], M_dG[i])
-            if not move_ends:
-                dends[i] = 0.0
-            span = slice(spans[own, 0], spans[own, 1])
-            integrate_derivatives(
-                y[i], ends[i], dends[i], bounds, (points[span], point_weights[span]), (C, C_g),
-                work, by_y, theta, by_x,
-            )  # fmt: skip
-            for r in range(rows):
-                if r < of_M:
-                    target = dG[i, r]
-                elif r < of_g:
-                    target = dM[pairs + i * step, r - of_M]
-                else:
-                    target = dg[own, r - of_g]
-                chain_normals(by_y[r], dn_dx, nodes[e], target)
-            add_product(D_dG, dG[i], dD[own])
-        if not partial[e]:
-            continue
-        for k in range(number):
-            add_product(g_dG, dG[k], dg[start + k])
-            for i in range(number):
-                add_product(M_dG[i], dG[k], dM[pairs + i * number + k])
-        for j in range(count):
-            if g_dp[j] != 0.0:
-                edge, end = (first, 0) if j == 0 else (last, 1)
-                add_edge(g_dp[j], dends[edge, end], dn_dx, nodes[e], row, dg[start + edge, j])
+            if i != k:
+                dM[i * number + k] = 0.0
+            add_product(M_dG[i], dG[k], dM[i * number + k])
+    for j in range(count):
+        if g_dp[j] != 0.0:
+            add_row(g_dp[j], edge_rows[beyond[j]], dg[at_edge[beyond[j]], j])
 
 
 @kernel
-def integrate_facets(
-    geometry, facets, segments, offsets, pair_offsets, rule, options, values, derivatives, thickness
-):
-    """Call ``tabulate_facets`` with ``values`` (D, M, g, cover), ``derivatives`` (dD, dM, dg).
+def integrate_whole_facets(points, H, kinds, values, derivatives):
+    """As ``integrate_facet``, for f fully covered facets of one segment each, with T = N.
 
-    Entry point from Python: in each call numba determines the types of tuples of more than four
-    arrays again, which takes 0.1 ms.
+    Args:
+        points: (W and g (f, p, 2); rows (f, p, s, C); T (p, 1 + a, K)).
+        H: Hand-over, shape (f, K, K).
+        kinds: (basis, weights of the gap).
+        values: (D (f, K, K), g (f, K), cover (f, K)); filled.
+        derivatives: (dD (f, K K, C), dg (f, K, C)); filled.
     """
-    D, M, g, cover = values
-    dD, dM, dg = derivatives
-    tabulate_facets(
-        geometry, facets, segments, offsets, pair_offsets, rule, options,
-        (D, dD, M, dM, g, dg, cover), thickness,
+    point_values, rows, T = points
+    D, g, cover = values
+    dD, dg = derivatives
+    kind, count, columns = rows.dtype, H.shape[1], rows.shape[3]
+    none, starts, one = np.empty((1, count, 0), kind), np.array([0, T.shape[0]]), np.eye(count)
+    L, no_derivatives = np.empty((T.shape[0], T.shape[1], 0), kind), np.empty((1, 0, columns), kind)
+    edges = (
+        np.full(count, -1), np.zeros(2, np.int64), np.empty((2, 2, count), kind),
+        np.empty((2, columns), kind),
     )  # fmt: skip
+    for e in range(H.shape[0]):
+        if e == 0:
+            work = facet_work(1, count, 0, rows[0])
+        integrate_facet(
+            (point_values[e], rows[e], T, L, starts), (one, one), edges, H[e], True, kinds, work,
+            (D[e], none, g[e], cover[e]), (dD[e : e + 1], no_derivatives, dg[e : e + 1]),
+        )  # fmt: skip

@@ -8,8 +8,9 @@ import numpy as np
 from closed_form import BOTH, integrate_facet
 from derivatives import complex_step
 
+from fenics_mortar.interface.integrals import integrate_segments
 from fenics_mortar.interface.segments import find_segments
-from fenics_mortar.kernels import basis, facets, normals
+from fenics_mortar.kernels import basis, normals
 
 LIMITS = (0.1, 1e-10)
 
@@ -77,29 +78,13 @@ class Curves:
 
         The kinds of segment ends are fixed; complex positions yield complex values.
         """
-        kind, size = positions.dtype, self.slave.shape[1]
         x, m = positions[: len(self.x)], positions[len(self.x) :]
         n, dn = self.normals(x)
-        count, number, columns = len(self.masters), len(self.slave), 8 * size - 4
-
-        def zeros(*shape):
-            return np.zeros(shape, kind)
-
-        values = (
-            zeros(number, size, size), zeros(count, size**2, columns),
-            zeros(count, size, size), zeros(len(self.pairs), size**2, columns),
-            zeros(number, size), zeros(count, size, columns), zeros(number, size),
+        values = integrate_segments(
+            self.segments, self.slave, (x, n, dn, m), self.weights,
+            (self.basis, self.gap_weights, True), self.thickness,
         )  # fmt: skip
-        s = self.segments
-        facets.tabulate_facets(
-            (x, n, dn, m), (self.slave, self.weights, self.partial),
-            (s.master, s.end_is_fixed, s.ends), self.offsets, self.pair_offsets, s.rule,
-            (self.basis, self.gap_weights, True), values, self.thickness,
-        )  # fmt: skip
-        found = dict(zip(("D", "dD", "M", "dM", "g", "dg", "cover"), values))
-        for name in ("dD", "dM"):
-            found[name] = found[name].reshape(len(found[name]), size, size, columns)
-        return found
+        return dict(zip(("D", "dD", "M", "dM", "g", "dg", "cover"), values))
 
     def exact(self, positions):
         """D, M, weighted gap and cover in closed form."""

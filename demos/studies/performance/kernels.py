@@ -10,9 +10,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from fenics_mortar.interface.integrals import integrate_segments
 from fenics_mortar.interface.segments import find_segments
 from fenics_mortar.kernels import basis, normals
-from fenics_mortar.kernels.facets import tabulate_facets
 
 # -
 
@@ -51,23 +51,14 @@ def measure(facets, **integration):
         return find_segments(surface, surface, x, n, m, **options)
 
     s = find()
-    count = s.num_segments
-    values = (
-        np.zeros((facets, 2, 2)), np.zeros((count, 4, 12)), np.empty((count, 2, 2)),
-        np.zeros((len(s.pairs), 4, 12)), np.zeros((facets, 2)), np.empty((count, 2, 12)),
-        np.zeros((facets, 2)),
-    )  # fmt: skip
-    sides = surface.facets, np.tile(np.eye(2), (facets, 1, 1)), s.partial
-    found = s.master, s.end_is_fixed, s.ends
+    weights = np.tile(np.eye(2), (facets, 1, 1))
     nodal = integration.get("integration") == "nodes"
     options = basis.STANDARD if nodal else basis.DUAL, basis.BY_COVER, True
 
     def integrate():
-        values[1][:], values[3][:] = 0.0, 0.0
-        offsets = s.offsets, s.pair_offsets
-        tabulate_facets((x, n, dn, m), sides, found, *offsets, s.rule, options, values)
+        integrate_segments(s, surface.facets, (x, n, dn, m), weights, options, None)
 
-    return count, median(find), median(integrate)
+    return s.num_segments, median(find), median(integrate)
 
 
 print("| facets a side | segments | search [s] | integrals [s] | per segment [us] |")

@@ -18,7 +18,7 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface import integrals
-from fenics_mortar.kernels import basis, facets
+from fenics_mortar.kernels import basis
 
 A = np.array([[2.0, -1.0], [-1.0, 2.0]])
 
@@ -26,9 +26,9 @@ A = np.array([[2.0, -1.0], [-1.0, 2.0]])
 @contextmanager
 def whole_facet_basis() -> Iterator[None]:
     """Context in which all pairs use this basis."""
-    function = partial(integrate_facets, facets.integrate_facets)
+    function = partial(integrate_segments, integrals.integrate_segments)
     with (
-        patch.object(integrals.facets, "integrate_facets", function),
+        patch.object(integrals, "integrate_segments", function),
         patch.object(
             Contact, "update_multiplier_nodes", lambda self: 0
         ),  # hardly covered nodes are kept
@@ -36,22 +36,19 @@ def whole_facet_basis() -> Iterator[None]:
         yield
 
 
-def integrate_facets(standard: Any, geometry: Any, sides: Any, *others: Any) -> None:
-    """As ``kernels.facets.integrate_facets``, from the integrals of the standard basis."""
-    segments, offsets, pair_offsets, rule, (kind, *options), values, derivatives, thickness = others
-    if kind != basis.DUAL or sides[0].shape[1] != 2:
-        standard(geometry, sides, *others)
-        return
-    standard(
-        geometry, sides, segments, offsets, pair_offsets, rule, (basis.STANDARD, *options), values,
-        derivatives, thickness,
-    )  # fmt: skip
-    (D, M, g, cover), (dD, dM, dg) = values, derivatives
-    nodes, weights, _ = sides
+def integrate_segments(
+    standard: Any, s: Any, nodes: Any, geometry: Any, weights: Any, options: Any, thickness: Any
+) -> Any:
+    """As ``interface.integrals.integrate_segments``, from the integrals of the standard basis."""
+    kind, *others = options
+    if kind != basis.DUAL or nodes.shape[1] != 2:
+        return standard(s, nodes, geometry, weights, options, thickness)
+    found = standard(s, nodes, geometry, weights, (basis.STANDARD, *others), thickness)
+    D, dD, M, dM, g, dg, cover = found
     edges = np.diff(geometry[0][nodes], axis=1)[:, 0]
     dual = (weights == np.eye(2)).all(axis=(1, 2)) & (cover.sum(axis=1) > 0.0)
-    of_segment = np.repeat(dual, np.diff(offsets))
-    of_pair = np.repeat(dual, np.diff(pair_offsets))
+    of_segment = np.repeat(dual, np.diff(s.offsets))
+    of_pair = np.repeat(dual, np.diff(s.pair_offsets))
     for array, chosen in ((M, of_segment), (dM, of_pair), (g, dual), (dg, of_segment)):
         rows = array[chosen].reshape(np.count_nonzero(chosen), 2, -1)
         array[chosen] = np.einsum("ij,njr->nir", A, rows).reshape(array[chosen].shape)
@@ -60,4 +57,5 @@ def integrate_facets(standard: Any, geometry: Any, sides: Any, *others: Any) -> 
     dD[of_segment] = 0.0
     change = 0.5 * edges[dual] / length
     for j in range(2):  # the first segment of the facet represents all
-        dD[offsets[:-1][dual], 3 * j, 2:6] = np.hstack([-change, change])
+        dD[s.offsets[:-1][dual], j, j, 2:6] = np.hstack([-change, change])
+    return found
