@@ -29,8 +29,8 @@ With the partner x^ = x + alpha n, tau = (-n_y, n_x), a = dm/deta and b = (a_y, 
     d eta   = p . (L dm - N dx - alpha N dn),   p = -tau / (tau . a)
     d alpha = q . (L dm - N dx - alpha N dn),   q = b / (b . n)
 
-Popp, Gee & Wall (2009), appendix A, in another order. What follows from the points, D, M and the
-weighted gap, is the same in any dimension: see ``integrals``.
+The derivatives are those of Popp, Gee & Wall (2009). What follows from the points, D, M and the
+weighted gap, is the same in any dimension: see ``facets``.
 """
 
 import numpy as np
