@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""Remark on residuals without the out-of-plane thickness that weights the interface.
+"""Remark on residuals whose out-of-plane thickness is not that which weights the interface.
 
 Nothing in a residual tells its units. The thickness is therefore looked for among the factors of
 its integrals: numbers, constants and functions with its value, and 2 pi with axisymmetry. It may
 also be a part of the parameters of the material, so that there is a remark, not an error.
+
+In plane problems there is a remark if the residual is one of bodies of revolution: with the factor
+2 pi X_0, or the hoop strain u_0 / X_0.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from typing import Any
 
 from mpi4py import MPI
@@ -23,11 +27,16 @@ from ufl.corealg.traversal import unique_pre_traversal
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.rounding import ROUNDING
 
+# Numbers of which one is a factor of the measures of bodies of revolution [1].
+PI: list[Any] = [2.0 * np.pi, np.pi]
+# Types of expressions of UFL whose factors are those of their operands, or of the first one.
+PRODUCTS = ufl.classes.Product, ufl.classes.Inner, ufl.classes.Dot
+FIRST_OPERAND = ufl.classes.Division, ufl.classes.IndexSum, ufl.classes.CoefficientDerivative
 KINDS = {"cell": "cells", "exterior_facet": "boundaries", "interior_facet": "inner facets"}
 
 
 def remark_on_thickness(residual: Any, u: Any, space: DisplacementSpace) -> str:
-    """Remark on integrals in which the thickness does not occur; "" if there are none (collective).
+    """Remark on integrals with another thickness than the interface; "" without (collective).
 
     Args:
         residual: UFL form.
@@ -35,11 +44,19 @@ def remark_on_thickness(residual: Any, u: Any, space: DisplacementSpace) -> str:
         space: The displacement's space, with the thickness.
     """
     thickness = space.thickness
+    if thickness is None or not (space.is_axisymmetric or callable(thickness.constant)):
+        revolved = {part for integral in residual.integrals() for part in _revolved(integral, u)}
+        if revolved:
+            return (
+                f"the residual contains {' and '.join(sorted(revolved))}, as of bodies of "
+                "revolution, but the interface has the same thickness everywhere: create the "
+                "problem with geometry='axisymmetric'; else contact forces and stiffness do not fit"
+            )
     if thickness is None or thickness.constant == 1.0:
         return ""
     factors, name = [thickness.constant], "thickness"
     if space.is_axisymmetric:
-        factors, name = [2.0 * np.pi, np.pi], "2 pi"
+        factors, name = PI, "2 pi"
     missing = {
         KINDS.get(integral.integral_type(), integral.integral_type())
         for integral in residual.integrals()
@@ -54,6 +71,39 @@ def remark_on_thickness(residual: Any, u: Any, space: DisplacementSpace) -> str:
         "multiply the measures of the residual by it, too; else the bodies are too soft for the "
         "contact (unless a parameter of the residual includes it)"
     )
+
+
+def _revolved(integral: Any, u: Any) -> Iterator[str]:
+    """Parts of an integral that only bodies of revolution have, as text."""
+    if (True, True) in _weights(integral.integrand()):
+        yield "the factor 2 pi X[0]"
+    for part in unique_pre_traversal(integral.integrand()):
+        if isinstance(part, ufl.classes.Division) and _is_radius(part.ufl_operands[1]):
+            inside = list(unique_pre_traversal(part.ufl_operands[0]))
+            if u in inside and not any(isinstance(p, ufl.classes.Grad) for p in inside):
+                yield "the hoop strain u[0] / X[0]"
+
+
+def _weights(expression: Any) -> set[tuple[bool, bool]]:
+    """For each term of an expression, whether 2 pi, or pi, and X[0] are among its factors."""
+    operands = expression.ufl_operands
+    if isinstance(expression, FIRST_OPERAND):
+        return _weights(operands[0])
+    if isinstance(expression, ufl.classes.Sum):
+        return _weights(operands[0]) | _weights(operands[1])
+    if isinstance(expression, PRODUCTS):
+        both = product(_weights(operands[0]), _weights(operands[1]))
+        return {(a or c, b or d) for (a, b), (c, d) in both}
+    near = [abs(value - pi) <= ROUNDING * pi for value in _numbers([expression]) for pi in PI]
+    return {(any(near), _is_radius(expression))}
+
+
+def _is_radius(expression: Any) -> bool:
+    """Whether an expression is X[0]."""
+    if not isinstance(expression, ufl.classes.Indexed):
+        return False
+    vector, index = expression.ufl_operands
+    return isinstance(vector, ufl.classes.SpatialCoordinate) and [*map(str, index)] == ["0"]
 
 
 def _has_factor(integrand: Any, u: Any, factors: list[Any], comm: MPI.Comm) -> bool:

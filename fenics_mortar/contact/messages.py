@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Messages on a contact: overlaps and the search radius."""
+"""Messages on a contact: overlaps, prescribed interference and the search radius."""
 
 from __future__ import annotations
 
@@ -8,12 +8,16 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.kernels.pairing import BEHIND
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import SAME_PLACE
 
 
 def describe_start(contact: Interface) -> str:
-    """Message on an overlap or on missing partners of the present state; "" if not needed."""
+    """Message on an overlap or on missing partners of the present state; "" if not needed.
+
+    An interference that the user prescribed is no overlap.
+    """
     if not isinstance(contact, Contact):
         return ""
     if not contact.covered.any():
@@ -23,14 +27,24 @@ def describe_start(contact: Interface) -> str:
             f"transmits no force until the surfaces approach"
         )
     overlap = -np.nan_to_num(contact.gap)
-    j = int(np.argmax(overlap / contact.slave.nodal_lengths))
-    if overlap[j] <= SAME_PLACE * contact.slave.nodal_lengths[j]:
+    not_prescribed = overlap - _interference(contact)
+    j = int(np.argmax(not_prescribed / contact.slave.nodal_lengths))
+    if not_prescribed[j] <= SAME_PLACE * contact.slave.nodal_lengths[j]:
         return ""
     return (
         f"'{contact.slave.name}' and '{contact.master.name}' overlap by up to {overlap[j]:.3g} at "
         f"{format_point(contact.operators.x[j])} before the first solve, treated as interference; "
         "initial_gap=0 removes overlaps of the mesh"
+        + ", up to half a facet"
+        * (contact.pair.initial_gap is not None)
     )
+
+
+def _interference(contact: Contact) -> Array:
+    """Interference of each slave node that the user prescribed, (slave nodes,) [length]."""
+    if contact.pair.initial_gap is None:
+        return np.maximum(contact.offset, 0.0)
+    return np.full(contact.slave.num_nodes, max(-contact.pair.initial_gap, 0.0))
 
 
 def describe_search_radius(contact: Contact) -> str:
@@ -47,13 +61,19 @@ def describe_overlap(contact: Interface) -> str:
     """Message on the largest overlap of an active node; "" if it is small."""
     if not isinstance(contact, Contact):
         return ""
-    overlap = np.where(
-        contact.active, -np.nan_to_num(contact.now.closing_gap) / contact.slave.nodal_lengths, 0.0
-    )
+    sizes, interference = contact.slave.nodal_lengths, _interference(contact)
+    overlap = np.where(contact.active, -np.nan_to_num(contact.now.closing_gap) / sizes, 0.0)
     j = int(np.argmax(overlap))
     if overlap[j] <= BEHIND:
         return ""
-    depth = overlap[j] * contact.slave.nodal_lengths[j]
+    depth = overlap[j] * sizes[j]
+    if overlap[j] - interference[j] / sizes[j] <= BEHIND:
+        return (
+            f"'{contact.slave.name}' has an interference of {interference[j]:.3g} "
+            f"({interference[j] / sizes[j]:.1f} facets) with '{contact.master.name}' at "
+            f"{format_point(contact.operators.x[j])}: increase it in steps, by the offset of the "
+            "pair in problem.contacts"
+        )
     return (
         f"the node at {format_point(contact.operators.x[j])} of '{contact.slave.name}' overlaps "
         f"'{contact.master.name}' by {overlap[j]:.1f} facets; partners are searched "

@@ -61,7 +61,13 @@ class Solver:
             contact.set_initial_gap()
         equations.evaluate_operators()
         self.accept()
-        self._starts = [describe_start(contact) for contact in equations.contacts]
+        contacts = equations.contacts
+        self._starts = [(contact, describe_start(contact), contact.offset) for contact in contacts]
+
+    def _describe_starts(self) -> list[str]:
+        """Messages on the undeformed mesh, once; none on pairs whose offset the user has set."""
+        starts, self._starts = self._starts, []
+        return [t for contact, t, before in starts if t and np.array_equal(contact.offset, before)]
 
     def renew(self) -> None:
         """Create matrices and solvers again that may be incomplete after an interruption."""
@@ -127,11 +133,10 @@ class Solver:
         judged = messages or report.certificate.remarks()
         idle = filter(None, [describe_idle(e.bulk, e.floating, e.residual.force)])
         reactions = e.motions.record()
-        begun = [*remarks, *filter(None, self._starts)]
+        begun = [*remarks, *self._describe_starts()]
         report.notes[:] = merge_repeated(
             [*begun, *moved, *idle, *judged, *reactions, *report.notes]
         )
-        self._starts = []
         if violations and not accept_violations:
             e.last_converged = False
             for contact, (partners, instant) in zip(e.contacts, accepted, strict=True):

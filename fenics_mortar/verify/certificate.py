@@ -129,7 +129,7 @@ class Certificate(Markdown):
         at_nodes = [self.inverted_nodes] * (self.inverted_nodes != "")
         yield from _counted("inverted_nodes", "cells inverted at nodes alone", at_nodes, remark=0)
         for crossing in self.crossings:
-            yield _crossed(crossing.facets, f"{crossing}")
+            yield _crossed(crossing.facets, f"{crossing}", crossing.admitted)
         if not self.crossings:
             yield _crossed(0.0)
         yield from _counted("passages", "bodies passed through in the step", self.passages, limit=0)
@@ -178,16 +178,16 @@ def _certify_pair(
     return PairCertificate(f"{contact.slave.name} - {contact.master.name}", tuple(found))
 
 
-def _crossed(facets: float, message: str = "") -> Finding:
-    """The finding of a crossing of this depth [facet lengths] (local)."""
-    advice = "" if facets > LIMITS.penetration else _SMALLER
+def _crossed(facets: float, message: str = "", limit: float = LIMITS.penetration) -> Finding:
+    """The finding of a crossing of this depth, with its limit [facet lengths] (local)."""
+    advice = "" if facets > limit else _SMALLER
     return Finding(
         "crossings",
         "depth of crossing outlines",
         facets,
         message + advice,
-        limit=LIMITS.penetration,
-        remark=LIMITS.coarse_penetration,
+        limit=limit,
+        remark=min(LIMITS.coarse_penetration, limit),
         unit="facet lengths",
     )
 

@@ -6,7 +6,7 @@ their own body, independently of the search for partners.
 
 **State**: depth of two outlines in each other where they cross, in facets. Faceted curves in
 contact overlap by their sagitta, and between nodes dual multipliers admit overlaps of this size;
-the limits are those of the penetration of a pair.
+the limits are those of the penetration of a pair, and smaller without a pair: ``admitted_depth``.
 
 **Step**: paths from the last accepted state, or the present one if free dofs of ``u`` were set; see
 ``passages``.
@@ -18,7 +18,7 @@ segments 2 ms, rotated by more than 1 degree 10 ms.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain, product
@@ -36,7 +36,9 @@ from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array, Flags, Value
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import HALF_FACET
+from fenics_mortar.verify.admitted_depth import AdmittedDepth
 from fenics_mortar.verify.folds import are_folds, slides_little
+from fenics_mortar.verify.limits import LIMITS
 from fenics_mortar.verify.obstacle_points import deepest_point
 from fenics_mortar.verify.outline_names import OutlineNames
 from fenics_mortar.verify.passages import Passages, StepEnds
@@ -51,22 +53,26 @@ class Crossing:
         where: Position, as text.
         depth: Depth of one body in the other [length].
         facets: Depth over the facet's length [1].
+        admitted: Depth above which the state is wrong [facet lengths].
+        is_paired: Whether a pair keeps these surfaces apart.
     """
 
     sides: tuple[str, str]
     where: str
     depth: float
     facets: float
+    admitted: float = LIMITS.penetration
+    is_paired: bool = True
 
     def __str__(self) -> str:
         """The crossing as text."""
         first, second = self.sides
         who = f"{first} crosses itself" if first == second else f"{first} and {second} cross"
-        found = f"{who} at {self.where}, {self.depth:.3g} deep ({self.facets:.1f} facets)"
-        if not any(side.startswith("body ") for side in self.sides):
+        found = f"{who} at {self.where}, {self.depth:.3g} deep ({self.facets:.2g} facets)"
+        if self.is_paired:
             return found
         kind = "ContactPair(data, surface)" if first == second else "ContactPair"
-        return f"{found}; the surface of a body there is in no pair: add a {kind}"
+        return f"{found}; no pair keeps these surfaces apart: add a {kind}"
 
 
 @dataclass(frozen=True)
@@ -102,7 +108,7 @@ class Crossings:
         self._bulk, self._contacts = bulk, contacts
         self._labels, _ = label_bodies(bulk.V)
         sides = [[self._bodies_of(side) for side in (c.slave, c.master)] for c in contacts]
-        self._paired = {
+        self._in_contact = {
             (min(one, other), max(one, other))
             for contact, (slave, master) in zip(contacts, sides, strict=True)
             for one, other in product(slave, master)
@@ -119,6 +125,7 @@ class Crossings:
         self._prescribed = (self._free == 0.0).all(axis=1)
         name_of_body = partial(floating.name_of, labels=self._labels)
         self._names = OutlineNames(self.outline, contacts, name_of_body)
+        self._admitted = AdmittedDepth(self.outline, contacts)
         self._excused = self._as_meshed()
         self.in_step = Passages(self.outline, contacts, self._slaves, self._names, self._excused)
         self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)))
@@ -128,22 +135,46 @@ class Crossings:
     # A state
 
     def find(self) -> list[Crossing]:
-        """Deepest crossing of each pair of outlines, or outline and obstacle, at present."""
-        x, found = self._positions(), []
+        """Deepest crossings of each pair of outlines, or outline and obstacle, at present.
+
+        Of two outlines up to two: one between the sides of a pair, and one elsewhere.
+        """
+        x, found = self._positions(), list[Crossing]()
         rows = self._crossings(x, self._allowed(x))
         rows = rows[~self._are_meaningless(x, rows)]
-        for pair, row in self._deepest(rows).items():
-            facets = float(row[2]) - self._excused.get(pair, 0.0)
+        paired = self._admitted.are_paired(rows)
+        for are_paired in (True, False):
+            mine = rows[paired == are_paired]
+            found += self._found(mine, self._admitted.of(x, mine), are_paired)
+        for pair, contact in enumerate(self._contacts):
+            if isinstance(contact, Contact) and contact.obstacle is not None:
+                deepest = deepest_point(contact, self.outline, self._slaves[pair], x)
+                if deepest.facets > 0.0:
+                    sides = (
+                        self._names.segment(deepest.segment),
+                        f"obstacle '{contact.obstacle.name}'",
+                    )
+                    admitted = self._admitted.at_obstacle(x, deepest.segment, pair)
+                    where = format_point(deepest.point)
+                    found.append(Crossing(sides, where, *deepest[:2], *admitted))
+        return sorted(found, key=lambda crossing: -crossing.facets)
+
+    def _found(self, rows: Array, admitted: Array, are_paired: bool) -> Iterator[Crossing]:
+        """Deepest crossing of each pair of outlines among ``rows`` (k, 6), over ``admitted`` (k,).
+
+        Overlaps of the mesh are left out, except those between surfaces in contact.
+        """
+        for pair, (row, limit) in self._deepest(rows, admitted).items():
+            excused = 0.0 if self._are_in_contact(row) else self._excused.get(pair, 0.0)
+            facets = float(row[2]) - excused
             if facets > 0.0:
                 sides = self._names.segment(int(row[0])), self._names.segment(int(row[1]))
-                found.append(Crossing(sides, format_point(row[4:]), float(row[3]), facets))
-        for contact, slave in zip(self._contacts, self._slaves, strict=True):
-            if isinstance(contact, Contact) and contact.obstacle is not None:
-                depth, facets, point = deepest_point(contact, self.outline, slave, x)
-                if facets > 0.0:
-                    sides = f"'{contact.slave.name}'", f"obstacle '{contact.obstacle.name}'"
-                    found.append(Crossing(sides, format_point(point), depth, facets))
-        return sorted(found, key=lambda crossing: -crossing.facets)
+                where, depth = format_point(row[4:]), float(row[3])
+                yield Crossing(sides, where, depth, facets, limit, are_paired)
+
+    def _are_in_contact(self, row: Array) -> bool:
+        """Whether a row of ``find_crossings`` is between the sides of a contact pair."""
+        return bool(self._admitted.are_paired(row[None], ties=False)[0])
 
     def _are_meaningless(self, x: Array, rows: Array) -> Flags:
         """Folds of bodies with linear strains and small sliding, see ``folds``, (k,), bool."""
@@ -161,25 +192,29 @@ class Crossings:
             x, o.segments, *self._links, o.lengths(x), self._segment_bodies, allowed
         )
 
-    def _deepest(self, rows: Array) -> dict[tuple[int, int], Array]:
-        """Deepest row for each pair of bodies, in order of decreasing depth."""
-        found: dict[tuple[int, int], Array] = {}
-        for row in rows[np.argsort(-rows[:, 2], kind="stable")]:
-            one, other = self._segment_bodies[row[:2].astype(np.int64)].tolist()
-            found.setdefault((min(one, other), max(one, other)), row)
+    def _deepest(self, rows: Array, admitted: Array) -> dict[tuple[int, int], tuple[Array, float]]:
+        """Row of the largest depth over ``admitted`` (k,), and the latter, for each two bodies."""
+        found: dict[tuple[int, int], tuple[Array, float]] = {}
+        for k in np.argsort(-rows[:, 2] / admitted, kind="stable"):
+            one, other = self._segment_bodies[rows[k, :2].astype(np.int64)].tolist()
+            found.setdefault((min(one, other), max(one, other)), (rows[k], float(admitted[k])))
         return found
 
     def _as_meshed(self) -> dict[tuple[int, int], float]:
-        """Overlap of unpaired bodies in the mesh [facets], inf if it is deep.
+        """Overlap of bodies in the mesh outside contact pairs [facets], inf if it is deep.
 
         Offsets are zero at this time. The overlap of a body with itself, such as a closed ring, is
-        its value in the mesh.
+        its value in the mesh. Deep overlaps of bodies in contact are not excused.
         """
         found, X = {}, self.outline.X
-        for pair, row in self._deepest(self._crossings(X, np.zeros(len(X)))).items():
-            if pair not in self._paired:
-                same, facets = pair[0] == pair[1], float(row[2])
-                found[pair] = facets if same or facets <= HALF_FACET else np.inf
+        rows = self._crossings(X, np.zeros(len(X)))
+        rows = rows[~self._admitted.are_paired(rows, ties=False)]
+        for pair, (row, _) in self._deepest(rows, np.ones(len(rows))).items():
+            facets = float(row[2])
+            if pair[0] == pair[1] or facets <= HALF_FACET:
+                found[pair] = facets
+            elif pair not in self._in_contact:
+                found[pair] = np.inf
         return found
 
     def _allowed(self, x: Array) -> Array:

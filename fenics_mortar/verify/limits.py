@@ -22,6 +22,8 @@ class Limits:
     Attributes:
         tolerance: Limit for quantities that vanish in a solution of the equations [1].
         penetration: Limit for penetration and distance between the nodes [facet lengths].
+        unpaired: Smallest depth of crossing surfaces that no pair keeps apart that is an error
+            [facet lengths]; smaller ones are below the error of displacements.
         negligible: Force over the contact force below which it is smaller than the error of the
             discretization: 0.5 %, for springs and for shear caused by corners.
         min_pressure: Smallest reference of pressures, as a fraction of the stiffness [1]: smaller
@@ -36,6 +38,8 @@ class Limits:
             pressure.
         corner: Angle between the facets at a node above which it is a corner, not part of a curve
             [radian].
+        sharp_corner: The same where curves may be coarse [radian]: polygons with more than six
+            sides count as circles.
         section_turn: Largest rotation of a body in one straight section of its path [radian], which
             shrinks it by 8 %. A path of less than half a facet did not pass through an obstacle if
             the normals at its ends differ by less.
@@ -52,6 +56,7 @@ class Limits:
 
     tolerance: float = SOLVED
     penetration: float = HALF_FACET
+    unpaired: float = 0.01
     negligible: float = RIGID.negligible
     min_pressure: float = SOLVED
     min_force: float = 1e-4
@@ -59,6 +64,7 @@ class Limits:
     coarse_distance: float = 0.05
     at_corners: float = 0.1
     corner: float = 0.3
+    sharp_corner: float = np.pi / 3
     section_turn: float = np.pi / 4
     two_ways: float = np.pi / 3
     deep: float = 0.1

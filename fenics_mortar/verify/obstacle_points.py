@@ -8,6 +8,8 @@ If a user's function is not a distance, x + phi n may miss the obstacle; such po
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
@@ -17,9 +19,23 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.verify.limits import LIMITS
 
 
-def deepest_point(
-    contact: Contact, outline: Outline, slave: Indices, x: Array
-) -> tuple[float, float, Array]:
+class Deepest(NamedTuple):
+    """The point of an obstacle that is deepest in a body.
+
+    Attributes:
+        depth: Depth less the overlap admitted by the offset [length]; zero if no point is inside.
+        facets: The same over the length of the nearest facet [1].
+        point: Position, shape (2,) [length].
+        segment: Nearest segment of the outlines.
+    """
+
+    depth: float
+    facets: float
+    point: Array
+    segment: int
+
+
+def deepest_point(contact: Contact, outline: Outline, slave: Indices, x: Array) -> Deepest:
     """Find the point of an obstacle that is deepest in a body of the slave (local).
 
     Args:
@@ -27,15 +43,11 @@ def deepest_point(
         outline: Outlines of the bodies.
         slave: Numbers of the slave nodes in the outlines, shape (slave nodes,).
         x: Positions of the outlines' nodes, shape (n, 2) [length].
-
-    Returns:
-        Depth less the overlap admitted by the offset [length], the same over the length of the
-        nearest facet [1], position, shape (2,) [length]; depths are zero if no point is inside.
     """
     o = contact.now.on_obstacle
     points = np.concatenate([o.nearest_points(), o.obstacle.to_space(o.obstacle.salient_points())])
     lengths, bodies = outline.lengths(x), outline.segment_bodies
-    deepest = 0.0, 0.0, np.zeros(2)
+    deepest = Deepest(0.0, 0.0, np.zeros(2), -1)
     admitted = max(-float(contact.now.offset.min(initial=0.0)), 0.0)
     for body in np.unique(outline.bodies[slave]):
         mine = x[outline.bodies == body]
@@ -49,6 +61,7 @@ def deepest_point(
         facets = depths / lengths[nearest]
         facets[o.obstacle.evaluate(near)[0] > LIMITS.coarse_distance * lengths[nearest]] = 0.0
         first = int(np.argmax(facets))
-        if facets[first] > deepest[1]:
-            deepest = float(depths[first]), float(facets[first]), near[first]
+        if facets[first] > deepest.facets:
+            depth, segment = float(depths[first]), int(nearest[first])
+            deepest = Deepest(depth, float(facets[first]), near[first], segment)
     return deepest

@@ -16,8 +16,10 @@ from scenes import (
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.contact.messages import describe_overlap
 from fenics_mortar.energies import lame
-from meshes import rings
+from meshes import mapped_grids, rings
+from meshes.mapped_grids import Grid, block
 
 E, NU = 100.0, 0.3
 
@@ -59,6 +61,45 @@ def test_overlap_of_polygons_is_reported_as_interference():
     assert "overlap by up to" in report.table() and "initial_gap=0" in report.table()
     assert problem.equations.contacts[0].pressure.max() > 1e-3 * E
     assert "overlap" not in problem.solve().table()
+
+
+@pytest.mark.once
+def test_a_prescribed_interference_is_no_overlap():
+    """By the option, or by the offset; polygons beyond half a facet keep their overlap."""
+    for of_option, of_offset in ((-1e-4, 0.0), (None, 1e-4)):
+        problem = press_fit(linear_elastic, initial_gap=of_option)
+        if of_offset:
+            problem.contacts[0].offset += of_offset
+        report = problem.solve()
+        assert problem.contacts[0].pressure.max() > 0.0
+        assert not any("overlap" in note for note in report.notes)
+
+
+@pytest.mark.parametrize("initial_gap", [-0.05, 0.0])
+def test_overlaps_that_an_initial_gap_leaves_are_reported(initial_gap):
+    """The blocks are meshed 0.9 facets inside each other."""
+    data = read(mapped_grids.build, grids=[
+        Grid("lower", block(10, 6, width=1.0, height=1.0, corner=(0.0, -1.0))),
+        Grid("upper", block(10, 6, width=1.0, height=1.0, corner=(0.0, -0.09))),
+    ])  # fmt: skip
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("lower/bottom", "upper/top")]
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", initial_gap=initial_gap)
+    problem = fm.ContactProblem(
+        internal(u, linear_elastic(u, E, NU)), u, [pair], bcs=bcs, petsc_options_prefix="deep_"
+    )
+    (note,) = (n for n in problem.solve().notes if "overlap by up to" in n)
+    assert "up to 0.09 at" in note and "up to half a facet" in note
+
+
+def test_a_deep_interference_is_named_as_such_with_its_cure():
+    problem = press_fit(initial_gap=-2.5)
+    (contact,) = problem.equations.contacts
+    contact.change(active=contact.covered)
+    message = describe_overlap(contact)
+    assert "has an interference of 2.5 (" in message and "increase it in steps" in message
+    assert "overlap" not in message and "search_radius" not in message
 
 
 def test_pair_without_partners_is_reported():

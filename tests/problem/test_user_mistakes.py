@@ -176,8 +176,8 @@ def test_a_distance_of_the_wrong_sign_is_refused_by_name(slave, sign, depth):
         problem.solve()
 
 
-def thickness_remarks(factor, thickness, **options):
-    """Remarks on the thickness of a residual with a factor, a function of the mesh."""
+def thickness_notes(factor, thickness, *, has_hoop_strain, **options):
+    """Notes of a solve whose residual has a factor, a function of mesh and radius."""
     data = small_blocks().data
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)
@@ -185,7 +185,7 @@ def thickness_remarks(factor, thickness, **options):
     weight = factor(data.mesh, r)
     dx = ufl.dx(metadata={"quadrature_degree": 2})
     residual = weight * ufl.inner(linear_elastic(u, 100.0, 0.3), ufl.grad(v)) * dx
-    if options:
+    if has_hoop_strain:
         residual += weight * u[0] * v[0] / r * dx
     names = ("lower/bottom", "upper/top", "lower/left", "upper/left")
     bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in names]
@@ -195,6 +195,12 @@ def thickness_remarks(factor, thickness, **options):
     )
     notes = problem.solve().notes
     assert not any("does not occur" in note for note in problem.solve().notes)  # said once
+    return notes
+
+
+def thickness_remarks(factor, thickness, **options):
+    """Remarks on a missing thickness."""
+    notes = thickness_notes(factor, thickness, has_hoop_strain=bool(options), **options)
     return [note for note in notes if "does not occur in the integrals of the residual" in note]
 
 
@@ -231,6 +237,42 @@ def test_a_thickness_that_is_not_in_the_residual_is_reported(name):
 def test_a_radius_without_2_pi_is_reported(factor, count):
     found = thickness_remarks(lambda mesh, r: factor * r, None, geometry="axisymmetric")
     assert len(found) == count and all("2 pi of 6.283" in note for note in found)
+
+
+REVOLVED = {
+    "2 pi X[0]": (lambda mesh, r: 2 * np.pi * r, False, ["the factor 2 pi X[0]"]),
+    "pi times X[0]": (lambda mesh, r: r * constant(mesh, np.pi), False, ["the factor 2 pi X[0]"]),
+    "X[0] and the hoop strain": (lambda mesh, r: r, True, ["the hoop strain"]),
+    "all": (lambda mesh, r: 2 * np.pi * r, True, ["the factor 2 pi X[0] and the hoop strain"]),
+    "a graded plane body": (lambda mesh, r: 2.0 + r, False, []),
+    "a wavy plane body": (lambda mesh, r: 2.0 + ufl.cos(2 * np.pi * r), False, []),
+}
+
+
+@pytest.mark.parametrize("thickness", [None, 1.0])
+@pytest.mark.parametrize("name", REVOLVED)
+def test_bodies_of_revolution_in_a_plane_problem_are_reported(name, thickness):
+    """The multipliers would have to be weighted by 2 pi r, too."""
+    factor, has_hoop_strain, expected = REVOLVED[name]
+    notes = thickness_notes(factor, thickness, has_hoop_strain=has_hoop_strain)
+    found = [note for note in notes if "geometry='axisymmetric'" in note]
+    assert len(found) == len(expected)
+    assert all(part in note for part, note in zip(expected, found, strict=True))
+
+
+def test_an_energy_of_bodies_of_revolution_in_a_plane_problem_is_reported():
+    data = small_blocks().data
+    V = fm.vector_space(data.mesh, 1)
+    u, v, X = fem.Function(V), ufl.TestFunction(V), ufl.SpatialCoordinate(data.mesh)
+    psi = fm.energies.neo_hookean(
+        fm.energies.deformation_gradient(u, "axisymmetric"), *fm.energies.lame(100.0, 0.3)
+    )
+    residual = ufl.derivative(2 * np.pi * X[0] * psi * ufl.dx(degree=3), u, v)
+    bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("lower/bottom", "upper/top")]
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top")
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="plane_")
+    assert any("2 pi X[0] and the hoop strain" in note for note in problem.solve().notes)
+    assert not any("2 pi X[0]" in note for note in problem.solve().notes)
 
 
 def test_an_obstacle_as_slave_is_refused_with_what_it_can_be():

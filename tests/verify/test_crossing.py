@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from crossing_scenes import DX, is_silent, messages_with, problem_of
+from crossing_scenes import DX, is_silent, messages_with, move_body, problem_of, turned
 from scenes import nodal, pair_options, read, rectangles
 
 import ufl
@@ -18,7 +18,7 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.verify.certificate import Certificate
 from fenics_mortar.verify.crossing import Crossing
-from meshes import mapped_grids
+from meshes import mapped_grids, rings
 from meshes.mapped_grids import Grid
 
 
@@ -251,3 +251,99 @@ def test_exit_through_the_first_facet_is_reported():
             rows, crossings.accepted.x, lambda x: np.zeros(len(x))
         )
         assert len(messages) == count and all("went through" in each for each in messages)
+
+
+# Outside pairs
+
+
+def blocks_side_by_side(gap=0.02, **paired):
+    """Two blocks on a ground, ``gap`` apart and pressed by 10 %: each expands by about 0.045."""
+    data = read(
+        rectangles,
+        size=0.125,
+        ground=(-1.5, -0.3, 3.0, 0.3),
+        left=(-1.0 - 0.5 * gap, 0.0, 1.0, 1.0),
+        right=(0.5 * gap, 0.0, 1.0, 1.0),
+    )
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), fem.Constant(data.mesh, -0.1)
+    bcs = [fm.dirichlet(V, data, "ground/bottom", (0.0, 0.0))]
+    for body, outer in (("left", "left"), ("right", "right")):
+        bcs.append(fm.dirichlet(V, data, f"{body}/top", push, component=1))
+        bcs.append(fm.dirichlet(V, data, f"{body}/{outer}", 0.0, component=0))
+    pairs = [fm.ContactPair(data, f"{body}/bottom", "ground/top") for body in ("left", "right")]
+    pairs += [fm.ContactPair(data, *sides) for sides in paired.get("sides", ())]
+    return problem_of(data, pairs, bcs, u)
+
+
+@pytest.mark.once
+def test_a_shallow_overlap_of_surfaces_without_a_pair_is_a_violation():
+    problem = blocks_side_by_side()
+    with pytest.raises(fm.MortarError, match="no pair keeps these surfaces apart: add a Contact"):
+        problem.solve()
+    (crossing,) = outside_pairs(problem)
+    assert 0.1 < crossing.facets < 0.5 and not crossing.is_paired
+    assert crossing.admitted == 0.01
+    with_pair = blocks_side_by_side(sides=[("left/right", "right/left")])
+    assert with_pair.solve().certificate.violations() == []
+    assert with_pair.contacts[2].total_force[0] < 0.0
+
+
+@pytest.mark.once
+def test_surfaces_of_different_pairs_are_named_as_such():
+    """Both sides are in pairs, but not with each other."""
+    others = [
+        ("left/right", fm.Plane((5.0, 0.0), (-1.0, 0.0))),
+        ("right/left", fm.Plane((-5.0, 0.0), (1.0, 0.0))),
+    ]
+    problem = blocks_side_by_side(sides=others)
+    with pytest.raises(fm.MortarError, match=r"'left/\w+' and 'right/\w+' cross .* add a Contact"):
+        problem.solve()
+
+
+@pytest.mark.once
+def test_blocks_at_a_distance_do_not_overlap():
+    problem = blocks_side_by_side(0.1)
+    problem.solve()
+    assert not outside_pairs(problem)
+
+
+def outside_pairs(problem):
+    return [crossing for crossing in problem.certificate().crossings if not crossing.is_paired]
+
+
+def in_shaft(x):
+    return np.hypot(*x.T) < 1.3
+
+
+def polygons(n_inner, n_outer):
+    """A shaft in a bush of the same radius, without a pair; they touch no obstacle."""
+    data = read(rings.build, n_inner=n_inner, n_outer=n_outer, layers_inner=3, layers_outer=3)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    hole, wall = fm.Circle((0.0, 0.0), 0.5), fm.Circle((0.0, 0.0), 5.0, inside=True)
+    pairs = [
+        fm.ContactPair(data, "inner/inside", hole),
+        fm.ContactPair(data, "outer/outside", wall),
+    ]
+    return problem_of(data, pairs, [], u)
+
+
+@pytest.mark.once
+@pytest.mark.parametrize(
+    ("counts", "beyond_mesh"),
+    [((12, 12), 0.06), ((24, 24), 0.03), ((16, 12), 0.0), ((48, 40), 0.0)],
+)
+def test_polygons_of_one_circle_overlap_by_discretization_only(counts, beyond_mesh):
+    """Those with 12 sides by 7 % of a side as the shaft turns; a shift by 20 % is an overlap."""
+    problem = polygons(*counts)
+    find, deepest = problem.equations.crossings.find, 0.0
+    for _ in range(7):
+        assert all(crossing.facets <= crossing.admitted for crossing in find())
+        deepest = max([deepest, *(crossing.facets for crossing in find())])
+        move_body(problem, in_shaft, turned(np.zeros(2), 3.0))
+    assert deepest >= beyond_mesh
+    shift = np.array([0.2 * 4.0 * np.pi / min(counts), 0.0])
+    move_body(problem, in_shaft, lambda x: x + shift)
+    (crossing,) = find()
+    assert crossing.facets > crossing.admitted and not crossing.is_paired

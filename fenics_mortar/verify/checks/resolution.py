@@ -42,9 +42,6 @@ FEWEST_NODES = 3
 # Gap between active nodes over the approach of the bodies above which there is a remark [1]: forces
 # are 7 % too small.
 FACET_GAPS = 0.1
-# Angle between the facets at a node above which it is a corner [radian]: polygons with more than
-# six sides count as coarse circles.
-SHARP_CORNER = np.pi / 3
 # Number of facets over the width of a region that is advised: with four, pressures of a cylinder
 # are accurate to some per cent.
 FACETS_OVER_WIDTH = 4
@@ -128,7 +125,7 @@ def _describe_if_narrow(contact: Contact, nodes: Indices, facets: tuple[Array, A
     slave, o = contact.slave, contact.operators
     on_plane = np.isfinite(contact.plane_normals).all(axis=1)
     before, after = facet_angles(contact)
-    sharp = (after - before > SHARP_CORNER) & ~on_plane
+    sharp = (after - before > LIMITS.sharp_corner) & ~on_plane
     if sharp[nodes].any() or _is_point_support(contact, nodes, float(facets[0][nodes].max())):
         return ""
     copies = 2 if on_plane[nodes].any() else 1
@@ -182,7 +179,7 @@ def _turns_of(surface: Surface) -> Array:
 def _sagittas(surface: Surface) -> Array:
     """Sagittas of curves through the undeformed facets at each node, (nodes,) [length]."""
     turns = _turns_of(surface)
-    return np.where(turns < SHARP_CORNER, turns, 0.0) * surface.nodal_lengths / 8.0
+    return np.where(turns < LIMITS.sharp_corner, turns, 0.0) * surface.nodal_lengths / 8.0
 
 
 def _gaps_of_facets(contact: Contact, pressure: Array) -> tuple[float, str]:
