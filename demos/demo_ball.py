@@ -25,7 +25,6 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -36,6 +35,7 @@ import this_clone
 
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, build, mapped
+from meshes.with_gmsh import gmsh
 
 comm, R, E, nu, size, meshes = MPI.COMM_WORLD, 8.0, 200e3, 0.3, 4.0, np.array([16, 32, 64, 128])
 # -

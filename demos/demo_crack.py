@@ -20,7 +20,6 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -31,6 +30,7 @@ import this_clone
 
 import fenics_mortar as fm
 from meshes import cracked_plate
+from meshes.with_gmsh import gmsh
 
 comm = MPI.COMM_WORLD
 E, nu, direction = 100.0, 0.3, np.array([0.8, 0.6])

@@ -22,7 +22,6 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -33,6 +32,7 @@ import this_clone
 
 import fenics_mortar as fm
 from meshes import half_cylinder_on_block
+from meshes.with_gmsh import gmsh
 
 comm = MPI.COMM_WORLD
 R, E, nu, friction = 8.0, 200.0, 0.3, 0.2

@@ -24,7 +24,6 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.optimize import minimize
@@ -36,6 +35,7 @@ import this_clone
 
 import fenics_mortar as fm
 from meshes import two_blocks
+from meshes.with_gmsh import gmsh
 
 comm, measured_E, measured_mu, nu = MPI.COMM_WORLD, 210.0, 0.35, 0.3
 # -

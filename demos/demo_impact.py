@@ -16,7 +16,6 @@
 # +
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 
 import ufl
@@ -26,6 +25,7 @@ import this_clone
 
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, block, build
+from meshes.with_gmsh import gmsh
 
 comm, gap, fall = MPI.COMM_WORLD, 0.1, 1.0
 # -

@@ -18,7 +18,6 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -29,6 +28,7 @@ import this_clone
 
 import fenics_mortar as fm
 from meshes import indenter_on_block
+from meshes.with_gmsh import gmsh
 
 comm, E, nu = MPI.COMM_WORLD, 689.6, 0.32
 step, n = map(float, sys.argv[1:] or (0.125, 40))

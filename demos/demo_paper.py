@@ -18,7 +18,6 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -29,6 +28,7 @@ import this_clone
 
 import fenics_mortar as fm
 from meshes import two_blocks
+from meshes.with_gmsh import gmsh
 
 comm = MPI.COMM_WORLD
 PAPER = {

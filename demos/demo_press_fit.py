@@ -19,7 +19,6 @@
 # +
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -30,6 +29,7 @@ import this_clone
 
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, block, build
+from meshes.with_gmsh import gmsh
 
 comm = MPI.COMM_WORLD
 b, c, length, interference = 10.0, 20.0, 40.0, 0.01

@@ -16,7 +16,6 @@
 # +
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 
 import ufl
@@ -25,6 +24,7 @@ from dolfinx import fem
 import this_clone
 
 import fenics_mortar as fm
+from meshes.with_gmsh import gmsh
 
 comm, mu = MPI.COMM_WORLD, 1.0
 if comm.rank == 0:

@@ -13,7 +13,6 @@
 # +
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -24,6 +23,7 @@ import this_clone
 
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, build, mapped
+from meshes.with_gmsh import gmsh
 
 comm, E, nu, stroke = MPI.COMM_WORLD, 2000.0, 0.35, 6.0
 # -

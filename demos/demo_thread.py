@@ -14,7 +14,6 @@
 # +
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 
 import ufl
@@ -24,6 +23,7 @@ import this_clone
 
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, build, mapped
+from meshes.with_gmsh import gmsh
 
 comm, E, nu, pitch, threads = MPI.COMM_WORLD, 210e3, 0.3, 1.5, 7
 # -

@@ -17,7 +17,6 @@
 # +
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 
 import ufl
@@ -27,6 +26,7 @@ import this_clone
 
 import fenics_mortar as fm
 from meshes import inclusion
+from meshes.with_gmsh import gmsh
 
 comm = MPI.COMM_WORLD
 nu, G = 0.3, {"inclusion": 1000.0, "plate": 100.0}

@@ -25,7 +25,6 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -36,6 +35,7 @@ import this_clone
 
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, block, build
+from meshes.with_gmsh import gmsh
 
 comm, a, b, load, k = MPI.COMM_WORLD, 60.0, 110.0, 1.0, 1e-7  # mm, MPa, mm^2/N
 

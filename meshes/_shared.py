@@ -7,10 +7,10 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import gmsh
 import numpy as np
 
 from meshes.mapped_grids import check_cell
+from meshes.with_gmsh import gmsh
 
 
 def add_points(x: Sequence[Sequence[float]]) -> list[int]:

@@ -13,9 +13,8 @@ from itertools import pairwise
 from math import dist
 from typing import Any
 
-import gmsh
-
 from meshes._shared import add_lines, add_points, add_surface, divide, generate, write
+from meshes.with_gmsh import gmsh
 
 
 def build(

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import gmsh
 import numpy as np
 
 from meshes._shared import add_lines, add_points, add_surface, generate, write
+from meshes.with_gmsh import gmsh
 
 
 def build(

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import gmsh
-
 from meshes._shared import add_lines, add_points, add_surface, divide, generate, write
+from meshes.with_gmsh import gmsh
 
 
 def build(

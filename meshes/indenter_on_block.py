@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import gmsh
 import numpy as np
 
 from meshes._shared import add_block, add_lines, add_points, add_surface, divide, generate, write
+from meshes.with_gmsh import gmsh
 
 LENGTH, HEIGHT = 12.0, 4.0
 LEFT, WIDTH, SAG, SIDE, CLEARANCE = 0.2, 1.2, 0.3, 0.9, 0.2

@@ -147,9 +147,8 @@ def mesh(grids: Sequence[Grid], *, comm: MPI.Comm = MPI.COMM_WORLD, **options: A
 
 def build(grids: Sequence[Grid], *, cell: str = "quadrilateral", order: int = 1) -> Any:
     """Build all bodies as a new model of the running gmsh session; return ``gmsh.model``."""
-    import gmsh
-
     from meshes._shared import name_group
+    from meshes.with_gmsh import gmsh
 
     found = arrays(grids, cell=cell, order=order)
     x = np.pad(found["points"], ((0, 0), (0, 1)))

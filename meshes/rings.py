@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import gmsh
 import numpy as np
 
 from meshes._shared import add_lines, add_points, add_surface, divide, generate, write
+from meshes.with_gmsh import gmsh
 
 
 def build(

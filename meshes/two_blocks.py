@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import gmsh
 import numpy as np
 
 from meshes._shared import add_block, generate, turn, write
+from meshes.with_gmsh import gmsh
 
 
 def build(

@@ -8,10 +8,9 @@ from typing import Any
 
 from mpi4py import MPI
 
-import gmsh
-
 import fenics_mortar as fm
 from fenics_mortar import energies
+from meshes.with_gmsh import gmsh
 
 
 def linear_elastic(u: Any, mu: Any, lmbda: Any, geometry: Any = "plane") -> Any:

@@ -98,10 +98,7 @@ def _gmsh_model(source: str | Path | Any) -> Iterator[Any]:
     try:
         import gmsh
     except (ImportError, OSError) as exception:
-        raise MeshError(
-            f"the Python module gmsh is needed to read '{source}': {exception}; "
-            + compat.cure_of_gmsh(exception)
-        ) from None
+        raise compat.missing_gmsh(f"to read '{source}'", exception) from None
     with _gmsh_session(gmsh):
         try:
             gmsh.merge(str(source))

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Reading gmsh meshes with their names, from files and live models."""
 
+import importlib
+import re
 import sys
+from pathlib import Path
 
 from mpi4py import MPI
 
@@ -27,6 +30,7 @@ from dolfinx import mesh as dmesh
 from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.mesh.gmsh_reader import read_gmsh
 from fenics_mortar.utils import compat
+from fenics_mortar.utils.errors import MeshError
 from meshes import rings, two_blocks
 
 
@@ -300,6 +304,21 @@ def test_missing_gmsh_raises_on_all_ranks_with_the_cure(msh_path, monkeypatch, f
         patch.setattr(sys, "meta_path", finders)
         patch.setattr(sys, "path", [])
         raises_on_all_ranks(f"module gmsh is needed .*{cure}", read_gmsh, msh_path, COMM)
+
+
+def test_meshes_without_gmsh_name_the_cure(monkeypatch):
+    """Demos and scripts of meshes import gmsh from there only."""
+    with monkeypatch.context() as patch:
+        patch.delitem(sys.modules, "gmsh")
+        patch.setattr(sys, "meta_path", [Broken, *sys.meta_path])
+        patch.delitem(sys.modules, "meshes.with_gmsh")
+        with pytest.raises(MeshError, match="module gmsh is needed .* apt-get install libglu1"):
+            importlib.import_module("meshes.with_gmsh")
+    root = Path(two_blocks.__file__).resolve().parents[1]
+    folders = "meshes/*.py", "demos/demo_*.py", "demos/studies/**/*.py"
+    scripts = [script for folder in folders for script in root.glob(folder)]
+    own = [s.name for s in scripts if re.search(r"^ *import gmsh$", s.read_text(), re.M)]
+    assert len(scripts) > 50 and own == ["with_gmsh.py"]
 
 
 def test_rank_that_does_not_exist_cannot_read():

@@ -18,7 +18,6 @@ from typing import Any
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -29,6 +28,7 @@ from demos.studies.accuracy.posed import Choice
 from demos.studies.accuracy.scenes_exact import HALF_SIDE, hertz_on
 from fenics_mortar.utils import compat
 from meshes._shared import add_lines, add_points, add_surface, generate
+from meshes.with_gmsh import gmsh
 
 Row = dict[str, Any]
 Size = Callable[[float, float], float]

@@ -21,7 +21,6 @@ from typing import Any
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 
 import ufl
@@ -31,6 +30,7 @@ import fenics_mortar as fm
 from demos.studies.common import linear_elastic
 from fenics_mortar.energies import lame
 from meshes._shared import add_lines, add_points, add_surface, generate
+from meshes.with_gmsh import gmsh
 
 RADIUS, E, NU, PRESSURE = 8.0, 200.0, 0.3, 0.625
 FORCE = 2 * RADIUS * PRESSURE

@@ -28,7 +28,6 @@ from typing import Any
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 
 import ufl
@@ -40,6 +39,7 @@ from demos.studies.accuracy.report import FOLDER, markdown
 from demos.studies.common import neo_hookean
 from fenics_mortar.energies import lame
 from meshes import indenter_on_block
+from meshes.with_gmsh import gmsh
 
 E, NU, STIFFER = 689.6, 0.32, 10.0
 FRICTION = 0.3

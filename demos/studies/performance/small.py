@@ -60,14 +60,13 @@ def ironing(n_block=66, layers=8):
     """The problem with about 1,300 unknowns, and the constant that moves the indenter's top."""
     from mpi4py import MPI
 
-    import gmsh
-
     import ufl
     from dolfinx import fem
 
     import fenics_mortar as fm
     from demos.studies.common import neo_hookean
     from meshes import indenter_on_block
+    from meshes.with_gmsh import gmsh
 
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
@@ -163,9 +162,8 @@ def process(program):
 
 def measure_processes():
     """Print medians of whole processes, after one that fills the caches, as Python does."""
-    import gmsh
-
     from meshes import half_cylinder_on_block
+    from meshes.with_gmsh import gmsh
 
     with tempfile.TemporaryDirectory() as folder:
         path = str(Path(folder) / "hertz.msh")

@@ -28,6 +28,7 @@ from fenics_mortar.utils.compat.expressions import (
 from fenics_mortar.utils.compat.libraries import (
     cure_of_gmsh,
     gmsh_is_initialized,
+    missing_gmsh,
     option_is_used,
     petsc_has,
     scalar_is_complex,
@@ -79,6 +80,7 @@ __all__ = [
     "is_part_of",
     "is_sub_space",
     "local_sums",
+    "missing_gmsh",
     "mixed_space",
     "model_to_mesh",
     "num_corners",

@@ -14,6 +14,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from fenics_mortar.utils.errors import MeshError
 from fenics_mortar.utils.petsc_functions import POINTER, petsc_function
 
 
@@ -68,6 +69,17 @@ def cure_of_gmsh(error: Exception) -> str:
         "libxcursor1 libxft2 libxinerama1 libgomp1 (Debian, Ubuntu), or dnf install mesa-libGLU "
         "mesa-libGL libXcursor libXft libXinerama libgomp (Fedora)"
     )
+
+
+def missing_gmsh(purpose: str, error: Exception) -> MeshError:
+    """The error to raise after an ``import gmsh`` that failed with ``error`` (local).
+
+    Args:
+        purpose: What gmsh is needed for, as "to read 'a.msh'".
+        error: The error of the import.
+    """
+    cure = cure_of_gmsh(error)
+    return MeshError(f"the Python module gmsh is needed {purpose}: {error}; {cure}")
 
 
 @contextmanager
