@@ -17,6 +17,8 @@ ADDED = 0.1
 # Largest energy that errors of the time steps may have added or taken at any time with
 # "conserving", over the largest kinetic energy [1], without a remark.
 CONSERVED = 1e-3
+# Findings of the certificate on facets that do not resolve the contact.
+RESOLUTION = ("unresolved_force", "facet_gaps")
 
 
 class Energies(NamedTuple):
@@ -104,10 +106,29 @@ class DynamicsReport(Markdown):
         return -sum(step.work.pressure for step in self.steps)
 
     def remark(self) -> str:
-        """Remark on energy added or extracted by errors of the time steps; "" if small.
+        """Remarks on errors of the energy, and on facets too coarse for the contact; "" if small.
 
-        It names what would reduce the error, apart from what is in use.
+        The former names what would reduce the error, apart from what is in use. The latter is that
+        of the certificate of the step with most nodes in contact.
         """
+        return "\n\n".join(filter(None, (self._of_energy(), self._of_resolution())))
+
+    def _of_resolution(self) -> str:
+        """Remark on regions of contact that the facets do not resolve, even at their largest."""
+        if not self.steps:
+            return ""
+        largest = max(self.steps, key=lambda step: step.report.iterations[-1].num_active)
+        certificate = largest.report.certificate
+        found = [
+            f"{pair.pair}: {finding.message}"
+            for pair in ([] if certificate is None else certificate.pairs)
+            for finding in pair.findings
+            if finding.name in RESOLUTION and finding.verdict == "remark"
+        ]
+        return "; ".join([f"at the time {largest.time:.6g}", *found]) if found else ""
+
+    def _of_energy(self) -> str:
+        """Remark on energy added or extracted by errors of the time steps; "" if small."""
         kinetic = max(e.kinetic for e in (self.start, *(s.energies for s in self.steps)))
         if not kinetic:
             return ""

@@ -255,3 +255,41 @@ def test_names_are_the_same_on_all_ranks():
     problem = uniaxial(stack(), -0.015)
     with refused(fm.MortarError, "reaction: boundary is"):
         problem.reaction("upper/top" if COMM.rank else "lower/bottom")
+
+
+@pytest.mark.parametrize("follows", [True, False])
+def test_torque_of_the_guide_is_the_moment_of_the_reaction(follows):
+    """A clamped bar, bent by tractions on its end (features/supports of the guide).
+
+    Steps turn the end by 0.04, which changes the moment by 0.1 % in a step.
+    """
+    data = mesh([Grid("bar", block(2, 18, width=0.25, height=3.0))])
+    V = fm.vector_space(data.mesh, 2)
+    u, v, X = fem.Function(V), ufl.TestFunction(V), ufl.SpatialCoordinate(data.mesh)
+    top = ufl.ds(subdomain_data=data.facet_tags, degree=4)(data.boundaries["bar/top"])
+    M, angle = (fem.Constant(data.mesh, value) for value in (0.0, 0.0))
+    centre = fem.Constant(data.mesh, (0.125, 3.0))
+    arm, across, x = X - centre, ufl.perp(X - centre), X + u
+
+    def integral(f):
+        return COMM.allreduce(fem.assemble_scalar(fem.form(f * top)))
+
+    def turn():
+        return np.arctan2(integral(ufl.inner(across, x)), integral(ufl.inner(arm, x)))
+
+    J = integral(ufl.inner(arm, arm))
+    traction = M / J * (ufl.cos(angle) * across - ufl.sin(angle) * arm)
+    residual = ufl.inner(neo_hookean(u, E, NU), ufl.grad(v)) * DX - ufl.inner(traction, v) * top
+    bcs = [fm.dirichlet(V, data, "bar/bottom", (0.0, 0.0))]
+    far = fm.ContactPair(data, "bar/left", fm.Plane((-9.0, 0.0), (1.0, 0.0)))
+    problem = fm.ContactProblem(residual, u, [far], bcs=bcs, petsc_options_prefix="torque_")
+    for moment in np.linspace(0.0, 0.03, 16)[1:]:
+        M.value, angle.value = moment, turn() if follows else 0.0
+        problem.solve()
+    reaction = same_everywhere(problem.reaction("bar/bottom", about=(1.0, 2.0)))
+    assert turn() > 0.5
+    if follows:
+        assert reaction.moment == pytest.approx(-0.03, rel=3e-3)
+    else:  # the end is not rigid
+        assert reaction.moment == pytest.approx(-0.03 * np.cos(turn()), rel=0.03)
+    assert np.abs(reaction.force).max() < 1e-12

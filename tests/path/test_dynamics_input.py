@@ -10,10 +10,12 @@ from refusal import refused
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.studies.dynamics.scenes import RHO, E, bar, free_block
+from demos.studies.dynamics.scenes import RHO, E, bar, free_block, scene
+from fenics_mortar.newton.report import Iteration, NewtonReport
 from fenics_mortar.path.dynamics_report import DynamicsReport, Energies, TimeStep
 from fenics_mortar.path.work import Work
 from fenics_mortar.utils import compat
+from meshes.mapped_grids import Grid, sector
 
 
 def moving(**options):
@@ -118,10 +120,27 @@ def test_energy_added_by_contact_is_reported(scheme):
         assert "contact pressures added" in str(record)
 
 
+@pytest.mark.parametrize(("columns", "modulus", "resolved"), [(12, 100.0, 0), (48, 5.0, 1)])
+def test_a_ring_too_coarse_for_its_contact_is_reported(columns, modulus, resolved):
+    """The softer ring on finer facets has a wide region of contact, after a first node."""
+    grid = Grid("ring", sector(columns, 2, radii=(0.6, 1.0)), closed=True)
+    ground = fm.Plane((0.0, -1.001), (0.0, 1.0))
+    made = scene([grid], [("ring/bottom", ground)], modulus=modulus)
+    motion = made.dynamics("conserving")
+    made.set_velocity(motion, {"ring": (0.0, -0.5, 0.0)})
+    record = motion.run(0.2, fm.SteppingOptions(step=0.02))
+    assert made.problem.contacts[0].active.any()
+    said = "of the normal forces act on regions that the mesh does not resolve" in str(record)
+    assert said == (not resolved)
+    if said:
+        assert "at the time 0." in record.remark() and "'ring/bottom'" in record.remark()
+
+
 def test_energy_added_by_friction_is_reported():
     energies = Energies(1.0, 0.0, np.zeros(3))
     work = Work(bulk=0.0, supports=0.0, contact=-0.2, friction=-0.2)
-    step = TimeStep(0.1, None, [], 0.0, work, energies)
+    report = NewtonReport([Iteration(0.0, 0.0, 0.0, 1.0, 0, 0, {})])
+    step = TimeStep(0.1, report, [], 0.0, work, energies)
     assert "friction added 0.2 of" in DynamicsReport(energies, [step]).remark()
     lost = replace(step, work=work._replace(contact=0.2, friction=0.2))
     assert not DynamicsReport(energies, [lost]).remark()

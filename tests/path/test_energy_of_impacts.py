@@ -13,6 +13,7 @@ import fenics_mortar as fm
 from demos.studies.common import read_mesh
 from demos.studies.dynamics.scenes import RHO, E, free_block, rings, scene
 from fenics_mortar.energies import lame
+from fenics_mortar.newton.report import Iteration, NewtonReport
 from fenics_mortar.path.deformation_rate import DeformationRate
 from fenics_mortar.path.dynamics_report import DynamicsReport, Energies, TimeStep
 from fenics_mortar.path.energy_return import pressure_impulse
@@ -190,7 +191,8 @@ def test_rates_of_deformation_have_no_momentum():
 def record_of(scheme, *, pressure=0.0, deficit=0.0, size=0.4, rho_inf=1.0):
     energies = Energies(1.0, 0.0, np.zeros(3))
     work = Work(bulk=0.0, supports=0.0, contact=-pressure)
-    step = TimeStep(0.4, None, [], 0.0, work, energies, size, deficit)
+    report = NewtonReport([Iteration(0.0, 0.0, 0.0, 1.0, 0, 0, {})])
+    step = TimeStep(0.4, report, [], 0.0, work, energies, size, deficit)
     steps = [step, replace(step, work=work._replace(contact=0.0), deficit=0.0)]
     return DynamicsReport(energies, steps, scheme=scheme, rho_inf=rho_inf)
 
