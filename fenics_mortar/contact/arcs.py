@@ -16,8 +16,8 @@ rotates by beta in the step, the integral is
     kappa = (1 - h cot h) / (2 h),    h = beta / 2,
 
 with the change [tau . r] and the relative rotation theta = [phi] - [psi]. It vanishes for any
-rotation of the whole scene, is exact for motions of a constant rate, and otherwise of second order
-in the step.
+rotation of the two bodies together, is exact for motions of a constant rate, and otherwise of
+second order in the step.
 
 Where contact transfers forces, its gap g along n is closed, or will be by the solution. So r ends
 at the master, n . r + g replaces n . r, unless a law acts at open gaps. Otherwise a gap of many

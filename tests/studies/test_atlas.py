@@ -219,7 +219,7 @@ def test_iterations_do_not_depend_on_units_or_algorithm(record_of):
 @pytest.mark.slow
 @pytest.mark.long
 def test_command_writes_picture_and_tables(tmp_path):
-    command = [sys.executable, "-m", "demos.studies.stability.atlas", "--scenes", "three_bodies"]
+    command = [sys.executable, "-m", "demos.studies.stability.atlas", "--problems", "three_bodies"]
     command += ["--methods", "default", "--results", tmp_path, "--workers", "1"]
     subprocess.run(command, cwd=ROOT, check=True, capture_output=True, timeout=120)
     kept = [json.loads(line) for line in (tmp_path / "cells.jsonl").read_text().splitlines()]

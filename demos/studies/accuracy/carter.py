@@ -20,7 +20,7 @@ This is valid if pressure does not move the surface tangentially: for bodies of 
 for a rigid body on an incompressible one, E* = E / (1 - nu^2) = 4 E / 3, here of Taylor-Hood
 elements.
 
-Errors of the scene: errors of small strain and small angles are of the order a / (mu R), therefore
+Errors of the problem: those of small strain and small angles are of the order a / (mu R), therefore
 R = 1000 a. The half plane is a block, fixed at its bottom and sides, ``SIZE`` half-widths away. As
 the load travels, the block is displaced sideways by about P / (E* SIZE) per unit of distance, a
 fraction of the creepage of the order a / (mu SIZE): 0.5 % by the last table.

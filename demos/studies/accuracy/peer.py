@@ -3,7 +3,7 @@
 
 The nodes, the cells, the prescribed displacements and the nodal loads are those of our own problem,
 as arrays; the errors are those of ``norms.py``, of the peer's displacement and pressure at the same
-nodes. Each ``peer_*.py`` in this folder solves it with one code; the scenes of
+nodes. Each ``peer_*.py`` in this folder solves it with one code; the problems of
 ``demos.studies.performance.waits`` are solved by the same functions.
 """
 
@@ -134,7 +134,7 @@ def given(problem: Any, body: np.ndarray, E: float, nu: float, **options: Any) -
 
 
 def given_hertz(posed: Posed) -> Given:
-    """Arrays of a posed problem of Hertz."""
+    """Arrays of a problem of Hertz."""
     mu, lmbda = posed.lame
     body = posed.data.cell_tags.find(posed.data.body_tag(posed.slave))
     nu = lmbda / (2 * (lmbda + mu))

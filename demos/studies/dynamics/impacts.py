@@ -61,7 +61,7 @@ class Result(NamedTuple):
 def move(
     made: Scene, method: Method, stop: float, dt: float, velocities: dict[str, Any]
 ) -> Result | None:
-    """Run a scene by a method in steps ``dt``; ``None`` if it fails before the end."""
+    """Run a problem by a method in steps ``dt``; ``None`` if it fails before the end."""
     options = {"scheme": method.scheme, "rho_inf": method.rho_inf, "energy": made.energy}
     options["velocity"] = made.velocity
     motion = method.kind(made.problem, RHO, **options)
@@ -110,7 +110,7 @@ def study(
     stop: float,
     velocities: dict[str, Any],
 ) -> dict[str, list[tuple[float, float, float]]]:
-    """Print the table of a scene; return step, error of the energy and seconds by method."""
+    """Print the table of a problem; return step, error of the energy and seconds by method."""
     print(f"\n{name}\n\n| scheme | step | {columns} | energy error | iterations | CPU [s] |")
     print("|---|" + "---:|" * (columns.count("|") + 5), flush=True)
     curves: dict[str, list[tuple[float, float, float]]] = {}
@@ -132,7 +132,7 @@ def study(
 
 
 def draw(curves: dict[str, dict[str, list[tuple[float, float, float]]]], path: Path) -> None:
-    """Chart of the energy error against step and CPU time, one row per scene."""
+    """Chart of the energy error against step and CPU time, one row per problem."""
     figure = Figure((9.0, 3.4 * len(curves)))
     axes = figure.subplots(len(curves), 2, sharey="row")
     for (name, methods), (left, right) in zip(curves.items(), axes, strict=True):
@@ -152,7 +152,7 @@ def draw(curves: dict[str, dict[str, list[tuple[float, float, float]]]], path: P
 
 
 def main() -> None:
-    """Run both scenes."""
+    """Run both problems."""
     columns = "contact time c / 2 l | pressure / rho c v | its error within | rebound / v"
     velocities = {"bar": (0.0, -0.1, 0.0)}
     stop = 0.1 + 3.0 * 10.0 / C

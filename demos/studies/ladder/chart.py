@@ -4,7 +4,7 @@
     python3 -m demos.studies.ladder.chart
 
 writes ``results/ladder/ladder.md`` and ``ladder.png``; a few minutes, in serial. Measured rows are
-stored in the same folder: ``--scene NAME`` measures one scene again and draws all, ``--redraw``
+stored in the same folder: ``--problem NAME`` measures one problem again and draws all, ``--redraw``
 only draws.
 
 The true error is the difference from the full model on the same mesh, on the soft body alone if the
@@ -30,7 +30,7 @@ from demos.studies.ladder.tables import report
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scene", help="measure only this one anew")
+    parser.add_argument("--problem", help="measure only this one anew")
     parser.add_argument("--redraw", action="store_true", help="draw earlier measurements")
     options = parser.parse_args()
     if not options.redraw:
@@ -40,7 +40,7 @@ def main() -> None:
     rows = []
     for scene in SCENES:
         kept = folder / f"{scene.name.replace(' ', '_')}.json"
-        if options.scene in (None, scene.name) and not options.redraw:
+        if options.problem in (None, scene.name) and not options.redraw:
             mine = list(measure_all(scene))
             kept.write_text(json.dumps([asdict(row) for row in mine]))
         if kept.exists():

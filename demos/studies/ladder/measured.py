@@ -119,7 +119,7 @@ def by_meshed_tool(scene: Scene, load: float, posed: Posed) -> Errors:
 
 
 def solved(scene: Scene, load: float, model: Model, data: Any, friction: float = 0.0) -> Solved:
-    """A scene solved with a model, and its row, without errors."""
+    """A problem solved with a model, and its row, without errors."""
     posed, setup = clocked(pose, scene, load, model, data, friction)
     row = Row(scene.name, load, model.name, posed.problem.equations.bulk.r.getSize(), setup)
     follow(scene, posed, row)
@@ -136,7 +136,7 @@ def race(scene: Scene, load: float, model: Model, data: Any, row: Row) -> None:
 
 
 def measure(scene: Scene, load: float) -> Iterator[Row]:
-    """All models of a scene at a load."""
+    """All models of a problem at a load."""
     alone = scene.pressure is not None
     names = {rigid: "soft" if rigid or alone else "soft tool" for rigid in (True, False)}
     meshes = {rigid: read(scene, load, bodies) for rigid, bodies in names.items()}
@@ -158,7 +158,7 @@ def measure(scene: Scene, load: float) -> Iterator[Row]:
 
 
 def measure_all(scene: Scene) -> Iterator[Row]:
-    """All models of a scene at all its loads, printed as they are measured."""
+    """All models of a problem at all its loads, printed as they are measured."""
     for load in scene.loads:
         for row in measure(scene, load):
             print(f"{row.scene} {row.load:g} {row.name}: {row.seconds:.1f} s {row.reason}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Problems of the ladder: a scene at a load by a model, statically or in time steps."""
+"""Problems of the model hierarchy: one at a load by a model, statically or in time steps."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def first_piola(u: Any, strain: str, geometry: Geometry = "plane") -> Any:
 
 
 def read(scene: Scene, load: float, bodies: str = "soft tool", finer: int = 1) -> Any:
-    """Mesh of some bodies of the scene, each cell divided into ``finer`` cells along its sides."""
+    """Mesh of some bodies, each cell divided into ``finer`` cells along its sides."""
     soft, tool = Grid("soft", scene.soft(load, finer)), scene.tool(load, finer)
     grids = [grid for grid in (soft, tool) if grid.name in bodies.split()]
     return read_mesh(lambda: mapped_grids.build(grids), MPI.COMM_SELF)
@@ -76,7 +76,7 @@ def fix(V: Any, data: Any, places: Iterable[tuple[str, int | None]]) -> list[Any
 
 
 def pose(scene: Scene, load: float, model: Model, data: Any, friction: float = 0.0) -> Posed:
-    """Set up a scene by a model."""
+    """Set up a problem by a model."""
     V = fm.vector_space(data.mesh, 1)
     u, grip = fem.Function(V), fem.Function(V)
     radius, centre = scene.circle(load)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Result of one model of the hierarchy at one load of a scene."""
+"""Result of one model of the hierarchy at one load of a problem."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ NOTHING = dict.fromkeys(QUANTITIES, np.nan)
 
 @dataclass
 class Row:
-    """One model at one load of a scene.
+    """One model at one load of a problem.
 
     Attributes:
-        scene, load, model: Names of scene and model, and the load.
+        scene, load, model: Names of problem and model, and the load.
         dofs: Unknowns of the bodies.
         setup, seconds, check: CPU seconds of set-up, solution and error estimate; for automatic
             choices and possible friction the check in each step is part of the solution.

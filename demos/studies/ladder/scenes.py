@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Scenes for the models of the hierarchy: Hertz, press fit, ironing, rolling, and others.
+"""Problems for the models of the hierarchy: Hertz, press fit, ironing, rolling, and others.
 
 The others have bodies of revolution, mass, a law with memory, or contact of a body with itself.
 
@@ -165,7 +165,7 @@ def hairpin(gap: float, along: int, across: int) -> np.ndarray:
 
 
 def no_tool(load: float, k: int) -> Grid:
-    """Placeholder for scenes without a tool."""
+    """Placeholder for problems without a tool."""
     return Grid("none", mapped_grids.block(1, 1, width=1.0, height=1.0))
 
 

@@ -21,7 +21,7 @@ def percent(value: float) -> str:
 def table(rows: list[Row]) -> str:
     """Markdown: errors and estimates in percent, verdict, cost."""
     lines = [
-        "| scene | load | model | energy norm: true | estimate | force: true | estimate | "
+        "| problem | load | model | energy norm: true | estimate | force: true | estimate | "
         "peak: true | estimate | verdict | right | dofs | set-up s | s | check s | iterations |",
         "|---|---:|---|" + "---:|" * 6 + "---|---|" + "---:|" * 5,
     ]
@@ -85,7 +85,7 @@ def hierarchy_pairs(rows: list[Row]) -> Iterator[tuple[Row, Row]]:
 def hierarchy_table(rows: list[Row]) -> str:
     """Final models of automatic choices, and their cost relative to the full model, with set-up."""
     lines = [
-        "| scene | load | the hierarchy ended on | error, energy norm | s | straight to the full "
+        "| problem | load | the hierarchy ended on | error, energy norm | s | straight to the full "
         "model | part |",
         "|---|---:|---|" + "---:|" * 4,
     ]

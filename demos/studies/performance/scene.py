@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Scenes of the benchmarks: neo-Hookean bodies, the upper pressed on the lower."""
+"""Problems of the benchmarks: neo-Hookean bodies, the upper pressed on the lower."""
 
 from mpi4py import MPI
 

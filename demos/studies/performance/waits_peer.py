@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The scenes of ``waits``, solved by another code on the same meshes.
+"""The problems of ``waits``, solved by another code on the same meshes.
 
     python3 -m demos.studies.performance.waits_peer getfem 50 100 0.0037
     kratos/bin/python -m demos.studies.performance.waits_peer kratos 50 100 0.0037
@@ -8,7 +8,7 @@
 The docstrings of ``demos/studies/accuracy/peer_*.py`` describe how to install the codes and which
 of their types of contact is used. Seconds are those of all load steps, without the creation of
 meshes and models. Force and pressure are computed by our own residual from the code's displacement.
-If a code cannot solve a scene, the column of the solver has the reason.
+If a code cannot solve a problem, the column of the solver has the reason.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Table of the scenes of ``waits``: this version, an earlier one and other codes, by turns.
+"""Table of the problems of ``waits``: this version, an earlier one and other codes, by turns.
 
     python3 -m demos.studies.performance.waits_table --against FOLDER --peers PYTHON 50 100 0.0037
     python3 -m demos.studies.performance.waits_table --redraw
@@ -37,7 +37,7 @@ PEERS = ("GetFEM", "Kratos", "NGSolve")
 COLOURS = {NOW: "#0072b2", BEFORE: "#999999"}
 COLOURS |= dict(zip(PEERS, ("#d55e00", "#009e73", "#cc79a7"), strict=True))
 LABELS = {NOW: "fenics_mortar", BEFORE: "fenics_mortar, before"}
-# Scenes of the table, and of the panels of the picture
+# Problems of the table, and of the panels of the picture
 SCENES = ("H1", "H1 of degree 2", "H3, loop", "H3, path")
 PANELS = {"H1": "half disc on a block (H1)", "H3, loop": "ironing in 50 steps (H3)"}
 # Columns with numbers
@@ -90,7 +90,7 @@ def measure(options: argparse.Namespace) -> list[Row]:
 
 
 def medians(rows: Sequence[Row]) -> list[Row]:
-    """One row for each code, scene and size, with medians of seconds and iterations."""
+    """One row for each code, problem and size, with medians of seconds and iterations."""
     found: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         if row["scene"] in SCENES and row["code"] != FINE:
@@ -118,7 +118,7 @@ def table(rows: Sequence[Row]) -> str:
         if seconds is not None:
             cells += [off(value, right[name]) for value, name in zip(values, NUMBERS[2:])]
         lines.append([*cells, row["linear solver"].split(" (")[0]])
-    head = "scene | unknowns | code | CPU [s] | iterations | force off [%] | pressure off [%]"
+    head = "problem | unknowns | code | CPU [s] | iterations | force off [%] | pressure off [%]"
     return markdown(f"{head} | solver", 3, lines)
 
 
@@ -128,7 +128,7 @@ def off(value: float | None, right: str) -> str:
 
 
 def draw(rows: Sequence[Row]) -> Figure:
-    """Seconds over unknowns, a panel for each scene."""
+    """Seconds over unknowns, a panel for each problem."""
     figure = Figure((9.6, 4.2), layout="constrained")
     axes = figure.subplots(1, len(PANELS))
     for axis, (scene, title) in zip(axes, PANELS.items()):

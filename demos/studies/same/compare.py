@@ -5,12 +5,12 @@
     python3 -m demos.studies.same.compare                   the same programs again, and a table
     python3 -m demos.studies.same.compare freeze two_blocks gradients
 
-The programs are all demos (each load step and gradient), the atlas by the default method, the
-chart of accuracy, and the scenes of ``waits``, each in a process of its own on one rank. Each
-solve, gradient and cell of the atlas is compared with the one of the same number: iterations must
-be equal, and forces, displacements and gradients equal to rounding, of which Newton's method
-leaves more where it stops at a residual just below its limit. Times are CPU seconds of the whole
-program, for which an idle machine is needed.
+The programs are all demos (each load step and gradient), the stability study by the default method,
+the chart of accuracy, and the problems of ``waits``, each in a process of its own on one rank. Each
+solve, gradient and difficult problem is compared with the one of the same number: iterations must
+be equal, and forces, displacements and gradients equal to rounding, of which Newton's method leaves
+more where it stops at a residual just below its limit. Times are CPU seconds of the whole program,
+for which an idle machine is needed.
 
 Run ``freeze`` before a change of the house, and the comparison after each commit of it. Kernels are
 compiled by a first program, so that they do not count.

@@ -99,7 +99,7 @@ def main(arguments: list[str]) -> None:
 
 
 def cells_of_atlas() -> list[dict[str, Any]]:
-    """Cells that the atlas stored in this folder, which other processes solve, without times."""
+    """Results of the stability study in this folder, from other processes, without times."""
     stored = Path("results/stability/cells.jsonl")
     if not stored.exists():
         return []

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""Limits of methods: the atlas of difficult scenes and the randomised trial."""
+"""Limits of methods: difficult problems by all methods, and random ones."""

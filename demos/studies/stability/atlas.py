@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Stability atlas: every scene by every method; a heat map, a table, a chart.
+"""Stability study: every problem by every method; a heat map, a table, a chart.
 
     python3 -m demos.studies.stability.atlas                    all: 15 minutes on two cores
-    python3 -m demos.studies.stability.atlas --scenes 'c*,roll' --methods default,frozen
+    python3 -m demos.studies.stability.atlas --problems 'c*,roll' --methods default,frozen
     python3 -m demos.studies.stability.atlas --draw             from stored results
 
 Cells are stored in ``results/stability/cells.jsonl`` when they finish; stored cells are not run
-again unless ``--again`` is given. Batches of ``--scenes`` may be run one after the other, or into
+again unless ``--again`` is given. Batches of ``--problems`` may be run one after the other, or into
 several folders (``--results``) whose ``cells.jsonl`` are concatenated for ``--draw``; of duplicate
 cells the last record is used. Each worker is a separate process: a cell that hangs or crashes is
 recorded as failed, and a new worker is started for the next cell.
@@ -193,7 +193,7 @@ def all_tasks(scenes: str = "*", methods: str = "*") -> list[Task]:
 
 
 def key_of(task: Task) -> tuple[str, str, str]:
-    """Scene, value and method of a cell."""
+    """Problem, value and method of a cell."""
     return task["scene"], task["value"], task["method"]
 
 
@@ -220,8 +220,9 @@ def compare_ranks(cells: dict[tuple[str, str, str], Task]) -> None:
 def main() -> None:
     """Run the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenes", default="*", help="patterns, separated by commas")
-    parser.add_argument("--methods", default="*", help="patterns, separated by commas")
+    patterns = "patterns, separated by commas"
+    parser.add_argument("--problems", dest="scenes", default="*", help=patterns)
+    parser.add_argument("--methods", default="*", help=patterns)
     parser.add_argument("--again", action="store_true", help="run cells that are there too")
     parser.add_argument("--draw", action="store_true", help="run nothing")
     parser.add_argument("--workers", type=int, default=2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A scene of bodies, pairs and prescribed motions as numbers."""
+"""A problem of bodies, pairs and prescribed motions as numbers."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class Prescribed:
 
 @dataclass(frozen=True)
 class Case:
-    """A scene as numbers.
+    """A problem as numbers.
 
     Attributes:
-        seed: Seed of the scene.
+        seed: Seed of the problem.
         about: Drawn values, as text.
         bodies: Bodies, from bottom to top.
         pairs: Slave and master boundaries.
@@ -106,9 +106,9 @@ class Case:
         return len(set(masters)) == len(masters)
 
     def swapped(self) -> Case:
-        """The scene with slave and master exchanged."""
+        """The problem with slave and master exchanged."""
         return replace(self, pairs=[(master, slave) for slave, master in self.pairs])
 
     def refined(self) -> Case:
-        """The scene with four times the cells."""
+        """The problem with four times the cells."""
         return replace(self, bodies=[body.refined() for body in self.bodies])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One cell of the atlas: a scene solved by a method, and the outcome.
+"""One cell of the stability study: a problem solved by a method, and the outcome.
 
 As a program this module is a worker: it reads tasks from its standard input, one JSON object per
 line, with "scene", "value" and "method", and writes one line per task. Under ``mpirun`` all ranks
@@ -27,7 +27,7 @@ from demos.studies.stability.model import Posed, Scene, fm, pose_problem
 from fenics_mortar.newton.report import NewtonReport
 
 # Number of linear systems after which a contrast method is stopped: a constant, and a number for
-# each of the scene's steps. Converging runs need fewer.
+# each of the problem's steps. Converging runs need fewer.
 MOST_SYSTEMS = 500, 20
 STATES = ("converged", "cut", "wrong", "failed", "dead end", "n/a", "not available")
 
@@ -60,7 +60,7 @@ class Record:
 
 
 def run_cell(scene: Scene, method: Method, comm: MPI.Comm) -> Record:
-    """Solve a scene by a method (collective)."""
+    """Solve a problem by a method (collective)."""
     begin, record = time.perf_counter(), Record("failed")
     try:
         with method.override():
@@ -112,7 +112,7 @@ def _run(scene: Scene, method: Method, comm: MPI.Comm, record: Record) -> None:
 def _adaptive(
     posed: Posed, method: Method, look: Callable[[float, Any], None], record: Record
 ) -> None:
-    """``follow_path`` with its defaults; the first step is that of the scene."""
+    """``follow_path`` with its defaults; the first step is that of the problem."""
     step = 1.0 / posed.scene.steps
     options, set_loads = fm.SteppingOptions(step), posed.set_loads
     if method.smallest is not None:
@@ -153,7 +153,7 @@ def _count(posed: Posed) -> Callable[[float], None]:
 
 
 def _fixed(posed: Posed, look: Callable[[float, Any], None], record: Record) -> None:
-    """The scene's steps, one solve each."""
+    """The problem's steps, one solve each."""
     for step in range(1, posed.scene.steps + 1):
         posed.set_loads(step / posed.scene.steps)
         try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Scenes: families of one problem each with a varied parameter, in the order of the atlas."""
+"""Families of one problem each with a varied parameter, in their order in the table."""
 # ruff: noqa: F401, I001 (importing a module enters its families, in this order)
 
 from demos.studies.stability import families_steps

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Families of the atlas: edges, partial cover, corners."""
+"""Families of the stability study: edges, partial cover, corners."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Families of the atlas: cells, units, parameters, rigid tools, ranks."""
+"""Families of the stability study: cells, units, parameters, rigid tools, ranks."""
 
 from __future__ import annotations
 

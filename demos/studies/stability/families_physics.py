@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Families of the atlas: contact with itself, bodies of revolution, laws with memory."""
+"""Families of the stability study: contact with itself, bodies of revolution, laws with memory."""
 
 from __future__ import annotations
 

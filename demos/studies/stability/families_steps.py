@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Families of the atlas: sizes of steps, contrasts of stiffness and of meshes."""
+"""Families of the stability study: sizes of steps, contrasts of stiffness and of meshes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Families of the atlas: bodies supported by contact alone."""
+"""Families of the stability study: bodies supported by contact alone."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Families of the atlas: curved and thin bodies."""
+"""Families of the stability study: curved and thin bodies."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Families of scenes of the atlas, and common shapes and supports."""
+"""Families of problems of the stability study, and common shapes and supports."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Family:
         name: Name in the code and in the table.
         title: Name of the parameter in the picture.
         values: The values.
-        build: Function that creates the scene for a value.
+        build: Function that creates the problem for a value.
         methods: Names of the methods to compare, all if empty.
     """
 
@@ -46,7 +46,7 @@ FAMILIES: dict[str, Family] = {}
 def family(
     title: str, *values: Any, methods: Sequence[str] = ()
 ) -> Callable[[Callable[[Any], Scene]], Callable[[Any], Scene]]:
-    """Register a family under the name of the function that builds its scenes."""
+    """Register a family under the name of the function that builds its problems."""
 
     def register(build: Callable[[Any], Scene]) -> Callable[[Any], Scene]:
         FAMILIES[build.__name__] = Family(build.__name__, title, values, build, methods)
@@ -56,7 +56,7 @@ def family(
 
 
 def scene_of(name: str, value: str) -> Scene:
-    """The scene of a family for a value given as text."""
+    """The problem of a family for a value given as text."""
     chosen = FAMILIES[name]
     return chosen.build(next(v for v in chosen.values if str(v) == value))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Methods of the atlas: the default, and variants with one change."""
+"""Methods of the stability study: the default, and variants with one change."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ class Method:
         problem: Arguments of ``ContactProblem``.
         pair: Arguments of ``ContactPair``.
         newton: Arguments of ``NewtonOptions``.
-        adaptive: ``follow_path``, or the scene's fixed steps by plain calls of ``solve``.
-        smallest: Smallest step over that of the scene; ``None``: the default of ``follow_path``. If
-            contrast methods fail, they fail at any step: most of the time of the atlas would be
-            spent on the last cuts.
+        adaptive: ``follow_path``, or the problem's fixed steps by plain calls of ``solve``.
+        smallest: Smallest step over that of the problem; ``None``: the default of ``follow_path``.
+            If contrast methods fail, they fail at any step: most of the time would be spent on the
+            last cuts.
         override: Context that changes the package while the cell runs.
-        scenes: Patterns of the scenes on which it differs from the default.
+        scenes: Patterns of the problems on which it differs from the default.
     """
 
     title: str
@@ -67,7 +67,7 @@ def bound_by_pressure() -> AbstractContextManager:
 
 
 FRICTION = "rubbing*,reversal,slope"
-# Scenes with long or difficult steps; in others no step is shortened.
+# Problems with long or difficult steps; in others no step is shortened.
 DAMPED = "step_size,stiffness,bouncing,*arch,ironing,rubbing*,corner*,press_fit,roll,cantilevers"
 
 METHODS = {
@@ -113,12 +113,12 @@ def give_up(equations: Any, options: Any, failed: Exception) -> None:
 
 @dataclass(frozen=True)
 class Remedy:
-    """A feature of the default, and a scene that needs it.
+    """A feature of the default, and a problem that needs it.
 
     Attributes:
         title: Description of the feature.
         scene: Name of a family.
-        value: Value of the scene, as text.
+        value: Value of the problem, as text.
         beside: Name of the method that has the remedy.
         method: The method without the remedy.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Scenes of the atlas, and their contact problems with a method's options."""
+"""Problems of the stability study, set up with a method's options."""
 
 from __future__ import annotations
 
@@ -81,14 +81,14 @@ class Tool:
 
 @dataclass(frozen=True)
 class Scene:
-    """One problem of the atlas: everything except the method.
+    """One problem of the stability study: everything except the method.
 
     Attributes:
         bodies: The bodies.
         pairs: Names of slave and master of each pair; without a master a side touches itself.
         supports: Dirichlet conditions.
         steps: Number of load steps from time 0 to 1 if none is cut: a user's first choice.
-        pair: Options of all pairs that belong to the scene.
+        pair: Options of all pairs that belong to the problem.
         check: Function that compares the last state with a known solution; returns a message, or
             "".
         cell: Kind of cells.
@@ -111,7 +111,7 @@ class Scene:
     geometry: str = "plane"
 
     def scaled(self, length: float, stress: float) -> Scene:
-        """The same scene of meshed bodies in other units."""
+        """The same problem of meshed bodies in other units."""
         assert not self.motions
 
         def pose_of(support: Support) -> Callable[[float], Pose]:
@@ -144,7 +144,7 @@ def legs(*targets: tuple[int, Pose]) -> Callable[[float], Pose]:
 
 @dataclass
 class Posed:
-    """A scene with a method: ready to solve."""
+    """A problem with a method: ready to solve."""
 
     scene: Scene
     problem: fm.ContactProblem
@@ -163,7 +163,7 @@ def read(scene: Scene, comm: MPI.Comm) -> fm.MeshData:
 
 
 def residual_of(scene: Scene, data: fm.MeshData, u: Any) -> tuple[Any, fem.Constant]:
-    """The UFL residual, two forms for all scenes, and the factor of the body forces."""
+    """The UFL residual, two forms for all problems, and the factor of the body forces."""
     V0 = compat.scalar_space(data.mesh, 0, "DG")
     mu, lmbda, bx, by = (fem.Function(V0) for _ in range(4))
     for body in scene.bodies:
@@ -210,7 +210,7 @@ def dirichlet(V: Any, data: fm.MeshData, support: Support) -> tuple[Any, Callabl
 def pose_problem(
     scene: Scene, comm: MPI.Comm, *, pair: dict[str, Any], problem: dict[str, Any]
 ) -> Posed:
-    """Set up a scene with the options of a method (collective)."""
+    """Set up a problem with the options of a method (collective)."""
     data = read(scene, comm)
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)

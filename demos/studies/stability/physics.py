@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Common functions of the random scenes of ``random_physics``: problems of grids, checks."""
+"""Common functions of the random problems of ``random_physics``: problems of grids, checks."""
 
 from __future__ import annotations
 

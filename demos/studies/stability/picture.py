@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The atlas as a heat map, a Markdown table and a chart of iterations."""
+"""The stability study as a heat map, a Markdown table and a chart of iterations."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def steps_of(cells: Cells, method: str, families: Sequence[str] = ()) -> np.ndar
 
 
 def draw_map(cells: Cells) -> Figure:
-    """Scenes are rows, methods are columns; two panels side by side."""
+    """Problems are rows, methods are columns; two panels side by side."""
     panels = split(list(FAMILIES.values()))
     rows = max(sum(1 + len(f.values) for f in panel) for panel in panels)
     height = 0.155 * rows + HEAD + FOOT
@@ -176,7 +176,7 @@ def draw_iterations(cells: Cells) -> Figure:
     axes.bar(np.arange(1, 16), counts / max(counts.sum(), 1) * 100, color=blue(7.0), width=0.85)
     for value, style, label in (
         (np.median(steps) if steps.size else np.nan, "-", "median of all"),
-        (np.mean(sliding) if sliding.size else np.nan, ":", "mean of the sliding scenes"),
+        (np.mean(sliding) if sliding.size else np.nan, ":", "mean of the sliding problems"),
     ):
         axes.axvline(value, color="#000000", lw=1.8, ls=style, label=f"{label}: {value:.3g}")
     axes.axvspan(
@@ -188,7 +188,8 @@ def draw_iterations(cells: Cells) -> Figure:
         xticks=range(1, 16),
     )
     axes.set_title(
-        f"Default method: iterations of {steps.size} load steps, all scenes, to 1e-10", fontsize=10
+        f"Default method: iterations of {steps.size} load steps, all problems, to 1e-10",
+        fontsize=10,
     )
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False, fontsize=9)
@@ -205,8 +206,8 @@ def table(cells: Cells) -> str:
         "Numbers are Newton iterations per accepted load step; `c n`: n steps were cut; "
         "`wrong`, `failed`: see the reasons below the table; `dead end`: the driver has shown that "
         "no equilibrium is next to the last state; `·`: does not apply. Methods other than the "
-        "default are given up where 1/64 of a scene's step fails, or after 500 linear systems and "
-        "20 for each of its steps."
+        "default are given up where 1/64 of a problem's step fails, or after 500 linear systems "
+        "and 20 for each of its steps."
     )
     parts.append(remedy_table(cells))
     parts += [family_table(family, cells) for family in FAMILIES.values()]
@@ -231,8 +232,8 @@ def summary(cells: Cells) -> str:
 
 
 def remedy_table(cells: Cells) -> str:
-    """Table of scenes that need the features of the default."""
-    lines = ["## Remedies", "", "| remedy | scene | with | without | why |"]
+    """Table of problems that need the features of the default."""
+    lines = ["## Remedies", "", "| remedy | problem | with | without | why |"]
     lines.append("|---|---|---:|---:|---|")
     for name, remedy in REMEDIES.items():
         place = remedy.scene, remedy.value

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Placement of a random scene: rotation, translation, units of length and stress."""
+"""Placement of a random problem: rotation, translation, units of length and stress."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Placement:
         )
 
     def about(self, bodies: Sequence[Body]) -> dict[str, Any]:
-        """Entries of the description of a scene."""
+        """Entries of the description of a problem."""
         return {
             "angle": float(self.angle),
             "length": float(self.length),

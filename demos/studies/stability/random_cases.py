@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Random scenes of contact, each from a seed: curves, meshes, materials, loads.
+"""Random problems of contact, each from a seed: curves, meshes, materials, loads.
 
-A scene is created in a local frame: bodies are about one wide, lie above each other, and the
+A problem is created in a local frame: bodies are about one wide, lie above each other, and the
 softest has Young's modulus one. Then it is bent, rotated, translated, and scaled to random units.
-Only numpy is used, so that a seed defines one scene on any number of ranks and in any release.
+Only numpy is used, so that a seed defines one problem on any number of ranks and in any release.
 
-Only scenes with a meaningful solution are kept, see ``objections``.
+Only problems with a meaningful solution are kept, see ``objections``.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ FLATTEST = 1e-3
 
 
 def random_case(seed: int) -> Case:
-    """Draw scenes from a seed until there is no objection to one."""
+    """Draw problems from a seed until there is no objection to one."""
     rng = np.random.default_rng(seed)
     draw = rng.choice([_two_bodies, _stack, _two_punches], p=[0.8, 0.1, 0.1])
     while True:
@@ -51,7 +51,7 @@ def random_case(seed: int) -> Case:
 
 
 def objections(case: Case) -> Iterator[str]:
-    """Reasons to reject a scene, as text."""
+    """Reasons to reject a problem, as text."""
     for body in case.bodies:
         areas = corner_areas(body.x[body.cells])
         if areas.min() < FLATTEST * areas.max():
@@ -199,7 +199,7 @@ def _two_punches(rng: np.random.Generator, seed: int) -> Case:
 
 
 def _case(rng, seed, about, bodies, pairs, prescribed, pressed, traction) -> Case:
-    """Assemble a scene; slaves are the upper sides until the roles are drawn."""
+    """Assemble a problem; slaves are the upper sides until the roles are drawn."""
     step = float(rng.choice([0.1, 0.2, 0.25, 0.5, 1.0]))
     about |= {"step": step}
     return Case(seed, about, bodies, pairs, prescribed, pressed, traction, step)
@@ -284,7 +284,7 @@ def _with_options(rng: np.random.Generator, case: Case) -> Case:
 
 
 def _placed(rng: np.random.Generator, case: Case) -> Case:
-    """Bend, rotate, translate and scale a scene; guides need directions along the axes."""
+    """Bend, rotate, translate and scale a problem; guides need directions along the axes."""
     guided = any(prescribed.component is not None for prescribed in case.prescribed)
     radius = np.inf
     if not guided and rng.random() < 0.25:

@@ -2,7 +2,7 @@
 """Random straight cracks in a plane under uniform stress far away, by closed forms.
 
 =======  =======================================================================================
-scene    judge
+problem  judge
 =======  =======================================================================================
 open     in tension the faces move apart by 4 (1 - nu^2) / E times the stress and the root of
          a^2 - x^2, and carry nothing

@@ -160,7 +160,7 @@ class Scene:
         about: The drawn values.
         blocks: The blocks.
         names: Bodies of the slave and the master of each pair.
-        axes: Axes of the scene, columns of a (2, 2) array.
+        axes: Axes of the problem, columns of a (2, 2) array.
         unit: Unit of length [length].
         pressure: Pressure of the first load [stress].
         bodies, outlines: Dofs of the nodes of each body and in order along its outline.
@@ -182,7 +182,7 @@ class Scene:
         self.load.value = factor * self.pressure
 
     def positions(self) -> np.ndarray:
-        """Present positions of all nodes in the frame of the scene, (n, 2) [unit]."""
+        """Present positions of all nodes in the frame of the problem, (n, 2) [unit]."""
         u = self.problem.equations.bulk.u
         X = u.function_space.tabulate_dof_coordinates()[:, :2]
         return (X + u.x.array.reshape(-1, 2)) @ self.axes / self.unit

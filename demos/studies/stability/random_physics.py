@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Random scenes beyond plane statics, checked by closed forms or conserved quantities.
+"""Random problems beyond plane statics, checked by closed forms or conserved quantities.
 
 ==============  ============================================================================
-family          scenes and judges
+family          problems and judges
 ==============  ============================================================================
 revolved        stacked cylinders: uniform pressure; tubes with interference: Lame; both
                 axisymmetric
@@ -11,12 +11,12 @@ memory          a column on a turned plane: wear, soft layer, cohesive zone, Str
                 rate and state
 itself          C-rings closed by found and by chosen sides; folding honeycombs
 turning         obstacles that turn by up to 8 radian in a step: sampled motion
-spinning        wheels and shafts with friction: work is moment times angle; whole scenes
+spinning        wheels and shafts with friction: work is moment times angle; whole problems
 idle            bodies without load beside a pressed block: no force, no overlap
 cracks          straight cracks that open, slide or stick as in a plane; two ways
 ==============  ============================================================================
 
-Each draw returns the drawn values as text, and a function that solves the scene and returns the
+Each draw returns the drawn values as text, and a function that solves the problem and returns the
 reports of its solves, messages on errors, and remarks.
 """
 

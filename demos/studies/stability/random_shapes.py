@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Random scenes of bodies other than blocks, each from a seed.
+"""Random problems of bodies other than blocks, each from a seed.
 
 - own: surfaces of one body in contact, such as the ends of a C-ring or the arms of a folded strip,
 - thin: plates, arms, hooks and tubes, most with their whole outlines as surfaces,
@@ -24,7 +24,7 @@ FAMILIES = ("own", "thin", "laws", "roles")
 
 
 def shape_case(family: str, seed: int) -> ShapeCase:
-    """Draw a scene of a family."""
+    """Draw a problem of a family."""
     rng = np.random.default_rng([seed, 71, FAMILIES.index(family)])
     draws: dict[str, list[Any]] = {
         "own": [scenes.ring, scenes.folds, scenes.folds, scenes.spiral],
@@ -53,7 +53,7 @@ def shape_case(family: str, seed: int) -> ShapeCase:
 
 
 def _placed(rng: np.random.Generator, case: ShapeCase) -> ShapeCase:
-    """Rotate, translate and scale a scene; guides need directions along the axes."""
+    """Rotate, translate and scale a problem; guides need directions along the axes."""
     placement = draw_placement(
         rng, guided=any(prescribed.component is not None for prescribed in case.prescribed)
     )

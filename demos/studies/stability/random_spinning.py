@@ -2,7 +2,7 @@
 """Random wheels and shafts that turn with friction: work, direction of the force, no slip.
 
 ===========  ===================================================================================
-scene        judge
+problem      judge
 ===========  ===================================================================================
 wheel        a rigid wheel under a clamped block, turned by up to three turns in a step: the work
              by slip is moment times angle, and the force has the direction of its rotation
@@ -32,7 +32,7 @@ OF_MESH = 2e-3
 
 
 def draw_spinning(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[[], Any]]:
-    """Draw a scene and its judge."""
+    """Draw a problem and its judge."""
     kind = str(rng.choice(["together", "shaft", "together", "wheel"]))
     unit, E, mu = size(rng, 1e-3, 1e3), size(rng, 1e-3, 1e6), rng.uniform(0.05, 0.8)
     about = {"scene": kind, "mu": mu, "degree": int(rng.integers(1, 3))}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Random scenes of bodies supported by contact with friction alone, each from a seed.
+"""Random problems of bodies supported by contact with friction alone, each from a seed.
 
 First the weight grows until time 1, then another load. This load is drawn as a fraction of the
 limit load of the rigid bodies, from small to above one. Existence of an equilibrium, and the time
@@ -32,14 +32,14 @@ DRAWN = [
 
 
 def hanging_case(seed: int) -> SupportedCase:
-    """Draw a scene of blocks that hang by adhesion."""
+    """Draw a problem of blocks that hang by adhesion."""
     rng = np.random.default_rng([seed, 18])
     draw = scenes.hanging if rng.random() < 0.7 else scenes.glued
     return _placed(rng, _loaded(rng, draw(rng, seed)))
 
 
 def supported_case(seed: int) -> SupportedCase:
-    """Draw a scene; seeds are independent of those of ``random_case``."""
+    """Draw a problem; seeds are independent of those of ``random_case``."""
     rng = np.random.default_rng([seed, 17])
     draw = rng.choice(DRAWN)
     return _placed(rng, _loaded(rng, draw(rng, seed)))
@@ -90,7 +90,7 @@ def _loaded(rng: np.random.Generator, case: SupportedCase) -> SupportedCase:
 
 
 def _placed(rng: np.random.Generator, case: SupportedCase) -> SupportedCase:
-    """Rotate, translate and scale a scene; guides need directions along the axes."""
+    """Rotate, translate and scale a problem; guides need directions along the axes."""
     placement = draw_placement(
         rng, guided=any(prescribed.component is not None for prescribed in case.prescribed)
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A scene of thin or folded bodies, or of a pad, and its assembly."""
+"""A problem of thin or folded bodies, or of a pad, and its assembly."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from demos.studies.stability.user_laws import Rule
 
 @dataclass(frozen=True)
 class ShapeCase(Case):
-    """A scene of thin or folded bodies, or of a pad.
+    """A problem of thin or folded bodies, or of a pad.
 
     Attributes:
         rules: Law of each pair.
@@ -67,7 +67,7 @@ def shape_case(
     prescribed: list[Prescribed],
     step: float = 0.0,
 ) -> ShapeCase:
-    """Assemble a scene; some scenes have friction."""
+    """Assemble a problem; some problems have friction."""
     mu = float(rng.choice([0.0, 0.0, rng.uniform(0.1, 0.5)]))
     step = step or float(rng.choice([0.1, 0.2, 0.25]))
     about = {"family": family, **about, "friction": mu, "step": step}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Independent checks of scenes of thin and folded bodies, and of laws.
+"""Independent checks of problems of thin and folded bodies, and of laws.
 
 Overlap of surfaces of one body is determined from its outline by winding numbers. Laws are checked
 node by node with forces from the residual of the bulk, by independent formulas.
@@ -60,7 +60,7 @@ def shape_errors(scene: Any, forces: Array, x: Array, before: Array) -> Iterator
     """Messages on errors of the final state of a shape's path.
 
     Args:
-        scene: The scene at its final state.
+        scene: The problem at its final state.
         forces: Forces of the bulk on the nodes, in the order of the input, shape (nodes, 2).
         x: Positions of the nodes at this state [length].
         before: Positions at the previous accepted step.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Scenes of thin, folded or coiled bodies and of pads, drawn from a generator of random numbers."""
+"""Problems of thin, folded or coiled bodies and of pads, drawn by random numbers."""
 
 from __future__ import annotations
 

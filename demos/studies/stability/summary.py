@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Summary picture of the atlas: fraction of its scenes solved by each method.
+"""Summary picture of the stability study: fraction of its problems solved by each method.
 
 Reads atlas.md and writes summary.png beside it:
 
@@ -27,7 +27,7 @@ OUTCOMES = {
 
 
 def read_counts(text: str) -> dict[str, dict[str, int]]:
-    """Number of scenes of each outcome, for each method, from the first table of atlas.md."""
+    """Number of problems of each outcome, for each method, from the first table of atlas.md."""
     lines = [line for line in text.split("\n\n")[1].splitlines() if line.startswith("|")]
     head, _, *rows = ([cell.strip() for cell in line.strip("|").split("|")] for line in lines)
     return {row[0]: {name: int(row[head.index(name)]) for name in OUTCOMES} for row in rows}
@@ -45,7 +45,7 @@ def draw_summary(counts: dict[str, dict[str, int]]) -> Figure:
         axes.barh(names, share, left=left, color=colour, label=outcome_label, height=0.75)
         left += share
     axes.invert_yaxis()
-    axes.set(xlim=(0.0, 100.0), xlabel="share of the scenes that a method applies to [%]")
+    axes.set(xlim=(0.0, 100.0), xlabel="share of the problems that a method applies to [%]")
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(loc="lower center", bbox_to_anchor=(0.35, 1.0), ncols=3, frameon=False, fontsize=8)
     return figure

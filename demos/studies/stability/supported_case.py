@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A scene of bodies supported by contact with friction alone: its data, no drawing."""
+"""A problem of bodies supported by contact with friction alone: its data, no drawing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Plane = tuple[Array, Array]
 
 @dataclass(frozen=True)
 class SupportedCase(Case):
-    """A scene of bodies supported by friction.
+    """A problem of bodies supported by friction.
 
     Attributes:
         planes: Rigid planes by name, among the masters.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Limit analysis of a scene of bodies supported by friction: time at which they move.
+"""Limit analysis of a problem of bodies supported by friction: time at which they move.
 
 Forces act anywhere on the sides in contact, or only at the nodes of the slaves, as in the mesh.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Shapes of random scenes of bodies supported by friction: blocks, walls, towers, arches.
+"""Shapes of random problems of bodies supported by friction: blocks, walls, towers, arches.
 
 Each function draws bodies, pairs and friction; loads are drawn in ``random_supported``.
 """
@@ -48,7 +48,7 @@ def _counts(rng: np.random.Generator, width: float = 1.0) -> tuple[int, int]:
 
 
 def _scene(seed: int, about: dict[str, Any], bodies, pairs, **options: Any) -> SupportedCase:
-    """Assemble a scene without loads."""
+    """Assemble a problem without loads."""
     still = np.zeros((3, 2))
     clamped = options.get("clamped", ())
     prescribed = [Prescribed(f"{name}/{side}", still) for name, side in options.pop("supports", [])]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Randomised trial: many random scenes, each solved along its load path with defaults, and checked.
+"""Random problems: many of them, each solved along its load path with defaults, and checked.
 
     python3 -m demos.studies.stability.trial --cases 500    a line of JSON per case, a summary
     python3 -m demos.studies.stability.trial --case 17      one case, its report and picture
@@ -203,7 +203,7 @@ def summary(records: list[Record]) -> str:
         )
     bad = [record for record in records if record["outcome"] not in ("converged", "dead end")]
     if bad:
-        lines += ["", "| seed | outcome | scene | reason |", "|---:|---|---|---|"]
+        lines += ["", "| seed | outcome | problem | reason |", "|---:|---|---|---|"]
     for record in bad:
         cells = [record["seed"], record["outcome"], record.get("scene", ""), record["reason"]]
         lines.append("| " + " | ".join(str(cell).replace("\n", " ") for cell in cells) + " |")
@@ -274,7 +274,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--limit", type=float, default=LIMIT, help="CPU seconds for a case")
     parser.add_argument("--folder", type=Path, default=Path("results"), help="where to write")
-    parser.add_argument("--family", choices=FAMILIES, default="pushed", help="which scenes")
+    parser.add_argument("--family", choices=FAMILIES, default="pushed", help="which problems")
     same = "the same as --family supported"
     parser.add_argument(
         "--supported", action="store_const", const="supported", dest="family", help=same

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Users' contact laws for the randomised trial."""
+"""Users' contact laws for the random problems."""
 
 from __future__ import annotations
 
