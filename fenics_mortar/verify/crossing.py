@@ -143,9 +143,10 @@ class Crossings:
         rows = self._crossings(x, self._allowed(x))
         rows = rows[~self._are_meaningless(x, rows)]
         paired = self._admitted.are_paired(rows)
+        limits = self._admitted.of(x, rows, paired)
         for are_paired in (True, False):
-            mine = rows[paired == are_paired]
-            found += self._found(mine, self._admitted.of(x, mine), are_paired)
+            mine = paired == are_paired
+            found += self._found(rows[mine], limits[mine], are_paired)
         for pair, contact in enumerate(self._contacts):
             if isinstance(contact, Contact) and contact.obstacle is not None:
                 deepest = deepest_point(contact, self.outline, self._slaves[pair], x)
@@ -165,16 +166,13 @@ class Crossings:
         Overlaps of the mesh are left out, except those between surfaces in contact.
         """
         for pair, (row, limit) in self._deepest(rows, admitted).items():
-            excused = 0.0 if self._are_in_contact(row) else self._excused.get(pair, 0.0)
+            in_contact = self._admitted.are_in_contact(row[None])[0]
+            excused = 0.0 if in_contact else self._excused.get(pair, 0.0)
             facets = float(row[2]) - excused
             if facets > 0.0:
                 sides = self._names.segment(int(row[0])), self._names.segment(int(row[1]))
                 where, depth = format_point(row[4:]), float(row[3])
                 yield Crossing(sides, where, depth, facets, limit, are_paired)
-
-    def _are_in_contact(self, row: Array) -> bool:
-        """Whether a row of ``find_crossings`` is between the sides of a contact pair."""
-        return bool(self._admitted.are_paired(row[None], ties=False)[0])
 
     def _are_meaningless(self, x: Array, rows: Array) -> Flags:
         """Folds of bodies with linear strains and small sliding, see ``folds``, (k,), bool."""
@@ -208,7 +206,7 @@ class Crossings:
         """
         found, X = {}, self.outline.X
         rows = self._crossings(X, np.zeros(len(X)))
-        rows = rows[~self._admitted.are_paired(rows, ties=False)]
+        rows = rows[~self._admitted.are_in_contact(rows)]
         for pair, (row, _) in self._deepest(rows, np.ones(len(rows))).items():
             facets = float(row[2])
             if pair[0] == pair[1] or facets <= HALF_FACET:
