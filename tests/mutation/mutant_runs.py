@@ -19,6 +19,8 @@ from pathlib import Path
 from mutation.mutant_changes import PACKAGE, Mutant
 from mutation.mutant_lines import cpu, file_of
 
+from demos.studies.processes import mpirun
+
 START = 8.0  # CPU seconds of a process of pytest before its first test, on a slow machine
 COMPILATION = 60.0  # CPU seconds in which all kernels are compiled, on a slow machine
 # Number of tests of a compiled function, which take about ten seconds without JIT.
@@ -46,12 +48,10 @@ class Run:
         environment["PYTHONPATH"] = str(self.folder)
         options = ["-x", "-q", "--color=no", "-p", "no:cacheprovider"]
         command = [sys.executable, "-m", "pytest", *options, *tests]
-        if ranks > 1:
-            command = [os.environ.get("FENICS_MORTAR_MPIRUN", "mpirun"), "-n", str(ranks), *command]
         limited = f'ulimit -t {int(PATIENCE * allowed)}; exec "$@"'
         try:
             ended = subprocess.run(
-                ["bash", "-c", limited, "limited", *command],
+                ["bash", "-c", limited, "limited", *mpirun(ranks), *command],
                 cwd=self.folder, env=environment, capture_output=True, text=True,
                 stdin=subprocess.DEVNULL, timeout=10.0 * PATIENCE * allowed,
             )  # fmt: skip

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Every public method on two, three and five cells, on ranks without cells and without surfaces."""
 
-import os
 import pickle
 import subprocess
 import sys
@@ -12,7 +11,8 @@ import numpy as np
 import pytest
 from few_cells_scenes import SCENES
 from public_calls import calls, public
-from test_demos import OF_THIS_RUN
+
+from demos.studies.processes import mpirun, outer_environment
 
 pytestmark = [pytest.mark.serial, pytest.mark.slow]
 
@@ -69,11 +69,11 @@ def alone(tmp_path_factory):
 
 def on_ranks(ranks, some, folder):
     """Results of some cases on several ranks."""
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(OF_THIS_RUN)}
+    environment = outer_environment()
     environment["PYTHONPATH"] = f"{ROOT}:{environment.get('PYTHONPATH', '')}"
     program = few_cells_program.__file__
     ended = subprocess.run(
-        ["mpirun", "-n", str(ranks), sys.executable, program, folder, str(LIMIT), *some],
+        [*mpirun(ranks), sys.executable, program, folder, str(LIMIT), *some],
         env=environment, capture_output=True, text=True, timeout=LIMIT * len(some),
     )  # fmt: skip
     assert ended.returncode == 0, ended.stdout[-2000:] + ended.stderr[-6000:]

@@ -4,6 +4,7 @@
 import ctypes
 import gc
 import resource
+import weakref
 from pathlib import Path
 
 from mpi4py import MPI
@@ -76,3 +77,21 @@ def test_results_do_not_leak_memory():
     before = memory()
     evaluate(40)
     assert comm.allreduce(memory() - before) < 40 * 8 * size
+
+
+@pytest.mark.each
+@pytest.mark.serial
+@pytest.mark.parametrize("options", [{}, {"solver": "iterative"}, {"algorithm": "saddle"}])
+def test_mesh_of_a_problem_is_freed(options):
+    """MPICH has 2048 communicators; each mesh and its problem have nine."""
+
+    def mesh_of_problem():
+        scene = pressed_blocks(n_upper=3, n_lower=4, problem=options)
+        scene.loads["push"].value[1] = -0.02
+        scene.problem.solve()
+        return weakref.ref(scene.data.mesh)
+
+    mesh = mesh_of_problem()
+    gc.collect()  # a solver of PETSc, and with it the reference to its preconditioner
+    gc.collect()
+    assert mesh() is None

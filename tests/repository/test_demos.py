@@ -4,7 +4,6 @@
 Numbers in the gallery are lines printed by the demo.
 """
 
-import os
 import re
 import subprocess
 import sys
@@ -12,6 +11,8 @@ from pathlib import Path
 
 import pytest
 from printed_lines import missing
+
+from demos.studies.processes import mpirun, outer_environment
 
 GALLERY = Path(__file__).resolve().parents[2] / "demos" / "README.md"
 DEMOS = sorted((Path(__file__).resolve().parents[2] / "demos").glob("demo_*.py"))
@@ -24,19 +25,14 @@ LONG = (
 )  # fmt: skip
 # time limit of a demo [s]: a minute, four on a loaded machine
 LIMIT = 240
-# MPI variables of the environment, which processes started by mpirun must not inherit
-OF_THIS_RUN = ("OMPI_COMM", "OMPI_MCA_ess", "PMI", "HYDI_", "MPI_LOCAL")
 
 
 def run(folder, ranks, *arguments):
     """Run Python as a separate process, or as one on each of several ranks."""
-    command = [sys.executable, *map(str, arguments)]
-    if ranks > 1:
-        command = ["mpirun", "-n", str(ranks), *command]
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(OF_THIS_RUN)}
     return subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=LIMIT
-    )
+        [*mpirun(ranks), sys.executable, *map(str, arguments)],
+        cwd=folder, env=outer_environment(), capture_output=True, text=True, timeout=LIMIT,
+    )  # fmt: skip
 
 
 def _stem(demo):

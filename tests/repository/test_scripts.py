@@ -47,9 +47,19 @@ def run(script, path):
     )  # fmt: skip
 
 
+def is_installed(folder):
+    """Whether this Python finds the package in a folder without it, and without a path."""
+    program = folder / "elsewhere" / "program.py"
+    program.parent.mkdir()
+    program.write_text(SCRIPT)
+    return run(program, {}).returncode == 0
+
+
 @pytest.mark.serial
 def test_script_beside_the_clone_without_environment_finds_no_package(beside):
     ended = run(beside, {})
+    if ended.stdout and is_installed(beside.parent):
+        pytest.skip("the package is installed for this Python, as by .ci/setup_venv.sh")
     assert ended.returncode == 1
     assert "fenics-mortar" in (ROOT / "demos/guide/installation.md").read_text()
     assert "No module named 'fenics_mortar'" in ended.stderr

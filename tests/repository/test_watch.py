@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Runs of tests that are stopped, by a limit or a signal, or crash: no failed test is lost."""
 
-import os
 import re
 import signal
 import subprocess
@@ -13,7 +12,8 @@ from pathlib import Path
 import progress_log
 import pytest
 import watch
-from test_demos import OF_THIS_RUN
+
+from demos.studies.processes import mpirun, outer_environment
 
 pytestmark = pytest.mark.serial
 
@@ -49,12 +49,11 @@ def test_ends_late():
     time.sleep(600)
 """
 LOST = ["FAILED test_it.py::test_fails", "ERROR test_it.py::test_has_no_fixture"]
-MPIRUN = ["mpirun", "-n", "2"]
 # Commands before and arguments after pytest, and how the test that was running is named.
 RUNS = {
     "serial": ([], [], ""),
     "cores": ([], ["-n", "2", "--dist", "loadfile"], ""),
-    "ranks": (MPIRUN, [], r" on rank 0, 1"),
+    "ranks": (mpirun(2), [], r" on rank 0, 1"),
 }
 
 
@@ -66,11 +65,10 @@ def start(tmp_path):
     started = []
 
     def started_with(before=(), after=(), limit=600, **more):
-        environment = {k: v for k, v in os.environ.items() if not k.startswith(OF_THIS_RUN)}
         pytest_ = [sys.executable, "-m", "pytest", "-q", "--color=no", "-p", "no:cacheprovider"]
         command = [sys.executable, watch.__file__, str(limit), *before, *pytest_, *after]
         process = subprocess.Popen(
-            command, cwd=tmp_path, env={**environment, **more}, stdout=subprocess.PIPE,
+            command, cwd=tmp_path, env=outer_environment() | more, stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, text=True,
         )  # fmt: skip
         started.append(process)

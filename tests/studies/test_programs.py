@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from demos.studies.processes import mpirun, outer_environment
+
 ROOT = Path(__file__).resolve().parents[2]
 # Module in demos/studies with arguments.
 PROGRAMS = [
@@ -31,3 +33,14 @@ def test_program_of_performance_runs(program, tmp_path):
     )  # fmt: skip
     assert ended.returncode == 0, ended.stderr[-2000:]
     assert "|" in ended.stdout or "faster" in ended.stdout
+
+
+@pytest.mark.serial
+def test_ranks_are_started_by_the_mpi_of_this_python():
+    """By another MPI's mpirun they would not know of each other."""
+    program = "from mpi4py import MPI; print(MPI.COMM_WORLD.size)"
+    ended = subprocess.run(
+        [*mpirun(2), sys.executable, "-c", program], env=outer_environment(), capture_output=True,
+        text=True, timeout=120,
+    )  # fmt: skip
+    assert "".join(ended.stdout.split()) == "22", ended.stderr[-2000:]

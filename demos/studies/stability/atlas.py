@@ -30,6 +30,8 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
+from demos.studies.processes import mpirun, outer_environment
+
 ROOT = Path(__file__).resolve().parents[3]
 SECONDS = 120.0
 # Largest relative difference of forces and displacements on several ranks and on one [1].
@@ -47,20 +49,15 @@ class Worker:
     """
 
     def __init__(self, ranks: int = 1, command: Sequence[str] | None = None) -> None:
-        command = list(command or (sys.executable, "-m", "demos.studies.stability.cell"))
-        if ranks > 1:
-            command = ["mpirun", "-n", str(ranks), *command]
+        command = command or (sys.executable, "-m", "demos.studies.stability.cell")
         paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
-        # hides the ranks of the calling process from the worker
-        hidden = ("OMPI_COMM", "OMPI_MCA_ess", "PMI", "HYDI_")
         self._errors = tempfile.TemporaryFile()
         self._process = subprocess.Popen(
-            command,
+            [*mpirun(ranks), *command],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
-            env={k: v for k, v in os.environ.items() if not k.startswith(hidden)}
-            | {"PYTHONPATH": os.pathsep.join(paths)},
+            env=outer_environment() | {"PYTHONPATH": os.pathsep.join(paths)},
             start_new_session=True,
         )
         self._buffer = b""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The form compiler: suppression of its output, and options of functions that compile (local)."""
+"""The form compiler: its output, its options, and forms that it would not free (local)."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+import ufl.corealg
+from ufl.algorithms import compute_form_data  # noqa: F401 (imports all rules)
 
 
 def _is_reported(record: logging.LogRecord) -> bool:
@@ -57,3 +60,24 @@ def own_options(function: Callable) -> dict[str, dict]:
     """Give ``function`` fresh dictionaries; ``..._params`` became ``..._options`` in 0.6."""
     names = ("form_compiler_params", "form_compiler_options", "jit_params", "jit_options")
     return {name: {} for name in names if name in inspect.signature(function).parameters}
+
+
+def free_forms() -> None:
+    """Let UFL free the forms that it has differentiated (local).
+
+    In Python 3.13.0 and 3.13.1 ``functools.singledispatchmethod`` keeps all its objects alive, by a
+    cache whose values refer to their keys (CPython issue 127750). UFL's rules since 2025.1 use it:
+    no mesh would be freed, nor its nine communicators, of which MPICH has 2048. The cache is
+    replaced by ``None``, by which Python itself turns it off.
+    """
+    module = getattr(ufl.corealg, "dag_traverser", None)
+    rules = [] if module is None else [module.DAGTraverser]
+    while rules:
+        rule = rules.pop()
+        rules += rule.__subclasses__()
+        for method in vars(rule).values():
+            if getattr(method, "_method_cache", None) is not None:
+                method._method_cache = None
+
+
+free_forms()
