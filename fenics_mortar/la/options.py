@@ -54,12 +54,15 @@ HYPRE = {
 }
 # The cycle by PETSc's smoothed aggregation, with the rigid motions as near-null space, where PETSc
 # has no hypre. Iterations for eight digits are in the performance README. Two sweeps save a
-# tenth of them, Chebyshev with Jacobi needs a tenth more.
+# tenth of them, Chebyshev with Jacobi needs a tenth more. An aggregate with fewer dofs than rigid
+# motions leaves zero rows on the coarse grid (PETSc 3.18), by whose diagonal SOR would divide: the
+# shift [stiffness] is far below rounding of all others.
 GAMG = {
     "pc_type": "gamg",
     "mg_levels_ksp_type": "richardson",
     "mg_levels_ksp_max_it": 1,
     "mg_levels_pc_type": "sor",
+    "mg_levels_pc_sor_diagonal_shift": 1e-30,
 }
 CYCLE = TIED | (HYPRE if compat.petsc_has("hypre") else GAMG)
 # Largest relative residual with factors without pivoting [1], in the strip without, otherwise after
