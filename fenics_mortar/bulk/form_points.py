@@ -72,7 +72,7 @@ class FormPoints:
         """Find integrals and points (collective)."""
         V = space.V
         nodes = compat.dofmap(V)[: V.mesh.topology.index_map(2).size_local]
-        X = V.tabulate_dof_coordinates()[:, :2]
+        X = V.tabulate_dof_coordinates()[:, :2].copy()
         groups = dict[Any, list[Indices]]()
         for integral in _with_finite_strains(residual, u, space):
             for rule, number in compat.quadrature_rules(residual, integral):

@@ -69,7 +69,7 @@ def gradients_at(V: Any, points: Array) -> Array:
 
     Shape (p, functions, 2), in the reference cell [1].
     """
-    return np.ascontiguousarray(_gradients(_lagrange(V), points))
+    return _gradients(_lagrange(V), points)
 
 
 def _lagrange(V: Any) -> Any:
@@ -82,4 +82,4 @@ def _lagrange(V: Any) -> Any:
 
 
 def _gradients(element: Any, points: Array) -> Array:
-    return np.moveaxis(element.tabulate(1, points)[1:, :, :, 0], 0, -1)
+    return np.ascontiguousarray(np.moveaxis(element.tabulate(1, points)[1:, :, :, 0], 0, -1))

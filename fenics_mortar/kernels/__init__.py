@@ -12,6 +12,7 @@ import sys
 import time
 
 import numba
+from numba import types
 from numba.core.compiler import Compiler
 
 # Time of compilation between two messages on standard error [s].
@@ -74,10 +75,22 @@ class _NamingCompiler(Compiler):
             _progress.end()
 
 
-_compiled = numba.njit(cache=True, error_model="numpy", pipeline_class=_NamingCompiler)
+_compiled = numba.njit(
+    cache=True, error_model="numpy", no_cfunc_wrapper=True, pipeline_class=_NamingCompiler
+)
 
 
 def kernel(function):
-    """Decorate a function that numba compiles at its first call with each kind of arguments."""
+    """Decorate a function that numba compiles at its first call with each kind of arguments.
+
+    Calls with different constants share one compiled function, which LLVM inlines where it pays;
+    numba alone would compile it for each constant. Nothing is compiled for calls from C.
+    """
     _progress.defined += 1
-    return _compiled(function)
+    compiled = _compiled(function)
+    if compiled is not function:  # NUMBA_DISABLE_JIT
+        template = compiled.get_call_template
+        compiled.get_call_template = lambda args, kws: template(
+            tuple(map(types.unliteral, args)), {k: types.unliteral(v) for k, v in kws.items()}
+        )
+    return compiled

@@ -32,7 +32,7 @@ def find_inside(x, cells, labels, outline, points, bodies, inside):
         one_body = one_body and bodies[p] == bodies[0]
         for d in range(2):
             box[d], box[2 + d] = min(box[d], points[p, d]), max(box[2 + d], points[p, d])
-    near, count = np.empty_like(cells), 0
+    near, count = np.empty(cells.shape, np.int64), 0
     for e in range(cells.shape[0]):
         if (one_body and labels[cells[e, 0]] == bodies[0]) or is_away(x, cells[e], box):
             continue
