@@ -79,6 +79,20 @@ class LinearVector:
     z: Sequence[Array] | None = None
     q: Array | None = None
 
+    def __add__(self, other: LinearVector) -> LinearVector:
+        """Sum of two vectors; parts that are ``None`` in both remain ``None`` (local)."""
+        alike = None
+        if self.z is not None and other.z is not None:
+            alike = [a + b for a, b in zip(self.z, other.z, strict=True)]
+        z = alike or self.z or other.z
+        return LinearVector(_sum(self.u, other.u), z, _sum(self.q, other.q))
+
+    def __mul__(self, factor: float) -> LinearVector:
+        """Product with a number (local)."""
+        z = None if self.z is None else [factor * values for values in self.z]
+        u, q = (None if part is None else factor * part for part in (self.u, self.q))
+        return LinearVector(u, z, q)
+
     def dot(self, other: LinearVector, comm: MPI.Comm) -> float:
         """Scalar product with another vector, each entry counted once (collective).
 
@@ -93,6 +107,13 @@ class LinearVector:
         alike = sum(float(np.vdot(a, b)) for a, b in pairs if a is not None and b is not None)
         mine = 0.0 if self.u is None or other.u is None else float(self.u @ other.u)
         return comm.allreduce(mine) + alike
+
+
+def _sum(one: Array | None, other: Array | None) -> Array | None:
+    """Sum of two arrays; ``None`` is zero (local)."""
+    if one is None or other is None:
+        return other if one is None else one
+    return one + other
 
 
 class Tangent(Protocol):
