@@ -1,86 +1,57 @@
 # SPDX-License-Identifier: MIT
-"""Controls of contact: parameters of laws, offsets, obstacles, nodal positions.
+"""Controls of contact: parameters of laws, offsets, weights of the numerics, obstacles.
 
-A control computes the derivative of the residuals of one step, with the rows and units of
-``equations.linearized``, at fixed displacement, multipliers, active sets, and state before.
+See ``control``. Offsets and shapes act on rows and memory through nodal fields, parameters of laws
+and weights directly, places and loads of obstacles on the rows of the motions.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any, Protocol
+from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.linearized import LinearVector
-from fenics_mortar.equations.state import State
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.history import StepHistory, has_history
-from fenics_mortar.sensitivity.pair_vectors import (
-    OfPair,
-    check_exact,
-    contact_of,
-    from_rows,
-    rows_at,
-    zero_vector,
+from fenics_mortar.sensitivity.control import Control, OnePairControl, PairControl
+from fenics_mortar.sensitivity.history import Before
+from fenics_mortar.sensitivity.pair_operators import contact_of
+from fenics_mortar.sensitivity.partials.fields import gap_by_offset
+from fenics_mortar.sensitivity.partials.law import (
+    PairMemory,
+    Response,
+    by_parameter,
+    by_weight,
+    change_of_memory,
+    change_of_rows,
+    parameter,
 )
-from fenics_mortar.sensitivity.partials.gap import offset_by_rows, rows_by_offset
-from fenics_mortar.sensitivity.partials.law import parameter, parameter_by_rows, rows_by_parameter
-from fenics_mortar.sensitivity.partials.shape import rows_by_shape, shape_by_rows
+from fenics_mortar.sensitivity.partials.maps import Changes, Matrix
+from fenics_mortar.sensitivity.partials.shape import fields_by_shape
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_lengths
-from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MortarError
-
-# The state at the start of the step, or its ``StepHistory``, to avoid a second evaluation.
-Before = State | StepHistory | None
+from fenics_mortar.utils.arrays import Array, Flags
 
 
-class Control(Protocol):
-    """Values on which a solution depends.
+class _OfLaw(OnePairControl):
+    """Control that acts on the law of one pair."""
 
-    Methods take a ``problem`` at the end of a step, evaluated with ``EXACT``, and the state
-    ``before``, at the start of the step, which is needed if slip depends on the control through
-    this state: a ``State``, or its ``StepHistory``. Values are replicated arrays of any shape, or
-    those of the owned dofs of a function if an attribute ``is_distributed`` is true.
+    @abstractmethod
+    def _by(self, contact: Contact, response: Response) -> Matrix:
+        """Derivative of rows or memory (collective)."""
 
-    Attributes:
-        name: Name for messages.
-    """
+    def rows(self, problem: ContactProblem, i: int) -> Matrix:
+        """See ``PairControl``."""
+        return self._by(contact_of(problem.equations, i), change_of_rows)
 
-    name: str
-
-    def get(self, problem: ContactProblem) -> Array:
-        """Present values (local), of shape () for a single number [their unit]."""
-
-    def set(self, problem: ContactProblem, values: Array) -> None:
-        """Set the ``values``, of the shape of ``get`` [their unit], equal on all ranks (local).
-
-        Raises:
-            TypeError: If the control cannot be set.
-            ValueError: If a value is not allowed.
-        """
-        raise TypeError(f"{self.name} cannot be set")
-
-    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """Change of the residuals along ``dm``, of the values' shape [their unit] (collective).
-
-        Raises:
-            MortarError: On all ranks, if the derivative is not available.
-        """
-
-    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """Gradient of the scalar product of residuals and ``y`` (collective).
-
-        Equal on all ranks, of the shape of the values [units of the product over theirs].
-
-        Raises:
-            MortarError: On all ranks, if the derivative is not available.
-        """
+    def memory(self, problem: ContactProblem, i: int, memory: PairMemory) -> Matrix:
+        """See ``PairControl``."""
+        return self._by(contact_of(problem.equations, i), change_of_memory)
 
 
-class LawParameter(OfPair, Control):
+class LawParameter(_OfLaw):
     """A parameter of the law of a pair, see ``Law.parameters``; the constructor is local.
 
     The values of a parameter that varies in space, see ``Law.fields``, are those at the slave nodes
@@ -108,19 +79,41 @@ class LawParameter(OfPair, Control):
         setattr(law, self.parameter, new if new.ndim else new.item())
         law.check()
 
-    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``Control``; ``before`` is not used."""
-        contact = contact_of(problem.equations, self.pair)
-        rows = rows_by_parameter(contact, self.parameter, np.asarray(dm, float))
-        return from_rows(problem.equations, {self.pair: rows})
-
-    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``Control``; ``before`` is not used."""
-        contact = contact_of(problem.equations, self.pair)
-        return parameter_by_rows(contact, self.parameter, rows_at(y, self.pair, contact))
+    def _by(self, contact: Contact, response: Response) -> Matrix:
+        return by_parameter(contact, self.parameter, response)
 
 
-class Offset(OfPair, Control):
+class NumericWeight(_OfLaw):
+    """Factor of a weight of a pair, at present 1: c_n, or the stiffness k of the rows.
+
+    An exact solution does not depend on it, except for the elastic stick of redundant nodes.
+
+    Args:
+        pair: Number of the pair, a contact.
+        weight: "c_n" or "stiffness".
+    """
+
+    def __init__(self, pair: int, weight: Literal["c_n", "stiffness"]) -> None:
+        super().__init__(pair)
+        self.weight, self.name = weight, f"{weight} of pair {pair}"
+
+    def get(self, problem: ContactProblem) -> Array:
+        """See ``Control``."""
+        return np.array(1.0)
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """Multiply the present weight."""
+        contact, factor = contact_of(problem.equations, self.pair), float(values)
+        if self.weight == "c_n":
+            contact.change(c_n=contact.c_n * factor)
+        else:
+            contact.set_stiffness(contact.stiffness * factor)
+
+    def _by(self, contact: Contact, response: Response) -> Matrix:
+        return by_weight(contact, self.weight, response)
+
+
+class Offset(OnePairControl):
     """The nodal offsets of a pair, see ``PairView.offset``; the constructor is local.
 
     Args:
@@ -140,20 +133,12 @@ class Offset(OfPair, Control):
         contact = contact_of(problem.equations, self.pair)
         contact.change(offset=check_lengths("offset", values, contact.slave.num_nodes))
 
-    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``Control``; ``before`` is not used."""
-        contact = contact_of(problem.equations, self.pair)
-        check_exact(contact)
-        return from_rows(problem.equations, {self.pair: rows_by_offset(contact, np.asarray(dm))})
-
-    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``Control``; ``before`` is not used."""
-        contact = contact_of(problem.equations, self.pair)
-        check_exact(contact)
-        return offset_by_rows(contact, rows_at(y, self.pair, contact))
+    def fields(self, problem: ContactProblem, i: int) -> Changes:
+        """See ``PairControl``."""
+        return {"gap": gap_by_offset(contact_of(problem.equations, i).operators)}
 
 
-class Interference(OfPair, Control):
+class Interference(Offset):
     """Mean offset of a pair; a change shifts the offsets of all nodes equally.
 
     The constructor is local.
@@ -165,39 +150,33 @@ class Interference(OfPair, Control):
     def __init__(self, pair: int) -> None:
         super().__init__(pair)
         self.name = f"interference of pair {pair}"
-        self._offset = Offset(pair)
 
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``: shape () [length]."""
-        return np.asarray(self._offset.get(problem).mean())
+        return np.asarray(super().get(problem).mean())
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """See ``Control``; without effect beyond the other surface."""
         shift = np.asarray(values, float).item() - self.get(problem)
-        self._offset.set(problem, self._offset.get(problem) + shift)
+        super().set(problem, super().get(problem) + shift)
 
-    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``Control``; ``before`` is not used."""
-        everywhere = np.full(len(self._offset.get(problem)), np.asarray(dm, float).item())
-        return self._offset.jvp(problem, everywhere)
-
-    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``Control``; ``before`` is not used."""
-        return np.asarray(self._offset.vjp(problem, y).sum())
+    def fields(self, problem: ContactProblem, i: int) -> Changes:
+        """See ``PairControl``."""
+        change = super().fields(problem, i)["gap"]
+        return {"gap": Matrix.dense((change @ np.ones(change.shape[1]))[:, None])}
 
 
 class _OfObstacle(Control):
-    """Values of an obstacle in the rows of its motions.
+    """Values of an obstacle.
 
     Args:
         obstacle: The obstacle.
+        quantity: Name of the values.
     """
 
-    quantity: str
-
-    def __init__(self, obstacle: Obstacle) -> None:
+    def __init__(self, obstacle: Obstacle, quantity: str) -> None:
         self.obstacle = obstacle
-        self.name = f"{self.quantity} of '{getattr(obstacle, 'name', obstacle)}'"
+        self.name = f"{quantity} of '{getattr(obstacle, 'name', obstacle)}'"
 
     def check(self) -> None:
         """Reject a value that is not an obstacle (local).
@@ -207,39 +186,55 @@ class _OfObstacle(Control):
         """
         check_kind("obstacle", self.obstacle, Obstacle, "an obstacle of the problem")
 
+
+class _OfMotions(_OfObstacle):
+    """Values of an obstacle in the rows of its motions.
+
+    Attributes:
+        drives: Whether it is the load of driven motions, not the place of prescribed ones.
+    """
+
+    drives: bool
+
     def _number(self, problem: ContactProblem) -> int:
         if not any(obstacle is self.obstacle for obstacle in problem.obstacles):
             raise ValueError(f"{self.name}: the problem has no such obstacle")
         return problem.obstacles.index(self.obstacle)
 
-    @abstractmethod
-    def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:
+    def _mine(self) -> Flags:
         """Motions whose rows depend on the values, shape (3,), bool."""
+        return np.isfinite(self.obstacle.load) == self.drives
+
+    def pairs(self, problem: ContactProblem) -> list[int]:
+        """See ``PairControl``: none, pairs depend on motions through the state only."""
+        return []
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""
-        change = zero_vector(problem.equations)
-        assert change.q is not None
-        change.q[self._number(problem)] = np.where(self._mine(problem), -np.asarray(dm), 0.0)
-        return change
+        q = np.zeros(problem.equations.motions.scales.shape)
+        q[self._number(problem)] = np.where(self._mine(), -np.asarray(dm), 0.0)
+        return LinearVector(q=q)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
         """See ``Control``; ``before`` is not used."""
         if y.q is None:
             return np.zeros(3)
-        return np.where(self._mine(problem), -y.q[self._number(problem)], 0.0)
+        return np.where(self._mine(), -y.q[self._number(problem)], 0.0)
 
 
-class ObstaclePlace(_OfObstacle):
+class ObstaclePlace(_OfMotions):
     """Prescribed place (x, y, angle) of an obstacle in this step [length, length, radian].
 
-    Values of driven motions have no effect.
+    Values of driven motions have no effect. The constructor is local.
 
-    Attributes:
-        quantity: Name of the values.
+    Args:
+        obstacle: The obstacle.
     """
 
-    quantity = "place"
+    drives = False
+
+    def __init__(self, obstacle: Obstacle) -> None:
+        super().__init__(obstacle, "place")
 
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``: shape (3,)."""
@@ -247,22 +242,22 @@ class ObstaclePlace(_OfObstacle):
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """See ``Control``; driven motions are unchanged."""
-        self.obstacle.place = np.where(self._mine(problem), values, self.obstacle.place)
-
-    def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:
-        return ~np.isfinite(self.obstacle.load)
+        self.obstacle.place = np.where(self._mine(), values, self.obstacle.place)
 
 
-class ObstacleLoad(_OfObstacle):
+class ObstacleLoad(_OfMotions):
     """Forces and moment that drive an obstacle [stress length, stress length, stress length^2].
 
-    Values of prescribed motions have no effect.
+    Values of prescribed motions have no effect. The constructor is local.
 
-    Attributes:
-        quantity: Name of the values.
+    Args:
+        obstacle: The obstacle.
     """
 
-    quantity = "load"
+    drives = True
+
+    def __init__(self, obstacle: Obstacle) -> None:
+        super().__init__(obstacle, "load")
 
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``: shape (3,), 0 for prescribed motions."""
@@ -270,13 +265,10 @@ class ObstacleLoad(_OfObstacle):
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """See ``Control``; prescribed motions remain prescribed."""
-        self.obstacle.load = np.where(self._mine(problem), values, np.nan)
-
-    def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:
-        return np.isfinite(self.obstacle.load)
+        self.obstacle.load = np.where(self._mine(), values, np.nan)
 
 
-class ObstacleShape(Control):
+class ObstacleShape(_OfObstacle, PairControl):
     """A parameter of the shape of an obstacle, see ``Obstacle.shape``; the constructor is local.
 
     Args:
@@ -285,8 +277,8 @@ class ObstacleShape(Control):
     """
 
     def __init__(self, obstacle: Obstacle, name: str) -> None:
-        self.obstacle, self.parameter = obstacle, name
-        self.name = f"{name} of '{getattr(obstacle, 'name', obstacle)}'"
+        super().__init__(obstacle, name)
+        self.parameter = name
 
     def check(self) -> None:
         """Reject a value that is not an obstacle with this parameter (local).
@@ -294,7 +286,7 @@ class ObstacleShape(Control):
         Raises:
             ValueError: If it is not.
         """
-        check_kind("obstacle", self.obstacle, Obstacle, "an obstacle of the problem")
+        super().check()
         check_choice("shape parameter", self.parameter, self.obstacle.shape())
 
     def get(self, problem: ContactProblem) -> Array:
@@ -305,44 +297,11 @@ class ObstacleShape(Control):
         """See ``Control``."""
         self.obstacle.set_shape(self.parameter, np.asarray(values, float))
 
-    def _pairs(self, problem: ContactProblem) -> list[tuple[int, Any]]:
-        """Numbers and contacts of the obstacle (local)."""
+    def pairs(self, problem: ContactProblem) -> list[int]:
+        """See ``PairControl``."""
         every = enumerate(problem.equations.contacts)
-        found = [(i, contact) for i, contact in every if contact.obstacle is self.obstacle]
-        for _, contact in found:
-            check_exact(contact)
-        return found
+        return [i for i, contact in every if contact.obstacle is self.obstacle]
 
-    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``Control``; ``before`` is not used."""
-        rows = {
-            i: rows_by_shape(contact, self.parameter, np.asarray(dm, float)[None])[0]
-            for i, contact in self._pairs(problem)
-        }
-        return from_rows(problem.equations, rows)
-
-    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``Control``; ``before`` is not used."""
-        gradient = np.zeros_like(self.get(problem))
-        for i, contact in self._pairs(problem):
-            rows = rows_at(y, i, contact)
-            gradient = gradient + shape_by_rows(contact, self.parameter, rows)
-        return gradient
-
-
-def history_of(problem: ContactProblem, before: Before) -> StepHistory | None:
-    """The ``StepHistory`` of a state before (collective).
-
-    Raises:
-        MortarError: If there is friction and no state is given.
-    """
-    if isinstance(before, State):
-        return StepHistory(problem, before)
-    if before is None:
-        for contact in problem.equations.contacts:
-            if has_history(contact):
-                raise MortarError(
-                    f"the slip of {contact.pair!r} depends on the control through the state before:"
-                    " expected before=..."
-                )
-    return before
+    def fields(self, problem: ContactProblem, i: int) -> Changes:
+        """See ``PairControl``."""
+        return fields_by_shape(contact_of(problem.equations, i), self.parameter)

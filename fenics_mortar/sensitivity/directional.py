@@ -19,24 +19,12 @@ from dolfinx import fem
 
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.gradient import recorded
-from fenics_mortar.sensitivity.history import StepHistory
-from fenics_mortar.sensitivity.kinks import Kink, find_kinks
-from fenics_mortar.sensitivity.linear_vectors import Term, combine
-from fenics_mortar.sensitivity.linearization import linearize
-from fenics_mortar.sensitivity.memory import Memories, StepMemory
-from fenics_mortar.sensitivity.over_steps import OverSteps, evaluate, last, state_before
+from fenics_mortar.sensitivity.gradient import Step, recorded
+from fenics_mortar.sensitivity.history import Memories, StepHistory, added
+from fenics_mortar.sensitivity.kinks import Kink
+from fenics_mortar.sensitivity.over_steps import OverSteps, evaluate, last
 from fenics_mortar.sensitivity.path_record import RecordedPath
-from fenics_mortar.sensitivity.protocols import (
-    Control,
-    Quantity,
-    as_list,
-    check_dependence,
-    controls_of,
-    dot,
-    explicit,
-    quantities_of,
-)
+from fenics_mortar.sensitivity.protocols import Control, Quantity, as_list, dot, explicit, read
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import together
 
@@ -99,8 +87,8 @@ def tangent_linear(
     """
     path = recorded(path)
     problem = path.problem
+    quantities, made = read(problem, objective, controls)
     with together(problem.equations.comm, "tangent_linear"):
-        quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
         as_they_are = not (isinstance(controls, Sequence) or _is_list(directions))
         given = [directions] if as_they_are else as_list(directions)
         if len(given) != len(made):
@@ -109,7 +97,6 @@ def tangent_linear(
             [_direction_of(problem, *pair, number) for pair in zip(made, given, strict=True)]
             for number in range(len(path.steps))
         ]
-    check_dependence(problem, quantities, made)
     with path.visited():
         value, values, weights = evaluate(path, quantities, over_steps, everywhere=True)
         derivatives, states, kinks = _forwards(path, quantities, made, along)
@@ -157,18 +144,19 @@ def _forwards(
     kinks: list[Kink] = []
     dh: Memories = {}
     for number, directions in enumerate(along):
-        path.go_to(number)
-        before = state_before(path, number)
+        step = Step(path, number)
+        before, memory = step.before, step.memory
         earlier = states[-1] if states else LinearVector()
-        kinks += find_kinks(problem, number)
+        kinks += step.kinks
         pairs = list(zip(controls, directions, strict=True))
-        terms: list[Term] = [(-1.0, c.jvp(problem, dm, before)) for c, dm in pairs]
+        forces = sum((c.jvp(problem, dm, before) for c, dm in pairs), memory.residuals @ dh)
         if states and isinstance(before, StepHistory):
-            terms.append((-1.0, before.jvp(earlier)))
-        memory = StepMemory(problem, before)
-        terms.append((-1.0, memory.rows_along(dh)))
-        states.append(linearize(problem).solve(combine(terms)))
-        dh = memory.along(dh, states[-1], earlier, [memory.along_control(c, dm) for c, dm in pairs])
+            forces = forces + before.residuals @ earlier
+        states.append(step.solve(forces * -1.0))
+        if number < len(path.steps) - 1:
+            by_states = [memory.by_state @ states[-1], memory.by_earlier @ earlier]
+            by_controls = [memory.by_control(control) @ dm for control, dm in pairs]
+            dh = added([*by_states, memory.by_before @ dh, *by_controls])
         for i, quantity in enumerate(quantities):
             change = quantity.gradient(problem, before).dot(states[-1], problem.equations.comm)
             by_before = quantity.by_before(problem, before) if states[:-1] else None

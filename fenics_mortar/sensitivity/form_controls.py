@@ -24,17 +24,18 @@ from dolfinx import fem
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.controls import Before
-from fenics_mortar.sensitivity.forms import FormDerivative, derivative_by, num_owned, put_owned
+from fenics_mortar.sensitivity.forms import derivative_by, num_owned, put_owned
+from fenics_mortar.sensitivity.history import Before
+from fenics_mortar.sensitivity.partials.maps import Matrix
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array
 
 
 class FormControl:
     """A ``fem.Constant`` or ``fem.Function`` of a problem; all methods are collective.
 
     Values have the shape of the constant and are replicated, or that of the owned dofs of the
-    function. See ``controls`` for the methods.
+    function. See ``Control`` for the methods.
 
     Args:
         bulk: The bodies.
@@ -48,9 +49,8 @@ class FormControl:
         self.is_distributed = isinstance(data, fem.Function)
         self.name = str(data.name) if self.is_distributed else "a constant"
         self.is_in_residual = any(data is value for value in bulk.data)
-        self._derivative: FormDerivative = derivative_by(
-            bulk.V.mesh, bulk.residual, data, self._space
-        )
+        if self.is_in_residual:
+            self._derivative = derivative_by(bulk.V.mesh, bulk.residual, data, self._space)
 
     @property
     def _numbers(self) -> Array:
@@ -59,8 +59,8 @@ class FormControl:
         return values.reshape(-1)
 
     @cached_property
-    def _copied(self) -> tuple[Indices, Indices]:
-        """Owned prescribed dofs with a copied number, and indices of these numbers; each (k,)."""
+    def _copied(self) -> Matrix:
+        """Ones at copies of numbers in prescribed values, shape (owned dofs, local numbers)."""
         before, found = self._numbers.copy(), []
         for numbers in (np.arange(1.0, before.size + 1.0), np.zeros(before.size)):
             self._numbers[:] = numbers
@@ -70,7 +70,8 @@ class FormControl:
         self._numbers[:] = before
         copies = np.rint(found[0] - found[1]).astype(np.int64)
         dofs = np.flatnonzero(copies)
-        return dofs, copies[dofs] - 1
+        shape = copies.size, before.size
+        return Matrix(dofs, copies[dofs] - 1, np.ones(dofs.size), shape)
 
     @property
     def _num_ghosts(self) -> int:
@@ -80,7 +81,7 @@ class FormControl:
     @cached_property
     def occurs(self) -> bool:
         """Whether residual or prescribed values depend on the control."""
-        return self._comm.allreduce(self.is_in_residual or self._copied[0].size > 0)
+        return self._comm.allreduce(self.is_in_residual or self._copied.values.size > 0)
 
     def get(self, problem: ContactProblem) -> Array:
         """Present values, (owned dofs,) of a function, or the shape of a constant [their unit]."""
@@ -96,24 +97,23 @@ class FormControl:
             self.data.value[...] = values
 
     def jvp(self, problem: ContactProblem, direction: Array, before: Before = None) -> LinearVector:
-        """(dR/dm) dm; see ``controls``."""
+        """(dR/dm) dm; see ``Control``."""
         rows = np.zeros(self._is_prescribed.size)
         if self.is_in_residual:
             rows = np.where(self._is_prescribed, 0.0, self._derivative.along(direction))
-        dofs, copies = self._copied
-        rows[dofs] = -self._with_ghosts(direction)[copies]
-        return LinearVector(u=rows)
+        return LinearVector(u=rows - self._copied @ self._with_ghosts(direction))
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """(dR/dm)^T y; see ``controls``."""
+        """(dR/dm)^T y; see ``Control``."""
         u = np.zeros(self._is_prescribed.size) if y.u is None else y.u
         result = np.zeros_like(self.get(problem))
         if self.is_in_residual:
             result = self._derivative.transposed(np.where(self._is_prescribed, 0.0, u))
-        dofs, copies = self._copied
-        copied = np.zeros(self._numbers.size)
-        np.add.at(copied, copies, u[dofs])
-        return result - self._sum_ghosts(copied).reshape(result.shape)
+        return result - self._sum_ghosts(self._copied.T @ u).reshape(result.shape)
+
+    def pairs(self, problem: ContactProblem) -> list[int]:
+        """See ``PairControl``: none, pairs depend on the control through the state only."""
+        return []
 
     def _with_ghosts(self, values: Array) -> Array:
         """Values of a direction with ghosts, flat."""

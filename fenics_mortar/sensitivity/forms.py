@@ -3,12 +3,12 @@
 
 The derivative with respect to a constant c in the direction d is the integral of d(integrand)/dc .
 d, by a function that of UFL's Gateaux derivative. The transposed derivative with respect to a
-function f is the linear form of test functions of the space of f.
+function f is the linear form of test functions of the space of f, and so is that with respect to
+the positions of the nodes, by UFL's coordinate derivative.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +22,12 @@ from dolfinx import fem
 from ufl.algorithms import expand_derivatives
 from ufl.algorithms.map_integrands import map_integrands
 
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.bulk.subdomains import check_subdomains
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.history import Before
+from fenics_mortar.sensitivity.quantity import Quantity
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array
 
@@ -62,70 +68,42 @@ class AssembledForm:
         return self._vector.array_r.copy()
 
 
-class FormDerivative(ABC):
-    """Derivative of a form with respect to a constant or a function; all methods are collective.
+class DerivativeByConstant:
+    """Derivative of a form with respect to a ``fem.Constant``; all methods are collective.
 
     Args:
         mesh: The mesh.
         form: The form.
-        control: The constant or function.
+        constant: The constant.
         space: Space of the form's test function, ``None`` for rank 0.
     """
 
-    def __init__(self, mesh: Any, form: ufl.Form, control: Any, space: Any = None) -> None:
-        self._mesh, self._comm = mesh, mesh.comm
-        self._form, self._control, self._space = expand_derivatives(form), control, space
-
-    @abstractmethod
-    def along(self, direction: Array) -> Any:
-        """Derivative in a direction.
-
-        Args:
-            direction: Numbers in the shape of the constant, or of the owned dofs of the function.
-
-        Returns:
-            A number, or the vector of a form of rank 1, shape (owned dofs,).
-        """
-
-    @abstractmethod
-    def transposed(self, weights: Array | None = None) -> Array:
-        """Derivatives with respect to all numbers of the control.
-
-        Args:
-            weights: Weights of the values of the test function, shape (owned dofs,), of a form of
-                rank 1.
-
-        Returns:
-            Derivatives in the shape of the constant, replicated, or of the owned dofs of the
-            function [unit of the sum over that of the control].
-        """
-
-
-class DerivativeByConstant(FormDerivative):
-    """Derivative with respect to a ``fem.Constant``; see ``FormDerivative``."""
-
-    @cached_property
-    def _direction(self) -> fem.Constant:
-        return fem.Constant(self._mesh, 0.0 * self._control.value)
-
-    @cached_property
-    def _assembled(self) -> AssembledForm:
-        variable = ufl.variable(self._control)
-        form = ufl.replace(self._form, {self._control: variable})
+    def __init__(self, mesh: Any, form: ufl.Form, constant: fem.Constant, space: Any = None):
+        self._comm, self._space, self._constant = mesh.comm, space, constant
+        variable = ufl.variable(constant)
+        self._direction = fem.Constant(mesh, 0.0 * constant.value)
 
         def along(integrand: Any) -> Any:
             return ufl.inner(ufl.diff(integrand, variable), self._direction)
 
-        return AssembledForm(map_integrands(along, form), self._comm, self._space)
+        form = ufl.replace(expand_derivatives(form), {constant: variable})
+        self._assembled = AssembledForm(map_integrands(along, form), mesh.comm, space)
 
     def along(self, direction: Array) -> Any:
-        """See ``FormDerivative``."""
+        """Derivative in a direction of its shape: a number or (owned dofs,) [its unit]."""
         self._direction.value[...] = direction
         return self._assembled.scalar() if self._space is None else self._assembled.vector()
 
     def transposed(self, weights: Array | None = None) -> Array:
-        """See ``FormDerivative``."""
-        result = np.zeros_like(self._control.value)
+        """Derivatives with respect to all numbers of the constant, of its shape, replicated.
+
+        Units: that of the form or weighted sum over that of the constant [its unit].
+
+        Args:
+            weights: Weights of the values of the test function, shape (owned dofs,), of a form of
+                rank 1.
+        """
+        result = np.zeros_like(self._constant.value)
         for entry in np.ndindex(result.shape):
             unit = np.zeros_like(result)
             unit[entry] = 1.0
@@ -133,47 +111,51 @@ class DerivativeByConstant(FormDerivative):
         return result if weights is None else self._comm.allreduce(result)
 
 
-class DerivativeByFunction(FormDerivative):
-    """Derivative with respect to a ``fem.Function``; see ``FormDerivative``."""
+class DerivativeByField:
+    """Derivative of a form with respect to a function, or to positions; methods are collective.
 
-    @cached_property
-    def _direction(self) -> fem.Function:
-        return fem.Function(self._control.function_space)
+    Args:
+        form: The form.
+        field: The function, or the ``ufl.SpatialCoordinate`` of the form.
+        V: Space of the function, or of the changes of the positions.
+        space: Space of the form's test function, ``None`` for rank 0.
+    """
 
-    @cached_property
-    def _weights(self) -> fem.Function:
-        return fem.Function(self._space)
+    def __init__(self, form: ufl.Form, field: Any, V: Any, space: Any = None) -> None:
+        comm, action = V.mesh.comm, form
+        self._direction = fem.Function(V)
+        if space is not None:
+            self._weights, (test,) = fem.Function(space), form.arguments()
+            action = ufl.replace(form, {test: self._weights})
+            forwards = ufl.derivative(form, field, self._direction)
+            self._forwards = AssembledForm(forwards, comm, space)
+        backwards = ufl.derivative(action, field, ufl.TestFunction(V))
+        self._backwards = AssembledForm(backwards, comm, V)
 
-    @cached_property
-    def _forwards(self) -> AssembledForm:
-        form = ufl.derivative(self._form, self._control, self._direction)
-        return AssembledForm(form, self._comm, self._space)
-
-    @cached_property
-    def _backwards(self) -> AssembledForm:
-        form, space = self._form, self._control.function_space
-        if self._space is not None:
-            (test,) = form.arguments()
-            form = ufl.replace(form, {test: self._weights})
-        derivative = ufl.derivative(form, self._control, ufl.TestFunction(space))
-        return AssembledForm(derivative, self._comm, space)
-
-    def along(self, direction: Array) -> Any:
-        """See ``FormDerivative``."""
+    def along(self, direction: Array) -> Array:
+        """Change of a form of rank 1 along a direction, both (owned dofs,) [unit of the form]."""
         put_owned(self._direction, direction)
-        return self._forwards.scalar() if self._space is None else self._forwards.vector()
+        return self._forwards.vector()
 
     def transposed(self, weights: Array | None = None) -> Array:
-        """See ``FormDerivative``."""
+        """Derivatives with respect to all values, (owned dofs,) [unit of the form over theirs].
+
+        Args:
+            weights: See ``DerivativeByConstant.transposed``.
+        """
         if weights is not None:
             put_owned(self._weights, weights)
         return self._backwards.vector()
 
 
-def derivative_by(mesh: Any, form: ufl.Form, control: Any, space: Any = None) -> FormDerivative:
-    """Derivative of a form with respect to a constant or function; see ``FormDerivative``."""
-    kind = DerivativeByConstant if isinstance(control, fem.Constant) else DerivativeByFunction
-    return kind(mesh, form, control, space)
+def derivative_by(mesh: Any, form: ufl.Form, data: Any, space: Any = None) -> Any:
+    """Derivative of a form with respect to a constant or function (local).
+
+    Arguments: see ``DerivativeByConstant``.
+    """
+    if isinstance(data, fem.Constant):
+        return DerivativeByConstant(mesh, form, data, space)
+    return DerivativeByField(expand_derivatives(form), data, data.function_space, space)
 
 
 def num_owned(space: Any) -> int:
@@ -185,3 +167,57 @@ def put_owned(function: fem.Function, values: Array) -> None:
     """Set the owned values of a function, shape (owned dofs,), and its ghosts (collective)."""
     function.x.array[: values.size] = values
     function.x.scatter_forward()
+
+
+class FormQuantity(Quantity):
+    """Value and derivatives of a UFL form of rank 0; all methods are collective.
+
+    See ``Quantity`` for the methods.
+
+    Args:
+        bulk: The bodies.
+        form: The form.
+
+    Attributes:
+        form: The form.
+    """
+
+    def __init__(self, bulk: Bulk, form: ufl.Form) -> None:
+        self.form, self._u, self._mesh = form, bulk.u, bulk.V.mesh
+        self._data = [*form.constants(), *form.coefficients()]
+        self._derivatives: dict[Any, Any] = {}
+
+    @cached_property
+    def _checked(self) -> ufl.Form:
+        """The form, whose tags belong to the mesh."""
+        check_subdomains("objective", self.form, self._mesh, ())
+        return self.form
+
+    @cached_property
+    def _value(self) -> AssembledForm:
+        return AssembledForm(self._checked, self._mesh.comm)
+
+    def _by(self, data: Any) -> Array:
+        """Derivative with respect to a constant or function."""
+        if data not in self._derivatives:
+            self._derivatives[data] = derivative_by(self._mesh, self._checked, data)
+        return self._derivatives[data].transposed()
+
+    def value(self, problem: ContactProblem, before: Before = None) -> float:
+        """See ``Quantity``."""
+        return self._value.scalar()
+
+    def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
+        """See ``Quantity``."""
+        return LinearVector(u=self._by(self._u))
+
+    def depends_on(self, control: Any) -> bool:
+        """Whether a control occurs in the form (local)."""
+        data = getattr(control, "data", None)
+        return any(data is value for value in self._data)
+
+    def by_control(
+        self, problem: ContactProblem, control: Any, before: Before = None
+    ) -> Array | float:
+        """See ``Quantity.by_control``."""
+        return self._by(control.data) if self.depends_on(control) else 0.0

@@ -7,7 +7,7 @@ objective f(J_1, ..., J_N), w_k = df/dJ_k,
     A_k^T y_k = w_k dJ_k/ds_k + w_{k+1} dJ_{k+1}/ds_k - (dR_{k+1}/ds_k)^T y_{k+1},
     df/dm = sum_k [w_k dJ_k/dm - (dR_k/dm)^T y_k],             A_k = dR_k/ds_k.
 
-Memories of laws are propagated with the states, see ``memory``. One solve with the transposed
+Memories of laws are propagated with the states, see ``history``. One solve with the transposed
 tangent per step gives the derivatives with respect to all controls. dR_{k+1}/ds_k is the history:
 partners, slip and shear of the accepted state; without friction it vanishes, and steps without
 weight are left out.
@@ -24,28 +24,28 @@ import numpy as np
 from dolfinx import fem
 
 from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.equations.present import linearized
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.controls import Before
-from fenics_mortar.sensitivity.flat import Status, flat_remarks, status_of
 from fenics_mortar.sensitivity.forms import put_owned
-from fenics_mortar.sensitivity.history import StepHistory
-from fenics_mortar.sensitivity.kinks import Kink, find_kinks, nearest
-from fenics_mortar.sensitivity.linear_vectors import Term, combine
-from fenics_mortar.sensitivity.linearization import linearize
-from fenics_mortar.sensitivity.memory import Memories, StepMemory
-from fenics_mortar.sensitivity.over_steps import OverSteps, evaluate, last, state_before
-from fenics_mortar.sensitivity.path_record import RecordedPath, path_of_state
-from fenics_mortar.sensitivity.protocols import (
-    Control,
-    Quantity,
-    as_list,
-    check_dependence,
-    controls_of,
-    explicit,
-    quantities_of,
+from fenics_mortar.sensitivity.history import (
+    Before,
+    Memories,
+    StepHistory,
+    StepMemory,
+    added,
 )
+from fenics_mortar.sensitivity.kinks import (
+    Kink,
+    Status,
+    find_kinks,
+    flat_remarks,
+    nearest,
+    status_of,
+)
+from fenics_mortar.sensitivity.over_steps import OverSteps, evaluate, last
+from fenics_mortar.sensitivity.path_record import RecordedPath, path_of_state
+from fenics_mortar.sensitivity.protocols import Control, Quantity, as_list, explicit, read
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import together
 from fenics_mortar.utils.ranks import agreed
 
 
@@ -69,7 +69,7 @@ class Gradient:
             value of all steps. Functions: values of the owned dofs.
         kinks: Undecided nodes and the nodes closest to a change of set; see ``kinks``.
         remarks: Parameters of laws on which the objective does not depend, as all nodes in contact
-            stick, or none is in contact; see ``flat``.
+            stick, or none is in contact; see ``kinks``.
     """
 
     value: float
@@ -152,14 +152,11 @@ def gradient(
             between steps changed the state from which slip is counted.
     """
     path = recorded(path)
-    problem = path.problem
-    with together(problem.equations.comm, "gradient"):
-        quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
-    check_dependence(problem, quantities, made)
+    quantities, made = read(path.problem, objective, controls)
     with path.visited():
         value, values, weights = evaluate(path, quantities, over_steps)
         by_step, kinks, statuses = _backwards(path, quantities, weights, made)
-    equations = problem.equations
+    equations = path.problem.equations
     remarks = agreed(equations.comm, flat_remarks(equations.contacts, statuses, made, by_step))
     given = tuple(as_list(controls))
     return Gradient(value, values, given, tuple(by_step), tuple(kinks), remarks)
@@ -180,6 +177,37 @@ def recorded(path: Any) -> RecordedPath:
     return path
 
 
+class Step:
+    """Derivatives of the equations of a step of a path; constructor and methods are collective.
+
+    Args:
+        path: The path.
+        number: Number of the step.
+
+    Attributes:
+        before: ``StepHistory`` of the state before, if residuals depend on it and it is a step of
+            the path; otherwise this state.
+        kinks: See ``find_kinks``.
+        memory: Derivatives of the memory of laws.
+    """
+
+    def __init__(self, path: RecordedPath, number: int) -> None:
+        path.go_to(number)
+        problem = self._problem = path.problem
+        state = path.before(number)
+        self.before: Before = state
+        if number and state is not None:
+            history = StepHistory(problem, state)
+            self.before = history if history.pairs else state
+        self.kinks = find_kinks(problem, number)
+        self.memory = StepMemory(problem, self.before)
+
+    def solve(self, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:
+        """Solve with the tangent A = dR/ds, or with its transpose."""
+        self._problem.equations.bulk.free_garbage()
+        return linearized(self._problem.equations).solve(rhs, transpose=transpose)
+
+
 def _backwards(
     path: RecordedPath, quantities: Sequence[Quantity], weights: Array, controls: Sequence[Control]
 ) -> tuple[list[list[Array]], list[Kink], list[list[Status]]]:
@@ -191,31 +219,36 @@ def _backwards(
     by_step: list[list[Array]] = [[] for _ in controls]
     kinks: list[Kink] = []
     statuses: list[list[Status]] = []
-    carried: list[Term] = []
+    carried = LinearVector()
     by_memory: Memories = {}
     for number in reversed(range(len(path.steps))):
-        if not carried and not by_memory and not weights[number].any():
+        is_carried = by_memory or any(part is not None for part in vars(carried).values())
+        if not is_carried and not weights[number].any():
             for parts, control in zip(by_step, controls, strict=True):
                 parts.insert(0, np.zeros_like(control.get(problem)))
             continue
-        path.go_to(number)
-        before = state_before(path, number)
-        kinks[:0] = find_kinks(problem, number)
+        step = Step(path, number)
+        before, memory = step.before, step.memory
+        kinks[:0] = step.kinks
         statuses.append([status_of(contact) for contact in problem.equations.contacts])
-        memory = StepMemory(problem, before)
         weighted = [(w, q) for w, q in zip(weights[number], quantities, strict=True) if w]
-        of_quantities = [(w, q.gradient(problem, before)) for w, q in weighted]
-        rhs = combine([*of_quantities, *carried, (1.0, memory.state_back(by_memory))])
-        y = linearize(problem).solve(rhs, transpose=True)
+        rhs = carried + memory.by_state.T @ by_memory if by_memory else carried
+        for weight, quantity in weighted:
+            rhs = rhs + quantity.gradient(problem, before) * weight
+        y = step.solve(rhs, transpose=True)
         for parts, control in zip(by_step, controls, strict=True):
-            change = memory.control_back(control, by_memory) - control.vjp(problem, y, before)
+            change = -control.vjp(problem, y, before)
+            if by_memory:
+                change = change + memory.by_control(control).T @ by_memory
             for weight, quantity in weighted:
                 change = change + weight * explicit(problem, quantity, control, before)
             parts.insert(0, change)
         if number:
             carried = _carried(problem, weighted, y, before)
-            carried += [(1.0, memory.before_back(by_memory))] if by_memory else []
-            by_memory = memory.memory_back(by_memory, y)
+            if by_memory:
+                carried = carried + memory.by_earlier.T @ by_memory
+            of_rows = memory.residuals.T @ (y * -1.0)
+            by_memory = added([memory.by_before.T @ by_memory, of_rows])
     return by_step, kinks, statuses
 
 
@@ -224,11 +257,9 @@ def _carried(
     weighted: Sequence[tuple[float, Quantity]],
     y: LinearVector,
     before: Before,
-) -> list[Term]:
-    """Right-hand sides of the step before (collective)."""
-    terms: list[Term] = []
+) -> LinearVector:
+    """Right-hand side of the step before, without parts if it is zero (collective)."""
+    total = LinearVector()
     for weight, quantity in weighted:
-        by_before = quantity.by_before(problem, before)
-        if by_before is not None:
-            terms.append((weight, by_before))
-    return [*terms, (-1.0, before.vjp(y))] if isinstance(before, StepHistory) else terms
+        total = total + (quantity.by_before(problem, before) or LinearVector()) * weight
+    return total + before.residuals.T @ (y * -1.0) if isinstance(before, StepHistory) else total

@@ -15,16 +15,17 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 import ufl
-from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.corealg.traversal import unique_pre_traversal
 
 from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.controls import Before
-from fenics_mortar.sensitivity.forms import AssembledForm, put_owned
-from fenics_mortar.sensitivity.positions import ContactPositions
+from fenics_mortar.sensitivity.forms import DerivativeByField
+from fenics_mortar.sensitivity.history import Before, history_of
+from fenics_mortar.sensitivity.pair_operators import UNKNOWNS, PairOperator, check_exact
+from fenics_mortar.sensitivity.partials.shape import by_positions, check_positions
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
@@ -67,21 +68,16 @@ class NodalPositions:
 
         ``problem`` and the state ``before`` are those of a step.
         """
-        change, prescribed = ContactPositions(problem, before).jvp(dm), _prescribed(problem)
-        of_bodies = np.where(prescribed, 0.0, self._of(problem).along(dm))
-        return LinearVector(
-            of_bodies if change.u is None else change.u + of_bodies, change.z, change.q
-        )
+        bodies = LinearVector(u=self._of(problem).residual.along(dm))
+        return ContactPositions(problem, before).jvp(dm) + _free(problem.equations, bodies)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
         """Gradient of the product of residuals and ``y``, shape (owned dofs,) [product / length].
 
         See ``Control``; ``problem`` and the state ``before`` are those of a step.
         """
-        total = ContactPositions(problem, before).vjp(y)
-        if y.u is None:
-            return total
-        return total + self._of(problem).transposed(np.where(_prescribed(problem), 0.0, y.u))
+        total, free = ContactPositions(problem, before).vjp(y), _free(problem.equations, y)
+        return total if y.u is None else total + self._of(problem).residual.transposed(free.u)
 
     def explicit(self, problem: ContactProblem, quantity: Any, before: Before = None) -> Array:
         """Derivative of a quantity at fixed displacements, shape (owned dofs,) [quantity / length].
@@ -91,10 +87,9 @@ class NodalPositions:
         form = getattr(quantity, "form", None)
         if form is not None:
             return self._of(problem).of_form(form)
-        total = np.zeros(problem.equations.bulk.num_owned)
-        for vector in (quantity.gradient(problem, before), quantity.by_before(problem, before)):
-            total = total if vector is None or vector.u is None else total + vector.u
-        return total
+        earlier = quantity.by_before(problem, before) or LinearVector()
+        total = (quantity.gradient(problem, before) + earlier).u
+        return np.zeros(problem.equations.bulk.num_owned) if total is None else total
 
 
 class _Derivatives:
@@ -102,6 +97,9 @@ class _Derivatives:
 
     Args:
         bulk: The bodies.
+
+    Attributes:
+        residual: Derivative of the residual.
 
     Raises:
         MortarError: On all ranks, if the nodes of displacement and mesh differ.
@@ -114,42 +112,64 @@ class _Derivatives:
             raise MortarError(
                 "nodal positions as control need displacements of degree 1 on straight cells"
             )
-        self._V, self._mesh = space.V, mesh
-        self._direction, self._weights = fem.Function(space.V), fem.Function(space.V)
-        (test,) = bulk.residual.arguments()
-        action = ufl.replace(bulk.residual, {test: self._weights})
-        x = _positions_in(bulk.residual, mesh)
-        forwards = ufl.derivative(bulk.residual, x, self._direction)
-        self._forwards = AssembledForm(forwards, mesh.comm, space.V)
-        self._backwards = self._by_positions(action)
-        self._forms: dict[ufl.Form, AssembledForm] = {}
+        self._V = space.V
+        self.residual = self._by_positions(bulk.residual, space.V)
+        self._forms: dict[ufl.Form, DerivativeByField] = {}
 
-    def _by_positions(self, form: ufl.Form) -> AssembledForm:
-        x = _positions_in(form, self._mesh)
-        derivative = ufl.derivative(form, x, ufl.TestFunction(self._V))
-        return AssembledForm(derivative, self._mesh.comm, self._V)
-
-    def along(self, direction: Array) -> Array:
-        """Change of the residual along a direction of positions, (owned dofs,) [stress length]."""
-        put_owned(self._direction, direction)
-        return self._forwards.vector()
-
-    def transposed(self, weights: Array) -> Array:
-        """Gradient of the residual times ``weights``, (owned dofs,) [unit of the sum / length]."""
-        put_owned(self._weights, weights)
-        return self._backwards.vector()
+    def _by_positions(self, form: ufl.Form, space: Any = None) -> DerivativeByField:
+        return DerivativeByField(form, _positions_in(form, self._V.mesh), self._V, space)
 
     def of_form(self, form: ufl.Form) -> Array:
         """Gradient of the value of a form, (owned dofs,) [its unit / length]."""
         if form not in self._forms:
             self._forms[form] = self._by_positions(form)
-        return self._forms[form].vector()
+        return self._forms[form].transposed()
 
 
-def _prescribed(problem: ContactProblem) -> Any:
-    """Marks of the owned prescribed dofs (local)."""
-    bulk = problem.equations.bulk
-    return bulk.prescribed[: bulk.num_owned]
+class ContactPositions:
+    """Derivative of the residuals with respect to the positions of the nodes, contacts only.
+
+    Positions are values at the dofs of the displacement. See ``partials.shape``.
+
+    Args:
+        problem: The problem, at the end of a step, evaluated with ``EXACT``; collective.
+        before: State at the start of the step, with friction.
+
+    Raises:
+        MortarError: On all ranks, if contact depends on the undeformed mesh in other ways.
+    """
+
+    def __init__(self, problem: ContactProblem, before: Before = None) -> None:
+        e = self._equations = problem.equations
+        self._history = history_of(problem, before)
+        for contact in e.contacts:
+            check_positions(contact)
+            check_exact(contact)
+        matrices = {i: by_positions(contact) for i, contact in enumerate(e.contacts)}
+        self._residuals = PairOperator(e, matrices, UNKNOWNS, UNKNOWNS)
+
+    def jvp(self, dx: Array) -> LinearVector:
+        """Change of the residuals with the positions, (owned dofs,) [length] (collective)."""
+        positions = LinearVector(u=dx)
+        change = _free(self._equations, self._residuals @ positions)
+        return change if self._history is None else change + self._history.residuals @ positions
+
+    def vjp(self, y: LinearVector) -> Array:
+        """Gradient, by positions, of residuals times ``y``, (owned dofs,) (collective).
+
+        In the unit of the product over [length].
+        """
+        gradient = self._residuals.T @ _free(self._equations, y)
+        if self._history is not None:
+            gradient = gradient + self._history.residuals.T @ y
+        return np.asarray(gradient.u)
+
+
+def _free(e: ContactEquations, x: LinearVector) -> LinearVector:
+    """Zeros at prescribed dofs and motions: their rows contain no forces (local)."""
+    prescribed = e.bulk.prescribed[: e.bulk.num_owned]
+    u = None if x.u is None else np.where(prescribed, 0.0, x.u)
+    return LinearVector(u, x.z, None if x.q is None else np.where(e.motions.driven, x.q, 0.0))
 
 
 def _positions_in(form: ufl.Form, mesh: dmesh.Mesh) -> ufl.SpatialCoordinate:

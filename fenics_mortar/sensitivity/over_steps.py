@@ -14,8 +14,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.sensitivity.controls import Before
-from fenics_mortar.sensitivity.history import StepHistory
 from fenics_mortar.sensitivity.path_record import RecordedPath
 from fenics_mortar.sensitivity.protocols import Quantity
 from fenics_mortar.utils.arrays import Array
@@ -133,21 +131,3 @@ def _called(over_steps: Any, values: Array) -> tuple[Any, Array]:
     if not (np.isfinite(value).all() and np.isfinite(weights).all()):
         raise ValueError("over_steps returned numbers that are not finite")
     return value, weights
-
-
-def state_before(path: RecordedPath, number: int) -> Before:
-    """The state from which step ``number`` starts, for partial derivatives (collective).
-
-    Args:
-        path: The path, at this step.
-        number: Number of the step.
-
-    Returns:
-        The ``StepHistory`` of the state, if residuals depend on it and it is a step of the path;
-        otherwise the state.
-    """
-    state = path.before(number)
-    if number == 0 or state is None:
-        return state
-    history = StepHistory(path.problem, state)
-    return history if history.any else state

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Accepted states of a path, with the loads and data of the solves."""
+"""Accepted states of a path, with the loads and data of the solves.
+
+Derivatives are those of a solution. At a state for other loads, materials or laws than the present
+ones they would be wrong without any indication; such a state is not recorded.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +20,10 @@ from dolfinx import fem
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.equations.general import State
-from fenics_mortar.equations.undo import Snapshot, raise_cause
+from fenics_mortar.equations.undo import Snapshot, raise_cause, restored_if_interrupted
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.checkpoints import Checkpoints
-from fenics_mortar.sensitivity.solved import check_solved
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
@@ -30,6 +33,11 @@ from fenics_mortar.utils.ranks import agreed
 # Largest difference of the multipliers of a step solved twice, over the largest multiplier [1]:
 # errors of solves are far below, differences from other solutions far above.
 SAME_SOLUTION = 1e-5
+
+
+# Residual of a solution over that of Newton's tolerance [1]: the reference force of an iteration
+# may have been larger than that of the state.
+SOLVED_FACTOR = 1e3
 
 
 @dataclass(frozen=True)
@@ -282,3 +290,32 @@ def path_of_state(problem: ContactProblem) -> RecordedPath:
     path.start = None
     path.record()
     return path
+
+
+def check_solved(problem: ContactProblem) -> None:
+    """Reject a state that is not a solution; one evaluation of the residual (collective).
+
+    Raises:
+        MortarError: On all ranks, if the last solve failed, or if displacement, loads, prescribed
+            values, material or law were changed after it.
+    """
+    e = problem.equations
+    if not e.last_converged:
+        raise MortarError(
+            "the present state is not the result of a solve: record a state after solve()"
+        )
+    with restored_if_interrupted(e):
+        e.evaluate_operators()
+        e.bulk.assemble_residual()
+        if e.floating.bodies:
+            e.floating.add_spring_forces()
+        e.residual.begin()
+        residual = e.residual.measure()
+    tolerance = e.newton.residual_tolerance
+    allowed = SOLVED_FACTOR * max(tolerance * e.residual.force, e.residual.attainable)
+    if not residual <= allowed:
+        raise MortarError(
+            f"the present state is not a solution: residual {residual:.1e}, allowed {allowed:.1e}. "
+            "Displacement, loads, prescribed values, material or law were changed after solve(): "
+            "record before changing them, or solve again"
+        )

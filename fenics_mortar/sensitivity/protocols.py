@@ -1,15 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Protocols of controls and quantities, and their creation from users' arguments.
-
-R_k(s_k, s_{k-1}, m) = 0 are the equations of step k for its state s_k = (u, z, q), rows and units
-as in ``equations.linearized``; all derivatives are taken at fixed active sets and branches, at the
-present, evaluated state of the problem. All methods are collective.
-"""
+"""Controls and quantities from users' arguments, and common calls of both; see their protocols."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol, TypeVar
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -18,40 +13,15 @@ import ufl
 from dolfinx import fem
 
 from fenics_mortar.bulk.checks import check_domain
-from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.combined import Combined
-from fenics_mortar.sensitivity.controls import Before, Control
+from fenics_mortar.sensitivity.control import Control
 from fenics_mortar.sensitivity.form_controls import FormControl
-from fenics_mortar.sensitivity.form_quantity import FormQuantity
-from fenics_mortar.sensitivity.nodal_positions import NodalPositions
+from fenics_mortar.sensitivity.forms import FormQuantity
+from fenics_mortar.sensitivity.history import Before
+from fenics_mortar.sensitivity.quantity import Combined, Quantity
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same_texts
+from fenics_mortar.utils.errors import check_same_texts, together
 
-
-class Quantity(Protocol):
-    """A scalar function J(s_k, s_{k-1}, m) of a state; all methods are collective.
-
-    ``problem`` is at the end of a step with the state s_k, ``before`` is the state s_{k-1} at its
-    start, and m are the values of a control.
-    """
-
-    def value(self, problem: ContactProblem, before: Before = None) -> float:
-        """Value at the present state [unit of the quantity], equal on all ranks."""
-
-    def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
-        """dJ/ds_k."""
-
-    def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
-        """dJ/ds_{k-1}; ``None`` if it is zero."""
-
-    def by_control(
-        self, problem: ContactProblem, control: Any, before: Before = None
-    ) -> Array | float:
-        """Explicit derivative dJ/dm at fixed states, of the shape of m [unit of J / unit of m]."""
-
-
-T = TypeVar("T")
 # Cache of controls and quantities with compiled forms, by bulk and UFL object.
 _kept: WeakKeyDictionary[Any, dict[Any, Any]] = WeakKeyDictionary()
 
@@ -86,21 +56,25 @@ def as_list(given: Any) -> list[Any]:
     return found
 
 
-def check_dependence(
-    problem: ContactProblem, quantities: Sequence[Quantity], controls: Sequence[Control]
-) -> None:
-    """Reject controls without influence, or that differ between ranks (collective).
+def read(
+    problem: ContactProblem, objective: Any, controls: Any
+) -> tuple[list[Quantity], list[Control]]:
+    """Quantities and controls of a gradient; see ``gradient`` for the arguments (collective).
 
     Raises:
-        ValueError: On all ranks.
+        ValueError: On all ranks, if an argument is of another type, or nothing depends on a
+            control.
         MortarError: On all ranks, if number, kind or arguments of quantities or controls differ.
     """
+    comm = problem.equations.comm
+    with together(comm, "gradient"):
+        quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
     given = {
         "quantities": [_described(quantity) for quantity in quantities],
-        "controls": [f"{type(control).__name__} {control.name}" for control in controls],
+        "controls": [f"{type(control).__name__} {control.name}" for control in made],
     }
-    check_same_texts(problem.equations.comm, "gradient", given)
-    for control in controls:
+    check_same_texts(comm, "gradient", given)
+    for control in made:
         occurs = getattr(control, "occurs", True)
         tests = (getattr(quantity, "depends_on", lambda _: False) for quantity in quantities)
         if not occurs and not any(depends_on(control) for depends_on in tests):
@@ -108,6 +82,7 @@ def check_dependence(
                 f"{control.name}: neither residual nor Dirichlet conditions nor objective depend "
                 "on this control"
             )
+    return quantities, made
 
 
 def explicit(
@@ -117,8 +92,9 @@ def explicit(
 
     In the unit of J over that of m [any].
     """
-    if isinstance(control, NodalPositions):
-        return control.explicit(problem, quantity, before)
+    of_control = getattr(control, "explicit", None)
+    if of_control is not None:
+        return of_control(problem, quantity, before)
     return quantity.by_control(problem, control, before)
 
 
@@ -128,12 +104,8 @@ def dot(problem: ContactProblem, control: Control, one: Array, other: Array) -> 
     Values of controls with a true ``is_distributed`` are those of the owned dofs, others are
     replicated.
     """
-    mine = float(np.vdot(one, other))
-    return (
-        problem.equations.comm.allreduce(mine)
-        if getattr(control, "is_distributed", False)
-        else mine
-    )
+    mine, is_distributed = float(np.vdot(one, other)), getattr(control, "is_distributed", False)
+    return problem.equations.comm.allreduce(mine) if is_distributed else mine
 
 
 def _control_of(problem: ContactProblem, control: Any) -> Control:

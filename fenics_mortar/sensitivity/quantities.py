@@ -22,10 +22,8 @@ import numpy.typing as npt
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.obstacles.points import check_vector
-from fenics_mortar.sensitivity.combined import Combined, ContactQuantity
-from fenics_mortar.sensitivity.pair_quantity import PairQuantity
-from fenics_mortar.sensitivity.partials.fields import ByFields, moment, moment_gradient
-from fenics_mortar.sensitivity.partials.maps import PairVector
+from fenics_mortar.sensitivity.partials.fields import moment, moment_gradient
+from fenics_mortar.sensitivity.quantity import ByFields, Combined, ContactQuantity, PairQuantity
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array, Indices
 
@@ -54,7 +52,7 @@ class TotalForce(PairQuantity):
     def _by_fields(self, contact: Interface) -> ByFields:
         """See ``PairQuantity``."""
         weight, direction = contact.operators.weight, np.asarray(self.direction, float)
-        return ByFields(weight=-contact.z @ direction, z=-weight[:, None] * direction)
+        return {"weight": -contact.z @ direction, "z": -weight[:, None] * direction}
 
 
 class Moment(PairQuantity):
@@ -80,9 +78,9 @@ class Moment(PairQuantity):
 
     def _by_fields(self, contact: Interface) -> ByFields:
         """See ``PairQuantity``: no control changes the moment at a fixed state."""
-        return ByFields()
+        return {}
 
-    def _by_state(self, contact: Interface) -> PairVector:
+    def _by_state(self, contact: Interface) -> Array:
         return moment_gradient(contact, np.asarray(self.about, float))
 
 
@@ -110,7 +108,7 @@ class PressureFunctional(PairQuantity):
     def _by_fields(self, contact: Contact) -> ByFields:
         """See ``PairQuantity``."""
         p, weight = contact.now.z_n, contact.operators.weight
-        return ByFields(weight=self._function(p), z_n=weight * self._derivative(p))
+        return {"weight": self._function(p), "z_n": weight * self._derivative(p)}
 
 
 class PressureIntegral(PressureFunctional):
@@ -166,11 +164,11 @@ class PeakPressure(PairQuantity):
         """See ``PairQuantity``; zero without pressure."""
         p, largest, total, mean = self._parts(contact)
         if mean == 0.0:
-            return ByFields()
+            return {"weight": p}
         by_mean = mean ** (1.0 / self.power - 1.0) / total
         by_weight = largest / self.power * by_mean * (p**self.power - mean)
         weight = contact.operators.weight
-        return ByFields(weight=by_weight, z_n=by_mean * weight * p ** (self.power - 1.0))
+        return {"weight": by_weight, "z_n": by_mean * weight * p ** (self.power - 1.0)}
 
 
 def _check_nodes(nodes: Any) -> None:
@@ -224,7 +222,7 @@ class MeanGap(PairQuantity):
         """See ``PairQuantity``."""
         counts = self._counts(contact)
         total = float(counts @ contact.operators.weight) or 1.0
-        return ByFields(weight=-self._of(contact) / total * counts, gap=counts / total)
+        return {"weight": -self._of(contact) / total * counts, "gap": counts / total}
 
 
 class FrictionWork(PairQuantity):
@@ -245,10 +243,12 @@ class FrictionWork(PairQuantity):
         w, z_tau, on = contact.operators.weight, contact.z_tau, contact.active
         slip, f = np.where(on, contact.slip, 0.0), contact.now
         gap = np.where(on, z_tau * f.slip_by_gap, 0.0)
-        return ByFields(
-            weight=z_tau * slip - gap * f.mean_gap, gap=gap, z_tau=w * slip,
-            slip=np.where(on, w * z_tau, 0.0),
-        )  # fmt: skip
+        return {
+            "weight": z_tau * slip - gap * f.mean_gap,
+            "gap": gap,
+            "z_tau": w * slip,
+            "slip": np.where(on, w * z_tau, 0.0),
+        }
 
 
 class ContactLength(PairQuantity):
@@ -267,7 +267,7 @@ class ContactLength(PairQuantity):
 
     def _by_fields(self, contact: Contact) -> ByFields:
         """See ``PairQuantity``."""
-        return ByFields(weight=contact.active.astype(float))
+        return {"weight": contact.active.astype(float)}
 
 
 def effective_length(pair: int) -> ContactQuantity:

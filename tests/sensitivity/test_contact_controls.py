@@ -24,8 +24,8 @@ from fenics_mortar.sensitivity.controls import (
     ObstacleShape,
     Offset,
 )
-from fenics_mortar.sensitivity.pair_vectors import check_exact
-from fenics_mortar.sensitivity.positions import ContactPositions
+from fenics_mortar.sensitivity.nodal_positions import ContactPositions
+from fenics_mortar.sensitivity.pair_operators import check_exact
 
 comm = MPI.COMM_WORLD
 DOT = 1e-12

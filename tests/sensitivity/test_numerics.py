@@ -13,9 +13,14 @@ from taylor_scenes import ROLL, SLIDE, blocks, obstacle_on_block
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.laws import Worn
 from fenics_mortar.sensitivity import Numerics, TotalForce, by_numerics, total
-from fenics_mortar.sensitivity.faceting import mean_bulges, offset_by_faceting
-from fenics_mortar.sensitivity.numeric_controls import NumericWeight, RemainingResidual
+from fenics_mortar.sensitivity.controls import NumericWeight
+from fenics_mortar.sensitivity.numerics import (
+    RemainingResidual,
+    mean_bulges,
+    offset_by_faceting,
+)
 from meshes import half_cylinder_on_block
 
 FORCE = TotalForce(0, (1.0, 0.3))
@@ -30,7 +35,7 @@ def cylinder(degree):
     return data, u
 
 
-@pytest.mark.parametrize("law", [None, fm.Tresca(1.0), fm.Coulomb(0.3)], ids=str)
+@pytest.mark.parametrize("law", [None, fm.Tresca(1.0), fm.Coulomb(0.3), Worn(0.3, 0.05)], ids=str)
 def test_weights_have_no_effect(law):
     """Neither that of the active-set test nor the stiffness of the rows; nodes stick and slide."""
     path = blocks(law, places=SLIDE[:3]).solve()
@@ -41,8 +46,9 @@ def test_weights_have_no_effect(law):
     assert abs(pair.by_offset).max() > abs(report.value)  # the quantity depends on these
 
 
-def test_adjoint_is_tangent_linear():
-    path = blocks(fm.Coulomb(0.3), places=SLIDE[:3]).solve()
+@pytest.mark.parametrize("law", [fm.Coulomb(0.3), Worn(0.3, 0.05)], ids=["Coulomb", "wear"])
+def test_adjoint_is_tangent_linear(law):
+    path = blocks(law, places=SLIDE[:3]).solve()
     for control in (NumericWeight(0, "c_n"), NumericWeight(0, "stiffness"), RemainingResidual()):
         by_all = fm.gradient(FORCE, control, path)
         along = fm.sensitivity.tangent_linear(FORCE, control, 1.0, path)

@@ -12,7 +12,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import sensitivity
-from fenics_mortar.laws import Stribeck
+from fenics_mortar.laws import Stribeck, Worn
 
 FORCE = sensitivity.TotalForce(0, (0.0, 1.0))
 MU = sensitivity.LawParameter(0, "mu")
@@ -145,3 +145,19 @@ def test_nodal_positions_of_ties_are_refused():
     problem.solve()
     with refused(fm.MortarError, "TiedPair.* nodal positions as controls need contact"):
         fm.gradient(FORCE, sensitivity.NodalPositions(), problem)
+
+
+def test_nodal_positions_with_memory_are_refused():
+    """The derivative of the memory with respect to them is not known, and would be left out."""
+    scene = small_blocks(pair={"law": Worn(0.3, 0.05)})
+    path = sensitivity.RecordedPath(scene.problem)
+    for push in ((0.01, -0.02), (0.02, -0.02)):
+        scene.loads["push"].value[:] = push
+        scene.problem.solve()
+        path.record()
+    positions = sensitivity.NodalPositions()
+    with refused(fm.MortarError, "nodal positions: no derivative through the memory"):
+        fm.gradient(FORCE, positions, path)
+    with refused(fm.MortarError, "nodal positions: no derivative through the memory"):
+        direction = np.zeros_like(positions.get(scene.problem))
+        sensitivity.tangent_linear(FORCE, positions, direction, path)

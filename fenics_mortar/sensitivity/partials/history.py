@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from copy import copy
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -34,8 +35,8 @@ from fenics_mortar.interface.facing import nearest_facets
 from fenics_mortar.interface.integrals import share_of
 from fenics_mortar.interface.mortar import EXACT, Block, MortarOperators, minus_offset
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
-from fenics_mortar.sensitivity.partials.fields import off_planes
-from fenics_mortar.sensitivity.partials.maps import Dofs, NodalDerivative, PairVector, rows_at_nodes
+from fenics_mortar.sensitivity.partials.fields import off_planes, rows_by_fields, shear_derivative
+from fenics_mortar.sensitivity.partials.maps import Layout, Matrix, rows_at_nodes, through_fields
 from fenics_mortar.utils.arrays import Array, Indices
 
 
@@ -84,62 +85,43 @@ class Earlier:
         return self.fields.operators
 
 
+@dataclass(frozen=True)
 class PairHistory:
-    """Derivative of the rows of a contact with respect to an earlier state; collective methods.
-
-    Args:
-        contact: The contact, evaluated at the end of the step.
-        earlier: The state that defines the partners.
+    """Derivatives of a contact at the end of a step with respect to an earlier state (local).
 
     Attributes:
-        slip: Derivative of the slip of the step [1].
-        shear: Derivative of the initial shear of redundant sticks.
+        slip: Derivative of the slip of the step, shape (slave nodes, size of the vector) [1].
+        rows: Derivative of the rows, through slip and the initial shear of redundant sticks, shape
+            (2 slave nodes, size of the vector).
     """
 
-    def __init__(self, contact: Contact, earlier: Earlier) -> None:
-        self._contact = contact
-        f = contact.now
-        dofs = Dofs((contact.slave, contact.master))
-        self.slip = off_planes(slip_derivative(contact, earlier, dofs), contact)
-        self.shear = shear_derivative(earlier, dofs)
-        weights = contact.rows.frame()[2:]
-        terms = [s * row.by_slip[:, None] for s, row in zip(weights, f.law_rows, strict=True)]
-        self._by_slip = -np.sum(terms, axis=0)
-        self._by_shear = weights[0] * (f.state.redundant / ELASTIC)[:, None]
-
-    def along(self, direction: PairVector) -> Array:
-        """Change of the rows, shape (slave nodes, 2) [stress length]."""
-        slip, shear = self.slip.along(direction), self.shear.along(direction)
-        return self._by_slip * slip[:, None] + self._by_shear * shear[:, None]
-
-    def back(self, rows: Array) -> PairVector:
-        """Gradient of the sum of the rows times ``rows`` (slave nodes, 2)."""
-        by_slip = np.einsum("jc,jc->j", self._by_slip, rows)
-        by_shear = np.einsum("jc,jc->j", self._by_shear, rows)
-        return self.slip.back(by_slip).plus(self.shear.back(by_shear))
+    slip: Matrix
+    rows: Matrix
 
 
-def shear_derivative(earlier: Earlier, dofs: Dofs) -> NodalDerivative:
-    """Derivative of the earlier shear z_tau of active nodes, zero at others (local)."""
-    o, state = earlier.operators, earlier.fields.state
-    on = state.active[:, None]
-    values = np.where(on, o.tangential_derivative(state.z), 0.0)
-    blocks = [rows_at_nodes(o.slave, o.normal_columns(), values)]
-    by_motion = np.zeros((len(o.x), 3))
-    if isinstance(o, ObstacleOperators):
-        z = state.z
-        by_motion = np.where(on, z[:, 1:] * o.dn_dq[:, 0] - z[:, :1] * o.dn_dq[:, 1], 0.0)
-    return NodalDerivative(dofs, blocks, np.where(on, o.tau, 0.0), by_motion)
+def history_of_pair(contact: Contact, earlier: Earlier) -> PairHistory:
+    """Derivatives of a contact, evaluated at the end of the step (collective).
+
+    Args:
+        contact: The contact.
+        earlier: The state that defines the partners.
+    """
+    layout, f, then = Layout(contact), contact.now, earlier.fields
+    by = {"slip": rows_by_fields(contact)["slip"]}
+    changes = {"slip": off_planes(_slip_derivative(contact, earlier, layout), contact)}
+    if f.state.redundant.any():
+        keeps_shear = f.state.redundant & then.state.active
+        by["shear"] = contact.rows.frame()[2] * (keeps_shear / ELASTIC)[:, None]
+        changes["shear"] = shear_derivative(then.operators, then.state.z, layout)
+    return PairHistory(changes["slip"], through_fields(by, changes))
 
 
-def slip_derivative(contact: Contact, earlier: Earlier, dofs: Dofs) -> NodalDerivative:
-    """Derivative of the present slip with respect to the earlier state (local)."""
-    none = np.zeros_like(contact.z)
+def _slip_derivative(contact: Contact, earlier: Earlier, layout: Layout) -> Matrix:
+    """Derivative of the present slip with respect to the earlier state (collective)."""
     if isinstance(contact.operators, ObstacleOperators):
         blocks, by_motion = _on_obstacle(contact, earlier)
-        return NodalDerivative(dofs, blocks, none, by_motion)
-    terms = _Terms(contact.operators, earlier, contact.partners)
-    return NodalDerivative(dofs, list(terms.blocks()), none, np.zeros((len(none), 3)))
+        return layout.nodal(blocks, by_motion=by_motion)
+    return layout.nodal(_Terms(contact.operators, earlier, contact.partners).blocks())
 
 
 def _on_obstacle(contact: Contact, earlier: Earlier) -> tuple[list[Block], Array]:

@@ -1,18 +1,21 @@
 # SPDX-License-Identifier: MIT
-"""Derivative of a contact's rows with respect to parameters of its law, by complex steps.
+"""Derivatives of a law, in the rows of a contact and in its memory, by complex steps.
 
-The parameters of a law, numbers or arrays, are listed in ``Law.parameters``; those that vary in
-space are represented by their values at the slave nodes. The law is evaluated with a parameter
-p + i h d: the imaginary part over h is the derivative along d, exact up to rounding. Functions such
-as ``abs`` are not analytic; a result that contradicts difference quotients on both sides is
-therefore rejected. Branches are fixed, and so is the law's memory.
+The residuals of the rows and the memory h_k = H(g, slip, z_n, z_tau; h_{k-1}, p) at the end of a
+step depend on the mean gap, which the closing gap replaces as in ``Law.remember``, on slip and
+multiplier, on the memory before and on the parameters p of the law. Parameters, numbers or arrays,
+are listed in ``Law.parameters``; those that vary in space are represented by their values at the
+slave nodes. The law is evaluated with a number p + i h d: the imaginary part over h is the
+derivative along d, exact up to rounding. Functions such as ``abs`` are not analytic; a result that
+contradicts difference quotients on both sides is therefore rejected. Branches are fixed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +24,9 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.law import Law
 from fenics_mortar.contact.law_fields import LawFields
-from fenics_mortar.contact.nodal import COMPLEX_STEP
+from fenics_mortar.contact.nodal import COMPLEX_STEP, Nodal
+from fenics_mortar.sensitivity.partials.fields import over_weights
+from fenics_mortar.sensitivity.partials.maps import Matrix, by_node
 from fenics_mortar.utils.arguments import check_choice
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together
@@ -32,11 +37,14 @@ from fenics_mortar.utils.rounding import EPSILON
 # at all nodes. The square root of the largest one is the largest relative difference from the
 # complex step.
 QUOTIENTS = (1e-6, 1e-9, 1e-12)
-
-
 # Arguments of laws that are converted to complex numbers, so that arrays created like them are
 # complex.
 NUMBERS = ("gap", "slip", "z_n", "z_tau", "stiffness", "c_n")
+
+# Law and arguments changed by a number or array, from its value.
+At = Callable[[Any], tuple[Law, Mapping[str, Any]]]
+# Change of n values of each node, shape (slave nodes, n), along a direction of a named value.
+Response = Callable[[Contact, str, Array, Array, At], Array]
 
 
 def parameter(contact: Contact, name: str) -> Array:
@@ -54,147 +62,178 @@ def parameter(contact: Contact, name: str) -> Array:
     return np.asarray(getattr(law, name), float)
 
 
-def rows_by_parameter(contact: Contact, name: str, direction: Array) -> Array:
-    """Change of the rows along a direction of a parameter (collective).
+def by_parameter(contact: Contact, name: str, response: Response) -> Matrix:
+    """Derivative of rows or memory with respect to a parameter of the law (collective).
 
     Args:
         contact: The contact, evaluated.
         name: Name of the parameter.
-        direction: Shape of the parameter, in its unit.
+        response: ``change_of_rows`` or ``change_of_memory``.
 
     Returns:
-        Shape (slave nodes, 2) [stress length].
+        Shape (2 slave nodes or number of names in memory * slave nodes, numbers of the parameter).
 
     Raises:
         ValueError: On all ranks, if the law has no such parameter, or cannot be differentiated.
     """
-    law, f = contact.pair.law, contact.now
-    value, direction = parameter(contact, name), np.asarray(direction, float)
-    memory = f.nodal.memory
+    law, value = contact.pair.law, parameter(contact, name)
 
-    def residuals(changed: Any) -> Array:
+    def at(changed: Any) -> tuple[Law, Mapping[str, Any]]:
         if name in law.varying:
-            return _residuals(law, f, {**contact.parameters, name: changed}, memory)
-        return _residuals(with_parameter(law, name, changed), f, contact.parameters, memory)
+            return law, {"fields": {**contact.parameters, name: changed}}
+        other = copy(law)
+        setattr(other, name, changed if np.ndim(changed) else np.asarray(changed).item())
+        return other, {}
 
-    return _rows_of(contact, name, value, direction, residuals)
-
-
-def rows_by_memory(contact: Contact, name: str) -> Array:
-    """Derivative of the rows of each node by its memory at the start of the step (collective).
-
-    Args:
-        contact: The contact, evaluated.
-        name: Name in ``Law.memory``.
-
-    Returns:
-        Shape (slave nodes, 2) [stress length over the unit of the memory].
-
-    Raises:
-        ValueError: On all ranks, if the law cannot be differentiated.
-    """
-    law, f, memory = contact.pair.law, contact.now, contact.now.nodal.memory
-    value = np.asarray(memory[name])
-    return _rows_of(
-        contact, name, value, np.ones_like(value),
-        lambda changed: _residuals(law, f, contact.parameters, {**memory, name: changed}),
-    )  # fmt: skip
+    if name in law.varying:  # a node depends only on its own value
+        return by_node(response(contact, name, value, np.ones_like(value), at)[:, :, None])
+    units = np.eye(value.size).reshape(value.size, *value.shape)
+    columns = [response(contact, name, value, unit, at).ravel() for unit in units]
+    return Matrix.dense(np.column_stack(columns))
 
 
-def _rows_of(
-    contact: Contact,
-    name: str,
-    value: Array,
-    direction: Array,
-    residuals: Callable[[Any], Array],
-) -> Array:
-    """Change of the rows with ``residuals`` of a changed value (collective)."""
-    law, f = contact.pair.law, contact.now
-    what = f"the derivative of {law!r} by '{name}'"
-    stress, gap = np.abs(f.state.z).max(initial=0.0), np.abs(f.mean_gap).max(initial=0.0)
-    changes = call_together(
-        contact.slave.comm,
-        what,
-        lambda: differentiate(
-            f"{law!r}: the complex step by '{name}'", value, direction, residuals,
-            (stress, stress, gap),
-        ),
-    )  # fmt: skip
-    follows_law = contact.follows_law & (law.bridges_gap | ~f.attracted)
-    applies = follows_law & ~f.state.redundant, f.attracted, f.covered
-    rows = np.zeros_like(f.state.z)
-    for scaled, change, on in zip(contact.rows.frame()[2:], changes, applies, strict=False):
-        rows -= scaled * np.where(on, change, 0.0)[:, None]
-    return rows
+def by_weight(contact: Contact, name: str, response: Response) -> Matrix:
+    """Derivative of rows or memory with respect to the factor of a weight, at 1.
 
-
-def rows_by_weight(contact: Contact, name: str) -> Array:
-    """Change of the rows with the factor of a weight, at 1 (collective).
+    Collective.
 
     Args:
         contact: The contact, evaluated.
         name: "c_n", or "stiffness" k, which is also a weight of the rows of closed gaps and the
             stiffness of redundant sticks.
+        response: ``change_of_rows`` or ``change_of_memory``.
 
     Returns:
-        Shape (slave nodes, 2) [stress length].
+        One column; rows as for ``by_parameter``.
+
+    Raises:
+        ValueError: On all ranks, if the law cannot be differentiated.
+    """
+    f, law, one = contact.now, contact.pair.law, np.array(1.0)
+    weight = getattr(_arguments(f), name).astype(complex)
+    change = response(contact, name, one, one, lambda factor: (law, {name: factor * weight}))
+    if name == "stiffness" and response is change_of_rows:
+        normal, _, along, _, *closing = contact.rows.frame()
+        elastic = np.where(f.state.redundant, -f.nodal.stiffness * f.slip, 0.0)
+        change = change + normal * f.operators.gap[:, None] - along * elastic[:, None]
+        for scaled, row in zip(closing, f.law_rows[2:], strict=True):
+            change -= scaled * row.residual[:, None]
+    return Matrix.dense(change.reshape(-1, 1))
+
+
+@dataclass(frozen=True)
+class PairMemory:
+    """Derivatives of the memory of a law at the end of a step, and with respect to that before.
+
+    Local. The memory has c names.
+
+    Attributes:
+        by_fields: Derivatives with respect to the fields of ``fields``, (slave nodes, c) each.
+        by_before: With respect to the memory before, shape (slave nodes c, slave nodes c).
+        rows: Of the rows with respect to the memory before, shape (2 slave nodes, slave nodes c).
+    """
+
+    by_fields: dict[str, Array]
+    by_before: Matrix
+    rows: Matrix
+
+
+def memory_of_pair(contact: Contact) -> PairMemory:
+    """Derivatives of the memory of a contact, evaluated at the end of the step (collective).
 
     Raises:
         ValueError: On all ranks, if the law cannot be differentiated.
     """
     law, f = contact.pair.law, contact.now
-    given, one = (f.of_geometry if isinstance(f, LawFields) else f.nodal), np.array(1.0)
-    weight = getattr(given, name)
+    given = _arguments(f)
 
-    def residuals(factor: Any) -> Array:
-        changed = {name: factor * weight.astype(complex)}
-        return _residuals(law, f, contact.parameters, given.memory, changed)
+    def by(response: Response, name: str, value: Array, at: At) -> Array:
+        return response(contact, name, value, np.ones_like(value), at)
 
-    rows = _rows_of(contact, name, one, one, residuals)
-    if name == "stiffness":
-        normal, _, along, _, *closing = contact.rows.frame()
-        elastic = np.where(f.state.redundant, -given.stiffness * f.slip, 0.0)
-        rows += normal * f.operators.gap[:, None] - along * elastic[:, None]
-        for scaled, row in zip(closing, f.law_rows[2:], strict=True):
-            rows -= scaled * row.residual[:, None]
-    return rows
+    def by_argument(name: str) -> Array:
+        return by(
+            change_of_memory, name, getattr(given, name), lambda changed: (law, {name: changed})
+        )
+
+    def at_memory(name: str, changed: Any) -> tuple[Law, Mapping[str, Any]]:
+        return law, {"memory": {**given.memory, name: changed}}
+
+    def by_own(response: Response) -> Matrix:
+        before = [(name, np.asarray(given.memory[name])) for name in law.memory]
+        parts = [by(response, name, value, partial(at_memory, name)) for name, value in before]
+        return by_node(np.stack(parts, axis=2))
+
+    by_fields = {name: by_argument(name) for name in ("gap", "slip", "z_n", "z_tau")}
+    by_mean_gap = by_fields["gap"] + by_fields["slip"] * f.slip_by_gap[:, None]
+    gap = by_mean_gap * over_weights(f, np.ones(len(f.state.z)))[:, None]
+    by_fields |= {"gap": gap, "weight": -gap * f.mean_gap[:, None]}
+    return PairMemory(by_fields, by_own(change_of_memory), by_own(change_of_rows))
 
 
-def parameter_by_rows(contact: Contact, name: str, rows: Array) -> Array:
-    """Gradient of the sum of the rows times ``rows``, of the parameter's shape (collective).
+def change_of_rows(contact: Contact, name: str, value: Array, direction: Array, at: At) -> Array:
+    """Change of the rows along a direction of a value, (slave nodes, 2) [stress length].
 
-    In the unit of ``rows`` times [stress length] over that of the parameter.
+    Collective.
     """
-    value = parameter(contact, name)
-    if name in contact.pair.law.varying:  # the rows of a node depend only on its value
-        return np.einsum("jc,jc->j", rows, rows_by_parameter(contact, name, np.ones_like(value)))
-    gradient = np.zeros(value.size)
-    for i, unit in enumerate(np.eye(value.size)):
-        gradient[i] = (rows * rows_by_parameter(contact, name, unit.reshape(value.shape))).sum()
-    return gradient.reshape(value.shape)
+    law, f = contact.pair.law, contact.now
+    stress, gap = np.abs(f.state.z).max(initial=0.0), np.abs(f.mean_gap).max(initial=0.0)
+    what = f"{law!r}: the complex step by '{name}'"
+    changes = call_together(
+        contact.slave.comm,
+        f"the derivative of {law!r} by '{name}'",
+        lambda: differentiate(
+            what, value, direction, lambda changed: _residuals(f, *at(changed)),
+            (stress, stress, gap),
+        ),
+    )  # fmt: skip
+    follows_law = contact.follows_law & (law.bridges_gap | ~f.attracted)
+    applies = follows_law & ~f.state.redundant, f.attracted, f.covered
+    total = np.zeros_like(f.state.z)
+    for scaled, change, on in zip(contact.rows.frame()[2:], changes, applies, strict=False):
+        total -= scaled * np.where(on, change, 0.0)[:, None]
+    return total
 
 
-def with_parameter(law: Law, name: str, value: Any) -> Law:
-    """Copy of the law with another value of a parameter (local)."""
-    other = copy(law)
-    setattr(other, name, value if np.ndim(value) else np.asarray(value).item())
-    return other
+def change_of_memory(contact: Contact, name: str, value: Array, direction: Array, at: At) -> Array:
+    """Change of the memory along a direction of a value, (slave nodes, names) [their units].
+
+    Collective.
+    """
+    law, f = contact.pair.law, contact.now
+
+    def remembered(changed: Any) -> Array:
+        other, changes = at(changed)
+        result = other.remember(_complex(f, other, changes), f.state.branch)
+        return np.array([np.asarray(result[name], complex) for name in law.memory])
+
+    what = f"{law!r}: the complex step of remember by '{name}'"
+    made = call_together(
+        contact.slave.comm,
+        f"the derivative of {law!r} by the state",
+        lambda: differentiate(what, value, direction, remembered),
+    )
+    return np.asarray(made).T
 
 
-def _residuals(
-    law: Law,
-    f: ContactFields,
-    fields: Mapping[str, Any],
-    memory: Mapping[str, Any],
-    changed: Mapping[str, Any] | None = None,
-) -> Array:
+def _arguments(f: ContactFields) -> Nodal:
+    """Arguments of the law with the mean gap (local)."""
+    return f.of_geometry if isinstance(f, LawFields) else f.nodal
+
+
+def _complex(f: ContactFields, law: Law, changes: Mapping[str, Any]) -> Nodal:
+    """Changed complex arguments of a law, with its closing gap in place of the gap (local)."""
+    given = _arguments(f)
+    numbers = {name: getattr(given, name).astype(complex) for name in NUMBERS}
+    node = replace(given, **{**numbers, **changes})
+    if not law.has_closing_gap:
+        return node
+    return replace(node, gap=np.where(f.covered, law.closing_gap(node).residual, node.gap))
+
+
+def _residuals(f: ContactFields, law: Law, changes: Mapping[str, Any]) -> Array:
     """Tangential residual, adhesion and closing gap, complex, (3, slave nodes) (local)."""
-    given = f.of_geometry if isinstance(f, LawFields) else f.nodal
-    numbers: dict[str, Any] = {name: getattr(given, name).astype(complex) for name in NUMBERS}
-    node = replace(given, fields=fields, memory=memory, **{**numbers, **(changed or {})})
+    node = _complex(f, law, changes)
     found = np.zeros((3, len(f.state.z)), complex)
-    if law.has_closing_gap:
-        node = replace(node, gap=np.where(f.covered, law.closing_gap(node).residual, node.gap))
     if law.has_friction:
         found[0] = law.tangential(node, f.state.branch).residual
     if law.has_adhesion:

@@ -1,144 +1,187 @@
 # SPDX-License-Identifier: MIT
-"""Derivatives of nodal values of a pair as linear maps, with products and transposed products.
+"""Partial derivatives of a pair as sparse matrices, equal on all ranks, and its vectors.
 
-Used for sensitivities only. All vectors are replicated; all products are collective.
+The vector of a pair has all values on which its equations depend: displacements of the slave and
+master nodes [length], multipliers [stress], and motions of the obstacle [length]. Residuals have
+the forces on these in the same places, and the rows of the multipliers in place of the multipliers.
+Values of the nodes are stored node by node: the entry (j, c) of an array (nodes, n) is at n j + c.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from mpi4py import MPI
 
 import numpy as np
 
+from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.ranks import sum_over_ranks
 
-
-class PairVector(NamedTuple):
-    """Values on which the equations of a pair depend, or forces on them; equal on all ranks.
-
-    Attributes:
-        on_slave: Displacements of the slave nodes, shape (slave nodes, 2) [length].
-        on_master: Displacements of the master nodes, shape (master nodes, 2) [length].
-        z: Multipliers, shape (slave nodes, 2) [stress].
-        motion: Motions of the obstacle, shape (3,) [length].
-    """
-
-    on_slave: Array
-    on_master: Array
-    z: Array
-    motion: Array
-
-    def plus(self, other: PairVector) -> PairVector:
-        """Sum of two vectors (local)."""
-        return PairVector(*(a + b for a, b in zip(self, other, strict=True)))
+NO_BLOCK = Block(np.empty((0, 1), np.int64), np.empty((0, 1), np.int64), np.empty((0, 1, 1)))
 
 
 @dataclass(frozen=True)
-class Dofs:
-    """Dofs of both surfaces of a pair, numbered 0, 1, ...: slave nodes first.
+class Matrix:
+    """Sparse matrix by its entries; entries at the same place are added; all methods are local.
 
-    Args:
-        sides: Slave and master.
+    Most of these matrices are used once. To make or transpose one of scipy takes ten times as long
+    as a product, for pairs of some hundred nodes longer than the derivatives themselves.
+
+    Attributes:
+        rows, columns: Places of the entries, shape (entries,) each.
+        values: The entries, shape (entries,).
+        shape: Numbers of rows and columns.
     """
 
-    sides: tuple[Surface, Surface]
-    order: Indices = field(init=False)
-    sorted_dofs: Indices = field(init=False)
+    rows: Indices
+    columns: Indices
+    values: Array
+    shape: tuple[int, int]
 
-    def __post_init__(self) -> None:
-        """Sort the dofs."""
-        dofs = np.concatenate([side.dofs.ravel() for side in self.sides])
-        order = np.argsort(dofs, kind="stable")
-        object.__setattr__(self, "order", order)
-        object.__setattr__(self, "sorted_dofs", dofs[order])
+    @classmethod
+    def dense(cls, values: Array) -> Matrix:
+        """Matrix with all entries of an array (rows, columns)."""
+        rows, columns = np.indices(values.shape).reshape(2, -1)
+        return cls(rows, columns, values.ravel(), (len(values), values.shape[1]))
 
     @property
-    def size(self) -> int:
-        """Number of dofs of both surfaces."""
-        return self.order.size
+    def T(self) -> Matrix:
+        """The transpose."""
+        return Matrix(self.columns, self.rows, self.values, self.shape[::-1])
 
-    def indices(self, dofs: Indices) -> Indices:
-        """Numbers of global ``dofs`` of the surfaces, any shape; ``size`` for -1 (local)."""
-        at = np.searchsorted(self.sorted_dofs, np.maximum(dofs, self.sorted_dofs[0]))
-        return np.where(dofs >= 0, self.order[at], self.size)
-
-    def flat(self, on_slave: Array, on_master: Array) -> Array:
-        """Values at the dofs, and a zero for -1, shape (size + 1,) [their unit] (local)."""
-        return np.concatenate([on_slave.ravel(), on_master.ravel(), [0.0]])
-
-    def split(self, values: Array) -> tuple[Array, Array]:
-        """Inverse of ``flat``: (slave nodes, 2) and (master nodes, 2) [their unit] (local)."""
-        end = 2 * self.sides[0].num_nodes
-        return values[:end].reshape(-1, 2), values[end : self.size].reshape(-1, 2)
-
-    def along(self, blocks: Sequence[Block], values: Array, count: int) -> Array:
-        """Product of blocks with dofs as columns, summed over the ranks (collective).
-
-        Args:
-            blocks: Blocks of this rank; rows are numbers from 0 to ``count`` - 1.
-            values: Result of ``flat``.
-            count: Number of rows.
-
-        Returns:
-            The product, shape (count,) [unit of the blocks times that of the values].
-        """
-        product = np.zeros(count)
-        for block in blocks:
-            part = np.einsum("brc,bc->br", block.values, values[self.indices(block.columns)])
-            np.add.at(product, block.rows, part)
-        return sum_over_ranks(self.sides[0].comm, product)
-
-    def back(self, blocks: Sequence[Block], values: Array) -> Array:
-        """Product of the transposed blocks, summed over the ranks: as ``flat`` (collective).
-
-        Args:
-            blocks: Blocks of this rank, with dofs as columns.
-            values: Values of the rows, shape (rows,) [any unit].
-        """
-        product = np.zeros(self.size + 1)
-        for block in blocks:
-            part = np.einsum("brc,br->bc", block.values, values[block.rows])
-            np.add.at(product, self.indices(block.columns), part)
-        product = sum_over_ranks(self.sides[0].comm, product)
-        product[-1] = 0.0
-        return product
+    def __matmul__(self, x: Array) -> Array:
+        """Product with a vector (columns,)."""
+        total = np.bincount(self.rows, self.values * x[self.columns], self.shape[0])
+        return np.asarray(total, float)  # integers without entries
 
 
-@dataclass(frozen=True)
-class NodalDerivative:
-    """Derivative of nodal values with respect to displacements, multipliers and motions.
+# Derivatives of nodal fields by their names, shape (slave nodes, m) each.
+Changes = dict[str, Matrix]
+
+
+class Layout:
+    """Places of the values of a pair in its vector; see ``maps``.
+
+    Args:
+        contact: The pair.
 
     Attributes:
-        dofs: Dofs of the pair.
-        blocks: Derivative with respect to displacements: rows are slave nodes, columns global dofs;
-            each rank has a part.
-        by_z: Derivative with respect to the multiplier of the node, shape (slave nodes, 2).
-        by_motion: Derivative with respect to the motions of the obstacle, shape (slave nodes, 3).
+        on_slave, on_master: Displacements of both surfaces.
+        z: Multipliers.
+        motion: Motions of the obstacle.
+        size: Length of the vector.
     """
 
-    dofs: Dofs
-    blocks: Sequence[Block]
-    by_z: Array
-    by_motion: Array
+    def __init__(self, contact: Interface) -> None:
+        self._sides = contact.slave, contact.master
+        sizes = [contact.slave.dofs.size, contact.master.dofs.size, contact.z.size, 3]
+        ends = np.cumsum([0, *sizes]).tolist()
+        self.on_slave, self.on_master, self.z, self.motion = map(slice, ends[:-1], ends[1:])
+        self.size: int = ends[-1]
 
-    def along(self, direction: PairVector) -> Array:
-        """Change of the values along a direction, (slave nodes,) [their unit] (collective)."""
-        values = self.dofs.flat(direction.on_slave, direction.on_master)
-        change = self.dofs.along(self.blocks, values, len(self.by_z))
-        by_z = np.einsum("jc,jc->j", self.by_z, direction.z)
-        return change + by_z + self.by_motion @ direction.motion
+    @cached_property
+    def _sorted(self) -> tuple[Indices, Indices]:
+        """Places of all displacement dofs in the order of the dofs, and the dofs in this order."""
+        dofs = np.concatenate([side.dofs.ravel() for side in self._sides])
+        order = np.argsort(dofs, kind="stable")
+        return order, dofs[order]
 
-    def back(self, weights: Array) -> PairVector:
-        """Gradient of the sum of the values times ``weights`` (slave nodes,) (collective)."""
-        product = self.dofs.back(self.blocks, weights)
-        on_slave, on_master = self.dofs.split(product)
-        z, motion = weights[:, None] * self.by_z, weights @ self.by_motion
-        return PairVector(on_slave, on_master, z, motion)
+    def places(self, dofs: Indices) -> Indices:
+        """Places of displacement dofs, any shape; -1 for -1 (local)."""
+        order, in_order = self._sorted
+        at = np.searchsorted(in_order, np.maximum(dofs, in_order[0]))
+        return np.where(dofs >= 0, order[at], -1)
+
+    def matrix(self, blocks: Iterable[Block], count: int) -> Matrix:
+        """Sum over ranks of blocks with dofs as columns, (count, size) (collective)."""
+        placed = (Block(rows, self.places(columns), values) for rows, columns, values in blocks)
+        return assembled(placed, (count, self.size), self._sides[0].comm)
+
+    def nodal(
+        self,
+        blocks: Iterable[Block],
+        by_z: Array | None = None,
+        by_motion: Array | None = None,
+    ) -> Matrix:
+        """Derivative of values of the slave nodes, shape (slave nodes, size) (collective).
+
+        Args:
+            blocks: Derivative with respect to displacements: rows are slave nodes, columns global
+                dofs; each rank has a part.
+            by_z: That with respect to the multiplier of the node, shape (slave nodes, 2).
+            by_motion: That with respect to the motions of the obstacle, shape (slave nodes, 3).
+        """
+        slave = self._sides[0]
+        j = np.arange(slave.num_nodes)[:, None]
+        placed = [Block(rows, self.places(columns), values) for rows, columns, values in blocks]
+        if by_z is not None:
+            placed.append(rows_at_nodes(slave, self.z.start + 2 * j + np.arange(2), by_z))
+        if by_motion is not None:
+            places = self.motion.start + 0 * j + np.arange(3)
+            placed.append(rows_at_nodes(slave, places, by_motion))
+        return assembled(placed, (slave.num_nodes, self.size), slave.comm)
+
+
+def assembled(
+    blocks: Iterable[Block], shape: tuple[int, int], comm: MPI.Comm | None = None
+) -> Matrix:
+    """Matrix of blocks; rows and columns of -1 are ignored.
+
+    With a communicator the blocks of all ranks (collective), else those given (local).
+    """
+    parts = [
+        (
+            np.repeat(rows, columns.shape[1]),
+            np.repeat(columns[:, None], rows.shape[1], axis=1).ravel(),
+            values.ravel(),
+        )
+        for rows, columns, values in [NO_BLOCK, *blocks]
+    ]
+    entries = [np.concatenate(several) for several in zip(*parts, strict=True)]
+    if comm is not None and comm.size > 1:
+        entries = [np.concatenate(several) for several in zip(*comm.allgather(entries))]
+    on = (entries[0] >= 0) & (entries[1] >= 0)
+    rows, columns, values = (several[on] for several in entries)
+    return Matrix(rows, columns, values, shape)
+
+
+def by_node(values: Array) -> Matrix:
+    """Matrix of r values of each node that depend on c values of the same node (local).
+
+    Args:
+        values: The blocks, shape (nodes, r, c).
+
+    Returns:
+        Shape (nodes r, nodes c).
+    """
+    count, r, c = values.shape
+    j = np.arange(count)[:, None]
+    return assembled(
+        [Block(r * j + np.arange(r), c * j + np.arange(c), values)], (count * r, count * c)
+    )
+
+
+def through_fields(by: Mapping[str, Array], changes: Changes) -> Matrix:
+    """Chain rule: derivative of values of the nodes that depend on nodal fields (local).
+
+    Args:
+        by: Derivatives of n values of a node with respect to its fields, (slave nodes, n) each.
+        changes: Derivatives of fields, at least of one, shape (slave nodes, m) each.
+
+    Returns:
+        Shape (slave nodes n, m).
+    """
+    blocks = []
+    for name, change in changes.items():
+        (count, n), j = by[name].shape, change.rows
+        values = change.values[:, None, None] * by[name][j][:, :, None]
+        blocks.append(Block(n * j[:, None] + np.arange(n), change.columns[:, None], values))
+    return assembled(blocks, (count * n, change.shape[1]))
 
 
 def rows_at_nodes(slave: Surface, columns: Indices, values: Array) -> Block:
