@@ -166,15 +166,16 @@ def integrate_segments(
         options: Basis, weights of the gap, and whether the ends of segments have derivatives.
         thickness: See ``kernels.segments``.
     """
-    (number, size), count, kind = nodes.shape, s.num_segments, geometry[0].dtype
+    (number, size), count, kind = nodes.shape, len(s.slave), geometry[0].dtype
     columns = 8 * size - 4
     D, M = np.zeros((number, size, size), kind), np.empty((count, size, size), kind)
     g, cover = np.zeros((number, size), kind), np.zeros((number, size), kind)
-    dD, dM = (np.empty((k, size**2, columns), kind) for k in (count, len(s.pairs)))
-    dg = np.empty((count, size, columns), kind)
+    dD, dg = np.empty((count, size**2, columns), kind), np.empty((count, size, columns), kind)
+    dM = np.empty((len(s.pairs), size**2, columns), kind)
     segments.integrate_segments(
         geometry, (nodes, weights, s.partial), (s.master, s.end_is_fixed, s.ends), s.offsets,
-        s.pair_offsets, s.rule, options, (D, M, g, cover), (dD, dM, dg), thickness,
+        s.pair_offsets, (s.points, s.weights, s.spans), options, (D, M, g, cover), (dD, dM, dg),
+        thickness,
     )  # fmt: skip
     shape = size, size, columns
     return D, dD.reshape(-1, *shape), M, dM.reshape(-1, *shape), g, dg, cover
@@ -196,7 +197,7 @@ def _integrate(
     """
     nodes = slave.facets[s.facets]
     thickness = slave.thickness.for_kernels if slave.thickness else None
-    if slave.degree > 1:
+    if nodes.shape[1] > 2:
         cover = np.empty(nodes.shape)
         segments.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover, thickness)
         nodal = summed(cover.ravel(), nodes.ravel(), slave.num_nodes)
