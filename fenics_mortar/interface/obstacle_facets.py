@@ -7,7 +7,6 @@ import numpy as np
 
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.kernels import facets
-from fenics_mortar.kernels.basis import BY_STANDARD, DUAL
 from fenics_mortar.kernels.shapes import lagrange
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array
@@ -87,14 +86,22 @@ def _points(
     return values, rows
 
 
-def gap_weights(
+def points_of(x: Array, points: Array) -> Array:
+    """Positions of points -1 ... 1, (q,), on facets ``x`` (f, K, 2): (f, q, 2) [length] (local)."""
+    return np.einsum("kp,ekc->epc", shapes_at(points, x.shape[1])[0], x)
+
+
+def gaps_along(
     x: Array,
     weights: Array,
     rule: tuple[Array, Array],
     options: MortarOptions,
-    thickness: tuple[Array, float] | None = None,
-) -> tuple[Array, Array]:
-    """Weights of distances at q points of f facets in the weighted gaps (local).
+    thickness: tuple[Array, float] | None,
+    distances: Array,
+) -> Array:
+    """Change of the weighted gaps with the distances at q points of f facets (local).
+
+    The directions are the columns of the points' derivatives.
 
     Args:
         x: See ``integrate_facets``.
@@ -102,21 +109,23 @@ def gap_weights(
         rule: See ``integrate_facets``.
         options: See ``integrate_facets``.
         thickness: See ``integrate_facets``.
+        distances: Changes of the distances in m directions, shape (m, f, q) [length].
 
     Returns:
-        The points (f, q, 2) [length], and the weights (f, K, q) [length].
+        Shape (m, f, K) [length^2].
     """
-    (N, dN), size = shapes_at(rule[0], x.shape[1]), x.shape[1]
-    tangent, at = np.einsum("kp,ekc->epc", dN, x), np.einsum("kp,ekc->epc", N, x)
-    W = rule[1] * np.sqrt((tangent**2).sum(axis=2))
+    (N, dN), (count, size, _), number = shapes_at(rule[0], x.shape[1]), x.shape, len(distances)
+    values = np.zeros((count, rule[0].size, 2))
+    values[..., 0] = rule[1] * np.linalg.norm(np.einsum("kp,ekc->epc", dN, x), axis=2)
     if thickness is not None:
-        W = W * (thickness[0] @ N)
-    A = np.broadcast_to(np.eye(size), (len(x), size, size))
-    basis, by = options.kinds
-    if basis == DUAL and by != BY_STANDARD:
-        mass = np.einsum("ep,jp,kp->ejk", W, N, N)
-        A = np.einsum("ep,jp->ej", W, N)[:, :, None] * np.linalg.inv(mass)
-    return at, (weights @ A @ N) * W[:, None]
+        values[..., 0] *= thickness[0] @ N
+    rows = np.zeros((count, rule[0].size, 4, number))
+    rows[:, :, 3] = np.moveaxis(distances, 0, 2)
+    T = np.ascontiguousarray(np.stack([N, dN]).transpose(2, 0, 1))
+    D, g, d = np.zeros((count, size, size)), *np.zeros((2, count, size))
+    dD, dg = np.empty((count, size**2, number)), np.empty((count, size, number))
+    facets.integrate_whole_facets((values, rows, T), weights, options.kinds, (D, g, d), (dD, dg))
+    return np.moveaxis(dg, 2, 0)
 
 
 def shapes_at(points: Array, size: int) -> tuple[Array, Array]:

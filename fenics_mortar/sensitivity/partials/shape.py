@@ -22,7 +22,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.integrals import hand_over
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.interface.obstacle_facets import gap_weights
+from fenics_mortar.interface.obstacle_facets import gaps_along, points_of
 from fenics_mortar.interface.on_obstacle import ObstacleOperators, facet_thickness
 from fenics_mortar.sensitivity.partials.maps import Changes, Layout, Matrix
 from fenics_mortar.utils.arrays import Array
@@ -72,19 +72,14 @@ def _distances(o: Any, x: Array, name: str, directions: Array) -> tuple[Array, A
 def _gap(contact: Contact, name: str, directions: Array) -> Array:
     """This rank's share of the change of the weighted gaps, (m, slave nodes) [length^2] (local)."""
     o, slave, s = contact.operators, contact.slave, contact.operators.segments
-    nodes = o.facet_nodes
+    x, nodes, rule = o.x[o.facet_nodes], o.facet_nodes, (s.points, s.weights)
     weights = hand_over(contact.multiplier_nodes[nodes])
-    at, of_gap = gap_weights(
-        o.x[nodes],
-        weights,
-        (s.points, s.weights),
-        contact.options,
-        facet_thickness(slave, o.x, nodes),
-    )
     gap = np.zeros((len(directions), slave.num_nodes))
     if len(nodes):
+        at, thickness = points_of(x, s.points), facet_thickness(slave, o.x, nodes)
         phi, _ = _distances(contact.obstacle, at.reshape(-1, 2), name, directions)
-        of_facets = np.einsum("ejp,mep->mej", of_gap, phi.reshape(-1, *at.shape[:2]))
+        phi = phi.reshape(-1, *at.shape[:2])
+        of_facets = gaps_along(x, weights, rule, contact.options, thickness, phi)
         for total, share in zip(gap, of_facets, strict=True):
             np.add.at(total, nodes, share)
     return gap
