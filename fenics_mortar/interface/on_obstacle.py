@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from fenics_mortar.interface.integrals import hand_over, share_of, sum_over_facets
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
-from fenics_mortar.interface.obstacle_facets import integrate_facets, shapes_at
+from fenics_mortar.interface.obstacle_facets import integrate_facets, points_of
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.segments import Segments, facet_rule
 from fenics_mortar.interface.surfaces import Surface
@@ -137,7 +137,7 @@ class ObstacleOperators(MortarOperators):
         Returns:
             phi, shape (f, q) [length].
         """
-        at = np.einsum("kp,ekc->epc", shapes_at(points, s.slave.shape[1])[0], x[s.slave])
+        at = points_of(x[s.slave], points)
         distance = f"the distance of '{self.obstacle.name}'"
         evaluate = partial(self.obstacle.evaluate, at.reshape(-1, 2))
         return call_together(self.slave.comm, distance, evaluate)[0].reshape(at.shape[:2])
@@ -246,7 +246,7 @@ def _faces(
     obstacle: Obstacle, x: Array, points: Array, options: MortarOptions
 ) -> npt.NDArray[np.bool_]:
     """Whether facets at ``x`` (f, K, 2) face the obstacle within the search radius, (f,)."""
-    at = np.einsum("kp,ekc->epc", shapes_at(points, x.shape[1])[0], x)
+    at = points_of(x, points)
     phi, gradient, _ = obstacle.evaluate(at.reshape(-1, 2))
     near = np.abs(phi).reshape(at.shape[:2]).min(axis=1, initial=np.inf) <= options.radius
     chord, towards = x[:, -1] - x[:, 0], -gradient.reshape(at.shape).sum(axis=1)
