@@ -18,7 +18,13 @@ from mpi4py import MPI as _MPI  # noqa: F401
 from fenics_mortar import energies as energies
 from fenics_mortar import laws as laws
 from fenics_mortar.bulk.velocity import Velocity
+from fenics_mortar.contact.conductance import (
+    Conductance,
+    GapConductance,
+    PressureConductance,
+)
 from fenics_mortar.contact.discretization import Discretization
+from fenics_mortar.contact.fluxes import NodalFlux
 from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
@@ -60,6 +66,7 @@ __version__ = "0.1.0"  # single source: read by pyproject.toml
 __all__ = [
     "Certificate",
     "Circle",
+    "Conductance",
     "ContactPair",
     "ContactProblem",
     "Coulomb",
@@ -69,6 +76,7 @@ __all__ = [
     "ElasticObstacle",
     "ErrorEstimate",
     "Frictionless",
+    "GapConductance",
     "Law",
     "LinearVector",
     "MeshData",
@@ -79,12 +87,14 @@ __all__ = [
     "NewtonOptions",
     "NewtonReport",
     "NotConvergedError",
+    "NodalFlux",
     "Obstacle",
     "PairCertificate",
     "PairView",
     "PathReport",
     "Plane",
     "Polygon",
+    "PressureConductance",
     "ResultsWriter",
     "SignedDistance",
     "Spline",

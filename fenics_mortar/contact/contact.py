@@ -31,6 +31,7 @@ import numpy as np
 from fenics_mortar.contact.active_set import next_sets
 from fenics_mortar.contact.directions import change_along
 from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.contact.instant import first_instant
 from fenics_mortar.contact.interface import (
     NO_NODES,
@@ -158,6 +159,7 @@ class Contact(Interface):
         branch = self.law_calls.branch(pair.law, start, at_rest, self.slave.X)
         self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
         raise_stored(self.slave.comm, [self])
+        self.fluxes = [Flux(conductance, space, self) for conductance in pair.fluxes]
 
     def leave_out(self, nodes: Flags) -> None:
         """Leave slave nodes (slave nodes,), bool, out of contact, see ``set_aside`` (local)."""
@@ -179,6 +181,8 @@ class Contact(Interface):
         self.set_operators(operators)  # also if they are cached: the law may have changed
         if self.pair.discretization.slip == "operators":
             _ = self.operators.vectors  # collective: evaluated on all ranks
+        for flux in self.fluxes:
+            flux.evaluate(u)
 
     @property
     def slip_measure(self) -> Measure:

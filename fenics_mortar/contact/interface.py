@@ -25,6 +25,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 NO_WELDS: Indices = np.empty((0, 2), np.int64)
 NO_NODES: Indices = np.empty(0, np.int64)
+NO_FLUXES: list[Any] = []
 NO_PAIRS: tuple[Indices, Indices] = (np.empty(0, np.int64), np.empty(0, np.int64))
 
 
@@ -65,6 +66,7 @@ class Interface(ABC):
         substitutes: Nodes without weight, and the nodes whose fields are shown in their place, each
             (k,).
         rows: Rows of the multipliers, the law of the interface.
+        fluxes: Fluxes of scalar fields across the interface, see ``fluxes``.
         state: The present state.
         now: Fields at the last evaluated displacement and the present state.
         c_n: Present weight of the gap in the complementarity function [1]. May be set.
@@ -119,6 +121,7 @@ class Interface(ABC):
         self.may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
         self.at_vertices: bool = pair.discretization.basis in AT_VERTICES
+        self.fluxes = NO_FLUXES
         self.substitutes = substitutes_of(self.slave, at_vertices=self.at_vertices)
         none = np.zeros(count, bool)
         self._state = InterfaceState(
@@ -203,6 +206,27 @@ class Interface(ABC):
 
     # Nodes and forces
 
+    @property
+    def coupled(self) -> Flags:
+        """Slave nodes whose terms in the equations are not zero, shape (slave nodes,), bool."""
+        coupled: Flags = self.acts | self.z.any(axis=1)
+        for flux in self.fluxes:
+            coupled = coupled | flux.conducts
+        return coupled
+
+    def load_derivative(self) -> list[Block]:
+        """Blocks of d(B^T z)/dd at fixed z and of the derivatives of fluxes (collective)."""
+        o, blocks = self.operators, []
+        if not o.linearization.frozen:
+            blocks = o.force_derivative(self.z)
+        for flux in self.fluxes:
+            blocks += flux.derivative()
+        return blocks
+
+    def flux_blocks(self) -> list[Block]:
+        """Blocks of the fluxes' derivatives by z; columns 2 j + component (collective)."""
+        return [flux.by_multipliers() for flux in self.fluxes]
+
     def coupled_by_slip(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them in addition to M, each (k,)."""
         return NO_PAIRS
@@ -215,7 +239,7 @@ class Interface(ABC):
     def force_blocks(self) -> list[Block]:
         """Blocks of B^T, the force by acting multipliers; columns 2 j + component.
 
-        Only nonzero entries, to keep the system sparse.
+        Only nonzero entries, to keep the system sparse. Without ``flux_blocks``.
         """
         o, s = self.operators, self.operators.segments
         return [

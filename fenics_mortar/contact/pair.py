@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from typing import Any, Literal, get_args
 
 import numpy as np
 
+from fenics_mortar.contact.conductance import Conductance
 from fenics_mortar.contact.discretization import Discretization, as_discretization
 from fenics_mortar.contact.law import check_names
 from fenics_mortar.contact.laws import Frictionless, Law
@@ -24,6 +26,19 @@ def check_search_radius(search_radius: Any) -> None:
     if search_radius is not None:
         expected = "a positive length, or None"
         check_number("search_radius", search_radius, expected, lambda r: r > 0.0)
+
+
+def _check_fluxes(fluxes: Any) -> None:
+    """Raise an error unless ``fluxes`` are conductances of different fields (local)."""
+    expected = "a list of Conductance, one for each field that flows across the contact"
+    if not isinstance(fluxes, Sequence):
+        raise ValueError(f"fluxes={fluxes!r}: expected {expected}")
+    for flux in fluxes:
+        check_kind("fluxes", flux, Conductance, expected)
+    if len({flux.field for flux in fluxes}) < len(fluxes):
+        raise ValueError(
+            f"fluxes={fluxes!r}: two of one field; expected one Conductance(field, [h, ...])"
+        )
 
 
 class ContactPair:
@@ -50,6 +65,8 @@ class ContactPair:
         sliding: "finite", or "small": D, M and normals of the undeformed mesh, and a gap that is
             linear in the displacement, valid for small rotations and slip that is small compared
             with a facet. With linear bulk the matrix is factorized once, see ``reduced``.
+        fluxes: Conductances of scalar fields of a mixed function, such as a temperature: one
+            ``Conductance`` for each field that flows across this contact.
         discretization: Choices for research and comparison: a ``Discretization`` or the name of a
             preset, "default", "other_codes" or "petrov_galerkin".
 
@@ -71,6 +88,7 @@ class ContactPair:
         search_radius: float | None = None,
         initial_gap: float | None = None,
         sliding: Sliding = "finite",
+        fluxes: Sequence[Conductance] = (),
         discretization: str | Discretization = "default",
     ) -> None:
         self.data = data
@@ -79,6 +97,7 @@ class ContactPair:
         self.master = master
         self.search_radius, self.initial_gap = search_radius, initial_gap
         self.sliding: Sliding = sliding
+        self.fluxes = fluxes
         self.law: Law = Frictionless() if law is None else law
         self.discretization: Discretization
         if getattr(data, "mesh", None) is None:  # without a communicator, the error is local
@@ -120,6 +139,7 @@ class ContactPair:
         check_kind("law", self.law, Law, "an instance of Frictionless, Coulomb, Tresca or Law")
         check_names(self.law)
         self.law.check()
+        _check_fluxes(self.fluxes)
         if self.master is None and self.discretization.integration != "segments":
             raise ValueError(
                 f"integration={self.discretization.integration!r} without a master: contact of a "

@@ -10,12 +10,14 @@ so that all have the units of the bulk rows. They are combined into Cartesian co
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.nodal import Row
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import expand_rows, linearize_law
 from fenics_mortar.kernels.complementarity import measure_rows, tabulate_frame
@@ -153,20 +155,10 @@ class ContactRows(InterfaceRows):
     def by_motions(self) -> Array:
         """Derivative of the rows with respect to obstacle motions, (slave nodes, 2, 3) [stress]."""
         f: ContactFields = self._interface.now
-        o, z = f.on_obstacle, f.state.z
         normal, _, *weights = self.frame()
-        shear = z[:, 1:] * o.dn_dq[:, 0] - z[:, :1] * o.dn_dq[:, 1]
-        pressure = np.einsum("ja,jam->jm", z, o.dn_dq)
-        slip = f.state.partners.derivative_by_motions(o)
-        rows = np.einsum("ja,jm->jam", normal, o.dgap_dq)
+        rows = np.einsum("ja,jm->jam", normal, f.on_obstacle.dgap_dq)
         for weight, row in zip(weights, f.law_rows, strict=True):
-            change = (
-                row.by_z_tau[:, None] * shear
-                + row.by_z_n[:, None] * pressure
-                + row.by_slip[:, None] * slip
-                + row.by_gap[:, None] * gap_by_motions(f)
-            )
-            rows = rows - np.einsum("ja,jm->jam", weight, change)
+            rows = rows - np.einsum("ja,jm->jam", weight, row_by_motions(f, row))
         return rows
 
 
@@ -174,6 +166,50 @@ def gap_by_motions(f: ContactFields) -> Array:
     """d(mean gaps)/d(obstacle motions), (slave nodes, 3) [1]; zero at uncovered nodes."""
     o, on = f.on_obstacle, f.covered[:, None]
     return np.where(on, o.dgap_dq / np.where(on, o.weight[:, None], 1.0), 0.0)
+
+
+def row_by_multipliers(f: ContactFields, row: Row) -> Array:
+    """Derivative of a row by the multipliers of its node, shape (slave nodes, 2) (local)."""
+    n, tau, none = f.operators.n, f.operators.tau, np.zeros(len(f.state.z))
+    return (row.by_z_n + none)[:, None] * n + (row.by_z_tau + none)[:, None] * tau
+
+
+def row_by_displacements(f: ContactFields, row: Row) -> Iterator[Block]:
+    """Blocks of the derivative of a row by displacements, rows are slave nodes, of this rank."""
+    o, z, none = f.operators, f.state.z, np.zeros(len(f.state.z))
+    by_gap, by_slip, by_z_n, by_z_tau = (part + none for part in row[1:])
+    slips = by_slip.any()
+    across = by_z_tau[:, None] * z
+    if slips:
+        across = across + by_slip[:, None] * f.state.partners.rotated(o)
+    turned = o.normal_derivative(by_z_n[:, None] * z) + o.tangential_derivative(across)
+    own = f.interface.slave.owned
+    yield Block(own[:, None], o.normal_columns()[own], turned[own][:, None])
+    if by_gap.any():
+        per_weight = np.where(f.covered, by_gap / np.where(f.covered, o.weight, 1.0), 0.0)
+        for block in o.gap_derivative():
+            yield scaled(block, per_weight)
+        for block in o.weight_derivative():
+            yield scaled(block, -per_weight * f.mean_gap)
+    if slips:
+        for block in f.state.partners.derivative(o):
+            yield scaled(block, by_slip)
+
+
+def row_by_motions(f: ContactFields, row: Row) -> Array:
+    """Derivative of a row by the motions of an obstacle, (slave nodes, 3) [1 / length] (local)."""
+    o, z, none = f.on_obstacle, f.state.z, np.zeros(len(f.state.z))
+    by_gap, by_slip, by_z_n, by_z_tau = ((part + none)[:, None] for part in row[1:])
+    shear = z[:, 1:] * o.dn_dq[:, 0] - z[:, :1] * o.dn_dq[:, 1]
+    pressure = np.einsum("ja,jam->jm", z, o.dn_dq)
+    slip = f.state.partners.derivative_by_motions(o)
+    gap = gap_by_motions(f)
+    return np.asarray(by_z_tau * shear + by_z_n * pressure + by_slip * slip + by_gap * gap)
+
+
+def scaled(block: Block, factors: Array) -> Block:
+    """A block with the rows of nodes, times ``factors`` (slave nodes,) of the nodes (local)."""
+    return block._replace(values=block.values * factors[block.rows][:, :, None])
 
 
 def _gap_rows(f: ContactFields, normal: Array, scaled_tau: Array) -> list[Block]:

@@ -31,7 +31,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array, diags
 from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact.interface import NO_WELDS, Interface, read_only, settable
@@ -165,22 +165,14 @@ class Tie(Interface):
         self.set_operators(TiedOperators(**values, weighted_jump=np.zeros((slave.num_nodes, 2))))
         self.may_carry = self.multiplier_nodes & (o.diagonal > 0.0)
         self.change(active=self.may_carry)
-        s, shape = o.segments, (slave.num_nodes, master.num_nodes)
-        self.D = self._replicate(o.facet_nodes, o.facet_nodes, o.D, shape[:1] * 2)
-        self.M = self._replicate(s.slave, s.master, o.M, shape)
+        self.D, self.M = (self._of_active(matrix) for matrix in o.matrices)
         self._force_blocks = super().force_blocks()
 
-    def _replicate(
-        self, rows: Indices, columns: Indices, values: Array, shape: tuple[int, int]
-    ) -> csr_array:
-        """Sum of the blocks of all ranks, replicated; rows of active nodes only (collective)."""
-        values = np.where(self.active[rows][:, :, None], values, 0.0)
-        i, j = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
-        gathered = self.slave.comm.allgather((i.ravel(), j.ravel(), values.ravel()))
-        i, j, v = (np.concatenate(column) for column in zip(*gathered, strict=True))
-        matrix = coo_array((v, (i, j)), shape=shape).tocsr()
-        matrix.eliminate_zeros()
-        return matrix
+    def _of_active(self, matrix: csr_array) -> csr_array:
+        """A matrix with the rows of active nodes only."""
+        kept = csr_array(diags(self.active.astype(float)) @ matrix)
+        kept.eliminate_zeros()
+        return kept
 
     @property
     def nodes(self) -> Indices:

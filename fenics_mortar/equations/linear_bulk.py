@@ -140,6 +140,8 @@ class LinearBulk:
     def _obstacle(self) -> str:
         if any(isinstance(contact, Tie) for contact in self._general.contacts):
             return "bodies are tied"
+        if any(contact.fluxes for contact in self._general.contacts):
+            return "a scalar field flows across contact"
         floating = self._general.floating
         if floating.bodies:
             names = " and ".join(sorted(floating.name_of(body.label) for body in floating.bodies))

@@ -128,7 +128,10 @@ class Residual:
 
     @clock("assembly")
     def contact_force(self, multipliers: str = "z") -> Array:
-        """B^T z, (owned dofs,) [stress length]; with ``multipliers="shear"`` of the shear only."""
+        """B^T z and loads of fluxes, (owned dofs,); ``multipliers="shear"``: of the shear only.
+
+        Units [stress length], those of fluxes [flux length].
+        """
         force = np.zeros(self._bulk.num_owned)
         for contact in self._contacts:
             if multipliers == "z":
@@ -137,4 +140,7 @@ class Residual:
                 on_slave, on_master = contact.operators.force(getattr(contact, multipliers))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
+            if multipliers == "z":
+                for flux in contact.fluxes:
+                    flux.add_loads(force)
         return force

@@ -30,6 +30,7 @@ from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
+from scipy.sparse import coo_array, csr_array
 
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface
@@ -153,13 +154,14 @@ class MortarOperators:
         They add to the internal forces: the forces that act on the bodies have the opposite sign.
 
         Args:
-            z: Multipliers, shape (slave nodes, 2) [stress].
+            z: Multipliers of c components, shape (slave nodes, c) [stress]: two of contact, one
+                for the flux of a scalar field.
 
         Returns:
-            Arrays (slave nodes, 2) and (master nodes, 2) [stress length].
+            Arrays (slave nodes, c) and (master nodes, c) [stress length].
         """
         count, s = len(self.x), self.segments
-        forces = np.zeros((count + len(self.m), 2))
+        forces = np.zeros((count + len(self.m), z.shape[1]))
         on_slave, on_master = forces[:count], forces[count:]
         add_contact_forces(
             self.D,
@@ -174,6 +176,31 @@ class MortarOperators:
         if self.slave.comm.size > 1:
             forces = sum_over_ranks(self.slave.comm, forces)
         return forces[:count], forces[count:]
+
+    @cached_property
+    def matrices(self) -> tuple[csr_array, csr_array]:
+        """D (slave nodes, slave nodes) and M (slave nodes, master nodes), on all ranks [length].
+
+        Collective at the first access.
+        """
+        s, nodes, count = self.segments, self.facet_nodes, len(self.x)
+        return (
+            self._replicated(nodes, nodes, self.D, (count, count)),
+            self._replicated(s.slave, s.master, self.M, (count, len(self.m))),
+        )
+
+    def _replicated(
+        self, rows: Indices, columns: Indices, values: Array, shape: tuple[int, int]
+    ) -> csr_array:
+        """Sum of the blocks (b, K, K) of all ranks without zeros (collective)."""
+        used = values != 0.0
+        i, j = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
+        mine = i[used], j[used], values[used]
+        if self.slave.comm.size > 1:
+            gathered = self.slave.comm.allgather(mine)
+            mine = tuple(np.concatenate(column) for column in zip(*gathered, strict=True))
+        i, j, v = mine
+        return coo_array((v, (i, j)), shape=shape).tocsr()
 
     def reaction(self, z: Array) -> tuple[Array, Array]:
         """Points of the master and forces there, each (master nodes, 2) (collective).
@@ -201,24 +228,35 @@ class MortarOperators:
         """Blocks of d(D^T z)/dd and -d(M^T z)/dd [stress] at fixed ``z`` (slave nodes, 2)."""
         return [self.slave_force_derivative(z), self.master_force_derivative(z)]
 
-    def slave_force_derivative(self, z: Array) -> Block:
-        """Blocks of d(D^T z)/dd [stress] at fixed ``z`` (slave nodes, 2).
+    def slave_force_derivative(self, z: Array, dofs: Indices | None = None) -> Block:
+        """Block of d(D^T z)/dd [stress] at fixed ``z`` of c components (local).
 
-        Rows and columns are displacement dofs.
+        Columns are displacement dofs.
+
+        Args:
+            z: Shape (slave nodes, c) [stress].
+            dofs: Rows of each slave node, shape (slave nodes, c); displacement dofs by default.
         """
         s = self.segments
-        rows = self.slave.dofs[s.slave].reshape(len(s.slave), 2 * s.slave.shape[1])
+        rows = self.slave.dofs if dofs is None else dofs
+        rows = rows[s.slave].reshape(len(s.slave), s.slave.shape[1] * z.shape[1])
         values = np.empty((*rows.shape, self.dD.shape[3]))
         weigh_derivatives(self.dD, np.arange(len(rows)), s.slave, read_only_view(z), 1.0, values)
         return Block(rows, self.columns, values)
 
-    def master_force_derivative(self, z: Array) -> Block:
-        """Blocks of -d(M^T z)/dd [stress] at fixed ``z`` (slave nodes, 2).
+    def master_force_derivative(self, z: Array, dofs: Indices | None = None) -> Block:
+        """Block of -d(M^T z)/dd [stress] at fixed ``z`` of c components (local).
 
-        Rows and columns are displacement dofs.
+        Columns are displacement dofs.
+
+        Args:
+            z: Shape (slave nodes, c) [stress].
+            dofs: Rows of each master node, shape (master nodes, c); displacement dofs by default.
         """
         i, k = np.ascontiguousarray(self.segments.pairs.T)
-        rows = self.master_dofs[i]
+        rows = self.master.dofs if dofs is None else dofs
+        nodes = self.segments.master[i]
+        rows = rows[nodes].reshape(len(i), nodes.shape[1] * z.shape[1])
         values = np.empty((*rows.shape, self.dM.shape[3]))
         weigh_derivatives(self.dM, i, self.segments.slave, read_only_view(z), -1.0, values)
         return Block(rows, self.columns[k], values)
@@ -279,17 +317,17 @@ class MortarOperators:
         return self.jump(self.x, self.m)
 
     def jump(self, on_slave: Array, on_master: Array) -> Array:
-        """Weighted jump D v - M w of nodal vectors, shape (slave nodes, 2) (collective).
+        """Weighted jump D v - M w of nodal values of c components (collective).
 
         Args:
-            on_slave: v, shape (slave nodes, 2) [unit].
-            on_master: w, shape (master nodes, 2) [unit].
+            on_slave: v, shape (slave nodes, c) [unit].
+            on_master: w, shape (master nodes, c) [unit].
 
         Returns:
-            The jump [unit length].
+            The jump, shape (slave nodes, c) [unit length].
         """
         s, nodes = self.segments, self.facet_nodes
-        total = np.zeros_like(self.x)
+        total = np.zeros_like(on_slave)
         np.add.at(total, nodes, np.einsum("ejk,ekc->ejc", self.D, on_slave[nodes]))
         np.add.at(total, s.slave, -np.einsum("sjl,slc->sjc", self.M, on_master[s.master]))
         return sum_over_ranks(self.slave.comm, total)

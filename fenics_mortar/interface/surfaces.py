@@ -325,18 +325,18 @@ def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.ND
     """Gather the values of all ranks in the order of the nodes (collective).
 
     Args:
-        mine: Values at the nodes owned by this rank, in order, shape (owned nodes, 2).
+        mine: Values at the nodes owned by this rank, in order, shape (owned nodes, c).
         owners: Rank that owns each node, equal on all ranks, shape (nodes,).
         comm: Communicator.
 
     Returns:
-        Values at all nodes, shape (nodes, 2), equal on all ranks.
+        Values at all nodes, shape (nodes, c), equal on all ranks.
     """
     if comm.size == 1:
         return np.ascontiguousarray(mine)
-    everything = np.empty((owners.size, 2), mine.dtype)
+    everything = np.empty((owners.size, mine.shape[1]), mine.dtype)
     counts = np.bincount(owners, minlength=comm.size)
-    comm.Allgatherv(np.ascontiguousarray(mine), (everything, 2 * counts))
+    comm.Allgatherv(np.ascontiguousarray(mine), (everything, mine.shape[1] * counts))
     ordered = np.empty_like(everything)
     ordered[np.argsort(owners, kind="stable")] = everything
     return ordered

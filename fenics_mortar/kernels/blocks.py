@@ -34,18 +34,20 @@ def weigh_derivatives(dX, which, nodes, z, sign, values):
         dX: Derivatives of D or M of each segment or pair of segments, shape (p, K, K, c) [1].
         which: Segment whose multipliers act, shape (p,).
         nodes: Slave nodes of each segment, shape (n, K).
-        z: Multipliers, shape (slave nodes, 2) [stress].
+        z: Multipliers of a components, shape (slave nodes, a) [stress].
         sign: Factor of the result [1].
-        values: Rows 2 k + component for node k of the segment, shape (p, 2 K, c) [stress]; filled.
+        values: Rows of all components of each node k of the segment, shape (p, K a, c) [stress];
+            filled.
     """
+    components = z.shape[1]
     for p in range(dX.shape[0]):
         for k in range(dX.shape[2]):
-            for a in range(2):
+            for a in range(components):
                 for q in range(dX.shape[3]):
                     total = 0.0
                     for j in range(dX.shape[1]):
                         total += dX[p, j, k, q] * z[nodes[which[p], j], a]
-                    values[p, 2 * k + a, q] = sign * total
+                    values[p, components * k + a, q] = sign * total
 
 
 @kernel

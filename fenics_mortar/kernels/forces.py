@@ -11,22 +11,22 @@ def add_contact_forces(D, M, z, facets, slave, master, on_slave, on_master):
     Args:
         D: Slave matrices of facets, shape (f, K, K) [length].
         M: Master matrices of segments, shape (n, K, K) [length].
-        z: Multipliers, shape (slave nodes, 2) [stress].
+        z: Multipliers of c components, shape (slave nodes, c) [stress].
         facets: Slave nodes of the facets, shape (f, K).
         slave: Slave nodes of the segments, shape (n, K).
         master: Master nodes of the segments, shape (n, K).
-        on_slave: Forces, shape (slave nodes, 2) [stress length]; changed.
-        on_master: Forces, shape (master nodes, 2) [stress length]; changed.
+        on_slave: Forces, shape (slave nodes, c) [stress length]; changed.
+        on_master: Forces, shape (master nodes, c) [stress length]; changed.
     """
     for e in range(D.shape[0]):
         for j in range(D.shape[1]):
             for k in range(D.shape[2]):
-                for c in range(2):
+                for c in range(z.shape[1]):
                     on_slave[facets[e, k], c] += D[e, j, k] * z[facets[e, j], c]
     for s in range(M.shape[0]):
         for j in range(M.shape[1]):
             for l in range(M.shape[2]):
-                for c in range(2):
+                for c in range(z.shape[1]):
                     on_master[master[s, l], c] -= M[s, j, l] * z[slave[s, j], c]
 
 
@@ -49,7 +49,7 @@ def add_forces(bulk, contact, to_force, prescribed, total):
     for i in range(total.shape[0]):
         total[i] = bulk[i] + contact[i]
         square = (to_force[i] * total[i]) ** 2
-        on_contact += contact[i] ** 2
+        on_contact += (to_force[i] * contact[i]) ** 2
         if prescribed[i]:
             reactions += square
         else:

@@ -29,7 +29,7 @@ y = w there, and they do not contribute to Q^T w.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from typing import Any
 
@@ -42,6 +42,7 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import gather_forces
+from fenics_mortar.la.coupling import zero_block
 from fenics_mortar.la.elimination import Elimination
 from fenics_mortar.la.sparse import BlockMatrix, Entries, Product, SomeRows, add_blocks, flatten
 from fenics_mortar.la.system import LinearSystem, components
@@ -70,6 +71,7 @@ class CondensedSystem(LinearSystem):
             raise ValueError(f"algorithm='condensed': {obstacle}; use algorithm='saddle'")
         size, mine = bulk.num_owned, 2 * self.num_multipliers
         touched = [side.dofs.ravel() for c in contacts for side in (c.slave, c.master)]
+        touched += [flux.dofs for c in contacts for flux in c.fluxes]
         self._rows = SomeRows(np.concatenate([np.empty(0, np.int64), *touched]), bulk.first, size)
         self._rows_of_sides = [
             [self._rows.number(side.dofs) for side in (c.slave, c.master)] for c in contacts
@@ -121,7 +123,7 @@ class CondensedSystem(LinearSystem):
         rows, size = self._rows, self.bulk.num_owned
         of_slave = rows.number(self._slave_rows.indices).astype(PETSc.IntType)
         small = BlockMatrix(self.comm, rows.local.size, size).assemble(
-            rows.renumbered(coupling.derivative_pattern() for coupling in self._couplings)
+            rows.renumbered(self._derivative_zeros())
         )
         slave_K = self.bulk.K.createSubMatrix(self._slave_rows)
         of_small = small.createSubMatrix(PETSc.IS().createGeneral(of_slave, self.comm))
@@ -162,23 +164,31 @@ class CondensedSystem(LinearSystem):
                 o.D, o.facet_nodes, on_slave, o.M, s.slave, s.master, on_master, Z, rows.A_z, owned,
                 contact.acts, z_number, i[end:], j[end:], v[end:],
             )  # fmt: skip
-        return i[:end], j[:end], v[:end]
+        entries = i[:end], j[:end], v[:end]
+        for (contact, z_number), Z in zip(self.numbered(), inverses, strict=True):
+            if contact.fluxes:
+                blocks = _columns_scaled(contact.flux_blocks(), z_number, -Z)
+                extra = flatten(self._rows.renumbered(blocks))
+                entries = tuple(map(np.append, entries, extra))
+        return entries
 
     def _weighted_forces(self, contact: Interface, z_number: Indices, weight: Array) -> list[Block]:
         """B^T with columns scaled by ``weight`` (slave nodes, 2) and numbered by ``z_number``."""
-        blocks = []
-        for rows, columns, values in contact.force_blocks():
-            j, component = columns // 2, columns % 2
-            weighted = values * weight[j, component][:, None, :]
-            blocks.append(Block(rows, 2 * z_number[j] + component, weighted))
-        return blocks
+        return _columns_scaled([*contact.force_blocks(), *contact.flux_blocks()], z_number, weight)
 
-    def _R_zeros(self) -> Iterable[Block]:
+    def _derivative_zeros(self) -> Iterator[Block]:
+        """Zeros for possible derivatives of forces, gaps and fluxes."""
+        for contact, coupling in zip(self.contacts, self._couplings, strict=True):
+            yield coupling.derivative_pattern()
+            yield from (coupling.flux_pattern(flux) for flux in contact.fluxes)
+
+    def _R_zeros(self) -> Iterator[Block]:
         """Zeros for possible entries of R."""
-        for z_number, coupling in zip(self.z_numbers, self._couplings, strict=True):
-            rows, multipliers = coupling.force_pattern()
-            columns = components(z_number[multipliers, None])
-            yield Block(rows, columns, np.zeros((len(rows), 2, 2)))
+        for (contact, z_number), coupling in zip(self.numbered(), self._couplings, strict=True):
+            patterns = [coupling.force_pattern()]
+            patterns += [coupling.flux_force_pattern(flux) for flux in contact.fluxes]
+            for rows, multipliers in patterns:
+                yield zero_block(rows, components(z_number[multipliers, None]))
 
     def _inverse(self, contact: Interface) -> Array:
         """Diagonal of Z_j, zero where no multiplier acts, shape (slave nodes, 2) [1 / length]."""
@@ -261,6 +271,16 @@ class CondensedSystem(LinearSystem):
         )
         sizes = self._rows.local.size, 2 * self.num_multipliers
         return BlockMatrix(self.comm, *sizes).assemble(self._rows.renumbered(blocks))
+
+
+def _columns_scaled(blocks: Iterable[Block], z_number: Indices, weight: Array) -> list[Block]:
+    """Blocks with columns 2 j + component times ``weight`` (slave nodes, 2), renumbered."""
+    found = []
+    for rows, columns, values in blocks:
+        j, component = columns // 2, columns % 2
+        weighted = values * weight[j, component][:, None, :]
+        found.append(Block(rows, 2 * z_number[j] + component, weighted))
+    return found
 
 
 def _times(

@@ -13,8 +13,12 @@ rotations.
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.kernels.coupling import are_known
 from fenics_mortar.utils.arrays import Flags, Indices
@@ -98,6 +102,57 @@ class Coupling:
         borne, carrier = (np.ravel(a) for a in np.broadcast_arrays(own[:, :, None], own[:, None]))
         dofs = np.concatenate([on_master, self._slave.dofs[borne]])
         return dofs, np.concatenate([carriers.ravel(), carrier])
+
+
+    # Fluxes of scalar fields: the loads of a slave node depend on all of its facets
+
+    def flux_pattern(self, flux: Flux) -> Block:
+        """Zeros at all possible derivatives of a flux's loads, an entry each (collective)."""
+        j, dofs = self._reached([trace.dofs for trace in flux.traces])
+        everywhere = [(j, dofs), self._reached([self._slave.dofs, self._master.dofs])]
+        j, dofs = (np.concatenate(part) for part in zip(*everywhere, strict=True))
+        carrier, load = self._loads(flux)
+        loads = _marks(carrier, load, (self._slave.num_nodes, int(load.max(initial=-1)) + 1))
+        numbers, at = np.unique(dofs, return_inverse=True)
+        rows, columns = (loads.T @ _marks(j, at, (self._slave.num_nodes, numbers.size))).nonzero()
+        return zero_block(rows.astype(np.int64)[:, None], numbers[columns][:, None])
+
+    def flux_force_pattern(self, flux: Flux) -> tuple[Indices, Indices]:
+        """Dofs (p, 1) on which multipliers of owned nodes (p,) may act by a flux (collective)."""
+        carrier, load = self._loads(flux)
+        mine = np.isin(carrier, self._slave.owned)
+        return load[mine, None], carrier[mine]
+
+    def _loads(self, flux: Flux) -> tuple[Indices, Indices]:
+        """Slave nodes and the field's dofs that their fluxes may load, (p,) each (collective)."""
+        pairs = self._reached([trace.dofs for trace in flux.traces])
+        gathered = self._slave.comm.allgather(np.stack(pairs))
+        j, dofs = np.unique(np.concatenate(gathered, axis=1), axis=1)
+        return j, dofs
+
+    def _reached(self, dofs: Sequence[Indices]) -> tuple[Indices, Indices]:
+        """Slave nodes, and dofs of nodes that share a facet of this rank with them, (p,) each.
+
+        Args:
+            dofs: Those of the slave nodes and, unless it is an obstacle, of the master nodes.
+        """
+        degree = self._slave.degree
+        near = self._slave.along(self._own, range(-degree, 2 * degree + 1))
+        nodes = [(near, self._own), (self._partner[:, None], self._facet)]
+        found = [np.empty((2, 0), np.int64)]
+        for of_nodes, (others, first) in zip(dofs, nodes, strict=False):
+            carriers = self._slave.along(first, range(degree + 1))
+            reached = np.where((others >= 0)[..., None], of_nodes[others], -1)
+            both = np.broadcast_arrays(carriers[:, :, None, None], reached[:, None])
+            pairs = np.stack([part.ravel() for part in both])
+            found.append(np.unique(pairs[:, pairs[1] >= 0], axis=1))
+        j, numbers = np.concatenate(found, axis=1)
+        return j, numbers
+
+
+def _marks(rows: Indices, columns: Indices, shape: tuple[int, int]) -> csr_array:
+    """Matrix with positive entries at rows and columns (p,)."""
+    return coo_array((np.ones(rows.size), (rows, columns)), shape=shape).tocsr()
 
 
 def _near_pairs(o: MortarOperators, margin: int) -> Indices:

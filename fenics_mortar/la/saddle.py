@@ -86,6 +86,10 @@ class SaddleSystem(LinearSystem):
             nodes, coupled = coupling.law_pattern()
             yield DOF, DOF, [coupling.derivative_pattern()]
             yield DOF, MULTIPLIER, [zero_block(dofs, numbers)]
+            for flux in contact.fluxes:
+                yield DOF, DOF, [coupling.flux_pattern(flux)]
+                rows, carriers = coupling.flux_force_pattern(flux)
+                yield DOF, MULTIPLIER, [zero_block(rows, components(z_number[carriers, None]))]
             yield MULTIPLIER, DOF, [zero_block(components(z_number[nodes, None]), coupled)]
 
     def blocks(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:

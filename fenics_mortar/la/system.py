@@ -183,12 +183,8 @@ class LinearSystem(ABC):
     # Blocks
 
     def force_derivative(self) -> list[Block]:
-        """Blocks of K_c = d(B^T z)/dd at fixed z."""
-        blocks: list[Block] = []
-        for contact in self.contacts:
-            if not contact.operators.linearization.frozen:
-                blocks += contact.operators.force_derivative(contact.z)
-        return blocks
+        """Blocks of K_c = d(B^T z)/dd at fixed z, and of the derivatives of fluxes."""
+        return [block for contact in self.contacts for block in contact.load_derivative()]
 
     def scale(self, contact: Interface) -> Array:
         """z_j / zeta_j, shape (slave nodes,) [stress / length]."""
@@ -199,7 +195,7 @@ class LinearSystem(ABC):
         """Blocks of B^T for zeta; columns are numbers of multipliers."""
         for contact, z_number in self.numbered():
             scale = self.scale(contact)
-            for rows, columns, values in contact.force_blocks():
+            for rows, columns, values in [*contact.force_blocks(), *contact.flux_blocks()]:
                 j = columns // 2
                 yield Block(rows, 2 * z_number[j] + columns % 2, values * scale[j][:, None, :])
 
@@ -229,7 +225,7 @@ class LinearSystem(ABC):
         fits = self._pattern == self.bulk.num_patterns
         for i, coupling in enumerate(self._couplings):
             contact = self.contacts[i]
-            if not coupling.contains(*now[i], contact.acts | contact.z.any(axis=1)):
+            if not coupling.contains(*now[i], contact.coupled):
                 fits, self._margins[i] = False, min(2 * self._margins[i], MAX_MARGIN)
         if on_all_ranks(self.comm, fits):
             return False
@@ -245,8 +241,14 @@ class LinearSystem(ABC):
         matrix.zeroRows(rows, diag=self._prescribed_scale)
 
     def _newton_force(self, distance: Array) -> Array:
-        """-r, and at prescribed dofs the ``distance`` to their values, (owned dofs,) (local)."""
+        """-r, and at prescribed dofs the ``distance`` to their values, (owned dofs,).
+
+        Loads of fluxes f(z) are linear in the new multipliers: -f(z^k) + f'(z^k) z^k (collective).
+        """
         f = -self.bulk.r.array_r[: self.bulk.num_owned]
+        for contact in self.contacts:
+            for flux in contact.fluxes:
+                flux.add_newton_loads(f)
         f[self.bulk.prescribed_dofs] = distance
         return f
 

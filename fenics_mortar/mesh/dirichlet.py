@@ -26,17 +26,18 @@ def dirichlet(
     value: fem.Constant | fem.Function | npt.ArrayLike,
     component: int | None = None,
 ) -> fem.DirichletBC:
-    """Prescribe the displacement, or one component of it, on named boundaries (collective).
+    """Prescribe displacement, a component of it or a scalar field on boundaries (collective).
 
     Args:
         V: Space of the displacement, see :func:`vector_space`, or its sub-space ``W.sub(0)`` of a
-            mixed space.
+            mixed space; of a scalar field ``W.sub(1)``, for example.
         data: Mesh on which ``V`` is defined.
         boundary: Name or tag of a boundary, or a sequence of them.
         value: Prescribed value [length]: numbers of shape (2,), a constant of this shape or a
-            function of ``V``; with ``component`` a number or a scalar constant. Later changes of
-            constants and functions take effect. In a mixed space, functions belong to the collapsed
-            sub-space, and constants prescribe one component at a time.
+            function of ``V``; with ``component`` and for scalar fields a number or a scalar
+            constant. Later changes of constants and functions take effect. In a mixed space,
+            functions belong to the collapsed sub-space, and constants prescribe a scalar field or
+            one component at a time.
         component: 0 for x, 1 for y, ``None`` for both.
 
     Returns:
@@ -49,10 +50,14 @@ def dirichlet(
     """
     check_kind("data", data, MeshData, "the MeshData of the mesh")
     check_kind("V", V, fem.FunctionSpace, "a space of dolfinx, e.g. vector_space(mesh, 1)")
-    in_sub_space = component is None and compat.is_sub_space(V)
+    is_scalar = ufl.TestFunction(V).ufl_shape == ()
+    is_number = is_scalar and not isinstance(value, fem.Function)
+    in_sub_space = component is None and compat.is_sub_space(V) and not is_number
     with together(data.mesh.comm, "dirichlet"):
         if isinstance(component, (Sequence, np.ndarray)) or component not in (None, 0, 1):
             raise MeshError(f"component is {component!r}; expected 0, 1 or None for both")
+        if is_scalar and component is not None:
+            raise MeshError(f"component is {component!r}, but the field has none; omit it")
         if V.mesh is not data.mesh:
             raise MeshError("the space belongs to another mesh than the boundaries")
         tags = data.boundary_tags(boundary)
@@ -110,11 +115,14 @@ def _boundary_value(
             raise MeshError(f"the prescribed value is {value!r}; expected {allowed}") from None
     shape = value.ufl_shape if isinstance(value, fem.Constant) else value.shape
     expected = ufl.TestFunction(V).ufl_shape if component is None else ()
-    if component is None and expected != (2,):
-        raise MeshError("the space is not that of a displacement; of a mixed space W take W.sub(0)")
+    if component is None and expected not in ((), (2,)):
+        raise MeshError(
+            "the space is not that of a displacement or scalar field; of a mixed space W take "
+            "W.sub(0)"
+        )
     if shape != expected:
         advice = ""
-        if component is None and shape == ():
+        if expected == (2,) and shape == ():
             advice = "; a number prescribes one component, component=0 or component=1"
         elif component is not None and shape == (2,):
             advice = "; omit component to prescribe both components"

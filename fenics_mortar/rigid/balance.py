@@ -40,6 +40,8 @@ def linearize_balance(motions: ObstacleMotions, system: LinearSystem) -> Border:
         mine = contact.slave.owned
         columns[own, multipliers] += np.moveaxis(contact.rows.by_motions()[mine], 2, 0)
         rows[own, multipliers] += acting[:, mine]
+        for flux in contact.fluxes:
+            flux.add_by_motions(columns[own])
         for row, forces in zip(rows[own], E_d, strict=True):
             contact.slave.scatter_add(forces, row)
         corner[own, own] += E_q

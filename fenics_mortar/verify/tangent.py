@@ -189,6 +189,8 @@ class _Probe:
             on_slave, on_master = o.force(np.where(contact.acts[:, None], contact.z, 0.0))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
+            for flux in contact.fluxes:
+                flux.add_loads(force)
             rows.append(contact.rows.weighted(frame)[contact.slave.owned].ravel())
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
         for contact in self.contacts:  # normalized as in the system
@@ -236,7 +238,9 @@ class _Probe:
             scaled = dz / system.scale(contact)[:, None]
             zeta.array.reshape(-1, 2)[system.local(contact, z_number)] = scaled[contact.slave.owned]
         force, law = self._apply(K), self._apply(C)
-        force = self.bulk.to_force * (force + (B_T * zeta).array)
+        balance = linearize_balance(self.motions, system)
+        moved = self.dq.ravel() @ balance.columns[:, : force.size]  # of fluxes
+        force = self.bulk.to_force * (force + (B_T * zeta).array + moved)
         law = law + (A_z * zeta).array
         parts = [
             (
@@ -245,7 +249,6 @@ class _Probe:
             ).ravel()
             for contact, z_number in zip(self.contacts, system.z_numbers, strict=True)
         ]
-        balance = linearize_balance(self.motions, system)
         pushed = self.comm.allreduce(balance.rows @ system.join(self.du, self.dz))
         pushed = pushed + balance.corner @ self.dq.ravel()
         return np.concatenate([force, *parts, self._mine(pushed)])

@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: MIT
+"""Conductance of an interface for a scalar field: temperature, potential, concentration, pressure.
+
+The flux from slave to master is q = h (T_slave - T_master), with h a function of contact pressure p
+and gap g. Frictional power may be added as a source on both sides. See ``fluxes`` for the weak form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dolfinx import fem
+
+from fenics_mortar.utils.arguments import check_number
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import MortarError
+
+# Pressure over the reference pressure [1] below which a power law with an exponent below 1, whose
+# slope is infinite at zero, is continued by a parabola with the same value and slope: Newton's
+# method needs a finite slope where contact closes. The conductance is then 0.1 % of the reference.
+SMALL_PRESSURE = 1e-3
+
+
+class ConductanceValue(NamedTuple):
+    """Conductance and its derivatives, each of shape (slave nodes,) or a scalar.
+
+    Attributes:
+        h: Conductance [flux / field].
+        by_pressure: Its derivative by the pressure [flux / field / stress].
+        by_gap: Its derivative by the gap [flux / field / length].
+    """
+
+    h: Any
+    by_pressure: Any = 0.0
+    by_gap: Any = 0.0
+
+
+# Function of pressures and gaps, (slave nodes,) each, that returns h, dh/dp and dh/dg.
+ConductanceFunction = Callable[[Array, Array], Sequence[Any]]
+
+
+@dataclass(frozen=True)
+class ClosedConductance:
+    """Constant conductance where contact is closed, zero where it is open.
+
+    Attributes:
+        h: The conductance [flux / field].
+    """
+
+    h: float
+
+    def __call__(self, pressure: Array, gap: Array) -> ConductanceValue:
+        """Conductance at pressures [stress] and gaps [length], (slave nodes,) each (local)."""
+        return ConductanceValue(np.where(gap <= 0.0, self.h, 0.0))
+
+
+@dataclass(frozen=True)
+class PressureConductance:
+    """Conductance of rough surfaces in contact, h (p / p_0)^m; zero where contact is open.
+
+    Below 0.1 % of p_0 a parabola replaces powers m < 1, whose slope is infinite at p = 0.
+
+    Attributes:
+        h: Conductance at the reference pressure [flux / field].
+        pressure: Reference pressure p_0, such as the hardness [stress].
+        exponent: m; 0.95 of plastic contact of asperities (Cooper, Mikic & Yovanovich 1969) [1].
+
+    Raises:
+        ValueError: If one of them is not a positive number.
+    """
+
+    h: float
+    pressure: float
+    exponent: float = 0.95
+
+    def __post_init__(self) -> None:
+        """Check all numbers."""
+        for name, value in vars(self).items():
+            check_number(name, value, "a positive number", lambda number: number > 0.0)
+
+    def __call__(self, pressure: Array, gap: Array) -> ConductanceValue:
+        """Conductance at pressures [stress] and gaps [length], (slave nodes,) each (local)."""
+        ratio, m = np.maximum(pressure, 0.0) / self.pressure, self.exponent
+        start = SMALL_PRESSURE if m < 1.0 else 0.0
+        large = np.maximum(ratio, start)
+        value, slope = large**m, m * large ** (m - 1.0)
+        if start:
+            s, small = ratio / start, ratio < start
+            value = np.where(small, start**m * s * (2.0 - m + (m - 1.0) * s), value)
+            parabola = start ** (m - 1.0) * (2.0 - m + 2.0 * (m - 1.0) * s)
+            slope = np.where(small, parabola, slope)
+        return ConductanceValue(self.h * value, self.h * slope / self.pressure)
+
+
+@dataclass(frozen=True)
+class GapConductance:
+    """Conductance through the medium in a gap, k / (g + g_0), also of closed gaps.
+
+    Attributes:
+        conductivity: Conductivity k of the medium [flux length / field].
+        distance: Mean distance g_0 of closed rough surfaces, the jump distances of a rarefied gas
+            included [length].
+
+    Raises:
+        ValueError: If one of them is not a positive number.
+    """
+
+    conductivity: float
+    distance: float
+
+    def __post_init__(self) -> None:
+        """Check both numbers."""
+        for name, value in vars(self).items():
+            check_number(name, value, "a positive number", lambda number: number > 0.0)
+
+    def __call__(self, pressure: Array, gap: Array) -> ConductanceValue:
+        """Conductance at pressures [stress] and gaps [length], (slave nodes,) each (local)."""
+        h = self.conductivity / (gap + self.distance)
+        return ConductanceValue(h, 0.0, -h / (gap + self.distance))
+
+
+class Conductance:
+    """Flux of a scalar field across a contact, q = h(p, g) (T_slave - T_master).
+
+    The field is a sub-space of the mixed function of the problem. Its equation in the residual
+    must be that of a flux per area that leaves the slave, with positive sign of the capacity: for a
+    temperature T with test function w, ``k * inner(grad(T), grad(w)) * dx - heat * w * dx``.
+
+    Args:
+        field: Number of the scalar field's sub-space in the mixed function.
+        h: Conductance [flux / field]: a number, which holds where contact is closed;
+            ``PressureConductance`` or ``GapConductance``; a function of pressures and gaps, arrays
+            of shape (slave nodes,), that returns h, dh/dp and dh/dg; or a list of these, which are
+            added.
+        friction_share: Fraction of the frictional power that enters the slave, between 0 and 1, the
+            rest enters the master: e_s / (e_s + e_m) with effusivities e = sqrt(k rho c) of two
+            half spaces. ``None``: the power is no source. The power is shear times slip over the
+            length of the step, see ``ContactProblem.time``.
+        temperature: Value of the field on a rigid obstacle, which is the master [field]: a number
+            or a constant, whose value may change between solves.
+
+    Raises:
+        ValueError: If an argument has a value that is not allowed.
+
+    Example:
+        Temperature is the second part of a mixed function (displacement, temperature)::
+
+            heat = fm.Conductance(1, fm.PressureConductance(2e4, pressure=10.0))
+            pair = fm.ContactPair(data, "pin/outer", "hub/inner", fluxes=[heat])
+    """
+
+    def __init__(
+        self,
+        field: int,
+        h: float | ConductanceFunction | Sequence[float | ConductanceFunction],
+        *,
+        friction_share: float | None = None,
+        temperature: float | fem.Constant | None = None,
+    ) -> None:
+        self.field, self.h = field, h
+        self.friction_share, self.temperature = friction_share, temperature
+        check_number(
+            "field", field, "the number of a sub-space", lambda n: n >= 0, whole=True
+        )
+        terms = list(h) if isinstance(h, Sequence) else [h]
+        self._terms = [term if callable(term) else _constant(term) for term in terms]
+        if not terms:
+            raise ValueError("h=[]: expected at least one conductance")
+        if friction_share is not None:
+            expected = "a fraction between 0 and 1, or None"
+            check_number("friction_share", friction_share, expected, lambda s: 0.0 <= s <= 1.0)
+        if not (temperature is None or isinstance(temperature, fem.Constant)):
+            check_number("temperature", temperature, "a number or a constant", np.isfinite)
+
+    def __repr__(self) -> str:
+        """Field and conductance."""
+        return f"Conductance({self.field!r}, {self.h!r})"
+
+    def evaluate(self, pressure: Array, gap: Array) -> ConductanceValue:
+        """Conductance of the slave nodes and its derivatives (local).
+
+        Args:
+            pressure: Contact pressure, zero where open, shape (slave nodes,) [stress].
+            gap: Mean gap, zero where closed, shape (slave nodes,) [length].
+
+        Raises:
+            MortarError: If a conductance is negative or not finite.
+        """
+        sums = np.zeros((3, pressure.size))
+        for term in self._terms:
+            for total, value in zip(sums, _three(term, pressure, gap), strict=True):
+                total += value
+        bad = ~np.isfinite(sums).all(axis=0) | (sums[0] < 0.0)
+        if bad.any():
+            j = int(bad.argmax())
+            raise MortarError(
+                f"{self!r} is {sums[0, j]:.3g} with slopes {sums[1, j]:.3g} and {sums[2, j]:.3g} "
+                f"at the pressure {pressure[j]:.3g} and the gap {gap[j]:.3g}: expected a finite "
+                "conductance that is not negative"
+            )
+        return ConductanceValue(*sums)
+
+    @property
+    def on_obstacle(self) -> float:
+        """Present value of the field on an obstacle [field]."""
+        given: Any = self.temperature
+        return float(given.value if isinstance(given, fem.Constant) else given)
+
+
+def _constant(h: Any) -> ClosedConductance:
+    """A number as a conductance of closed contact.
+
+    Raises:
+        ValueError: If it is not a finite number that is at least zero.
+    """
+    expected = "a conductance: a number that is at least 0, or a function of pressure and gap"
+    check_number("h", h, expected, lambda value: 0.0 <= value < np.inf)
+    return ClosedConductance(float(h))
+
+
+def _three(term: ConductanceFunction, pressure: Array, gap: Array) -> Sequence[Any]:
+    """h, dh/dp and dh/dg of a term.
+
+    Raises:
+        MortarError: If a user's function returns anything else.
+    """
+    found = term(pressure, gap)
+    if isinstance(found, ConductanceValue):
+        return found
+    if not isinstance(found, Sequence) or len(found) != 3:
+        raise MortarError(
+            f"h: {term!r} returned {found!r}; expected h, dh/dp and dh/dg for arrays of pressures "
+            "and gaps"
+        )
+    return found

@@ -1,0 +1,347 @@
+# SPDX-License-Identifier: MIT
+"""Flux of a scalar field T across a contact: loads on both sides, with all derivatives.
+
+With D and M of the contact, mean gaps g_j and weights w_j, slave node j has
+
+    jump           [T]_j = (sum_k D_jk T_k - sum_l M_jl T_l) / w_j
+    conduction       q_j = h(p_j, g_j) [T]_j          p = max(z_n, 0), g = 0 where closed
+    friction         P_j = z_tau,j u_j / step         u the slip of the step
+
+where T_k, T_l are the values at the nodes, see ``traces``. With the share s of friction, the loads
+D^T (q - s P) leave the slave and M^T (q + (1 - s) P) enters the master. Since M reproduces
+constants, the loads of both sides and the friction are in balance to rounding for any mesh.
+
+On a rigid obstacle its given value replaces the master's, and the master's load leaves the system.
+
+The loads depend on displacements and T, and by p and P on the multipliers. Sources: Hueber &
+Wohlmuth (2009); Seitz, Wall & Popp (2018).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from fenics_mortar.contact.conductance import Conductance
+from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.nodal import Row, with_gap_of_slip
+from fenics_mortar.contact.rows import (
+    row_by_displacements,
+    row_by_motions,
+    row_by_multipliers,
+    scaled,
+)
+from fenics_mortar.interface.mortar import Block, MortarOperators
+from fenics_mortar.interface.traces import Trace, trace_of
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+
+@dataclass(frozen=True)
+class NodalFlux:
+    """Flux at the slave nodes of a pair, read-only values; each array has shape (slave nodes,).
+
+    Attributes:
+        jump: Mean jump T_slave - T_master, zero at nodes without partner [field].
+        conductance: h [flux / field].
+        conduction: Flux by conduction from slave to master [flux].
+        friction: Frictional power per area, zero if it is no source [stress length / time].
+        into_slave: Total that enters the slave [flux length].
+        into_master: Total that enters the master or obstacle [flux length].
+    """
+
+    jump: Array
+    conductance: Array
+    conduction: Array
+    friction: Array
+    into_slave: float
+    into_master: float
+
+
+class Flux:
+    """A ``Conductance`` bound to a contact.
+
+    Args:
+        law: The conductance.
+        space: The displacement's nodes, and the mixed space.
+        contact: The contact; its surfaces are those of the traces.
+
+    Attributes:
+        law: The conductance.
+        traces: Traces of the field on the slave and, unless it is an obstacle, on the master.
+        dofs: All dofs of the traces, shape (d,), replicated.
+
+    Raises:
+        ValueError: On all ranks, if the space has no such field, or an obstacle no temperature.
+    """
+
+    def __init__(self, law: Conductance, space: DisplacementSpace, contact: Any) -> None:
+        self.law, self._contact = law, contact
+        rigid = contact.obstacle is not None
+        if rigid == (law.temperature is None):
+            cure = "give temperature=" if rigid else "omit temperature="
+            raise ValueError(
+                f"{law!r} of {contact.pair!r}: the master is {'an' if rigid else 'no'} obstacle; "
+                f"{cure}"
+            )
+        sides = (contact.slave,) if rigid else (contact.slave, contact.master)
+        self.traces: list[Trace] = [trace_of(space, law.field, side) for side in sides]
+        self.dofs: Indices = np.unique(np.concatenate([t.dofs.ravel() for t in self.traces]))
+        self.dofs = self.dofs[self.dofs >= 0]
+        self._owned = space.first, space.first + space.num_owned
+        self._values: tuple[Array, Array] = np.zeros(contact.slave.num_nodes), np.zeros(0)
+
+    def evaluate(self, u: Array) -> None:
+        """Gather the field from all unknowns ``u``, shape (local dofs,) (collective)."""
+        values = [trace.gather(u) for trace in self.traces]
+        master = values[1] if len(values) > 1 else np.zeros(0)
+        self._values = values[0], master
+
+    # Values
+
+    def at(self, f: ContactFields) -> _Values:
+        """Values and derivatives by nodal quantities at the fields of the contact (collective)."""
+        return _Values(self.law, f, *self._values)
+
+    def nodal(self) -> NodalFlux:
+        """The flux at the present state (collective)."""
+        now = self.at(self._contact.now)
+        weight = now.o.weight
+        slave, master = (float(weight @ of_side) for of_side in (now.on_slave, now.on_master))
+        return NodalFlux(now.jump, now.h.h, now.conduction, now.friction, -slave, master)
+
+    def add_loads(self, target: Array) -> None:
+        """Add the loads to ``target``, shape (owned dofs,) or longer (collective)."""
+        now = self.at(self._contact.now)
+        on_slave, _ = now.o.force(now.on_slave[:, None])
+        _, on_master = now.o.force(now.on_master[:, None])
+        for trace, loads in zip(self.traces, (on_slave, on_master), strict=False):
+            trace.scatter_add(loads[:, 0], target)
+
+    def add_newton_loads(self, target: Array) -> None:
+        """Subtract f(z) - f'(z) z, the part of the loads that multipliers leave (collective).
+
+        Args:
+            target: Right-hand side of a Newton step, shape (owned dofs,); changed in place.
+        """
+        loads, z = np.zeros_like(target), self._contact.z
+        self.add_loads(loads)
+        target -= loads
+        self._add(self._linear_part(self.at(self._contact.now), z), target)
+
+    # Derivatives
+
+    @property
+    def conducts(self) -> Flags:
+        """Slave nodes with a partner, which may conduct, shape (slave nodes,), bool."""
+        return np.asarray(self._contact.now.covered)
+
+    def derivative(self) -> list[Block]:
+        """Blocks of the loads' derivatives by all unknowns of the bodies (collective)."""
+        now = self.at(self._contact.now)
+        blocks = [] if now.o.linearization.frozen else list(self._of_matrices(now))
+        slave, master = (
+            _sparse([*now.by_jump(self.traces), *now.moved(side)], len(now.T)) for side in now.sides
+        )
+        numbers, change = self._loads(now, slave, master)
+        return [*blocks, _as_block(change, self.dofs, numbers)]
+
+    def by_multipliers(self) -> Block:
+        """Derivatives of the loads by multipliers; columns 2 j + component (collective)."""
+        now = self.at(self._contact.now)
+        own = self._contact.slave.owned
+        columns = 2 * own[:, None] + np.arange(2)
+        parts = [
+            _sparse([Block(own[:, None], columns, side[1][own][:, None])], len(now.T))
+            for side in now.sides
+        ]
+        numbers, change = self._loads(now, *parts)
+        return _as_block(change, self.dofs, numbers)
+
+    def add_by_motions(self, columns: Array) -> None:
+        """Add the loads' derivatives by the motions of the obstacle (collective).
+
+        Args:
+            columns: Shape (3, owned dofs) or longer [load / length]; changed in place.
+        """
+        now = self.at(self._contact.now)
+        change = row_by_motions(now.f, now.sides[0][0])
+        self._add(self._to_loads(now)[0].T @ change, columns.T)
+
+    def _add(self, values: Array, target: Array) -> None:
+        """Add ``values`` (d, ...) at the dofs to those that this rank owns in ``target``."""
+        mine = (self.dofs >= self._owned[0]) & (self.dofs < self._owned[1])
+        target[self.dofs[mine] - self._owned[0]] += values[mine]
+
+    def _linear_part(self, now: _Values, z: Array) -> Array:
+        """Derivatives of the loads by multipliers times ``z`` (slave nodes, 2), shape (d,)."""
+        total = np.zeros(self.dofs.size)
+        for matrix, sign, side in zip(self._to_loads(now), (1.0, -1.0), now.sides, strict=False):
+            total += sign * (matrix.T @ np.einsum("jc,jc->j", side[1], z))
+        return total
+
+    def _of_matrices(self, now: _Values) -> Iterator[Block]:
+        """Blocks of d(D^T q)/dd and -d(M^T q)/dd at fixed fluxes."""
+        numbers = np.arange(len(now.o.x))[:, None]
+        yield self.traces[0].rows(
+            now.o.slave_force_derivative(now.on_slave[:, None], numbers)
+        )
+        if len(self.traces) > 1:
+            nodes = np.arange(len(now.o.m))[:, None]
+            yield self.traces[1].rows(
+                now.o.master_force_derivative(now.on_master[:, None], nodes)
+            )
+
+    def _loads(
+        self, now: _Values, slave: _Numbered, master: _Numbered
+    ) -> tuple[Indices, csr_array]:
+        """E^T D^T times one matrix minus E^T M^T times the other, with their column numbers."""
+        numbers = np.union1d(slave[0], master[0])
+        change = csr_array((self.dofs.size, numbers.size))
+        for matrix, sign, (columns, values) in zip(
+            self._to_loads(now), (1.0, -1.0), (slave, master), strict=False
+        ):
+            placed = values.tocoo()
+            at = np.searchsorted(numbers, columns)[placed.col]
+            shape = values.shape[0], numbers.size
+            wide = coo_array((placed.data, (placed.row, at)), shape=shape).tocsr()
+            change = change + sign * (matrix.T @ wide)
+        return numbers, change
+
+    def _to_loads(self, now: _Values) -> list[csr_array]:
+        """D E and M E with columns in the order of ``dofs`` (collective)."""
+        return [
+            matrix @ self._interpolation(trace)
+            for matrix, trace in zip(now.o.matrices, self.traces, strict=False)
+        ]
+
+    def _interpolation(self, trace: Trace) -> csr_array:
+        """E of a trace, columns in the order of ``dofs``."""
+        node, part = np.nonzero(trace.dofs >= 0)
+        column = np.searchsorted(self.dofs, trace.dofs[node, part])
+        shape = len(trace.dofs), self.dofs.size
+        return coo_array((trace.weights[node, part], (node, column)), shape=shape).tocsr()
+
+
+class _Values:
+    """Fluxes of both sides at the slave nodes, and their derivatives.
+
+    Args:
+        law: The conductance.
+        f: Fields of the contact.
+        T, T_master: The field at the nodes of both sides.
+    """
+
+    def __init__(self, law: Conductance, f: ContactFields, T: Array, T_master: Array) -> None:
+        self._law, self.f, self.T, self.T_master = law, f, T, T_master
+        self.o: MortarOperators = f.operators
+        self.on = f.covered
+        self._per_weight = np.where(self.on, 1.0 / np.where(self.on, self.o.weight, 1.0), 0.0)
+        D, M = self.o.matrices
+        self._reference = 0.0 if law.temperature is None else law.on_obstacle
+        jump = D @ (T - self._reference) - M @ (T_master - self._reference)
+        self.jump = self._per_weight * jump
+        closed = f.state.active
+        self.h = law.evaluate(
+            np.where(closed, np.maximum(f.z_n, 0.0), 0.0),
+            np.where(closed, 0.0, np.maximum(f.mean_gap, 0.0)),
+        )
+        self.conduction = np.where(self.on, self.h.h * self.jump, 0.0)
+
+    @cached_property
+    def _heating(self) -> Row:
+        """Frictional power and its derivatives, zero where open."""
+        f, node = self.f, self.f.nodal
+        if self._law.friction_share is None or not f.interface.pair.law.has_friction:
+            return Row(np.zeros(len(self.T)))
+        rubs = np.where(f.state.active & f.interface.follows_law, 1.0 / node.step, 0.0)
+        row = Row(
+            rubs * f.z_tau * f.slip, 0.0, by_slip=rubs * f.z_tau, by_z_tau=rubs * f.slip
+        )
+        return with_gap_of_slip(row, f.slip_by_gap)
+
+    @property
+    def friction(self) -> Array:
+        """Frictional power per area."""
+        return np.asarray(self._heating.residual)
+
+    @property
+    def on_slave(self) -> Array:
+        """Flux that leaves the slave."""
+        return self.conduction - (self._law.friction_share or 0.0) * self.friction
+
+    @property
+    def on_master(self) -> Array:
+        """Flux that enters the master."""
+        return self.on_slave + self.friction
+
+    @cached_property
+    def sides(self) -> list[tuple[Row, Array]]:
+        """Derivatives of both fluxes at fixed jumps: a row, and those by multipliers (n, 2)."""
+        closed, heating = self.f.state.active, self._heating
+        pressed = closed & (self.f.z_n > 0.0)
+        by_gap = np.where(self.on & ~closed & (self.f.mean_gap > 0.0), self.jump, 0.0)
+        by_pressure = np.where(self.on & pressed, self.jump * self.h.by_pressure, 0.0)
+        own = Row(self.conduction, by_gap * self.h.by_gap, 0.0, by_pressure)
+        share = self._law.friction_share or 0.0
+        rows = [
+            Row(*(a + factor * b for a, b in zip(own, heating, strict=True)))
+            for factor in (-share, 1.0 - share)
+        ]
+        return [(row, row_by_multipliers(self.f, row)) for row in rows]
+
+    def moved(self, side: tuple[Row, Array]) -> Iterator[Block]:
+        """Blocks of a flux's derivative by displacements at fixed jumps; rows are slave nodes."""
+        return row_by_displacements(self.f, side[0])
+
+    def by_jump(self, traces: list[Trace]) -> Iterator[Block]:
+        """Blocks of the derivative of h times the jump at fixed h; rows are slave nodes."""
+        o, s = self.o, self.o.segments
+        factor = self._per_weight * np.where(self.on, self.h.h, 0.0)
+        nodes = o.facet_nodes
+        yield Block(nodes, *traces[0].columns(nodes, factor[nodes][:, :, None] * o.D))
+        if len(traces) > 1:
+            values = -factor[s.slave][:, :, None] * o.M
+            yield Block(s.slave, *traces[1].columns(s.master, values))
+        if o.linearization.frozen:
+            return
+        T, T_master = self.T - self._reference, self.T_master - self._reference
+        i, k = s.pairs[:, 0], s.pairs[:, 1]
+        by_D = np.einsum("sjkq,sk->sjq", o.dD, T[s.slave])
+        yield Block(s.slave, o.columns, factor[s.slave][:, :, None] * by_D)
+        if len(traces) > 1:
+            by_M = np.einsum("pjlq,pl->pjq", o.dM, T_master[s.master[i]])
+            yield Block(s.slave[i], o.columns[k], -factor[s.slave[i]][:, :, None] * by_M)
+        for block in o.weight_derivative():
+            yield scaled(block, -factor * self.jump)
+
+
+# Numbers of the columns of a matrix, and the matrix.
+_Numbered = tuple[Indices, csr_array]
+
+
+def _sparse(blocks: Iterable[Block], count: int) -> _Numbered:
+    """Sum of blocks with ``count`` rows and few columns of many, without columns of -1."""
+    i, j, v = (np.concatenate(parts) for parts in zip(*map(_entries, blocks), strict=True))
+    used = (j >= 0) & (v != 0.0)
+    numbers, at = np.unique(j[used], return_inverse=True)
+    return numbers, coo_array((v[used], (i[used], at)), shape=(count, numbers.size)).tocsr()
+
+
+def _entries(block: Block) -> tuple[Indices, Indices, Array]:
+    """Rows, columns and values of a block's entries."""
+    rows = np.broadcast_to(block.rows[:, :, None], block.values.shape)
+    columns = np.broadcast_to(block.columns[:, None, :], block.values.shape)
+    return rows.ravel(), columns.ravel(), block.values.ravel()
+
+
+def _as_block(matrix: csr_array, rows: Indices, columns: Indices) -> Block:
+    """A sparse matrix as a block per entry, with the numbers of its rows and columns."""
+    found = matrix.tocoo()
+    return Block(
+        rows[found.row][:, None], columns[found.col][:, None], found.data.reshape(-1, 1, 1)
+    )

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: MIT
+"""A scalar field of a mixed function on a contact surface: values at the nodes, and their dofs.
+
+The values at the surface's nodes are E times the dofs. A field of the displacement's degree has one
+dof at each node, with weight 1. A field of degree 1 beside a displacement of degree 2 has none at
+nodes inside facets; its value there is the mean of the facet's ends. E is then part of D and M of
+the field: jumps are D E T, and the loads of fluxes q are E^T D^T q.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import basix
+
+from fenics_mortar.interface.mortar import Block
+from fenics_mortar.interface.surfaces import Surface, replicate
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array, Indices
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A scalar field on a surface.
+
+    Attributes:
+        surface: The surface.
+        dofs: Global dofs that determine the value at each node, -1 for none, shape (n, r).
+        weights: Their weights, zero for none, shape (n, r) [1].
+        local_dofs: Local dofs of the nodes owned by this rank, shape (owned nodes, r).
+        is_mine: Whether this rank owns a dof of ``dofs``, of that shape, bool.
+        first: Global number of the first dof of this rank.
+    """
+
+    surface: Surface
+    dofs: Indices
+    weights: Array
+    local_dofs: Indices
+    is_mine: npt.NDArray[np.bool_]
+    first: int
+
+    def gather(self, values: Array) -> Array:
+        """Values at the nodes, shape (n,) [their unit], equal on all ranks (collective).
+
+        Args:
+            values: Values of all local dofs, ghosts included, shape (local dofs,).
+        """
+        at_nodes = (self.weights[self.surface.owned] * values[self.local_dofs]).sum(axis=1)
+        return replicate(at_nodes[:, None], self.surface.owners, self.surface.comm)[:, 0]
+
+    def scatter_add(self, nodal: Array, target: Array) -> None:
+        """Add E^T times replicated ``nodal`` (n,) to the owned dofs of ``target`` (local).
+
+        Args:
+            nodal: Loads of the nodes, shape (n,) [any unit].
+            target: Local array, shape (owned dofs,) or longer; changed in place.
+        """
+        mine = self.is_mine
+        np.add.at(target, self.dofs[mine] - self.first, (self.weights * nodal[:, None])[mine])
+
+    def columns(self, nodes: Indices, values: Array) -> tuple[Indices, Array]:
+        """Dofs and derivatives by dofs, for derivatives by values at nodes (local).
+
+        Args:
+            nodes: Nodes, shape (b, k).
+            values: Derivatives by their values, shape (b, r, k) [any unit].
+
+        Returns:
+            Dofs, shape (b, k r'), and derivatives by them, shape (b, r, k r').
+        """
+        dofs = self.dofs[nodes].reshape(len(nodes), -1)
+        spread = values[..., None] * self.weights[nodes][:, None]
+        return dofs, spread.reshape(*values.shape[:2], -1)
+
+    def rows(self, block: Block) -> Block:
+        """E^T times a block whose rows are nodes of the surface: rows are dofs (local)."""
+        dofs, values = self.columns(block.rows, np.swapaxes(block.values, 1, 2))
+        return Block(dofs, block.columns, np.ascontiguousarray(np.swapaxes(values, 1, 2)))
+
+
+def trace_of(space: DisplacementSpace, field: int, surface: Surface) -> Trace:
+    """The trace of a sub-space of a mixed space on a surface (collective).
+
+    Args:
+        space: The displacement's nodes, and the mixed space.
+        field: Number of the sub-space of the scalar field.
+        surface: The surface.
+
+    Raises:
+        ValueError: On all ranks, if there is no such scalar field, or if its values on facets are
+            not determined by those at the nodes.
+    """
+    of_field = _sub_space(space, field)
+    index_map = space.V.dofmap.index_map
+    count = index_map.size_local + index_map.num_ghosts
+    dofs, weights = np.full((count, 2), -1), np.zeros((count, 2))
+    for node, parts in _pairs(space.V, *of_field):
+        for part, (dof, weight) in enumerate(parts):
+            dofs[node, part], weights[node, part] = dof, weight
+    begin, _ = index_map.local_range
+    mine = surface.nodes[surface.owned] - begin
+    local_dofs, weights = dofs[mine], weights[mine]
+    comm, whole = surface.comm, space.whole.dofmap.index_map
+    named = np.where(local_dofs >= 0, local_dofs, 0).ravel().astype(np.int32)
+    named = np.asarray(whole.local_to_global(named), np.int64).reshape(local_dofs.shape)
+    everywhere = replicate(np.where(local_dofs >= 0, named, -1), surface.owners, comm)
+    weights = replicate(weights, surface.owners, comm)
+    used = slice(0, 2 if comm.allreduce(bool((everywhere[:, 1] >= 0).any())) else 1)
+    everywhere, weights = everywhere[:, used].copy(), weights[:, used].copy()
+    is_mine = (everywhere >= space.first) & (everywhere < space.first + space.num_owned)
+    return Trace(surface, everywhere, weights, local_dofs[:, used].copy(), is_mine, space.first)
+
+
+def _sub_space(space: DisplacementSpace, field: Any) -> tuple[Any, Indices]:
+    """Space of a scalar field alone, and its dofs in the mixed space (collective).
+
+    Raises:
+        ValueError: On all ranks.
+    """
+    whole = space.whole
+    if not space.is_mixed:
+        raise ValueError(
+            f"field={field!r}: u is no mixed function; expected a function of a mixed space with "
+            "the displacement and the scalar field"
+        )
+    if field not in range(whole.num_sub_spaces) or field == space.part:
+        others = [str(part) for part in range(whole.num_sub_spaces) if part != space.part]
+        raise ValueError(
+            f"field={field!r}: expected the number of another sub-space than the displacement's: "
+            f"{', '.join(others)}"
+        )
+    V, dofs = whole.sub(field).collapse()
+    (at_vertex, on_facet), (_, of_u) = _numbers_of_dofs(V), _numbers_of_dofs(space.V)
+    if V.dofmap.index_map_bs != 1 or at_vertex != 1 or on_facet not in (2, of_u):
+        raise ValueError(
+            f"field={field!r}: expected a continuous scalar field of Lagrange elements, of degree "
+            "1 or of that of the displacement"
+        )
+    return V, np.asarray(dofs, np.int64)
+
+
+def _numbers_of_dofs(V: Any) -> tuple[int, int]:
+    """Numbers of dofs at a vertex, and on a facet with its ends, without components."""
+    layout = V.dofmap.dof_layout
+    return len(layout.entity_dofs(0, 0)), len(layout.entity_closure_dofs(1, 0))
+
+
+def _pairs(V: Any, T: Any, dofs: Indices) -> Iterator[tuple[Any, list[tuple[Any, float]]]]:
+    """Nodes of ``V`` on vertices and edges, and the dofs of the field with their weights there."""
+    mesh = V.mesh
+    topology = basix.topology(getattr(basix.CellType, compat.cell_name(mesh)))
+    nodes, of_field = compat.dofmap(V), dofs[compat.dofmap(T)]
+    layouts = V.dofmap.dof_layout, T.dofmap.dof_layout
+    for dim in range(2):
+        for entity, vertices in enumerate(topology[dim]):
+            for node in layouts[0].entity_dofs(dim, entity):
+                own = layouts[1].entity_dofs(dim, entity)
+                if len(own):
+                    yield nodes[:, node], [(of_field[:, own[0]], 1.0)]
+                    continue
+                ends = [layouts[1].entity_dofs(0, vertex)[0] for vertex in vertices]
+                yield nodes[:, node], [(of_field[:, end], 0.5) for end in ends]
