@@ -124,6 +124,39 @@ def strain(u: Any, geometry: Geometry = "plane") -> Any:
     return ufl.sym(displacement_gradient(u, geometry))
 
 
+def elastic_strain(u: Any, expansion: Any = 0.0, geometry: Geometry = "plane") -> Any:
+    """Linear strain in space minus an isotropic expansion, as alpha (T - T_0) (local).
+
+    In plane strain the expansion is hindered out of the plane. For virtual work the strain of a
+    test function without expansion has the same shape.
+
+    Args:
+        u: Displacement, or a test function, shape (2,) [length].
+        expansion: The expansion, a scalar expression [1].
+        geometry: As for ``displacement_gradient``.
+
+    Returns:
+        Shape (3, 3) [1].
+
+    Raises:
+        ValueError: For another geometry.
+
+    Example:
+        Thermoelastic body, with a mixed function w of displacement and temperature::
+
+            u, T = ufl.split(w)
+            v, s = ufl.TestFunctions(W)
+            e = fm.energies.elastic_strain(u, alpha * T)
+            sigma = fm.energies.stress(fm.energies.linear_elastic, e, mu, lmbda)
+            residual = ufl.inner(sigma, fm.energies.elastic_strain(v)) * dx
+            residual += k * ufl.inner(ufl.grad(T), ufl.grad(s)) * dx
+    """
+    e = strain(u, geometry)
+    if geometry == "plane":
+        e = ufl.as_tensor([[e[0, 0], e[0, 1], 0], [e[1, 0], e[1, 1], 0], [0, 0, 0]])
+    return e - expansion * ufl.Identity(3)
+
+
 def stress(energy: Callable[..., Any], measure: Any, *parameters: Any) -> Any:
     """Derivative of an energy by its measure of strain [stress] (local).
 

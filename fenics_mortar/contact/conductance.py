@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Conductance of an interface for a scalar field: temperature, potential, concentration, pressure.
 
-The flux from slave to master is q = h (T_slave - T_master), with h a function of contact pressure p
-and gap g. Frictional power may be added as a source on both sides. See ``fluxes`` for the weak form.
+The flux from slave to master is q = h (T_slave - T_master), with h a function of contact pressure
+and gap. Frictional power may be a source on both sides. See ``fluxes`` for the weak form.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -41,6 +41,9 @@ class ConductanceValue(NamedTuple):
 
 # Function of pressures and gaps, (slave nodes,) each, that returns h, dh/dp and dh/dg.
 ConductanceFunction = Callable[[Array, Array], Sequence[Any]]
+# Function of pressures (slave nodes,) and undeformed positions (slave nodes, 2) that returns power
+# per area and its derivative by pressure.
+HeatingFunction = Callable[[Array, Array], Sequence[Any]]
 
 
 @dataclass(frozen=True)
@@ -136,12 +139,17 @@ class Conductance:
             ``PressureConductance`` or ``GapConductance``; a function of pressures and gaps, arrays
             of shape (slave nodes,), that returns h, dh/dp and dh/dg; or a list of these, which are
             added.
-        friction_share: Fraction of the frictional power that enters the slave, between 0 and 1, the
-            rest enters the master: e_s / (e_s + e_m) with effusivities e = sqrt(k rho c) of two
-            half spaces. ``None``: the power is no source. The power is shear times slip over the
-            length of the step, see ``ContactProblem.time``.
+        heating: Source at closed contact [flux]: "friction", shear times slip over the length of
+            the step, see ``ContactProblem.time``; a function of pressures (slave nodes,) and
+            undeformed positions (slave nodes, 2) that returns power per area and its derivative by
+            pressure, for sliding out of the plane: mu p omega r of a brake disc; or ``None``.
+        share: Fraction of the source that enters the slave, between 0 and 1, the rest enters the
+            master: e_s / (e_s + e_m) with effusivities e = sqrt(k rho c) of two half spaces.
         temperature: Value of the field on a rigid obstacle, which is the master [field]: a number
             or a constant, whose value may change between solves.
+
+    Attributes:
+        scale: Factor of h [1]; 1 unless a study changes it, see ``sensitivity.ConductanceScale``.
 
     Raises:
         ValueError: If an argument has a value that is not allowed.
@@ -158,21 +166,24 @@ class Conductance:
         field: int,
         h: float | ConductanceFunction | Sequence[float | ConductanceFunction],
         *,
-        friction_share: float | None = None,
+        heating: Literal["friction"] | HeatingFunction | None = None,
+        share: float = 0.5,
         temperature: float | fem.Constant | None = None,
     ) -> None:
-        self.field, self.h = field, h
-        self.friction_share, self.temperature = friction_share, temperature
-        check_number(
-            "field", field, "the number of a sub-space", lambda n: n >= 0, whole=True
-        )
+        self.field, self.h, self.scale = field, h, 1.0
+        self.heating, self.share, self.temperature = heating, share, temperature
+        check_number("field", field, "the number of a sub-space", lambda n: n >= 0, whole=True)
         terms = list(h) if isinstance(h, Sequence) else [h]
         self._terms = [term if callable(term) else _constant(term) for term in terms]
         if not terms:
             raise ValueError("h=[]: expected at least one conductance")
-        if friction_share is not None:
-            expected = "a fraction between 0 and 1, or None"
-            check_number("friction_share", friction_share, expected, lambda s: 0.0 <= s <= 1.0)
+        if not (heating in (None, "friction") or callable(heating)):
+            raise ValueError(
+                f"heating={heating!r}: expected 'friction', a function of pressures and positions, "
+                "or None"
+            )
+        expected = "a fraction between 0 and 1"
+        check_number("share", share, expected, lambda fraction: 0.0 <= fraction <= 1.0)
         if not (temperature is None or isinstance(temperature, fem.Constant)):
             check_number("temperature", temperature, "a number or a constant", np.isfinite)
 
@@ -202,7 +213,29 @@ class Conductance:
                 f"at the pressure {pressure[j]:.3g} and the gap {gap[j]:.3g}: expected a finite "
                 "conductance that is not negative"
             )
-        return ConductanceValue(*sums)
+        return ConductanceValue(*(self.scale * sums))
+
+    def power(self, pressure: Array, X: Array) -> tuple[Array, Array]:
+        """Power per area of a ``heating`` function and its derivative by pressure (local).
+
+        Args:
+            pressure: Contact pressure, zero where open, shape (slave nodes,) [stress].
+            X: Undeformed positions, shape (slave nodes, 2) [length].
+
+        Returns:
+            Power [flux] and derivative [flux / stress], (slave nodes,) each.
+
+        Raises:
+            MortarError: If the function returns anything but finite numbers of these shapes.
+        """
+        assert callable(self.heating)
+        found = self.heating(pressure, X.copy())
+        if not isinstance(found, Sequence) or len(found) != 2:
+            raise MortarError(f"heating returned {found!r}; expected power and its derivative by p")
+        power, slope = (np.zeros(pressure.size) + part for part in found)
+        if not np.isfinite([power, slope]).all():
+            raise MortarError("heating returned power or derivative that is not finite")
+        return power, slope
 
     @property
     def on_obstacle(self) -> float:

@@ -5,11 +5,11 @@ With D and M of the contact, mean gaps g_j and weights w_j, slave node j has
 
     jump           [T]_j = (sum_k D_jk T_k - sum_l M_jl T_l) / w_j
     conduction       q_j = h(p_j, g_j) [T]_j          p = max(z_n, 0), g = 0 where closed
-    friction         P_j = z_tau,j u_j / step         u the slip of the step
+    friction         P_j = z_tau,j u_j / step         u the slip of the step; or P(p, X)
 
-where T_k, T_l are the values at the nodes, see ``traces``. With the share s of friction, the loads
-D^T (q - s P) leave the slave and M^T (q + (1 - s) P) enters the master. Since M reproduces
-constants, the loads of both sides and the friction are in balance to rounding for any mesh.
+where T_k, T_l are the values at the nodes, see ``traces``. With the share s of the slave,
+D^T (q - s P) leaves the slave and M^T (q + (1 - s) P) enters the master. Since M reproduces
+constants, the loads of both sides and the source are in balance to rounding for any mesh.
 
 On a rigid obstacle its given value replaces the master's, and the master's load leaves the system.
 
@@ -41,6 +41,7 @@ from fenics_mortar.interface.traces import Trace, trace_of
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
+
 @dataclass(frozen=True)
 class NodalFlux:
     """Flux at the slave nodes of a pair, read-only values; each array has shape (slave nodes,).
@@ -49,7 +50,7 @@ class NodalFlux:
         jump: Mean jump T_slave - T_master, zero at nodes without partner [field].
         conductance: h [flux / field].
         conduction: Flux by conduction from slave to master [flux].
-        friction: Frictional power per area, zero if it is no source [stress length / time].
+        heating: Source by friction, power per area [flux].
         into_slave: Total that enters the slave [flux length].
         into_master: Total that enters the master or obstacle [flux length].
     """
@@ -57,7 +58,7 @@ class NodalFlux:
     jump: Array
     conductance: Array
     conduction: Array
-    friction: Array
+    heating: Array
     into_slave: float
     into_master: float
 
@@ -114,13 +115,33 @@ class Flux:
         slave, master = (float(weight @ of_side) for of_side in (now.on_slave, now.on_master))
         return NodalFlux(now.jump, now.h.h, now.conduction, now.friction, -slave, master)
 
+    def loads(self) -> list[Array]:
+        """Loads of the nodes of each trace, (nodes,) [flux length], replicated (collective)."""
+        now = self.at(self._contact.now)
+        return self._loads_by(now.o, now.on_slave, now.on_master)
+
+    def _loads_by(self, o: MortarOperators, on_slave: Array, on_master: Array) -> list[Array]:
+        """D^T of one flux and -M^T of the other, for the traces (collective)."""
+        sides = o.force(on_slave[:, None])[0], o.force(on_master[:, None])[1]
+        return [side[:, 0] for side, _ in zip(sides, self.traces, strict=False)]
+
     def add_loads(self, target: Array) -> None:
         """Add the loads to ``target``, shape (owned dofs,) or longer (collective)."""
+        for trace, loads in zip(self.traces, self.loads(), strict=True):
+            trace.scatter_add(loads, target)
+
+    def add_by_scale(self, target: Array) -> None:
+        """Add the loads' derivative by the law's ``scale``: those of conduction (collective).
+
+        Args:
+            target: Shape (owned dofs,); changed in place [flux length].
+        """
         now = self.at(self._contact.now)
-        on_slave, _ = now.o.force(now.on_slave[:, None])
-        _, on_master = now.o.force(now.on_master[:, None])
-        for trace, loads in zip(self.traces, (on_slave, on_master), strict=False):
-            trace.scatter_add(loads[:, 0], target)
+        conduction = now.conduction / self.law.scale
+        for trace, loads in zip(
+            self.traces, self._loads_by(now.o, conduction, conduction), strict=True
+        ):
+            trace.scatter_add(loads, target)
 
     def add_newton_loads(self, target: Array) -> None:
         """Subtract f(z) - f'(z) z, the part of the loads that multipliers leave (collective).
@@ -187,14 +208,10 @@ class Flux:
     def _of_matrices(self, now: _Values) -> Iterator[Block]:
         """Blocks of d(D^T q)/dd and -d(M^T q)/dd at fixed fluxes."""
         numbers = np.arange(len(now.o.x))[:, None]
-        yield self.traces[0].rows(
-            now.o.slave_force_derivative(now.on_slave[:, None], numbers)
-        )
+        yield self.traces[0].rows(now.o.slave_force_derivative(now.on_slave[:, None], numbers))
         if len(self.traces) > 1:
             nodes = np.arange(len(now.o.m))[:, None]
-            yield self.traces[1].rows(
-                now.o.master_force_derivative(now.on_master[:, None], nodes)
-            )
+            yield self.traces[1].rows(now.o.master_force_derivative(now.on_master[:, None], nodes))
 
     def _loads(
         self, now: _Values, slave: _Numbered, master: _Numbered
@@ -254,25 +271,29 @@ class _Values:
 
     @cached_property
     def _heating(self) -> Row:
-        """Frictional power and its derivatives, zero where open."""
-        f, node = self.f, self.f.nodal
-        if self._law.friction_share is None or not f.interface.pair.law.has_friction:
+        """The source and its derivatives, zero where open."""
+        f, law = self.f, self._law
+        closed = f.state.active & self.on
+        if callable(law.heating):
+            power, slope = law.power(np.where(closed, np.maximum(f.z_n, 0.0), 0.0), self.o.slave.X)
+            pressed = closed & (f.z_n > 0.0)
+            return Row(np.where(closed, power, 0.0), by_z_n=np.where(pressed, slope, 0.0))
+        if law.heating is None or not f.interface.pair.law.has_friction:
             return Row(np.zeros(len(self.T)))
-        rubs = np.where(f.state.active & f.interface.follows_law, 1.0 / node.step, 0.0)
-        row = Row(
-            rubs * f.z_tau * f.slip, 0.0, by_slip=rubs * f.z_tau, by_z_tau=rubs * f.slip
-        )
+        node = f.nodal
+        rubs = np.where(closed & f.interface.follows_law, 1.0 / node.step, 0.0)
+        row = Row(rubs * f.z_tau * f.slip, by_slip=rubs * f.z_tau, by_z_tau=rubs * f.slip)
         return with_gap_of_slip(row, f.slip_by_gap)
 
     @property
     def friction(self) -> Array:
-        """Frictional power per area."""
+        """Source, power per area."""
         return np.asarray(self._heating.residual)
 
     @property
     def on_slave(self) -> Array:
         """Flux that leaves the slave."""
-        return self.conduction - (self._law.friction_share or 0.0) * self.friction
+        return self.conduction - self._law.share * self.friction
 
     @property
     def on_master(self) -> Array:
@@ -287,7 +308,7 @@ class _Values:
         by_gap = np.where(self.on & ~closed & (self.f.mean_gap > 0.0), self.jump, 0.0)
         by_pressure = np.where(self.on & pressed, self.jump * self.h.by_pressure, 0.0)
         own = Row(self.conduction, by_gap * self.h.by_gap, 0.0, by_pressure)
-        share = self._law.friction_share or 0.0
+        share = self._law.share
         rows = [
             Row(*(a + factor * b for a, b in zip(own, heating, strict=True)))
             for factor in (-share, 1.0 - share)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.contact.fluxes import NodalFlux
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.pair_side import PairSide, side_of
 from fenics_mortar.contact.state import InterfaceState
@@ -24,8 +25,8 @@ class PairView:
     All arrays are copies, equal on all ranks. Nodal arrays follow the slave nodes along the
     surface, at the present multipliers and the last evaluated displacement; after a solve this is
     the solution. With degree 2, ends and midpoints of facets alternate along each curve, which
-    begins with an end. All attributes but ``forces``, ``slave`` and ``master`` are local. More than
-    20 methods: one property for each result.
+    begins with an end. All attributes but ``forces``, ``fluxes``, ``slave`` and ``master`` are
+    local. More than 20 methods: one property for each result.
 
     Example:
         Pressure along the surface after a solve, as columns x, y, pressure::
@@ -160,6 +161,11 @@ class PairView:
     def friction_work(self) -> float:
         """Work of friction in the last step, by the shear at its end [stress length^2]."""
         return self._interface.now.friction_work
+
+    @property
+    def fluxes(self) -> list[NodalFlux]:
+        """Fluxes of scalar fields across the pair, in the order of its ``fluxes``; collective."""
+        return [flux.nodal() for flux in self._interface.fluxes]
 
     @property
     def offset(self) -> Array:

@@ -210,8 +210,13 @@ class Conflicts:
 
 
 def _options(pair: Any) -> dict[str, str]:
-    """Options of a pair that are fixed when a problem is set up: all but the law (local)."""
-    return {name: as_text(value) for name, value in vars(pair).items() if name != "law"}
+    """Options of a pair that are fixed when a problem is set up (local).
+
+    These are all but the law, and of conductances which ones they are, but not their values.
+    """
+    fixed = {name: value for name, value in vars(pair).items() if name != "law"}
+    fixed["fluxes"] = [id(flux) for flux in fixed.get("fluxes", ())]
+    return {name: as_text(value) for name, value in fixed.items()}
 
 
 def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
@@ -221,7 +226,8 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
         if as_bound.get(name) != texts:
             raise MortarError(
                 f"{name} of {pair!r} was set after the problem was set up, which has no effect: "
-                "set up a new problem (its law may be set, and contact.c_n and contact.offset)"
+                "set up a new problem (its law may be set, values of its conductances, "
+                "contact.c_n and contact.offset)"
             )
     count = contact.slave.num_nodes
     for name, shape, kind in (

@@ -74,9 +74,10 @@ class Trace:
         Returns:
             Dofs, shape (b, k r'), and derivatives by them, shape (b, r, k r').
         """
-        dofs = self.dofs[nodes].reshape(len(nodes), -1)
+        width = nodes.shape[1] * self.dofs.shape[1]
+        dofs = self.dofs[nodes].reshape(len(nodes), width)
         spread = values[..., None] * self.weights[nodes][:, None]
-        return dofs, spread.reshape(*values.shape[:2], -1)
+        return dofs, spread.reshape(*values.shape[:2], width)
 
     def rows(self, block: Block) -> Block:
         """E^T times a block whose rows are nodes of the surface: rows are dofs (local)."""
@@ -107,9 +108,9 @@ def trace_of(space: DisplacementSpace, field: int, surface: Surface) -> Trace:
     mine = surface.nodes[surface.owned] - begin
     local_dofs, weights = dofs[mine], weights[mine]
     comm, whole = surface.comm, space.whole.dofmap.index_map
-    named = np.where(local_dofs >= 0, local_dofs, 0).ravel().astype(np.int32)
-    named = np.asarray(whole.local_to_global(named), np.int64).reshape(local_dofs.shape)
-    everywhere = replicate(np.where(local_dofs >= 0, named, -1), surface.owners, comm)
+    named = whole.local_to_global(np.maximum(local_dofs, 0).ravel().astype(np.int32))
+    numbers = np.where(local_dofs >= 0, np.reshape(named, local_dofs.shape), -1)
+    everywhere = replicate(numbers.astype(np.int64), surface.owners, comm)
     weights = replicate(weights, surface.owners, comm)
     used = slice(0, 2 if comm.allreduce(bool((everywhere[:, 1] >= 0).any())) else 1)
     everywhere, weights = everywhere[:, used].copy(), weights[:, used].copy()

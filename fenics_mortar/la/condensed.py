@@ -150,7 +150,7 @@ class CondensedSystem(LinearSystem):
             blocks += [Block(dofs[rows], columns, values) for rows, columns, values in own.blocks]
         return blocks
 
-    def _R_entries(self, pair_rows: Sequence[Rows], inverses: Sequence[Array]) -> Entries:
+    def _R_entries(self, pair_rows: Sequence[Rows], inverses: Sequence[Array]) -> Any:
         """R = -B^T Z - A_z Z in rows of contact nodes; columns are numbers of multipliers."""
         operators = [contact.operators for contact in self.contacts]
         size = 4 * self.num_multipliers + sum(2 * (o.D.size + o.M.size) for o in operators)
@@ -165,12 +165,15 @@ class CondensedSystem(LinearSystem):
                 contact.acts, z_number, i[end:], j[end:], v[end:],
             )  # fmt: skip
         entries = i[:end], j[:end], v[:end]
+        of_fluxes = []
         for (contact, z_number), Z in zip(self.numbered(), inverses, strict=True):
             if contact.fluxes:
                 blocks = _columns_scaled(contact.flux_blocks(), z_number, -Z)
-                extra = flatten(self._rows.renumbered(blocks))
-                entries = tuple(map(np.append, entries, extra))
-        return entries
+                of_fluxes += self._rows.renumbered(blocks)
+        if not of_fluxes:
+            return entries
+        more = flatten(of_fluxes)
+        return tuple(np.append(one, other) for one, other in zip(entries, more, strict=True))
 
     def _weighted_forces(self, contact: Interface, z_number: Indices, weight: Array) -> list[Block]:
         """B^T with columns scaled by ``weight`` (slave nodes, 2) and numbered by ``z_number``."""

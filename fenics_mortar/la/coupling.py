@@ -103,7 +103,6 @@ class Coupling:
         dofs = np.concatenate([on_master, self._slave.dofs[borne]])
         return dofs, np.concatenate([carriers.ravel(), carrier])
 
-
     # Fluxes of scalar fields: the loads of a slave node depend on all of its facets
 
     def flux_pattern(self, flux: Flux) -> Block:

@@ -9,6 +9,7 @@ controls, quantities and functions of the values of all steps are attributes of 
 
 from fenics_mortar.sensitivity.bridge import Simulation, to_autograd
 from fenics_mortar.sensitivity.controls import (
+    ConductanceScale,
     Interference,
     LawParameter,
     ObstacleLoad,
@@ -37,6 +38,7 @@ from fenics_mortar.sensitivity.quantities import (
 )
 
 __all__ = [
+    "ConductanceScale",
     "ContactLength",
     "Control",
     "FrictionWork",

@@ -21,6 +21,7 @@ from fenics_mortar.sensitivity.pair_operators import (
     PairOperator,
     check_exact,
     contact_of,
+    refuse_fluxes,
     values_of,
 )
 from fenics_mortar.sensitivity.partials.fields import rows_by_fields
@@ -102,6 +103,7 @@ class PairControl(Control):
         """
         contact = contact_of(problem.equations, i)
         check_exact(contact)
+        refuse_fluxes(contact, self.name)
         return through_fields(rows_by_fields(contact), self.fields(problem, i))
 
     def memory(self, problem: ContactProblem, i: int, memory: PairMemory) -> Matrix:

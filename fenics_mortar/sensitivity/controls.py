@@ -13,12 +13,13 @@ from typing import Literal
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.control import Control, OnePairControl, PairControl
 from fenics_mortar.sensitivity.history import Before
-from fenics_mortar.sensitivity.pair_operators import contact_of
+from fenics_mortar.sensitivity.pair_operators import OfPair, contact_of
 from fenics_mortar.sensitivity.partials.fields import gap_by_offset
 from fenics_mortar.sensitivity.partials.law import (
     PairMemory,
@@ -31,7 +32,7 @@ from fenics_mortar.sensitivity.partials.law import (
 )
 from fenics_mortar.sensitivity.partials.maps import Changes, Matrix
 from fenics_mortar.sensitivity.partials.shape import fields_by_shape
-from fenics_mortar.utils.arguments import check_choice, check_kind, check_lengths
+from fenics_mortar.utils.arguments import check_choice, check_kind, check_lengths, check_number
 from fenics_mortar.utils.arrays import Array, Flags
 
 
@@ -164,6 +165,56 @@ class Interference(Offset):
         """See ``PairControl``."""
         change = super().fields(problem, i)["gap"]
         return {"gap": Matrix.dense((change @ np.ones(change.shape[1]))[:, None])}
+
+
+class ConductanceScale(OfPair, Control):
+    """Factor of the conductance of a pair for a scalar field, see ``Conductance.scale``.
+
+    The constructor is local.
+
+    Args:
+        pair: Number of the pair.
+        field: Number of the field's sub-space.
+    """
+
+    def __init__(self, pair: int, field: int) -> None:
+        super().__init__(pair)
+        self.field, self.name = field, f"conductance of pair {pair} for field {field}"
+
+    def _flux(self, problem: ContactProblem) -> Flux:
+        for flux in contact_of(problem.equations, self.pair).fluxes:
+            if flux.law.field == self.field:
+                return flux
+        raise ValueError(f"{self.name}: the pair has no such conductance")
+
+    def pairs(self, problem: ContactProblem) -> list[int]:
+        """See ``PairControl``: none, rows and memory of the pair do not depend on it."""
+        return []
+
+    def get(self, problem: ContactProblem) -> Array:
+        """See ``Control``: shape () [1]."""
+        return np.asarray(self._flux(problem).law.scale)
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """See ``Control``."""
+        check_number("scale", float(values), "a positive number", lambda scale: scale > 0.0)
+        self._flux(problem).law.scale = float(values)
+
+    def _loads(self, problem: ContactProblem) -> Array:
+        loads = np.zeros(problem.equations.bulk.num_owned)
+        self._flux(problem).add_by_scale(loads)
+        loads[problem.equations.bulk.prescribed_dofs] = 0.0
+        return loads
+
+    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
+        """See ``Control``; ``before`` is not used."""
+        return LinearVector(u=float(dm) * self._loads(problem))
+
+    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
+        """See ``Control``; ``before`` is not used."""
+        loads = self._loads(problem)
+        mine = 0.0 if y.u is None else float(y.u @ loads)
+        return np.asarray(problem.equations.comm.allreduce(mine))
 
 
 class _OfObstacle(Control):

@@ -177,6 +177,20 @@ def contact_of(equations: ContactEquations, i: int) -> Contact:
     return contact
 
 
+def refuse_fluxes(contact: Any, name: str) -> None:
+    """Raise an error for a control on which fluxes across a contact depend (local).
+
+    Raises:
+        MortarError: On all ranks.
+    """
+    if contact.fluxes:
+        raise MortarError(
+            f"{name}: fluxes across {contact.pair!r} have no derivative by this control; those by "
+            "constants and functions of the residual, parameters of laws, obstacles' motions and "
+            "ConductanceScale are available"
+        )
+
+
 def check_exact(contact: Any) -> None:
     """Raise an error if the operators of a contact lack derivatives (local, equal on all ranks).
 

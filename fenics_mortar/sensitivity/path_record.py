@@ -48,7 +48,7 @@ class RecordedStep:
         state: The state.
         data: Values of the constants and functions of the forms, of any shape [their units], see
             ``Data``.
-        laws: Attributes of the laws of the contacts.
+        laws: Attributes of the laws and conductances of the contacts.
         shapes: Parameters of the shape of each obstacle by name [their units].
         loads: Forces and moments that drive the obstacles, shape (3,) each, nan where prescribed
             [stress length, stress length, stress length^2].
@@ -70,8 +70,8 @@ class Data:
     """
 
     def __init__(self, problem: ContactProblem, more: Sequence[Any] = ()) -> None:
-        laws = [vars(contact.pair.law) for contact in _with_law(problem)]
-        of_laws = [value for law in laws for value in law.values() if _is_data(value)]
+        settings = map(vars, _settings(problem))
+        of_laws = [value for values in settings for value in values.values() if _is_data(value)]
         bulk = problem.equations.bulk
         objects = dict.fromkeys([*bulk.data, *of_laws, *more])
         conditions = [compat.condition_numbers(bc) for bc in bulk.bcs]
@@ -95,6 +95,12 @@ def _is_data(value: Any) -> bool:
 def _with_law(problem: ContactProblem) -> list[Contact]:
     """The contacts of a problem without its ties (local)."""
     return [c for c in problem.equations.contacts if isinstance(c, Contact)]
+
+
+def _settings(problem: ContactProblem) -> list[Any]:
+    """Laws and conductances of the contacts (local)."""
+    pairs = [contact.pair for contact in _with_law(problem)]
+    return [setting for pair in pairs for setting in (pair.law, *pair.fluxes)]
 
 
 def _copies(values: dict[str, Any]) -> dict[str, Any]:
@@ -151,6 +157,11 @@ class RecordedPath:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
         if problem.equations.bulk.inertia is not None:
             raise MortarError("dynamics have no derivatives: expected a static problem")
+        if any(getattr(s, "heating", None) == "friction" for s in _settings(problem)):
+            raise MortarError(
+                "heating='friction' has no derivatives: expected heating=None or a function of "
+                "pressure and position"
+            )
         self.problem, self._data = problem, Data(problem, also)
         self.start: State | None = problem.state()
         self.steps: list[RecordedStep] = []
@@ -176,7 +187,7 @@ class RecordedPath:
 
     def present(self) -> RecordedStep:
         """Record of the present state."""
-        laws = tuple(_copies(vars(contact.pair.law)) for contact in _with_law(self.problem))
+        laws = tuple(_copies(vars(setting)) for setting in _settings(self.problem))
         shapes = tuple(obstacle.shape() for obstacle in self.problem.obstacles)
         loads = tuple(obstacle.load.copy() for obstacle in self.problem.obstacles)
         return RecordedStep(self.problem.state(), self._data.values(), laws, shapes, loads)
@@ -234,8 +245,9 @@ class RecordedPath:
 
     def _put_values(self, step: RecordedStep) -> None:
         self._data.put(step.data)
-        for contact, law in zip(_with_law(self.problem), step.laws, strict=True):
-            vars(contact.pair.law).update(law)
+        for setting, values in zip(_settings(self.problem), step.laws, strict=True):
+            vars(setting).update(values)
+        for contact in _with_law(self.problem):
             contact.adopt_law()
         for obstacle, load in zip(self.problem.obstacles, step.loads, strict=True):
             if not np.array_equal(obstacle.load, load, equal_nan=True):

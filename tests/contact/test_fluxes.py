@@ -1,0 +1,354 @@
+# SPDX-License-Identifier: MIT
+"""Scalar fields across contact: conductances, tangent, closed forms, balance, bad input."""
+
+import numpy as np
+import pytest
+from heat_scenes import heated, stacked
+from scipy.optimize import brentq
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.contact.conductance import SMALL_PRESSURE
+from meshes.mapped_grids import Grid, block
+
+MIXED = [fm.PressureConductance(3.0, 5.0), fm.GapConductance(0.02, 0.01)]
+
+
+# Conductances
+
+
+@pytest.mark.parametrize("exponent", [0.5, 0.95, 1.0, 2.0])
+def test_power_law_of_pressure_is_smooth(exponent):
+    """Value and slope are continuous where the parabola ends; the slope is that of the value."""
+    law = fm.PressureConductance(4.0, 50.0, exponent)
+    ends = 50.0 * SMALL_PRESSURE * np.array([1.0 - 1e-9, 1.0 + 1e-9])
+    h, slope, _ = law(ends, 0.0 * ends)
+    assert h[1] == pytest.approx(h[0], rel=1e-8) and slope[1] == pytest.approx(slope[0], rel=1e-6)
+    p = 50.0 * np.array([0.0, 0.3 * SMALL_PRESSURE, 0.5, 1.0, 3.0])
+    step = 1e-6
+    change = (law(p + step, 0 * p).h - law(p, 0 * p).h) / step
+    assert change == pytest.approx(law(p + step / 2, 0 * p).by_pressure, rel=1e-5)
+    assert law(p, 0 * p).h[3] == pytest.approx(4.0) and law(p, 0 * p).h[0] == 0.0
+
+
+def test_conductances_are_added():
+    law = fm.Conductance(1, [2.0, fm.GapConductance(0.6, 0.2), lambda p, g: (p, 1.0 + 0 * p, 0.0)])
+    found = law.evaluate(np.array([3.0, 0.0]), np.array([0.0, 0.4]))
+    assert found.h == pytest.approx([2.0 + 3.0 + 3.0, 1.0])
+    assert found.by_pressure == pytest.approx([1.0, 1.0])
+    assert found.by_gap == pytest.approx([-15.0, -0.6 / 0.36])
+
+
+# Tangent
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+@pytest.mark.parametrize("degrees", [(1, 1), (2, 1), (2, 2)])
+@pytest.mark.parametrize("heating", [None, "friction", lambda p, X: (p * X[:, 0], X[:, 0])])
+def test_tangent_has_slope_two(degrees, heating, algorithm):
+    scene = stacked(degrees=degrees, overhang=0.7)
+    scene.prescribe("shift", "upper/top", 0, 0)
+    scene.bcs.pop(1)  # of the upper body's side
+    law = fm.Coulomb(0.3) if heating == "friction" else None
+    heat = fm.Conductance(1, MIXED, heating=heating, share=0.3)
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", law=law, fluxes=[heat])
+    problem = scene.problem([pair], algorithm=algorithm)
+    for step in (1, 2):
+        scene.set(top=-0.02 * step, shift=0.015 * step, hot=10.0)
+        report = problem.solve()
+    assert report.num_iterations <= 6
+    assert problem.check_tangent(print_table=False).slopes["whole"] == pytest.approx(2.0, abs=0.02)
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("pushed", [False, True])
+@pytest.mark.parametrize("geometry", ["plane", "axisymmetric"])
+def test_tangent_on_an_obstacle_has_slope_two(geometry, pushed):
+    """Motions of the obstacle are directions of the test; conduction through the gap, too."""
+    scene = heated([Grid("b", block(6, 4, width=1.0, height=1.0))], geometry=geometry)
+    for name, boundary, part, component in (
+        ("x", "b/left", 0, 0), ("y", "b/bottom", 0, 1), ("cold", "b/bottom", 1, None),
+    ):  # fmt: skip
+        scene.prescribe(name, boundary, part, component)
+    hot, ball = fem.Constant(scene.data.mesh, 40.0), fm.Circle((0.0, 2.0), 1.0)
+    heat = fm.Conductance(1, MIXED, heating="friction", temperature=hot)
+    pair = fm.ContactPair(scene.data, "b/top", ball, law=fm.Coulomb(0.3), fluxes=[heat])
+    problem = scene.problem([pair])
+    for step in (1, 2):
+        if pushed:
+            ball.push(y=-2.0 * step)
+        else:
+            ball.move(y=-0.02 * step)
+        problem.solve()
+    assert problem.check_tangent(print_table=False).slopes["whole"] == pytest.approx(2.0, abs=0.02)
+    flux = problem.contacts[0].fluxes[0]
+    weight = problem.equations.contacts[0].operators.weight
+    assert flux.into_slave + flux.into_master == pytest.approx(float(weight @ flux.heating))
+    assert flux.jump.max() < 0.0 < flux.into_slave
+
+
+# Closed forms
+
+
+@pytest.mark.parametrize("degrees", [(1, 1), (2, 1), (2, 2)])
+@pytest.mark.parametrize("columns", [(5, 5), (5, 7)])
+def test_two_bars_with_a_conductance_of_pressure(columns, degrees):
+    """q = dT / (L_1 / k + L_2 / k + 1 / h(p)) with p of uniform compression; exact."""
+    scene = stacked(columns, degrees=degrees, nu=0.0, alpha=0.0)
+    h = fm.PressureConductance(3.0, 5.0)
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[fm.Conductance(1, h)])
+    problem = scene.problem([pair])
+    scene.set(top=-0.06, hot=10.0)
+    problem.solve()
+    pressure = 100.0 * 0.06 / 3.0
+    resistance = 3.0 / 5.0 + 1.0 / (3.0 * (pressure / 5.0) ** 0.95)
+    flux = problem.contacts[0].fluxes[0]
+    assert problem.contacts[0].pressure == pytest.approx(pressure, rel=1e-11)
+    assert flux.into_master == pytest.approx(10.0 / resistance, rel=1e-11)
+    assert flux.into_slave == pytest.approx(-flux.into_master, rel=1e-11)
+    assert flux.jump == pytest.approx(10.0 - 3.0 / 5.0 * flux.into_master, rel=1e-10)
+    T, X = scene.at(1)
+    q = flux.into_master
+    below = np.where(X[:, 1] <= 2.0, q * X[:, 1] / 5.0, 10.0 - q * (3.0 - X[:, 1]) / 5.0)
+    inside = np.abs(X[:, 1] - 2.0) > 1e-9
+    assert T[inside, 0] == pytest.approx(below[inside], abs=1e-10)
+
+
+def test_conduction_through_a_gap():
+    """Open bars exchange heat through the medium in the gap, with the gap of expansion."""
+    scene = stacked((4, 4), degrees=(2, 1), nu=0.0)
+    pair = fm.ContactPair(
+        scene.data,
+        "upper/bottom",
+        "lower/top",
+        fluxes=[fm.Conductance(1, fm.GapConductance(2.0, 0.1))],
+    )
+    problem = scene.problem([pair])
+    scene.set(top=0.2, hot=10.0)
+    problem.solve()
+
+    def rest(q):
+        below, above = 2.0 * q / 5.0, 10.0 - q / 5.0
+        gap = 0.2 - 1e-3 * (2.0 * below / 2.0 + (above + 10.0) / 2.0)
+        return q - 2.0 / (gap + 0.1) * (above - below)
+
+    view = problem.contacts[0]
+    assert not view.active.any()
+    assert view.fluxes[0].into_master == pytest.approx(
+        brentq(rest, 0.0, 20.0, xtol=1e-14), rel=1e-9
+    )
+
+
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+def test_bars_that_press_by_their_expansion(algorithm):
+    """Hindered expansion of both bars makes the pressure, which makes the conductance."""
+    scene = stacked((4, 6), degrees=(2, 2), nu=0.0)
+    law = fm.PressureConductance(8.0, 1.0)
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[fm.Conductance(1, law)])
+    problem = scene.problem([pair], algorithm=algorithm)
+    scene.set(hot=10.0, top=-0.001)
+    report = problem.solve()
+
+    def rest(q):
+        below, above = 2.0 * q / 5.0, 10.0 - q / 5.0
+        strain = 0.001 + 1e-3 * (2.0 * below / 2.0 + (above + 10.0) / 2.0)
+        h = float(law(np.array([100.0 * strain / 3.0]), np.zeros(1)).h[0])
+        return q - h * (above - below)
+
+    assert report.num_iterations <= 7
+    q = brentq(rest, 0.0, 20.0, xtol=1e-14)
+    assert problem.contacts[0].fluxes[0].into_master == pytest.approx(q, rel=1e-9)
+
+
+def shrink_fit(cells, interference, hot, law, nu=0.3):
+    """A cylinder, radii 1 and 2, in a ring to 3: heat flow and pressure of a slice of height 1."""
+    height = 1.0 / cells
+    grids = [
+        Grid("shaft", block(cells, 1, width=1.0, height=height, corner=(1.0, 0.0))),
+        Grid("hub", block(cells + 1, 1, width=1.0, height=height, corner=(2.0, 0.0))),
+    ]
+    scene = heated(
+        grids, degrees=(2, 2), geometry="axisymmetric", cell="quadrilateral", nu=nu, alpha=1e-6
+    )
+    for body in ("shaft", "hub"):
+        for side in ("bottom", "top"):
+            scene.prescribe(f"{body} {side}", f"{body}/{side}", 0, 1)
+    scene.prescribe("hot", "shaft/left", 1)
+    scene.prescribe("cold", "hub/right", 1)
+    pair = fm.ContactPair(
+        scene.data, "shaft/right", "hub/left", fluxes=[fm.Conductance(1, law)],
+        initial_gap=-interference,
+    )  # fmt: skip
+    problem = scene.problem([pair])
+    scene.set(hot=hot)
+    problem.solve()
+    view = problem.contacts[0]
+    return view.fluxes[0].into_master / height, float(view.pressure.mean())
+
+
+def expected_fit(interference, hot, law, nu=0.3):
+    """Lame's rings with temperatures A + B ln r in plane strain: one equation for p."""
+    a, b, c, E, k, alpha = 1.0, 2.0, 3.0, 100.0, 5.0, 1e-6
+
+    def ring(inner, outer, p_in, p_out, T_in, T_out, at):
+        """Radial displacement at ``at``."""
+        s = (T_out - T_in) / np.log(outer / inner)
+
+        def heat(r):  # int_inner^r T r dr
+            x = np.log(r / inner)
+            return T_in * (r**2 - inner**2) / 2 + s * (r**2 * (x / 2 - 0.25) + inner**2 * 0.25)
+
+        factor = (1 + nu) / (1 - nu) * alpha
+        mu, lmbda = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
+        # sigma_r = 2 (lmbda + mu) C_1 - 2 mu C_2 / r^2 - 2 mu factor heat(r) / r^2
+        matrix = [[2 * (lmbda + mu), -2 * mu / r**2] for r in (inner, outer)]
+        rhs = [-p + 2 * mu * factor * heat(r) / r**2 for r, p in ((inner, p_in), (outer, p_out))]
+        one, two = np.linalg.solve(matrix, rhs)
+        return factor * heat(at) / at + one * at + two / at
+
+    def flow(p):
+        h = float(law(np.array([p]), np.zeros(1)).h[0])
+        per = [np.log(b / a) / (2 * np.pi * k), 1 / (2 * np.pi * b * h)]
+        return hot / (per[0] + per[1] + np.log(c / b) / (2 * np.pi * k)), per
+
+    def overlap(p):
+        q, (inside, across) = flow(p)
+        T_b, T_hub = hot - q * inside, hot - q * (inside + across)
+        shaft = ring(a, b, 0.0, p, hot, T_b, b)
+        hub = ring(b, c, p, 0.0, T_hub, 0.0, b)
+        return interference + shaft - hub
+
+    p = brentq(overlap, 1e-6, 100.0, xtol=1e-13)
+    return flow(p)[0], p
+
+
+def test_heat_through_a_shrink_fit():
+    """Heat flow and pressure, from one equation for p; strains of 5e-5 are not negligible."""
+    law = fm.PressureConductance(4.0, 0.01)
+    exact = expected_fit(1e-4, 60.0, law)
+    assert shrink_fit(8, 1e-4, 60.0, law) == pytest.approx(exact, rel=1e-4)
+
+
+def sliding_block(share, *, steps=3, capacity=2.0):
+    """A block that slides on an insulated plane; heat and friction work per step."""
+    scene = heated([Grid("b", block(6, 3, width=1.0, height=0.5))], degrees=(1, 1), alpha=0.0)
+    scene.prescribe("y", "b/top", 0, 1)
+    scene.prescribe("x", "b/top", 0, 0)
+    old = fem.Function(scene.w.function_space)
+    dt = 0.1
+    before = old.sub(1)
+    scene.residual += capacity * (scene.T - before) / dt * scene.test * scene.dx
+    floor = fm.Plane((0.0, 0.0), (0.0, 1.0))
+    heat = fm.Conductance(1, 0.0, heating="friction", share=share, temperature=0.0)
+    pair = fm.ContactPair(scene.data, "b/bottom", floor, law=fm.Coulomb(0.4), fluxes=[heat])
+    problem = scene.problem([pair])
+    stored, work = [], []
+    total = fem.form(capacity * scene.T * scene.dx)
+    for step in range(1, steps + 1):
+        scene.set(y=-0.02, x=0.05 * step)
+        problem.time = dt * step
+        problem.solve()
+        stored.append(scene.data.mesh.comm.allreduce(fem.assemble_scalar(total)))
+        work.append(problem.contacts[0].friction_work)
+        old.x.array[:] = scene.w.x.array
+    return np.array(stored), np.array(work)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.25])
+def test_frictional_heat_is_the_work_of_friction(share):
+    """The heat stored in a block that slides on an insulated plane, step by step, to rounding."""
+    stored, work = sliding_block(share)
+    assert work.min() > 0.0
+    assert stored == pytest.approx(share * np.cumsum(work), rel=1e-11)
+
+
+# Balance
+
+
+@pytest.mark.parametrize("degrees", [(1, 1), (2, 1), (2, 2)])
+def test_loads_of_both_sides_balance_on_partly_covered_surfaces(degrees):
+    scene = stacked((5, 7), degrees=degrees, overhang=0.43)
+    pair = fm.ContactPair(
+        scene.data, "lower/top", "upper/bottom", fluxes=[fm.Conductance(1, MIXED)]
+    )
+    problem = scene.problem([pair])
+    scene.set(top=-0.05, hot=20.0)
+    report = problem.solve()
+    found = report.certificate.pairs[0]["balance of field 1"]
+    assert found.verdict == "ok" and found.value < 1e-14
+    flux = problem.contacts[0].fluxes[0]
+    assert flux.into_slave == pytest.approx(-flux.into_master, rel=1e-13)
+    assert flux.into_slave > 0.0
+
+
+def test_temperatures_may_be_shifted():
+    """The same constant added to all temperatures changes nothing but them."""
+    found = []
+    for shift in (0.0, 273.15):
+        scene = stacked((5, 7), alpha=0.0, overhang=0.3)
+        heat = fm.Conductance(1, MIXED)
+        pair = fm.ContactPair(scene.data, "lower/top", "upper/bottom", fluxes=[heat])
+        problem = scene.problem([pair])
+        scene.set(top=-0.05, hot=20.0 + shift, cold=shift)
+        problem.solve()
+        found.append(problem.contacts[0].fluxes[0].into_slave)
+    assert found[1] == pytest.approx(found[0], rel=1e-11)
+
+
+# Bad input
+
+
+def refused(scene, match, pair=None, error=ValueError, **options):
+    with pytest.raises(error, match=match):
+        given = {"slave": "upper/bottom", "master": "lower/top", **(pair or {})}
+        scene.problem([fm.ContactPair(scene.data, **given, **options)])
+
+
+def test_unsuitable_fields_are_refused():
+    scene = stacked()
+    refused(scene, "another sub-space than the displacement", fluxes=[fm.Conductance(0, 1.0)])
+    refused(scene, "another sub-space than the displacement", fluxes=[fm.Conductance(7, 1.0)])
+    refused(scene, "two of one field", fluxes=[fm.Conductance(1, 1.0), fm.Conductance(1, 2.0)])
+    refused(scene, "expected a list of Conductance", fluxes=[3.0])
+    refused(scene, "expected a list of Conductance", fluxes=fm.Conductance(1, 1.0))
+    refused(scene, "omit temperature", fluxes=[fm.Conductance(1, 1.0, temperature=3.0)])
+    plane = {"master": fm.Plane((0.0, 1.9), (0.0, 1.0))}
+    refused(scene, "give temperature", plane, fluxes=[fm.Conductance(1, 1.0)])
+    refused(stacked(degrees=(1, 2)), "of degree 1 or of that", fluxes=[fm.Conductance(1, 1.0)])
+
+
+@pytest.mark.parametrize(
+    "arguments, match",
+    [
+        ((1, -1.0), "at least 0"),
+        ((1, np.nan), "at least 0"),
+        ((1, []), "at least one conductance"),
+        ((1.5, 1.0), "number of a sub-space"),
+        ((1, "h"), "a number that is at least 0, or a function"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments, match):
+    with pytest.raises(ValueError, match=match):
+        fm.Conductance(*arguments)
+    for options, named in (({"share": 1.5}, "share"), ({"heating": "rub"}, "heating")):
+        with pytest.raises(ValueError, match=named):
+            fm.Conductance(1, 1.0, **options)
+
+
+@pytest.mark.parametrize(
+    "h, match",
+    [
+        (lambda p, g: (-1.0 + 0 * p, 0.0, 0.0), "expected a finite conductance"),
+        (lambda p, g: (np.nan * p, 0.0, 0.0), "expected a finite conductance"),
+        (lambda p, g: p, "expected h, dh/dp and dh/dg"),
+    ],
+)
+def test_a_wrong_function_is_named(h, match):
+    scene = stacked()
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[fm.Conductance(1, h)])
+    with pytest.raises(fm.MortarError, match=match):
+        problem = scene.problem([pair])
+        scene.set(top=-0.01, hot=1.0)
+        problem.solve()
