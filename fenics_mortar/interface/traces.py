@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 import basix
+import ufl
 
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface, replicate
@@ -97,11 +98,11 @@ def trace_of(space: DisplacementSpace, field: int, surface: Surface) -> Trace:
         ValueError: On all ranks, if there is no such scalar field, or if its values on facets are
             not determined by those at the nodes.
     """
-    of_field = _sub_space(space, field)
+    of_field = _field(space, field)
     index_map = space.V.dofmap.index_map
     count = index_map.size_local + index_map.num_ghosts
     dofs, weights = np.full((count, 2), -1), np.zeros((count, 2))
-    for node, parts in _pairs(space.V, *of_field):
+    for node, parts in _pairs(space.V, of_field):
         for part, (dof, weight) in enumerate(parts):
             dofs[node, part], weights[node, part] = dof, weight
     begin, _ = index_map.local_range
@@ -118,8 +119,10 @@ def trace_of(space: DisplacementSpace, field: int, surface: Surface) -> Trace:
     return Trace(surface, everywhere, weights, local_dofs[:, used].copy(), is_mine, space.first)
 
 
-def _sub_space(space: DisplacementSpace, field: Any) -> tuple[Any, Indices]:
-    """Space of a scalar field alone, and its dofs in the mixed space (collective).
+def _field(space: DisplacementSpace, field: Any) -> Any:
+    """The sub-space of a scalar field, a view of the mixed space (local).
+
+    dolfinx 0.5 cannot collapse it on ranks without cells.
 
     Raises:
         ValueError: On all ranks.
@@ -136,14 +139,14 @@ def _sub_space(space: DisplacementSpace, field: Any) -> tuple[Any, Indices]:
             f"field={field!r}: expected the number of another sub-space than the displacement's: "
             f"{', '.join(others)}"
         )
-    V, dofs = whole.sub(field).collapse()
+    V = whole.sub(field)
     (at_vertex, on_facet), (_, of_u) = _numbers_of_dofs(V), _numbers_of_dofs(space.V)
-    if V.dofmap.index_map_bs != 1 or at_vertex != 1 or on_facet not in (2, of_u):
+    if ufl.TestFunction(V).ufl_shape or at_vertex != 1 or on_facet not in (2, of_u):
         raise ValueError(
             f"field={field!r}: expected a continuous scalar field of Lagrange elements, of degree "
             "1 or of that of the displacement"
         )
-    return V, np.asarray(dofs, np.int64)
+    return V
 
 
 def _numbers_of_dofs(V: Any) -> tuple[int, int]:
@@ -152,11 +155,11 @@ def _numbers_of_dofs(V: Any) -> tuple[int, int]:
     return len(layout.entity_dofs(0, 0)), len(layout.entity_closure_dofs(1, 0))
 
 
-def _pairs(V: Any, T: Any, dofs: Indices) -> Iterator[tuple[Any, list[tuple[Any, float]]]]:
+def _pairs(V: Any, T: Any) -> Iterator[tuple[Any, list[tuple[Any, float]]]]:
     """Nodes of ``V`` on vertices and edges, and the dofs of the field with their weights there."""
     mesh = V.mesh
     topology = basix.topology(getattr(basix.CellType, compat.cell_name(mesh)))
-    nodes, of_field = compat.dofmap(V), dofs[compat.dofmap(T)]
+    nodes, of_field = compat.dofmap(V), compat.dofmap(T)
     layouts = V.dofmap.dof_layout, T.dofmap.dof_layout
     for dim in range(2):
         for entity, vertices in enumerate(topology[dim]):

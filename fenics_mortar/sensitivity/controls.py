@@ -187,10 +187,6 @@ class ConductanceScale(OfPair, Control):
                 return flux
         raise ValueError(f"{self.name}: the pair has no such conductance")
 
-    def pairs(self, problem: ContactProblem) -> list[int]:
-        """See ``PairControl``: none, rows and memory of the pair do not depend on it."""
-        return []
-
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``: shape () [1]."""
         return np.asarray(self._flux(problem).law.scale)

@@ -463,6 +463,48 @@ def mixed(kind, folder):
     yield "error", problem.estimate().total
 
 
+def heated(kind, folder):
+    """Displacement and temperature, with a flux across the contact."""
+    count, cell, degree = kind
+    data = small_mesh(count, cell, degree)
+    W = fm.mixed_space(data.mesh, ("Lagrange", degree, (2,)), ("Lagrange", 1))
+    w, (v, s) = fem.Function(W), ufl.TestFunctions(W)
+    u, T = ufl.split(w)
+    dx = ufl.dx(metadata={"quadrature_degree": 4})
+    strain = fm.energies.elastic_strain(u, 1e-3 * T)
+    stress = fm.energies.stress(fm.energies.linear_elastic, strain, 40.0, 60.0)
+    residual = ufl.inner(stress, fm.energies.elastic_strain(v)) * dx
+    residual += 5.0 * ufl.inner(ufl.grad(T), ufl.grad(s)) * dx
+    push, hot = (fem.Constant(data.mesh, value) for value in (-0.02, 10.0))
+    of_u = [("lower/fixed", 0.0, 0), ("lower/fixed", 0.0, 1), ("upper/moved", 0.0, 0)]
+    bcs = [fm.dirichlet(W.sub(0), data, *given) for given in [*of_u, ("upper/moved", push, 1)]]
+    bcs += [fm.dirichlet(W.sub(1), data, "lower/fixed", 0.0)]
+    bcs += [fm.dirichlet(W.sub(1), data, "upper/moved", hot)]
+    given = {"bcs": bcs, "newton": TIGHT, "petsc_options_prefix": "few_"}
+    h = [fm.PressureConductance(3.0, 5.0), fm.GapConductance(0.02, 0.1)]
+    floor = fm.Plane((0.0, 1.0), (0.0, 1.0))
+
+    def power(p, X):
+        return p * X[:, 0], X[:, 0]
+
+    options = {"share": 0.3}, {"heating": power, "temperature": 1.0}
+    for master, more in zip(("lower/top", floor), options, strict=True):
+        law = fm.Conductance(1, h, **more)
+        pair = fm.ContactPair(data, "upper/bottom", master, law=fm.Coulomb(MU), fluxes=[law])
+        problem = fm.ContactProblem(residual, w, [pair], **given)
+        report = problem.solve()
+        flux = problem.contacts[0].fluxes[0]
+        yield "force", problem.contacts[0].total_force
+        yield "fluxes", np.array([flux.into_slave, flux.into_master, flux.jump.sum()])
+        yield "verdict", " ".join(report.certificate.violations())
+        scale, form = sensitivity.ConductanceScale(0, 1), T * ufl.dx(degree=2)
+        yield "gradient", fm.gradient(form, scale, problem)[scale]
+        yield "direction", sensitivity.tangent_linear(form, scale, 1.0, problem).derivative
+        scale.set(problem, 2.0)
+        assert scale.get(problem) == 2.0 and repr(law).startswith("Conductance(1")
+        assert flux.conductance.min() > 0.0 and flux.heating.any() == ("heating" in more)
+
+
 def of_revolution(kind, folder):
     """Bodies of revolution, away from the axis."""
     data = small_mesh(*kind)
@@ -545,5 +587,5 @@ def laws(kind, folder):
 
 SCENES = [
     pressed, measured, written, paths, options, obstacles, tied, itself, floating, moving, models,
-    mixed, of_revolution, of_gmsh, refused, laws, of_meshio,
+    mixed, heated, of_revolution, of_gmsh, refused, laws, of_meshio,
 ]  # fmt: skip
