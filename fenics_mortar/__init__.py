@@ -54,7 +54,7 @@ from fenics_mortar.path.report import PathReport
 from fenics_mortar.path.stepping import follow_path
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.gradient import gradient
-from fenics_mortar.utils.compat import mixed_space, vector_space
+from fenics_mortar.utils.compat import mixed_space, scalar_space, vector_space
 from fenics_mortar.utils.errors import MeshError, MortarError, NotConvergedError, SurfaceError
 from fenics_mortar.verify.certificate import Certificate
 from fenics_mortar.verify.estimate import ErrorEstimate
@@ -116,5 +116,6 @@ __all__ = [
     "plot",
     "read_gmsh",
     "save_state",
+    "scalar_space",
     "vector_space",
 ]

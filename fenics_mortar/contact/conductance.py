@@ -134,7 +134,9 @@ class Conductance:
     temperature T with test function w, ``k * inner(grad(T), grad(w)) * dx - heat * w * dx``.
 
     Args:
-        field: Number of the scalar field's sub-space in the mixed function.
+        field: Number of the scalar field's sub-space in the mixed function; or the function of a
+            field that the user solves for in a problem of its own, by the loads and derivatives
+            ``problem.matrices.flux_loads`` and ``flux_derivative``.
         h: Conductance [flux / field]: a number, which holds where contact is closed;
             ``PressureConductance`` or ``GapConductance``; a function of pressures and gaps, arrays
             of shape (slave nodes,), that returns h, dh/dp and dh/dg; or a list of these, which are
@@ -163,7 +165,7 @@ class Conductance:
 
     def __init__(
         self,
-        field: int,
+        field: int | fem.Function,
         h: float | ConductanceFunction | Sequence[float | ConductanceFunction],
         *,
         heating: Literal["friction"] | HeatingFunction | None = None,
@@ -172,7 +174,9 @@ class Conductance:
     ) -> None:
         self.field, self.h, self.scale = field, h, 1.0
         self.heating, self.share, self.temperature = heating, share, temperature
-        check_number("field", field, "the number of a sub-space", lambda n: n >= 0, whole=True)
+        if not isinstance(field, fem.Function):
+            expected = "the number of a sub-space, or a function"
+            check_number("field", field, expected, lambda n: n >= 0, whole=True)
         terms = list(h) if isinstance(h, Sequence) else [h]
         self._terms = [term if callable(term) else _constant(term) for term in terms]
         if not terms:

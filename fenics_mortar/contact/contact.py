@@ -75,6 +75,7 @@ class Contact(Interface):
     Attributes:
         evaluation: Evaluation of the operators.
         arm: Length by which angles of the obstacle are multiplied [length].
+        all_fluxes: ``fluxes``, and those of fields that are solved for in other problems.
         master_free: 1 where a component of a master node is not prescribed, else 0, (nodes, 2).
         law_calls: Calls of the pair's law, with checks of the results.
         parameters: Parameters of the law that vary in space, by name, (slave nodes,) each.
@@ -159,7 +160,8 @@ class Contact(Interface):
         branch = self.law_calls.branch(pair.law, start, at_rest, self.slave.X)
         self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
         raise_stored(self.slave.comm, [self])
-        self.fluxes = [Flux(conductance, space, self) for conductance in pair.fluxes]
+        self.all_fluxes = [Flux(conductance, space, self) for conductance in pair.fluxes]
+        self.fluxes = [flux for flux in self.all_fluxes if not flux.is_separate]
 
     def leave_out(self, nodes: Flags) -> None:
         """Leave slave nodes (slave nodes,), bool, out of contact, see ``set_aside`` (local)."""

@@ -21,21 +21,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
+from dolfinx import fem
+
 from fenics_mortar.contact.conductance import Conductance
 from fenics_mortar.contact.fields import ContactFields
-from fenics_mortar.contact.nodal import Row, with_gap_of_slip
-from fenics_mortar.contact.rows import (
-    row_by_displacements,
-    row_by_motions,
-    row_by_multipliers,
-    scaled,
-)
+from fenics_mortar.contact.flux_values import FluxValues
+from fenics_mortar.contact.rows import row_by_motions
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.traces import Trace, trace_of
 from fenics_mortar.mesh.space import DisplacementSpace
@@ -73,6 +69,7 @@ class Flux:
 
     Attributes:
         law: The conductance.
+        is_separate: Whether the field is solved for in another problem.
         traces: Traces of the field on the slave and, unless it is an obstacle, on the master.
         dofs: All dofs of the traces, shape (d,), replicated.
 
@@ -93,23 +90,36 @@ class Flux:
         self.traces: list[Trace] = [trace_of(space, law.field, side) for side in sides]
         self.dofs: Indices = np.unique(np.concatenate([t.dofs.ravel() for t in self.traces]))
         self.dofs = self.dofs[self.dofs >= 0]
+        self.is_separate = isinstance(law.field, fem.Function)
         self._owned = space.first, space.first + space.num_owned
+        if isinstance(law.field, fem.Function):
+            self._owned = law.field.function_space.dofmap.index_map.local_range
         self._values: tuple[Array, Array] = np.zeros(contact.slave.num_nodes), np.zeros(0)
 
     def evaluate(self, u: Array) -> None:
-        """Gather the field from all unknowns ``u``, shape (local dofs,) (collective)."""
-        values = [trace.gather(u) for trace in self.traces]
+        """Gather the field, from all unknowns ``u``, shape (local dofs,), unless separate.
+
+        Collective.
+        """
+        field: Any = self.law.field
+        values = [trace.gather(field.x.array if self.is_separate else u) for trace in self.traces]
         master = values[1] if len(values) > 1 else np.zeros(0)
         self._values = values[0], master
 
+    def refresh(self) -> None:
+        """Gather a separate field again, which may have changed since (collective)."""
+        if self.is_separate:
+            self.evaluate(np.empty(0))
+
     # Values
 
-    def at(self, f: ContactFields) -> _Values:
+    def at(self, f: ContactFields) -> FluxValues:
         """Values and derivatives by nodal quantities at the fields of the contact (collective)."""
-        return _Values(self.law, f, *self._values)
+        return FluxValues(self.law, f, *self._values)
 
     def nodal(self) -> NodalFlux:
         """The flux at the present state (collective)."""
+        self.refresh()
         now = self.at(self._contact.now)
         weight = now.o.weight
         slave, master = (float(weight @ of_side) for of_side in (now.on_slave, now.on_master))
@@ -166,10 +176,18 @@ class Flux:
         now = self.at(self._contact.now)
         blocks = [] if now.o.linearization.frozen else list(self._of_matrices(now))
         slave, master = (
-            _sparse([*now.by_jump(self.traces), *now.moved(side)], len(now.T)) for side in now.sides
+            _sparse([*now.by_field(self.traces), *now.by_matrices(), *now.moved(side)], len(now.T))
+            for side in now.sides
         )
         numbers, change = self._loads(now, slave, master)
         return [*blocks, _as_block(change, self.dofs, numbers)]
+
+    def field_derivative(self) -> Block:
+        """Derivatives of the loads by the field alone (collective)."""
+        now = self.at(self._contact.now)
+        conduction = _sparse(now.by_field(self.traces), len(now.T))
+        numbers, change = self._loads(now, conduction, conduction)
+        return _as_block(change, self.dofs, numbers)
 
     def by_multipliers(self) -> Block:
         """Derivatives of the loads by multipliers; columns 2 j + component (collective)."""
@@ -198,14 +216,14 @@ class Flux:
         mine = (self.dofs >= self._owned[0]) & (self.dofs < self._owned[1])
         target[self.dofs[mine] - self._owned[0]] += values[mine]
 
-    def _linear_part(self, now: _Values, z: Array) -> Array:
+    def _linear_part(self, now: FluxValues, z: Array) -> Array:
         """Derivatives of the loads by multipliers times ``z`` (slave nodes, 2), shape (d,)."""
         total = np.zeros(self.dofs.size)
         for matrix, sign, side in zip(self._to_loads(now), (1.0, -1.0), now.sides, strict=False):
             total += sign * (matrix.T @ np.einsum("jc,jc->j", side[1], z))
         return total
 
-    def _of_matrices(self, now: _Values) -> Iterator[Block]:
+    def _of_matrices(self, now: FluxValues) -> Iterator[Block]:
         """Blocks of d(D^T q)/dd and -d(M^T q)/dd at fixed fluxes."""
         numbers = np.arange(len(now.o.x))[:, None]
         yield self.traces[0].rows(now.o.slave_force_derivative(now.on_slave[:, None], numbers))
@@ -214,7 +232,7 @@ class Flux:
             yield self.traces[1].rows(now.o.master_force_derivative(now.on_master[:, None], nodes))
 
     def _loads(
-        self, now: _Values, slave: _Numbered, master: _Numbered
+        self, now: FluxValues, slave: _Numbered, master: _Numbered
     ) -> tuple[Indices, csr_array]:
         """E^T D^T times one matrix minus E^T M^T times the other, with their column numbers."""
         numbers = np.union1d(slave[0], master[0])
@@ -229,7 +247,7 @@ class Flux:
             change = change + sign * (matrix.T @ wide)
         return numbers, change
 
-    def _to_loads(self, now: _Values) -> list[csr_array]:
+    def _to_loads(self, now: FluxValues) -> list[csr_array]:
         """D E and M E with columns in the order of ``dofs`` (collective)."""
         return [
             matrix @ self._interpolation(trace)
@@ -242,103 +260,6 @@ class Flux:
         column = np.searchsorted(self.dofs, trace.dofs[node, part])
         shape = len(trace.dofs), self.dofs.size
         return coo_array((trace.weights[node, part], (node, column)), shape=shape).tocsr()
-
-
-class _Values:
-    """Fluxes of both sides at the slave nodes, and their derivatives.
-
-    Args:
-        law: The conductance.
-        f: Fields of the contact.
-        T, T_master: The field at the nodes of both sides.
-    """
-
-    def __init__(self, law: Conductance, f: ContactFields, T: Array, T_master: Array) -> None:
-        self._law, self.f, self.T, self.T_master = law, f, T, T_master
-        self.o: MortarOperators = f.operators
-        self.on = f.covered
-        self._per_weight = np.where(self.on, 1.0 / np.where(self.on, self.o.weight, 1.0), 0.0)
-        D, M = self.o.matrices
-        self._reference = 0.0 if law.temperature is None else law.on_obstacle
-        jump = D @ (T - self._reference) - M @ (T_master - self._reference)
-        self.jump = self._per_weight * jump
-        closed = f.state.active
-        self.h = law.evaluate(
-            np.where(closed, np.maximum(f.z_n, 0.0), 0.0),
-            np.where(closed, 0.0, np.maximum(f.mean_gap, 0.0)),
-        )
-        self.conduction = np.where(self.on, self.h.h * self.jump, 0.0)
-
-    @cached_property
-    def _heating(self) -> Row:
-        """The source and its derivatives, zero where open."""
-        f, law = self.f, self._law
-        closed = f.state.active & self.on
-        if callable(law.heating):
-            power, slope = law.power(np.where(closed, np.maximum(f.z_n, 0.0), 0.0), self.o.slave.X)
-            pressed = closed & (f.z_n > 0.0)
-            return Row(np.where(closed, power, 0.0), by_z_n=np.where(pressed, slope, 0.0))
-        if law.heating is None or not f.interface.pair.law.has_friction:
-            return Row(np.zeros(len(self.T)))
-        node = f.nodal
-        rubs = np.where(closed & f.interface.follows_law, 1.0 / node.step, 0.0)
-        row = Row(rubs * f.z_tau * f.slip, by_slip=rubs * f.z_tau, by_z_tau=rubs * f.slip)
-        return with_gap_of_slip(row, f.slip_by_gap)
-
-    @property
-    def friction(self) -> Array:
-        """Source, power per area."""
-        return np.asarray(self._heating.residual)
-
-    @property
-    def on_slave(self) -> Array:
-        """Flux that leaves the slave."""
-        return self.conduction - self._law.share * self.friction
-
-    @property
-    def on_master(self) -> Array:
-        """Flux that enters the master."""
-        return self.on_slave + self.friction
-
-    @cached_property
-    def sides(self) -> list[tuple[Row, Array]]:
-        """Derivatives of both fluxes at fixed jumps: a row, and those by multipliers (n, 2)."""
-        closed, heating = self.f.state.active, self._heating
-        pressed = closed & (self.f.z_n > 0.0)
-        by_gap = np.where(self.on & ~closed & (self.f.mean_gap > 0.0), self.jump, 0.0)
-        by_pressure = np.where(self.on & pressed, self.jump * self.h.by_pressure, 0.0)
-        own = Row(self.conduction, by_gap * self.h.by_gap, 0.0, by_pressure)
-        share = self._law.share
-        rows = [
-            Row(*(a + factor * b for a, b in zip(own, heating, strict=True)))
-            for factor in (-share, 1.0 - share)
-        ]
-        return [(row, row_by_multipliers(self.f, row)) for row in rows]
-
-    def moved(self, side: tuple[Row, Array]) -> Iterator[Block]:
-        """Blocks of a flux's derivative by displacements at fixed jumps; rows are slave nodes."""
-        return row_by_displacements(self.f, side[0])
-
-    def by_jump(self, traces: list[Trace]) -> Iterator[Block]:
-        """Blocks of the derivative of h times the jump at fixed h; rows are slave nodes."""
-        o, s = self.o, self.o.segments
-        factor = self._per_weight * np.where(self.on, self.h.h, 0.0)
-        nodes = o.facet_nodes
-        yield Block(nodes, *traces[0].columns(nodes, factor[nodes][:, :, None] * o.D))
-        if len(traces) > 1:
-            values = -factor[s.slave][:, :, None] * o.M
-            yield Block(s.slave, *traces[1].columns(s.master, values))
-        if o.linearization.frozen:
-            return
-        T, T_master = self.T - self._reference, self.T_master - self._reference
-        i, k = s.pairs[:, 0], s.pairs[:, 1]
-        by_D = np.einsum("sjkq,sk->sjq", o.dD, T[s.slave])
-        yield Block(s.slave, o.columns, factor[s.slave][:, :, None] * by_D)
-        if len(traces) > 1:
-            by_M = np.einsum("pjlq,pl->pjq", o.dM, T_master[s.master[i]])
-            yield Block(s.slave[i], o.columns[k], -factor[s.slave[i]][:, :, None] * by_M)
-        for block in o.weight_derivative():
-            yield scaled(block, -factor * self.jump)
 
 
 # Numbers of the columns of a matrix, and the matrix.

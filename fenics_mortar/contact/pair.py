@@ -35,7 +35,8 @@ def _check_fluxes(fluxes: Any) -> None:
         raise ValueError(f"fluxes={fluxes!r}: expected {expected}")
     for flux in fluxes:
         check_kind("fluxes", flux, Conductance, expected)
-    if len({flux.field for flux in fluxes}) < len(fluxes):
+    names = {f if isinstance(f := flux.field, int) else id(f) for flux in fluxes}
+    if len(names) < len(fluxes):
         raise ValueError(
             f"fluxes={fluxes!r}: two of one field; expected one Conductance(field, [h, ...])"
         )

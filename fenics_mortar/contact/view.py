@@ -165,7 +165,7 @@ class PairView:
     @property
     def fluxes(self) -> list[NodalFlux]:
         """Fluxes of scalar fields across the pair, in the order of its ``fluxes``; collective."""
-        return [flux.nodal() for flux in self._interface.fluxes]
+        return [flux.nodal() for flux in getattr(self._interface, "all_fluxes", ())]
 
     @property
     def offset(self) -> Array:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A scalar field of a mixed function on a contact surface: values at the nodes, and their dofs.
+"""A scalar field on a contact surface: values at the nodes, and their dofs.
 
 The values at the surface's nodes are E times the dofs. A field of the displacement's degree has one
 dof at each node, with weight 1. A field of degree 1 beside a displacement of degree 2 has none at
@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 import basix
 import ufl
+from dolfinx import fem
 
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface, replicate
@@ -86,19 +87,21 @@ class Trace:
         return Block(dofs, block.columns, np.ascontiguousarray(np.swapaxes(values, 1, 2)))
 
 
-def trace_of(space: DisplacementSpace, field: int, surface: Surface) -> Trace:
-    """The trace of a sub-space of a mixed space on a surface (collective).
+def trace_of(space: DisplacementSpace, field: Any, surface: Surface) -> Trace:
+    """The trace of a scalar field on a surface (collective).
 
     Args:
-        space: The displacement's nodes, and the mixed space.
-        field: Number of the sub-space of the scalar field.
+        space: The displacement's nodes, and the space of all unknowns.
+        field: Number of the field's sub-space in a mixed space, or a function of its own space.
         surface: The surface.
 
     Raises:
         ValueError: On all ranks, if there is no such scalar field, or if its values on facets are
             not determined by those at the nodes.
     """
-    of_field = _field(space, field)
+    alone = isinstance(field, fem.Function)
+    of_field = field.function_space if alone else _sub_space(space, field)
+    _check(space, of_field, field)
     index_map = space.V.dofmap.index_map
     count = index_map.size_local + index_map.num_ghosts
     dofs, weights = np.full((count, 2), -1), np.zeros((count, 2))
@@ -108,18 +111,19 @@ def trace_of(space: DisplacementSpace, field: int, surface: Surface) -> Trace:
     begin, _ = index_map.local_range
     mine = surface.nodes[surface.owned] - begin
     local_dofs, weights = dofs[mine], weights[mine]
-    comm, whole = surface.comm, space.whole.dofmap.index_map
+    comm, whole = surface.comm, (of_field if alone else space.whole).dofmap.index_map
+    first, num_owned = whole.local_range[0], whole.size_local
     named = whole.local_to_global(np.maximum(local_dofs, 0).ravel().astype(np.int32))
     numbers = np.where(local_dofs >= 0, np.reshape(named, local_dofs.shape), -1)
     everywhere = replicate(numbers.astype(np.int64), surface.owners, comm)
     weights = replicate(weights, surface.owners, comm)
     used = slice(0, 2 if comm.allreduce(bool((everywhere[:, 1] >= 0).any())) else 1)
     everywhere, weights = everywhere[:, used].copy(), weights[:, used].copy()
-    is_mine = (everywhere >= space.first) & (everywhere < space.first + space.num_owned)
-    return Trace(surface, everywhere, weights, local_dofs[:, used].copy(), is_mine, space.first)
+    is_mine = (everywhere >= first) & (everywhere < first + num_owned)
+    return Trace(surface, everywhere, weights, local_dofs[:, used].copy(), is_mine, first)
 
 
-def _field(space: DisplacementSpace, field: Any) -> Any:
+def _sub_space(space: DisplacementSpace, field: Any) -> Any:
     """The sub-space of a scalar field, a view of the mixed space (local).
 
     dolfinx 0.5 cannot collapse it on ranks without cells.
@@ -131,7 +135,7 @@ def _field(space: DisplacementSpace, field: Any) -> Any:
     if not space.is_mixed:
         raise ValueError(
             f"field={field!r}: u is no mixed function; expected a function of a mixed space with "
-            "the displacement and the scalar field"
+            "the displacement and the scalar field, or the field's own function"
         )
     if field not in range(whole.num_sub_spaces) or field == space.part:
         others = [str(part) for part in range(whole.num_sub_spaces) if part != space.part]
@@ -139,14 +143,23 @@ def _field(space: DisplacementSpace, field: Any) -> Any:
             f"field={field!r}: expected the number of another sub-space than the displacement's: "
             f"{', '.join(others)}"
         )
-    V = whole.sub(field)
+    return whole.sub(field)
+
+
+def _check(space: DisplacementSpace, V: Any, field: Any) -> None:
+    """Reject fields whose values on facets are not determined by the nodes (local).
+
+    Raises:
+        ValueError: On all ranks.
+    """
+    if V.mesh is not space.V.mesh:
+        raise ValueError(f"field={field!r}: expected a function on the mesh of the problem")
     (at_vertex, on_facet), (_, of_u) = _numbers_of_dofs(V), _numbers_of_dofs(space.V)
     if ufl.TestFunction(V).ufl_shape or at_vertex != 1 or on_facet not in (2, of_u):
         raise ValueError(
             f"field={field!r}: expected a continuous scalar field of Lagrange elements, of degree "
             "1 or of that of the displacement"
         )
-    return V
 
 
 def _numbers_of_dofs(V: Any) -> tuple[int, int]:

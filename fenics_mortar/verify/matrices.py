@@ -9,16 +9,19 @@ the displacement dofs of the space (global numbers 2 node + component).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from petsc4py import PETSc
 
 import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.integrals import share_of
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.sparse import BlockMatrix
+from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 
 
@@ -74,6 +77,46 @@ class OperatorMatrices:
         """-d(M^T z)/dd at fixed ``z`` (slave nodes, 2), shape (N, N) [stress]."""
         blocks = [self._contacts[pair].operators.master_force_derivative(z)]
         return self._assemble(blocks, None, None)
+
+    def flux_loads(self, pair: int = 0, number: int = 0) -> PETSc.Vec:
+        """Loads of a flux in the equation of its field, shape (dofs,) [flux length].
+
+        Args:
+            pair: Number of the pair.
+            number: Number of the flux in the pair's ``fluxes``, with the field's own function.
+        """
+        flux = self._flux(pair, number)
+        vector = compat.create_vector(flux.law.field.function_space)
+        flux.add_loads(vector.array)
+        return vector
+
+    def flux_derivative(self, pair: int = 0, number: int = 0) -> PETSc.Mat:
+        """Derivative of ``flux_loads`` by the field, shape (dofs, dofs) [flux length / field].
+
+        Args:
+            pair: Number of the pair.
+            number: Number of the flux in the pair's ``fluxes``, with the field's own function.
+        """
+        flux = self._flux(pair, number)
+        size = flux.law.field.function_space.dofmap.index_map.size_local
+        self._bulk.free_garbage()
+        return BlockMatrix(self._bulk.comm, size, size).assemble([flux.field_derivative()])
+
+    def _flux(self, pair: int, number: int) -> Any:
+        """A flux whose field is solved for in a problem of its own, with its present values.
+
+        Raises:
+            ValueError: On all ranks, if it is part of the mixed function.
+        """
+        contact: Any = self._contacts[pair]
+        flux: Flux = contact.all_fluxes[number]
+        if not flux.is_separate:
+            raise ValueError(
+                f"{flux.law!r}: the field is solved for with the displacement; expected "
+                "Conductance(T, h) with the field's own function T"
+            )
+        flux.refresh()
+        return flux
 
     def _assemble(self, blocks: list[Block], rows: int | None, columns: int | None) -> PETSc.Mat:
         """Assemble blocks; ``None`` means the displacement dofs as rows or columns."""

@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: MIT
 """Scalar fields across contact: conductances, tangent, closed forms, balance, bad input."""
 
+from petsc4py import PETSc
+
 import numpy as np
 import pytest
 from heat_scenes import heated, stacked
 from scipy.optimize import brentq
 
+import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.contact.conductance import SMALL_PRESSURE
+from fenics_mortar.utils import compat
 from meshes.mapped_grids import Grid, block
 
 MIXED = [fm.PressureConductance(3.0, 5.0), fm.GapConductance(0.02, 0.01)]
@@ -352,3 +356,65 @@ def test_a_wrong_function_is_named(h, match):
         problem = scene.problem([pair])
         scene.set(top=-0.01, hot=1.0)
         problem.solve()
+
+
+# One after the other
+
+
+def staggered(scene, h, *, top, hot, sweeps=12):
+    """Displacement and temperature in problems of their own, by turns; the last heat flow."""
+    mesh, boundaries = scene.data.mesh, ("lower/bottom", "upper/top")
+    V, S = fm.vector_space(mesh, 2), fm.scalar_space(mesh, 2)
+    u, T, s = fem.Function(V), fem.Function(S), ufl.TestFunction(S)
+    dx = ufl.dx(metadata={"quadrature_degree": 4})
+    e = fm.energies.elastic_strain(u, 1e-3 * T)
+    sigma = fm.energies.stress(fm.energies.linear_elastic, e, *fm.energies.lame(100.0, 0.0))
+    work = ufl.inner(sigma, fm.energies.elastic_strain(ufl.TestFunction(V))) * dx
+    bcs = [fm.dirichlet(V, scene.data, f"{body}/{side}", 0.0, 0)
+           for body in ("lower", "upper") for side in ("left", "right")]  # fmt: skip
+    bcs += [fm.dirichlet(V, scene.data, name, y, 1) for name, y in zip(boundaries, (0.0, top))]
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[fm.Conductance(T, h)])
+    problem = fm.ContactProblem(work, u, [pair], bcs=bcs, petsc_options_prefix="body_")
+    heat = 5.0 * ufl.inner(ufl.grad(T), ufl.grad(s)) * dx
+    given = [fm.dirichlet(S, scene.data, name, t) for name, t in zip(boundaries, (0.0, hot))]
+    marks = np.full(T.x.array.size, np.nan)
+    for values in (T.x.array, marks):
+        compat.set_prescribed(values, given)
+    owned = np.flatnonzero(np.isfinite(marks[: S.dofmap.index_map.size_local])).astype(np.int32)
+    ksp = PETSc.KSP().create(mesh.comm)
+    ksp.setType("preonly")
+    ksp.getPC().setType("lu")
+    ksp.getPC().setFactorSolverType("mumps")
+    for _ in range(sweeps):
+        problem.solve()
+        A = compat.create_matrix(compat.form(ufl.derivative(heat, T)))
+        compat.assemble_matrix(A, compat.form(ufl.derivative(heat, T)))
+        b = compat.create_vector(S)
+        compat.assemble_vector(b, compat.form(heat))
+        b.axpy(1.0, problem.matrices.flux_loads())
+        A.axpy(1.0, problem.matrices.flux_derivative())
+        A.zeroRows(owned + A.getOwnershipRange()[0], 1.0)
+        b.array[owned] = 0.0
+        change = b.duplicate()
+        ksp.setOperators(A)
+        ksp.solve(b, change)
+        T.x.array[: len(change.array)] -= change.array
+        T.x.scatter_forward()
+    problem.solve()
+    return problem.contacts[0].fluxes[0], problem
+
+
+def test_problems_solved_by_turns_have_the_solution_of_both_together():
+    law = fm.PressureConductance(8.0, 1.0)
+    flux, problem = staggered(stacked((4, 6), degrees=(2, 2)), law, top=-0.001, hot=10.0)
+    scene = stacked((4, 6), degrees=(2, 2), nu=0.0)
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[fm.Conductance(1, law)])
+    together = scene.problem([pair])
+    scene.set(hot=10.0, top=-0.001)
+    together.solve()
+    expected = together.contacts[0].fluxes[0]
+    assert flux.into_master == pytest.approx(expected.into_master, rel=1e-9)
+    assert flux.jump == pytest.approx(expected.jump, rel=1e-8)
+    assert problem.contacts[0].pressure == pytest.approx(together.contacts[0].pressure, rel=1e-8)
+    with pytest.raises(ValueError, match="with the field's own function"):
+        together.matrices.flux_loads()

@@ -20,10 +20,20 @@ from fenics_mortar.utils.compat.meshes import as_table, cell_name
 
 @quiet_compiler()
 def scalar_space(mesh: dmesh.Mesh, degree: int, family: str = "Lagrange") -> fem.FunctionSpace:
-    """Create a scalar space, e.g. ``family="DG"`` of degree 0 (collective).
+    """Create a space of scalar functions, as for a temperature solved for alone (collective).
 
-    ``fem.FunctionSpace(mesh, element)`` became ``fem.functionspace`` in 0.7.
+    Args:
+        mesh: The mesh, such as ``data.mesh``.
+        degree: Polynomial degree.
+        family: Family of elements, "Lagrange" or "DG", for example.
+
+    Raises:
+        ValueError: If ``mesh`` or ``degree`` is not valid.
     """
+    # ``fem.FunctionSpace(mesh, element)`` became ``fem.functionspace`` in 0.7.
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
+    expected = "a whole number, at least 0"
+    check_number("degree", degree, expected, lambda number: number >= 0, whole=True)
     create = fem.functionspace if hasattr(fem, "functionspace") else fem.FunctionSpace
     return create(mesh, (family, degree))
 
