@@ -18,7 +18,8 @@ slip, and the node soon slides.
 
 Dependence is found from the rows (D_jk n, -M_jl n) and (D_jk tau, -M_jl tau) at the last accepted
 state. A row whose slave node belongs to no other pair cannot be part of a vanishing sum. Only rows
-of shared slave nodes are therefore compared, a few per corner.
+of shared slave nodes are therefore compared, a few per corner. The curves of a surface that may
+touch itself count as pairs: at a junction of cracks, nodes belong to two of them.
 """
 
 from __future__ import annotations
@@ -65,7 +66,8 @@ class Redundancy:
 
     def __init__(self, interfaces: Sequence[Interface]) -> None:
         self._contacts = [c for c in interfaces if isinstance(c, Contact)]
-        nodes = [np.unique(contact.nodes) for contact in self._contacts]
+        self._curves = [_curves(contact) for contact in self._contacts]
+        nodes = [_occurrences(contact) for contact in self._contacts]
         found, count = np.unique(np.concatenate([[], *nodes]), return_counts=True)
         self._shared = found[count > 1]
 
@@ -84,7 +86,8 @@ class Redundancy:
         parts = [self._entries(contact) for contact in self._contacts]
         pair = np.repeat(np.arange(len(parts)), [part.row.size for part in parts])
         row, node, value, own = (np.concatenate(fields) for fields in zip(*parts, strict=True))
-        kept = repeating(pair, row, node, own)
+        curve = [of[part.row // 2] for of, part in zip(self._curves, parts, strict=True)]
+        kept = repeating(pair + len(parts) * np.concatenate(curve), row, node, own)
         if not kept.any():
             return
         pair, row, node, value = pair[kept], row[kept], node[kept], value[kept]
@@ -123,6 +126,20 @@ class Redundancy:
         return _Entries(row[couples], node[couples], value[couples], own[couples])
 
 
+def _curves(contact: Contact) -> Indices:
+    """Curve of each slave node of a surface that may touch itself, else 0, (slave nodes,)."""
+    curves, roles = np.zeros(contact.slave.num_nodes, np.int64), contact.slave.roles
+    if roles is not None:
+        curves[contact.slave.facets] = roles.keys[:, 1:]
+    return curves
+
+
+def _occurrences(contact: Contact) -> Indices:
+    """Nodes of a pair; twice those that two curves share on a surface that may touch itself."""
+    itself = contact.slave is contact.master
+    return contact.slave.nodes if itself else np.unique(contact.nodes)
+
+
 def _directed_entries(contact: Contact) -> Iterator[_Entries]:
     """Entries of D and M at the last accepted state, along the present n and tau."""
     o, partners = contact.operators, contact.partners
@@ -135,7 +152,7 @@ def _directed_entries(contact: Contact) -> Iterator[_Entries]:
             mine = on[entries.row]
             j, k, c = entries.row[mine], entries.col[mine], sign * entries.data[mine]
             value = c[:, None] * direction[j] * free[k]
-            own = np.full(j.size, surface is contact.slave)
+            own = np.full(j.size, sign > 0.0)
             yield _Entries(2 * j.astype(np.int64) + kind, surface.nodes[k], value, own)
 
 
@@ -147,7 +164,7 @@ def repeating(
     Rows with a slave node that is in no row of another pair are removed, repeatedly.
 
     Args:
-        pair: Number of the pair of each entry, shape (entries,).
+        pair: Number of the pair or curve of each entry, shape (entries,).
         row: Number of its row in the pair, shape (entries,).
         node: Number of its node, shape (entries,).
         own: Whether an entry is that of a slave node, shape (entries,), bool.

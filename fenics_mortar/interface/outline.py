@@ -20,7 +20,8 @@ from fenics_mortar.interface.surfaces import Surface, replicate
 from fenics_mortar.interface.tagged_facets import facet_nodes
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.rounding import ROUNDING, TINY
+from fenics_mortar.utils.near import near
+from fenics_mortar.utils.rounding import HALF_FACET, ROUNDING, SAME_PLACE, TINY
 
 # Factor of the steps to which coordinates are rounded [1]. With an odd factor no node of a regular
 # mesh lies halfway between two steps, where the result would depend on the last digit.
@@ -80,6 +81,21 @@ class Outline:
         numbers = np.arange(len(self.segments))
         begins[self.segments[:, 0]], ends[self.segments[:, 1]] = numbers, numbers
         return begins[self.segments[:, 1]], ends[self.segments[:, 0]]
+
+    def junctions(self) -> Indices:
+        """Number of the junction of cracks at each node, -1 for none, shape (n,) (local).
+
+        A junction is a place where a body has three or more nodes.
+        """
+        count, first = np.full((2, len(self.X)), len(self.X))
+        if len(self.X):
+            shortest = self.lengths(self.X).min()
+            i, j = near(self.X, self.X, HALF_FACET * shortest)
+            same = np.hypot(*(self.X[i] - self.X[j]).T) < SAME_PLACE * shortest
+            same &= self.bodies[i] == self.bodies[j]
+            count = np.bincount(i[same], minlength=len(self.X))
+            np.minimum.at(first, i[same], j[same])
+        return np.where(count > 2, first, -1)
 
     def indices_of(self, nodes: Indices) -> Indices:
         """Numbers in the outlines of global ``nodes`` (k,), shape (k,)."""

@@ -18,19 +18,22 @@ class Roles(NamedTuple):
         keys: Position of each facet in the order, and number of its curve, shape (f, 2).
         arcs: Start and end of each facet along its curve, undeformed, and length of the curve if it
             is closed, else inf, shape (f, 3) [length].
+        ends: Of both ends of each facet the junction of cracks there, -1 for none, and the crack
+            that leaves it, shape (f, 2, 2).
     """
 
     keys: Indices
     arcs: Array
+    ends: Indices
 
-    def of(self, facets: Indices) -> tuple[Indices, Indices, Array]:
+    def of(self, facets: Indices) -> tuple[Indices, Indices, Array, Indices]:
         """Arguments of the kernels for the slave facets ``facets`` (k,); see ``kernels.roles``."""
-        return facets, self.keys, self.arcs
+        return facets, self.keys, self.arcs, self.ends
 
     def masters_of(self, facets: Indices) -> Flags:
         """Whether each facet is a master of the facets ``facets`` (k,), shape (k, f), bool."""
         masters = np.empty((facets.size, len(self.keys)), bool)
-        tabulate_masters(self.keys, self.arcs, facets, masters)
+        tabulate_masters(self.keys, self.arcs, self.ends, facets, masters)
         return masters
 
     def masters_of_nodes(self, facets: Indices, nodes: Indices) -> Flags:

@@ -11,7 +11,10 @@ the bend, and at the start of a closed curve. The order follows from the undefor
 therefore do not change during a solve and do not depend on ranks or numbering.
 
 Facets that are neighbours along the curve are not paired, see ``kernels.roles``. Like any other
-facet in between, they hide facets behind them.
+facet in between, they hide facets behind them. Neither are facets that meet at a junction of cracks
+but are not faces of one crack: they touch in a point, as parts opposite each other where two cracks
+cross. Corners that overlap by rounding could be separated along either crack, and the gap along the
+crack that slides would be minus the slip.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fenics_mortar.interface.curves import FOLD
 from fenics_mortar.interface.roles import Roles
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -54,7 +58,27 @@ def in_contact_with_itself(surface: Surface, may_carry: Flags) -> Surface:
         arcs[facets, 2] = along[-1] if closed else np.inf
     fixed = ~may_carry[surface.facets].any(axis=1)
     keys[np.lexsort((order, fixed)), 0] = np.arange(order.size)
-    return replace(surface, roles=Roles(keys, arcs))
+    return replace(surface, roles=Roles(keys, arcs, ends_at_junctions(surface)))
+
+
+def ends_at_junctions(surface: Surface) -> Indices:
+    """Junction of cracks at both ends of each facet and crack that leaves it, (f, 2, 2) (local).
+
+    -1 where there is none. Faces are those of one crack if they fold back on each other at the
+    junction, see ``curves.FOLD``. Tips count as junctions of one crack.
+    """
+    found = np.full((len(surface.facets), 2, 2), -1, np.int64)
+    _, node, count = np.unique(surface.nodes, return_inverse=True, return_counts=True)
+    facet, end = np.nonzero(count[node][surface.facets[:, [0, -1]]] > 1)
+    X = surface.X[surface.facets[facet, -end]]
+    along = surface.X[surface.facets[facet, np.where(end, -2, 1)]] - X
+    along /= np.hypot(*along.T)[:, None]
+    near = SAME_PLACE * surface.lengths[facet]
+    for i in range(facet.size):
+        here = np.hypot(*(X - X[i]).T) < near
+        folded = here & (along @ along[i] > -np.cos(FOLD))
+        found[facet[i], end[i]] = np.argmax(here), np.argmax(folded)
+    return found
 
 
 def facets_by_curve(surface: Surface) -> list[Indices]:

@@ -38,7 +38,7 @@ from fenics_mortar.kernels.projection import (
     side_of_ray,
     slave_to_master,
 )
-from fenics_mortar.kernels.roles import keep_masters
+from fenics_mortar.kernels.roles import keep_masters, touch_in_a_point
 from fenics_mortar.kernels.rows import copy_row
 from fenics_mortar.kernels.shapes import tabulate_shapes
 from fenics_mortar.utils.rounding import HALF_FACET
@@ -204,6 +204,8 @@ def facet_segments(
         safe = behind[0][number]
     count = 0
     for hit in range(hits.size):
+        if roles is not None and touch_in_a_point(roles[3], roles[0][number], hits[hit]):
+            continue
         gather(x, n, m, slave, master_facets[hits[hit]], y)
         meets, lower, upper = find_interval(y, N, is_node)
         if not meets:

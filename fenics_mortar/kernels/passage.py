@@ -194,15 +194,26 @@ def depth_below(along, segment, p, time):
 
 
 @kernel
-def find_passages(along, segments, after, before, lengths, bodies, events):
+def meet_at_junction(segments, junctions, e, f):
+    """Whether two segments end at the same junction of cracks, ``junctions`` (n,), -1 for none."""
+    for a in segments[e]:
+        for b in segments[f]:
+            if junctions[a] >= 0 and junctions[a] == junctions[b]:
+                return True
+    return False
+
+
+@kernel
+def find_passages(along, segments, after, before, junctions, lengths, bodies, events):
     """Find paths that pass through a body or end inside one.
 
     along: positions at the ends of m sections of the step, shape (m + 1, n, 2); ``events``: rows of
     ``find_events`` of all sections, times 0 to m, sorted by node, body of the segment and time. A
     node in contact that leaves where it is, or lies on several segments as at the junction of
     cracks, passes through nothing: at the exit it is no deeper below the first segment than
-    ``SOLVED`` facets. Returns rows (node, segment of entry,
-    segment of exit, distance of the node from the first). For a path that ends inside, the exit is
+    ``SOLVED`` facets. Nor does one that enters a part at a junction and leaves another part there:
+    parts that meet overlap by less than a facet. Returns rows (node, segment of entry, segment of
+    exit, distance of the node from the first). For a path that ends inside, the exit is
     -1 and the first segment is the nearest one.
     """
     x0, x1 = along[0], along[-1]
@@ -231,6 +242,7 @@ def find_passages(along, segments, after, before, lengths, bodies, events):
                     below = depth_below(along, segments[entry], p, events[i, 2])
                     opposed = opposed and below > SOLVED * facet
                     points = (entry, e, s, events[i, 6])
+                    opposed = opposed and not meet_at_junction(segments, junctions, entry, e)
                     if opposed and not is_beside(x1, segments, (after, before), points, facet):
                         a, b = x1[segments[entry, 0]], x1[segments[entry, 1]]
                         square, _ = nearest_on_piece(x1[p], a, b)

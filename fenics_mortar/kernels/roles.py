@@ -10,7 +10,21 @@ NEAR = 1.5
 
 
 @kernel
-def is_master(keys, arcs, slave, other):
+def touch_in_a_point(ends, one, other):
+    """Whether facets end at the same junction of cracks without being faces of one crack.
+
+    ``ends`` as in ``is_master``.
+    """
+    for i in range(2):
+        for k in range(2):
+            same = ends[one, i, 0] >= 0 and ends[one, i, 0] == ends[other, k, 0]
+            if same and ends[one, i, 1] != ends[other, k, 1]:
+                return True
+    return False
+
+
+@kernel
+def is_master(keys, arcs, ends, slave, other):
     """Whether facet ``other`` is a master of facet ``slave``.
 
     Args:
@@ -18,10 +32,12 @@ def is_master(keys, arcs, slave, other):
             shape (f, 2).
         arcs: Start and end of each facet along its curve, undeformed, and length of the curve if it
             is closed, else inf, shape (f, 3) [length].
+        ends: Of both ends of each facet the junction of cracks there, -1 for none, and the crack
+            that leaves it, shape (f, 2, 2).
         slave: Number of one facet.
         other: Number of the other one.
     """
-    if keys[slave, 0] >= keys[other, 0]:
+    if keys[slave, 0] >= keys[other, 0] or touch_in_a_point(ends, slave, other):
         return False
     if keys[slave, 1] != keys[other, 1]:
         return True
@@ -40,21 +56,21 @@ def keep_masters(found, count, roles, number):
     Args:
         found: Rows as in ``pairing.keep_nearest``, of which the first ``count`` are used.
         count: Number of rows.
-        roles: (numbers of the slave facets (s,), ``keys``, ``arcs`` as in ``is_master``).
+        roles: (numbers of the slave facets (s,), ``keys``, ``arcs``, ``ends`` as in ``is_master``).
         number: The slave facet's index among these numbers.
     """
-    numbers, keys, arcs = roles
+    numbers, keys, arcs, ends = roles
     kept = 0
     for i in range(count):
-        if is_master(keys, arcs, numbers[number], int(found[i, 3])):
+        if is_master(keys, arcs, ends, numbers[number], int(found[i, 3])):
             copy_row(found[i], found[kept])
             kept += 1
     return kept
 
 
 @kernel
-def tabulate_masters(keys, arcs, slaves, masters):
+def tabulate_masters(keys, arcs, ends, slaves, masters):
     """Fill ``masters`` (s, f), bool, with ``is_master`` of the facets ``slaves`` (s,)."""
     for i in range(slaves.size):
         for other in range(keys.shape[0]):
-            masters[i, other] = is_master(keys, arcs, slaves[i], other)
+            masters[i, other] = is_master(keys, arcs, ends, slaves[i], other)

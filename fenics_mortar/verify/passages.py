@@ -8,8 +8,9 @@ sagittas are negligible; see ``node_paths``.
 
 A path passes through a body if the outward normals at entry and exit are opposed. It slides along
 the body if exit and entry coincide, as for chords of a curve, if the outline between them is within
-a facet of the path, as at a tip, or if the path between them is near the surface, as that of a node
-on a wheel that turns. Paths that end deep inside another body are reported as well.
+a facet of the path, as at a tip, if both are on facets at one junction of cracks, or if the path
+between them is near the surface, as that of a node on a wheel that turns. Paths that end deep
+inside another body are reported as well.
 """
 
 from __future__ import annotations
@@ -92,7 +93,8 @@ class Passages:
         excused: dict[tuple[int, int], float],
     ) -> None:
         self.outline, self._names, self._excused = outline, names, excused
-        self._links, self._segment_bodies = outline.neighbours(), outline.segment_bodies
+        self._links = (*outline.neighbours(), outline.junctions())
+        self._segment_bodies = outline.segment_bodies
         self._obstacles: list[Obstacle] = list(
             dict.fromkeys(c.obstacle for c in contacts if c.obstacle is not None)
         )

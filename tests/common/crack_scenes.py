@@ -206,13 +206,13 @@ def branched(n=8, cell="triangle", by="face"):
     return mesh.cut(w3=(a, "w1"), w1=(b, "w2"), w2=(c, "w3"))
 
 
-def crossed(arms, n=8):
+def crossed(arms, n=8, cell="quadrilateral"):
     """Square with cracks from the middle along the axes, ``arms``: some of "left right down up".
 
     Names: ``left1`` and ``left2``, ... on the left and right of each crack, seen from the middle.
     """
     ends = {"left": (-0.5, 0.0), "right": (0.5, 0.0), "down": (0.0, -0.5), "up": (0.0, 0.5)}
-    mesh = grid(np.linspace(-1.0, 1.0, n + 1), np.linspace(-1.0, 1.0, n + 1))
+    mesh = grid(np.linspace(-1.0, 1.0, n + 1), np.linspace(-1.0, 1.0, n + 1), cell)
     runs = {arm: line_of(mesh, (0.0, 0.0), ends[arm]) for arm in arms.split()}
     return mesh.cut(**{f"{arm}1": (run, f"{arm}2") for arm, run in runs.items()})
 

@@ -179,6 +179,37 @@ def test_short_cracks_at_a_junction_do_not_cross(arms, gradient):
         assert is_right(strained(crossed(arms).data(), pairs, gradient, **options))
 
 
+CROSSING = "left right down up"
+CROSSING_FACES = [(f"{arm}1", f"{arm}2") for arm in CROSSING.split()]
+SHEARED = [[-0.005, 0.03], [0.0, -0.03]]
+
+
+@pytest.mark.parametrize("gradient, mu, degree", [
+    ([[-0.02, 0.01], [0.01, -0.03]], 0.3, 1),  # two of four sticks at the crossing are redundant
+    ([[-0.03, -0.01], [-0.01, -0.02]], 0.0, 1),  # parts across the crossing touch in a point
+    (SHEARED, 0.3, 2),  # and hide a whole facet by an overlap of rounding
+])  # fmt: skip
+def test_cracks_that_cross(gradient, mu, degree):
+    """One surface of all faces has the slips and openings of a pair for each crack."""
+    law, jumps = fm.Coulomb(mu), []
+    for pairs in (two(*CROSSING_FACES, law=law), one(*sum(CROSSING_FACES, ()), law=law)):
+        options = {"material": neo_hookean, "loads": (0.5, 1.0), "degree": degree}
+        scene = strained(crossed(CROSSING).data(), pairs, gradient, **options)
+        assert is_right(scene)
+        places = zip([(-0.25, 0.0), (0.25, 0.0), (0.0, -0.25), (0.0, 0.25)], CROSSING_FACES)
+        jumps.append([jump_at(scene, *place) for place in places])
+    assert np.ptp(jumps, axis=0).max() < 1e-5
+
+
+@BOTH_WAYS
+def test_corner_goes_from_one_part_to_another_where_cracks_cross(sides):
+    """Parts overlap by 0.04 facets at the crossing; the corner of a third went through neither."""
+    names = CROSSING_FACES if sides is two else sum(CROSSING_FACES, ())
+    data = crossed(CROSSING, 16, "triangle").data()
+    gradient = [[-0.002, 0.003], [-0.027, -0.033]]
+    assert is_right(strained(data, sides(*names), gradient, degree=1, loads=(0.5, 1.0)))
+
+
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_multigrid_for_a_crack(algorithm):
     """Cells round the tip belong to both faces."""

@@ -52,8 +52,9 @@ def passages(start, end):
     events = passage.find_events(x0, x1, segments, bodies, bodies, passage.OTHERS)
     order = np.lexsort((events[:, 2], bodies[events[:, 1].astype(int)], events[:, 0]))
     lengths = np.hypot(*(x1[segments[:, 1]] - x1[segments[:, 0]]).T)
+    none = np.full(len(x0), -1)
     return passage.find_passages(
-        np.array([x0, x1]), segments, after, before, lengths, bodies, events[order]
+        np.array([x0, x1]), segments, after, before, none, lengths, bodies, events[order]
     )
 
 

@@ -40,8 +40,9 @@ def count_passages(x0, x1, segments, after, before, bodies):
         every = np.concatenate(events)
         body = of_segments[every[:, 1].astype(int)]
         every = every[np.lexsort((every[:, 2], body, every[:, 0]))]
+        none = np.full(len(x1), -1)
         rows = passage.find_passages(
-            np.asarray(along), segments, after, before, lengths, of_segments, every
+            np.asarray(along), segments, after, before, none, lengths, of_segments, every
         )
         count += int((rows[:, 2] >= 0).sum())
     return count
