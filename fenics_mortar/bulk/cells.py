@@ -94,7 +94,7 @@ class Cells:
             x: Positions of the local nodes, shape (n, 2) [length].
             points: Positions, equal on all ranks, shape (p, 2) [length].
             bodies: Body of each point, shape (p,).
-            labels: Body of each local node, shape (n,).
+            labels: Body of each local node, negative for bodies that do not count, shape (n,).
 
         Returns:
             Flags, equal on all ranks, shape (p,).

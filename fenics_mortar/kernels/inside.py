@@ -18,7 +18,7 @@ def find_inside(x, cells, labels, outline, points, bodies, inside):
     Args:
         x: Positions of all nodes, shape (n, 2) [length].
         cells: Nodes of each cell, shape (cells, k).
-        labels: Body of each node, shape (n,).
+        labels: Body of each node, negative for bodies that do not count, shape (n,).
         outline: Nodes of a cell along its outline, numbers from 0 to k - 1, shape (k - inner,).
         points: Shape (p, 2) [length].
         bodies: Body of each point, shape (p,).
@@ -34,7 +34,8 @@ def find_inside(x, cells, labels, outline, points, bodies, inside):
             box[d], box[2 + d] = min(box[d], points[p, d]), max(box[2 + d], points[p, d])
     near, count = np.empty(cells.shape, np.int64), 0
     for e in range(cells.shape[0]):
-        if (one_body and labels[cells[e, 0]] == bodies[0]) or is_away(x, cells[e], box):
+        label = labels[cells[e, 0]]
+        if label < 0 or (one_body and label == bodies[0]) or is_away(x, cells[e], box):
             continue
         copy_row(cells[e], near[count])
         count += 1

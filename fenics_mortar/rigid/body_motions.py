@@ -154,6 +154,13 @@ class BodyMotions:
         """Contacts of a body."""
         return [contact for contact in self.contacts if self.at_body(contact, body).any()]
 
+    def without_pair(self) -> list[FloatingBody]:
+        """Floating bodies that no contact pair includes."""
+        paired: set[float] = set()
+        for surface in (side for c in self.contacts for side in (c.slave, c.master)):
+            paired |= set(self.labels_of(surface).tolist())
+        return [body for body in self.bodies if body.label not in paired]
+
     def at_body(self, contact: Contact, body: FloatingBody) -> Flags:
         """Whether the force of a slave node may act on a body, shape (slave nodes,).
 

@@ -130,7 +130,8 @@ class FloatingBodies(BodyMotions):
 
     def remark(self, loose: Sequence[FloatingBody]) -> str:
         """Sentence on the tangent springs of loose bodies; "" if there are none."""
-        names = self.names([body for body in loose if body.label not in self.aside])
+        apart = self.aside | {body.label for body in self.without_pair()}
+        names = self.names([body for body in loose if body.label not in apart])
         return (
             f"a spring in the tangent regularizes {names}, which contact supports only in part"
             if names

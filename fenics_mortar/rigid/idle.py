@@ -188,11 +188,13 @@ class IdleBodies:
         where = ("it stays where it was", "they stay where they were"), (
             "it gave way to other bodies", "they gave way to other bodies"
         )  # fmt: skip
+        apart, many = bodies.without_pair(), len(bodies.without_pair()) > 1
+        why = ("is in no pair, and no load drives it", "are in no pair, and no load drives them")
         return [
             f"no force acts on {bodies.names(group)}: {messages[len(group) > 1]}"
             for group, messages in zip((stay, moved), where, strict=True)
             if group
-        ]
+        ] + [f"{bodies.names(apart)} {why[many]}: {where[0][many]}"] * bool(apart)
 
     # An iteration
 

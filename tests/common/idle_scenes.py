@@ -73,6 +73,20 @@ def row(
     return pose("row", [*bodies, *under], touches, path, E=stress * E, **options)
 
 
+def without_pair(
+    idle: int = 1, *, hover: float = 0.0, weight: float = 1.0, E: float = 1e3, **options: Any
+) -> Assembly:
+    """A block under its weight on an elastic ground, and blocks in no pair on or above it."""
+    bodies = [Body(Grid("loaded", block(4, 3, width=1.0, height=0.8)), weight=1.0)]
+    for k in range(idle):
+        grid = block(3, 3 + k, width=0.6, height=0.5, corner=(1.4 + 0.9 * k, hover))
+        bodies.append(Body(Grid(f"idle{k}", grid)))
+    under, floor = floor_of("body", width=2.0 + 0.9 * idle, columns=12, left=-0.5)
+    touches = [Touch("loaded/bottom", floor, fm.Coulomb(0.3))]
+    path = [{"weight": weight}]
+    return pose("without pair", [*bodies, *under], touches, path, E=E, **options)
+
+
 def squeezed(mu: float, *, E: float = 1e3) -> Assembly:
     """A block between two planes, "left" and "right", which are moved."""
     law = fm.Coulomb(mu) if mu else None

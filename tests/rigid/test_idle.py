@@ -3,7 +3,8 @@
 
 import numpy as np
 import pytest
-from idle_scenes import disk_on_block, particle, queue, row, squeezed, wedge
+from idle_scenes import disk_on_block, particle, queue, row, squeezed, wedge, without_pair
+from scenes import linear_elastic, neo_hookean
 
 import fenics_mortar as fm
 from fenics_mortar.rigid.moves import nonnegative_least_squares
@@ -46,6 +47,20 @@ def test_a_block_beside_a_pressed_one_gives_way_without_a_force(mu, base, slave)
         most = (1.0 if base == "plane" else 2.0) * 0.5 * 0.39 * load / 1e3
         assert 0.2 * most < x < most
         assert abs(y) < x and abs(turn) < 3.0 * x
+
+
+@pytest.mark.parametrize("material", [linear_elastic, neo_hookean])
+@pytest.mark.parametrize("idle, hover", [(1, 0.0), (2, 0.0), (2, 0.3)])
+def test_blocks_in_no_pair_stay(idle, hover, material):
+    """Also where the ground rises into them by less than the error of displacements."""
+    scene, alone = (without_pair(n, hover=hover, material=material) for n in (idle, 0))
+    (report,), _ = list(scene.solve()), list(alone.solve())
+    assert report.certificate.violations() == []
+    for k in range(idle):
+        assert not scene.moved[scene.nodes(f"idle{k}")].any()
+    names = " and ".join(f"body 'idle{k}'" for k in range(idle))
+    assert sum(names in note and "no load drives" in note for note in report.notes) == 1
+    assert not any("spring" in note for note in report.notes)
 
 
 def test_force_of_the_pressed_block_is_that_without_a_neighbour():

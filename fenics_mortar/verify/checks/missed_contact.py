@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Nodes without a partner, of the slave and inside another body, where contact was missed."""
+"""Nodes without a partner, of the slave and inside another body, where contact was missed.
+
+Bodies of the pair alone count. Overlaps with others are crossings, with limits of their own: an
+elastic ground rises a little into a body that lies on it without a pair.
+"""
 
 from __future__ import annotations
 
@@ -52,17 +56,19 @@ def paired_nodes(contact: Contact | Tie) -> Indices:
 
 
 def _count_missed(measured: Measured) -> int:
-    """Count nodes of both surfaces inside another body or obstacle without a partner (collective).
+    """Count nodes of both surfaces inside a body of the pair, or the obstacle (collective).
 
     A node with a partner in any pair is no missed contact.
     """
     contact, bulk, paired = measured.contact, measured.bulk, measured.paired
     o, labels = contact.operators, measured.labels
     mine = bulk.space.spread(labels)
+    sides = [(s, x, s.gather(mine)[:, 0]) for s, x in ((contact.slave, o.x), (contact.master, o.m))]
+    of_pair = np.unique(np.concatenate([own for _, _, own in sides]))
+    labels = np.where(np.isin(labels, of_pair), labels, -1)
     found = 0
-    for surface, x in ((contact.slave, o.x), (contact.master, o.m)):
+    for surface, x, own in sides:
         alone = ~_among(surface.nodes, paired)
-        own = surface.gather(mine)[:, 0]
         inside = bulk.cells.inside_other_body(bulk.positions(), x[alone], own[alone], labels)
         found += int(inside.sum())
     if contact.obstacle is not None:
