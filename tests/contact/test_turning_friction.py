@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Slip of wheels and shafts that turn by any angle in a step, and of whole scenes that turn."""
 
+import re
+
 import numpy as np
 import pytest
 from friction_scenes import NU, E, block_on
@@ -80,6 +82,24 @@ def test_direction_of_almost_half_a_turn_is_uncertain():
     message = "known up to a full turn only, .* take smaller steps, in which bodies turn by less"
     with pytest.raises(fm.NotConvergedError, match=message):
         shaft.turn(0.85 * np.pi)
+
+
+@pytest.mark.parametrize("angle", [-1.3 * np.pi, -1.6 * np.pi, 0.5 * np.pi])
+def test_turn_that_may_have_had_the_other_direction_is_remarked(angle):
+    """By 234, 288 or 90 degrees: nothing tells these from 126, 72 and 270 the other way round."""
+    certificate = shaft_in_ring(fm.Coulomb(MU)).turn(angle).certificate
+    assert certificate.violations() == []
+    (remark,) = certificate.remarks()
+    found = re.search(r"is (\d+) degrees, if not (\d+) the other way round", remark)
+    turned, other = (float(text) for text in found.groups())
+    # Friction twists shaft and ring: the sides turn by up to 6 degrees less than the bore.
+    assert turned == pytest.approx(np.degrees(min(abs(angle), TURN - abs(angle))), abs=6.0)
+    assert turned + other == 360.0
+
+
+def test_turn_by_an_eighth_is_no_doubt():
+    certificate = shaft_in_ring(fm.Coulomb(MU)).turn(TURN / 8).certificate
+    assert certificate.remarks() == []
 
 
 def test_path_takes_smaller_steps_than_half_a_turn():

@@ -26,6 +26,7 @@ from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import TINY
 from fenics_mortar.verify.finding import Finding
+from fenics_mortar.verify.limits import LIMITS
 from fenics_mortar.verify.measured import Measured
 
 # Difference between the work of friction by slip and by motions, over shear forces times motions,
@@ -58,6 +59,7 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
     if not (law.has_friction or law.needs_nodal_state):
         return
     work, (rotation, where) = _difference_of_work(contact), _uncertain_rotation(contact)
+    degrees = float(np.degrees(rotation))
     yield Finding(
         "friction_work",
         "work of friction by slip and by motions: difference",
@@ -69,13 +71,28 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
     yield Finding(
         "rotation",
         "rotation in the step whose direction is uncertain",
-        float(np.degrees(rotation)),
-        f"the rotation of the sides relative to each other in the step, at {where}, is known up to "
-        "a full turn only, and with it the direction of slip: take smaller steps, in which bodies "
-        f"turn by less than {np.degrees(MAX_ROTATION):.0f} degrees",
+        degrees,
+        _on_rotation(degrees, where),
         limit=float(np.degrees(MAX_ROTATION)),
+        remark=float(np.degrees(LIMITS.two_ways)),
         unit="degrees",
         where=where,
+    )
+
+
+def _on_rotation(degrees: float, where: str) -> str:
+    """What a rotation whose direction is uncertain means."""
+    rotation = f"the rotation of the sides relative to each other in the step, at {where}, is"
+    most = float(np.degrees(MAX_ROTATION))
+    if degrees > most:
+        return (
+            f"{rotation} known up to a full turn only, and with it the direction of slip: take "
+            f"smaller steps, in which bodies turn by less than {most:.0f} degrees"
+        )
+    return (
+        f"{rotation} {degrees:.0f} degrees, if not {360.0 - degrees:.0f} the other way round, with "
+        "slip in the other direction: the ends of the step do not tell; take smaller steps if "
+        f"bodies turned by more than {most:.0f} degrees"
     )
 
 
