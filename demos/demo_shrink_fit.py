@@ -66,7 +66,6 @@ supports = [("shaft/left", 0), ("shaft/bottom", 1), ("hub/bottom", 1)]
 bcs = [fm.dirichlet(W.sub(0), data, side, 0.0, component) for side, component in supports]
 options = {"geometry": "axisymmetric", "petsc_options_prefix": "shrink_"}
 problem = fm.ContactProblem(residual, w, [pair], bcs=bcs, **options)
-
 contact, time, course = problem.contacts[0], 0.0, []
 while time < 1200.0:
     time += float(dt.value)
@@ -84,15 +83,13 @@ time, pressure, watts, jump = np.array(course).T
 # ## Comparison
 
 # +
-lame = interference * E / (b * ((c**2 + b**2) / (c**2 - b**2) + 1))
-first = (pressure > 0).argmax()
+first, lame = (pressure > 0).argmax(), interference * E / (b * ((c**2 + b**2) / (c**2 - b**2) + 1))
 if comm.rank == 0:
     print(f"contact after {time[first]:.2f} s, when {watts[first]:.0f} W flow into the shaft")
     print(f"pressure in the end {pressure[-1]:.2f} MPa, by Lame {lame:.2f} MPa")
-    figure = Figure((6, 3.6), layout="constrained")
-    axes = figure.subplots(2, sharex=True)
+    axes = (figure := Figure((6, 3.6), layout="constrained")).subplots(2, sharex=True)
     axes[0].semilogx(time, pressure, "C0", [0.01, 1200], [lame, lame], "k:", lw=1)
-    axes[0].set(ylabel="pressure [MPa]", xlim=(0.01, 1200))
+    axes[0].set_ylabel("pressure [MPa]")
     axes[0].legend(["contact", "Lame"], frameon=False)
     axes[1].semilogx(time, jump, "C3", time, watts, "C1")
     axes[1].set(xlabel="time [s]", ylabel="[K], [W]", ylim=(0, None))
@@ -103,5 +100,4 @@ if comm.rank == 0:
 # ## Check
 # The heat flow peaks where contact closes.
 
-assert abs(pressure[-1] / lame - 1) < 0.01 and pressure[0] == 0.0 < pressure[first] < pressure[-1]
-assert watts[first] > watts[first - 1]
+assert abs(pressure[-1] / lame - 1) < 0.01 and watts.argmax() in (first, first + 1) and first > 20

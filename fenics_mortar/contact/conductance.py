@@ -127,7 +127,7 @@ class GapConductance:
 
 
 class Conductance:
-    """Flux of a scalar field across a contact, q = h(p, g) (T_slave - T_master).
+    """Flux of a scalar field across a contact, q = h(p, g) (T_slave - T_master) (local).
 
     The field is a sub-space of the mixed function of the problem. Its equation in the residual
     must be that of a flux per area that leaves the slave, with positive sign of the capacity: for a
@@ -146,7 +146,7 @@ class Conductance:
             undeformed positions (slave nodes, 2) that returns power per area and its derivative by
             pressure, for sliding out of the plane: mu p omega r of a brake disc; or ``None``.
         share: Fraction of the source that enters the slave, between 0 and 1, the rest enters the
-            master: e_s / (e_s + e_m) with effusivities e = sqrt(k rho c) of two half spaces.
+            master: e_s / (e_s + e_m) with effusivities e = sqrt(k rho c) of two half spaces [1].
         temperature: Value of the field on a rigid obstacle, which is the master [field]: a number
             or a constant, whose value may change between solves.
 
@@ -243,7 +243,7 @@ class Conductance:
 
     @property
     def on_obstacle(self) -> float:
-        """Present value of the field on an obstacle [field]."""
+        """Present value of the field on an obstacle [field] (local)."""
         given: Any = self.temperature
         return float(given.value if isinstance(given, fem.Constant) else given)
 

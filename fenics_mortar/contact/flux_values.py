@@ -60,22 +60,22 @@ class FluxValues:
 
     @property
     def friction(self) -> Array:
-        """Source, power per area."""
+        """Source, power per area, (slave nodes,) [flux]."""
         return np.asarray(self._heating.residual)
 
     @property
     def on_slave(self) -> Array:
-        """Flux that leaves the slave."""
+        """Flux that leaves the slave, (slave nodes,) [flux]."""
         return self.conduction - self._law.share * self.friction
 
     @property
     def on_master(self) -> Array:
-        """Flux that enters the master."""
+        """Flux that enters the master, (slave nodes,) [flux]."""
         return self.on_slave + self.friction
 
     @cached_property
     def sides(self) -> list[tuple[Row, Array]]:
-        """Derivatives of both fluxes at fixed jumps: a row, and those by multipliers (n, 2)."""
+        """Derivatives of both fluxes at fixed jumps [flux]: rows, and by multipliers (n, 2)."""
         closed, heating = self.f.state.active, self._heating
         pressed = closed & (self.f.z_n > 0.0)
         by_gap = np.where(self.on & ~closed & (self.f.mean_gap > 0.0), self.jump, 0.0)

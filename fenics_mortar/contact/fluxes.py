@@ -217,7 +217,7 @@ class Flux:
         target[self.dofs[mine] - self._owned[0]] += values[mine]
 
     def _linear_part(self, now: FluxValues, z: Array) -> Array:
-        """Derivatives of the loads by multipliers times ``z`` (slave nodes, 2), shape (d,)."""
+        """Derivatives of the loads by multipliers times ``z`` (slave nodes, 2): (d,) [load]."""
         total = np.zeros(self.dofs.size)
         for matrix, sign, side in zip(self._to_loads(now), (1.0, -1.0), now.sides, strict=False):
             total += sign * (matrix.T @ np.einsum("jc,jc->j", side[1], z))

@@ -169,7 +169,7 @@ def gap_by_motions(f: ContactFields) -> Array:
 
 
 def row_by_multipliers(f: ContactFields, row: Row) -> Array:
-    """Derivative of a row by the multipliers of its node, shape (slave nodes, 2) (local)."""
+    """Derivative of a row by multipliers, (slave nodes, 2) [row / stress] (local)."""
     n, tau, none = f.operators.n, f.operators.tau, np.zeros(len(f.state.z))
     return (row.by_z_n + none)[:, None] * n + (row.by_z_tau + none)[:, None] * tau
 
