@@ -140,7 +140,7 @@ class LinearizedContact:
         for contact, j in zip(self._contacts, nodes, strict=True):
             last, o = contact.partners, contact.operators
             multipliers = (
-                np.stack([last.pressure, last.shear])[:, j] / self._system.scale(contact)[j]
+                np.stack([last.pressure, last.shear])[:, j] / self._system.scale(contact)[j, 0]
             )
             gap = (
                 np.clip(last.gap, 0.0, contact.slave.nodal_lengths)[j] * o.weight[j] / o.diagonal[j]
@@ -166,7 +166,7 @@ class LinearizedContact:
             )
             all_active[j] = True
             force = z_n[active, None] * o.n[j] + z_tau[active, None] * o.tau[j]
-            z[j] = self._system.scale(contact)[j, None] * force
+            z[j] = self._system.scale(contact)[j] * force
             if contact.pair.law.has_friction:
                 branches = branches.copy()
                 branches[j] = branch[active]
@@ -180,7 +180,7 @@ class LinearizedContact:
         parts = []
         for contact, j in zip(self._contacts, nodes, strict=True):
             row = contact.stiffness[j] * _slip_weight(contact, j) / ELASTIC
-            shear = (contact.partners.shear / self._system.scale(contact))[j]
+            shear = (contact.partners.shear / self._system.scale(contact)[:, 0])[j]
             parts.append(np.stack([row, shear]) * contact.redundant[j])
         elastic, shear = np.concatenate(parts, axis=1)
         elastic = elastic / max(float(contact.stiffness.max()) for contact in self._contacts)
@@ -244,7 +244,7 @@ class LinearizedContact:
         """
         system, bulk, comm = self._system, self._bulk, self._bulk.comm
         pair_rows = [contact.rows.linearized() for contact in system.contacts]
-        size = 2 * system.num_multipliers
+        size = system.num_z_dofs
         B_T = BlockMatrix(comm, bulk.num_owned, size).assemble(system.force_blocks())
         C = BlockMatrix(comm, size, bulk.num_owned).assemble(system.law_blocks(pair_rows))
         compliance = BodyCompliance(bulk, self._floating)
@@ -256,9 +256,9 @@ class LinearizedContact:
         responses = compliance.displacements(np.column_stack([forces, rest]))
         responses[:, -1] += moved.array_r
         rows = comm.allreduce(_columns(C.transpose(), used).T @ responses)
-        rhs = np.zeros(2 * sum(z_number.size for z_number in system.z_numbers))
-        for own, z_number in zip(pair_rows, system.z_numbers, strict=True):
-            rhs[2 * z_number[:, None] + np.arange(2)] = own.rhs
+        rhs = np.zeros(system.all_z_dofs)
+        for own, z_dofs in zip(pair_rows, system.z_dofs, strict=True):
+            rhs[z_dofs] = own.rhs
         V, y = -rows[:, :-1], rows[:, -1] - rhs[used]
         self._free_obstacles(V, y, used)
         for matrix in (B_T, C, moved, force):
@@ -274,34 +274,30 @@ class LinearizedContact:
         weak = RIGID.weakest_spring * max(
             float(contact.stiffness.max()) for contact in self._contacts
         )
-        size = 2 * sum(z_number.size for z_number in system.z_numbers)
-        by_motion = np.zeros((*driven.shape, size))
+        by_motion = np.zeros((*driven.shape, system.all_z_dofs))
         by_pressure = np.zeros_like(by_motion)
-        for contact, z_number in system.numbered():
+        for contact, columns in system.numbered():
             if not isinstance(contact, Contact) or contact.obstacle is None:
                 continue
-            number, columns = (
-                motions.obstacles.index(contact.obstacle),
-                2 * z_number[:, None] + [0, 1],
-            )
+            number = motions.obstacles.index(contact.obstacle)
             rows, (_, M_q, _) = (
                 contact.rows.by_motions(),
                 contact.on_obstacle.motion_force_derivatives(contact.z),
             )
             by_motion[number][:, columns] = np.moveaxis(rows, 2, 0)
-            by_pressure[number][:, columns] = M_q * system.scale(contact)[:, None]
+            by_pressure[number][:, columns] = M_q * system.scale(contact)
         by_motion = by_motion[driven][:, used] / weak
         V -= by_motion.T @ by_pressure[driven][:, used]
         y += (motions.forces() - motions.residual())[driven] @ by_motion
 
     def _directions(self, nodes: Sequence[Indices]) -> Array:
         """Normals, then tangents of the nodes as rows over all multiplier components (local)."""
-        size, found = 2 * sum(z_number.size for z_number in self._system.z_numbers), []
-        places = dict(zip(map(id, self._system.contacts), self._system.z_numbers, strict=True))
+        size, found = self._system.all_z_dofs, []
+        places = dict(zip(map(id, self._system.contacts), self._system.z_dofs, strict=True))
         for kind in ("n", "tau"):
             for contact, j in zip(self._contacts, nodes, strict=True):
                 rows = np.zeros((j.size, size))
-                columns = 2 * places[id(contact)][j][:, None] + np.arange(2)
+                columns = places[id(contact)][j]
                 rows[np.arange(j.size)[:, None], columns] = getattr(contact.operators, kind)[j]
                 found.append(rows)
         return np.concatenate(found)
@@ -310,12 +306,12 @@ class LinearizedContact:
         """Multiplier components of ties as rows over all components (local)."""
         system = self._system
         columns = [
-            2 * z_number[contact.active_nodes][:, None] + np.arange(2)
-            for contact, z_number in system.numbered()
+            z_dofs[contact.active_nodes]
+            for contact, z_dofs in system.numbered()
             if not isinstance(contact, Contact)
         ]
         columns = np.concatenate([np.empty(0, np.int64), *map(np.ravel, columns)])
-        return np.eye(2 * sum(z_number.size for z_number in system.z_numbers))[columns]
+        return np.eye(system.all_z_dofs)[columns]
 
 
 def _may_touch(contact: Contact) -> Flags:

@@ -38,7 +38,6 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.compliance import Compliance
 from fenics_mortar.la.contact_dofs import ContactDofs
 from fenics_mortar.la.sparse import flatten
-from fenics_mortar.la.system import components
 from fenics_mortar.newton.loop import Status, Step
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
@@ -96,8 +95,8 @@ class ReducedEquations:
         else:
             u += moved
             self._balance(self._force)
-        for contact, z_number in self._system.numbered():
-            z = zeta[z_number] * self._system.scale(contact)[:, None]
+        for contact, z_dofs in self._system.numbered():
+            z = zeta[z_dofs] * self._system.scale(contact)
             contact.move(z, fraction, moved[: self._bulk.num_owned])
         return self._general.step(self._bulk.largest(moved), fraction)
 
@@ -162,7 +161,7 @@ class ReducedEquations:
     def _assemble(self, pair_rows: Sequence[Rows]) -> ContactMatrices:
         """The matrices on the contact dofs, complete on rank 0."""
         system, size = self._system, self._dofs.size
-        count = 2 * sum(z_number.size for z_number in system.z_numbers)
+        count = system.all_z_dofs
         return ContactMatrices(
             self._collect(system.force_derivative(), (size, size), (True, True)),
             self._collect(system.force_blocks(), (size, count), (True, False)),
@@ -184,19 +183,17 @@ class ReducedEquations:
     def _solve(
         self, d: Array, pair_rows: Sequence[Rows], matrices: ContactMatrices
     ) -> tuple[Array, Array, Array]:
-        """Step of the contact dofs, multipliers zeta (n, 2) and contact force (collective)."""
-        count = matrices.A_z.shape[0] // 2
-        rhs, weight = np.zeros((count, 2)), np.ones((count, 1))
-        for (contact, z_number), own in zip(self._system.numbered(), pair_rows, strict=True):
-            rhs[z_number], weight[z_number, 0] = own.rhs, 1.0 / contact.stiffness
+        """Step of the contact dofs, multipliers zeta (n,) and contact force (collective)."""
+        rhs, weight = np.empty((2, self._system.all_z_dofs))
+        for (contact, z_dofs), own in zip(self._system.numbered(), pair_rows, strict=True):
+            rhs[z_dofs], weight[z_dofs] = own.rhs, 1.0 / contact.stiffness[:, None]
         solution = None
         if self._comm.rank == 0:
-            solution = self._solve_dense(d, matrices, rhs.ravel(), np.repeat(weight, 2))
+            solution = self._solve_dense(d, matrices, rhs, weight)
         solution = self._comm.bcast(solution)
         if solution is None:
             raise MortarError("the reduced linear system is singular")
-        step, zeta, force = solution
-        return step, zeta.reshape(-1, 2), force
+        return solution
 
     def _solve_dense(
         self, d: Array, matrices: ContactMatrices, rhs: Array, weight: Array
@@ -206,8 +203,9 @@ class ReducedEquations:
         Unknowns are the multipliers that may act and the dofs in their rows and forces: if a row of
         the law has neither displacements nor a right-hand side, its multiplier is zero.
         """
-        nodes = np.unique(np.concatenate([matrices.C.row, np.flatnonzero(rhs)]) // 2)
-        some = np.intersect1d(components(nodes[:, None]), matrices.B_T.col)
+        moved = self._system.with_others(np.concatenate([matrices.C.row, np.flatnonzero(rhs)]))
+        some = np.concatenate([np.empty(0, np.int64), *(z_dofs.ravel() for z_dofs in moved)])
+        some = np.intersect1d(some, matrices.B_T.col)
         found = solve_dense(self._compliance.A, matrices, some, d, rhs, weight)
         if found is None:
             return None

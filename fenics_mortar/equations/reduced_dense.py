@@ -8,6 +8,7 @@ with the compliance A and the displacement d without contact forces; see ``reduc
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -82,22 +83,26 @@ def solve_dense(
     return d - force[t] @ A_t, force, z
 
 
-def solve_alone(A_z: coo_array, nodes: Indices, rhs: Array) -> Array:
+def solve_alone(A_z: coo_array, alone: Sequence[Indices], rhs: Array) -> Array:
     """Solve the blocks of nodes with uncoupled multipliers, (n,); zero elsewhere (local).
 
     Args:
         A_z: See ``ContactMatrices``.
-        nodes: Numbers of the nodes.
+        alone: Numbers of the components of these multipliers, (nodes, c) for each pair.
         rhs: Right-hand side, (n,).
 
     Raises:
         LinAlgError: If a block is singular.
     """
-    blocks = np.zeros((rhs.size // 2, 2, 2))
-    np.add.at(blocks, (A_z.row // 2, A_z.row % 2, A_z.col % 2), A_z.data)
-    z = np.zeros((rhs.size // 2, 2))
-    z[nodes] = np.linalg.solve(blocks[nodes], rhs.reshape(-1, 2)[nodes, :, None])[..., 0]
-    return z.ravel()
+    z = np.zeros(rhs.size)
+    for z_dofs in alone:
+        node, component = np.full((2, rhs.size), -1)
+        node[z_dofs], component[z_dofs] = np.indices(z_dofs.shape)
+        here = node[A_z.row] >= 0
+        i, j, blocks = A_z.row[here], A_z.col[here], np.zeros((*z_dofs.shape, z_dofs.shape[1]))
+        np.add.at(blocks, (node[i], component[i], component[j]), A_z.data[here])
+        z[z_dofs] = np.linalg.solve(blocks, rhs[z_dofs][:, :, None])[..., 0]
+    return z
 
 
 def _part(matrix: coo_array, rows: Indices, columns: Indices) -> csr_array:

@@ -28,8 +28,8 @@ from fenics_mortar.contact.rows import Rows
 from fenics_mortar.equations.reduced_dense import ContactMatrices, solve_alone, solve_dense
 from fenics_mortar.la.compliance import Compliance
 from fenics_mortar.la.contact_dofs import ContactDofs
-from fenics_mortar.la.system import LinearSystem, components
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.la.system import LinearSystem
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
 
@@ -66,8 +66,7 @@ class ReducedTangent:
     def assemble(self) -> None:
         """See ``LinearSystem``."""
         self._parts = self._collect([c.rows.linearized() for c in self._system.contacts])
-        rows, here = self._parts.C.row, self._bulk.comm.rank == 0
-        self._coupled: Indices = np.unique(rows // 2) if here else np.empty(0, np.int64)
+        self._coupled = self._system.with_others(self._parts.C.row)
 
     @clock("solve")
     def solve(self, b: Array, *, transpose: bool = False) -> Array:
@@ -110,7 +109,7 @@ class ReducedTangent:
         u = self._of_bulk(f - forces)
         if known is not None:
             u += known
-        return u, forces, [zeta.reshape(-1, 2)[z_number] for z_number in self._system.z_numbers]
+        return u, forces, [zeta[z_dofs] for z_dofs in self._system.z_dofs]
 
     def _without_contact(self, f: Array) -> Array:
         """Displacements of the contact dofs under forces, (size,) [length]; complete on rank 0."""
@@ -122,18 +121,15 @@ class ReducedTangent:
         self, d: Array, h: Sequence[Array], matrices: ContactMatrices
     ) -> tuple[Array, Array] | None:
         """Contact forces (size,) and multipliers (n,); ``None`` if singular (local)."""
-        rhs, weight = (
-            np.zeros((matrices.C.shape[0] // 2, 2)),
-            np.zeros((matrices.C.shape[0] // 2, 2)),
-        )
-        for (contact, z_number), values in zip(self._system.numbered(), h, strict=True):
-            rhs[z_number], weight[z_number] = values, 1.0 / contact.stiffness[:, None]
-        rhs, weight, A = rhs.ravel(), weight.ravel(), self._compliance.A
-        others = np.setdiff1d(np.arange(rhs.size // 2), self._coupled)
+        A, (rhs, weight) = self._compliance.A, np.empty((2, self._system.all_z_dofs))
+        for (contact, z_dofs), values in zip(self._system.numbered(), h, strict=True):
+            rhs[z_dofs], weight[z_dofs] = values, 1.0 / contact.stiffness[:, None]
+        coupled = [z_dofs.ravel() for z_dofs in self._coupled]
+        some = np.sort(np.concatenate([np.empty(0, np.int64), *coupled]))
+        others = self._system.with_others(np.setdiff1d(np.arange(rhs.size), some))
         try:
             alone = solve_alone(matrices.A_z, others, rhs)
             pushed = matrices.B_T @ alone
-            some = components(self._coupled[:, None]).ravel()
             found = solve_dense(A, matrices, some, d - A @ pushed, rhs, weight)
             if found is None:
                 return None
@@ -166,4 +162,4 @@ class ReducedTangent:
     def _scaled(self, z: Sequence[Array]) -> list[Array]:
         """Values of each contact times the scale of its multipliers (local)."""
         scales = map(self._system.scale, self._system.contacts)
-        return [values * scale[:, None] for values, scale in zip(z, scales, strict=True)]
+        return [values * scale for values, scale in zip(z, scales, strict=True)]

@@ -12,6 +12,7 @@ A column of S is computed when its node becomes active.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -19,6 +20,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, solve
 from scipy.sparse import csr_array
 
+from fenics_mortar.contact.interface import Interface
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.reduced import ReducedEquations
 from fenics_mortar.equations.reduced_tangent import ReducedTangent
@@ -26,7 +28,7 @@ from fenics_mortar.la.compliance import Compliance, FactoredBulk
 from fenics_mortar.la.costs import COSTS
 from fenics_mortar.la.factored import column_groups, factored_bulk
 from fenics_mortar.newton.loop import Step
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
 
@@ -42,9 +44,16 @@ class SmallSlidingEquations(ReducedEquations):
     def __init__(self, general: ContactEquations, prefix: str) -> None:
         super().__init__(general, prefix)
         self._prefix = prefix
-        self._count = sum(z_number.size for z_number in self._system.z_numbers)
+        first = [z_dofs[:, 0] for z_dofs in self._system.z_dofs]
+        order = np.argsort(np.argsort(np.concatenate([np.empty(0, np.int64), *first])))
+        self._count = order.size
+        self._numbers = np.split(order, np.cumsum([part.size for part in first])[:-1])
         self._multiplier_nodes = np.empty(0, bool)
         self._open: list[Array] = []
+
+    def _numbered(self) -> Iterator[tuple[Interface, Indices]]:
+        """Each contact with the numbers of its nodes' pressures, (slave nodes,)."""
+        return zip(self._system.contacts, self._numbers, strict=True)
 
     def _factor(self, prefix: str) -> Any:
         return FactoredBulk(self._bulk, self._dofs, factored_bulk(self._bulk, prefix))
@@ -78,8 +87,8 @@ class SmallSlidingEquations(ReducedEquations):
         self._dofs.put(step, moved)
         u += moved
         self._balance(self._force)
-        for contact, z_number in self._system.numbered():
-            scale = zeta[z_number] * self._system.scale(contact)
+        for contact, numbers in self._numbered():
+            scale = zeta[numbers] * self._system.scale(contact)[:, 0]
             contact.change(z=scale[:, None] * contact.operators.n)
         return self._general.step(self._bulk.largest(u - before))
 
@@ -110,20 +119,19 @@ class SmallSlidingEquations(ReducedEquations):
             self._general.evaluate_operators()
             self._open = [contact.operators.gap for contact in self._general.contacts]
         self._gaps, self._active = np.zeros(self._count), np.zeros(self._count, bool)
-        for (contact, z_number), gap in zip(self._system.numbered(), self._open, strict=True):
-            self._gaps[z_number] = self._system.scale(contact) * gap
-            self._active[z_number] = contact.active
+        for (contact, numbers), gap in zip(self._numbered(), self._open, strict=True):
+            self._gaps[numbers] = self._system.scale(contact)[:, 0] * gap
+            self._active[numbers] = contact.active
 
     def _pushes(self) -> csr_array:
         """B_n of the slave nodes, (size, slave nodes), complete on rank 0."""
-        normals = np.zeros((self._count, 2))
-        for contact, z_number in self._system.numbered():
-            normals[z_number] = contact.operators.n
-        columns = np.repeat(np.arange(self._count), 2)
-        entries = normals.ravel(), (np.arange(columns.size), columns)
-        shape = self._dofs.size, columns.size
-        B_T = self._collect(self._system.force_blocks(), shape, (True, False))
-        return B_T.tocsr() @ csr_array(entries, shape=(columns.size, self._count))
+        size = self._system.all_z_dofs
+        normals, columns = np.empty(size), np.empty(size, np.int64)
+        for (contact, z_dofs), numbers in zip(self._system.numbered(), self._numbers, strict=True):
+            normals[z_dofs], columns[z_dofs] = contact.operators.n, numbers[:, None]
+        entries = normals, (np.arange(size), columns)
+        B_T = self._collect(self._system.force_blocks(), (self._dofs.size, size), (True, False))
+        return B_T.tocsr() @ csr_array(entries, shape=(size, self._count))
 
     def _update_responses(self, pushes: csr_array) -> None:
         """Compute the displacements due to pressures of newly active nodes."""

@@ -93,7 +93,7 @@ def linearize_law(
 
 @kernel
 def gather_forces(
-    D, facets, slave_rows, M, slave, master, master_rows, Z, A_z, owned, acts, numbers, i, j, v
+    D, facets, slave_rows, M, slave, master, master_rows, Z, A_z, owned, acts, dofs, i, j, v
 ):
     """Gather the entries of -B^T Z - A_z Z; return their number.
 
@@ -111,7 +111,7 @@ def gather_forces(
         A_z: Shape (slave nodes, 2, 2) [length].
         owned: Slave nodes owned by this rank, shape (k,).
         acts: Whether a multiplier acts, shape (slave nodes,), bool.
-        numbers: Numbers of the multipliers, shape (slave nodes,).
+        dofs: Numbers of the multipliers' components, shape (slave nodes, 2) or more.
         i: Rows of the entries, shape (2 D.size + 2 M.size + 4 k,); filled.
         j: Columns of the entries, of that shape; filled.
         v: Values of the entries, of that shape; filled.
@@ -124,7 +124,7 @@ def gather_forces(
                     value = D[e, p, k] * Z[facets[e, p], c]
                     if value != 0.0:
                         i[count] = slave_rows[facets[e, k], c]
-                        j[count] = 2 * numbers[facets[e, p]] + c
+                        j[count] = dofs[facets[e, p], c]
                         v[count] = -value
                         count += 1
     for s in range(M.shape[0]):
@@ -134,14 +134,14 @@ def gather_forces(
                     value = M[s, p, l] * Z[slave[s, p], c]
                     if value != 0.0:
                         i[count] = master_rows[master[s, l], c]
-                        j[count] = 2 * numbers[slave[s, p]] + c
+                        j[count] = dofs[slave[s, p], c]
                         v[count] = value
                         count += 1
     for p in owned:
         if acts[p]:
             for a in range(2):
                 for c in range(2):
-                    i[count], j[count] = slave_rows[p, a], 2 * numbers[p] + c
+                    i[count], j[count] = slave_rows[p, a], dofs[p, c]
                     v[count] = -A_z[p, a, c] * Z[p, c]
                     count += 1
     return count

@@ -29,7 +29,7 @@ y = w there, and they do not contribute to Q^T w.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import Any
 
@@ -45,9 +45,9 @@ from fenics_mortar.kernels.blocks import gather_forces
 from fenics_mortar.la.coupling import zero_block
 from fenics_mortar.la.elimination import Elimination
 from fenics_mortar.la.sparse import BlockMatrix, Entries, Product, SomeRows, add_blocks, flatten
-from fenics_mortar.la.system import LinearSystem, components
+from fenics_mortar.la.system import LinearSystem, renumbered
 from fenics_mortar.utils import errors
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
 
 
@@ -69,21 +69,21 @@ class CondensedSystem(LinearSystem):
         obstacle = obstacle_to_condensation(contacts)
         if obstacle:
             raise ValueError(f"algorithm='condensed': {obstacle}; use algorithm='saddle'")
-        size, mine = bulk.num_owned, 2 * self.num_multipliers
+        size = bulk.num_owned
         touched = [side.dofs.ravel() for c in contacts for side in (c.slave, c.master)]
         touched += [flux.dofs for c in contacts for flux in c.fluxes]
         self._rows = SomeRows(np.concatenate([np.empty(0, np.int64), *touched]), bulk.first, size)
         self._rows_of_sides = [
             [self._rows.number(side.dofs) for side in (c.slave, c.master)] for c in contacts
         ]
-        self._R = Elimination(self.comm, self._rows, 2 * self._first_multiplier, mine)
+        self._R = Elimination(self.comm, self._rows, self.first_z_dof, self.num_z_dofs)
         self._slave_K: Any = None
         self._vectors: Any = None  # with the layout of the columns and rows of K_S
-        dofs = np.empty((self.num_multipliers, 2), np.int64)
+        dofs = np.empty(self.num_z_dofs, np.int64)
         for contact, _, owned, local in self._numbered:
             dofs[local] = contact.slave.dofs[owned]
-        self._slave_rows = PETSc.IS().createGeneral(dofs.ravel().astype(PETSc.IntType), self.comm)
-        self._slave_dofs = dofs.ravel() - bulk.first
+        self._slave_rows = PETSc.IS().createGeneral(dofs.astype(PETSc.IntType), self.comm)
+        self._slave_dofs = dofs - bulk.first
         self._partly_prescribed = any((c.free[c.multiplier_nodes] == 0.0).any() for c in contacts)
 
     # Assembly
@@ -109,13 +109,13 @@ class CondensedSystem(LinearSystem):
 
     def _collect_rows(self, pair_rows: Sequence[Rows], inverses: Sequence[Array]) -> None:
         """Diagonals of Z and A_z and right-hand sides of the multipliers owned here (local)."""
-        Z, A_z, rhs = np.zeros((3, self.num_multipliers, 2))
+        Z, A_z, rhs = np.zeros((3, self.num_z_dofs))
         for (_, _, owned, local), rows, inverse in zip(
             self._numbered, pair_rows, inverses, strict=True
         ):
             Z[local], rhs[local] = inverse[owned], rows.rhs[owned]
             A_z[local] = rows.A_z.diagonal(axis1=1, axis2=2)[owned]
-        self._Z, self._A_z, self._law_rhs = Z.ravel(), A_z.ravel(), rhs.ravel()
+        self._Z, self._A_z, self._law_rhs = Z, A_z, rhs
 
     def _extend_pattern(self, R_entries: Entries) -> None:
         """Extend the pattern of K by zeros for possible contact (collective)."""
@@ -129,7 +129,7 @@ class CondensedSystem(LinearSystem):
         of_small = small.createSubMatrix(PETSc.IS().createGeneral(of_slave, self.comm))
         slave_K.axpy(1.0, of_small, different)
         zeros_of_R = flatten(rows.renumbered(self._R_zeros()))
-        R = BlockMatrix(self.comm, rows.local.size, 2 * self.num_multipliers).assemble_entries(
+        R = BlockMatrix(self.comm, rows.local.size, self.num_z_dofs).assemble_entries(
             *map(np.append, R_entries, zeros_of_R)
         )
         product = R.matMult(slave_K)
@@ -150,34 +150,27 @@ class CondensedSystem(LinearSystem):
             blocks += [Block(dofs[rows], columns, values) for rows, columns, values in own.blocks]
         return blocks
 
-    def _R_entries(self, pair_rows: Sequence[Rows], inverses: Sequence[Array]) -> Any:
-        """R = -B^T Z - A_z Z in rows of contact nodes; columns are numbers of multipliers."""
+    def _R_entries(self, pair_rows: Sequence[Rows], inverses: Sequence[Array]) -> Entries:
+        """R = -B^T Z - A_z Z in rows of contact nodes; columns are numbers of components."""
         operators = [contact.operators for contact in self.contacts]
-        size = 4 * self.num_multipliers + sum(2 * (o.D.size + o.M.size) for o in operators)
+        size = 2 * self.num_z_dofs + sum(2 * (o.D.size + o.M.size) for o in operators)
         i, j = np.empty((2, size), PETSc.IntType)
         v, end = np.empty(size), 0
-        for (contact, z_number, owned, _), (on_slave, on_master), o, rows, Z in zip(
+        for (contact, z_dofs, owned, _), (on_slave, on_master), o, rows, Z in zip(
             self._numbered, self._rows_of_sides, operators, pair_rows, inverses, strict=True
         ):
             s = o.segments
             end += gather_forces(
                 o.D, o.facet_nodes, on_slave, o.M, s.slave, s.master, on_master, Z, rows.A_z, owned,
-                contact.acts, z_number, i[end:], j[end:], v[end:],
+                contact.acts, z_dofs, i[end:], j[end:], v[end:],
             )  # fmt: skip
-        entries = i[:end], j[:end], v[:end]
-        of_fluxes = []
-        for (contact, z_number), Z in zip(self.numbered(), inverses, strict=True):
+        i, j, v = i[:end], j[:end], v[:end]
+        for (contact, z_dofs), Z in zip(self.numbered(), inverses, strict=True):
             if contact.fluxes:
-                blocks = _columns_scaled(contact.flux_blocks(), z_number, -Z)
-                of_fluxes += self._rows.renumbered(blocks)
-        if not of_fluxes:
-            return entries
-        more = flatten(of_fluxes)
-        return tuple(np.append(one, other) for one, other in zip(entries, more, strict=True))
-
-    def _weighted_forces(self, contact: Interface, z_number: Indices, weight: Array) -> list[Block]:
-        """B^T with columns scaled by ``weight`` (slave nodes, 2) and numbered by ``z_number``."""
-        return _columns_scaled([*contact.force_blocks(), *contact.flux_blocks()], z_number, weight)
+                blocks = renumbered(contact.flux_blocks(), z_dofs, -Z)
+                more = flatten(self._rows.renumbered(blocks))
+                i, j, v = map(np.append, (i, j, v), more)
+        return i, j, v
 
     def _derivative_zeros(self) -> Iterator[Block]:
         """Zeros for possible derivatives of forces, gaps and fluxes."""
@@ -187,14 +180,14 @@ class CondensedSystem(LinearSystem):
 
     def _R_zeros(self) -> Iterator[Block]:
         """Zeros for possible entries of R."""
-        for (contact, z_number), coupling in zip(self.numbered(), self._couplings, strict=True):
+        for (contact, z_dofs), coupling in zip(self.numbered(), self._couplings, strict=True):
             patterns = [coupling.force_pattern()]
             patterns += [coupling.flux_force_pattern(flux) for flux in contact.fluxes]
             for rows, multipliers in patterns:
-                yield zero_block(rows, components(z_number[multipliers, None]))
+                yield zero_block(rows, z_dofs[multipliers])
 
     def _inverse(self, contact: Interface) -> Array:
-        """Diagonal of Z_j, zero where no multiplier acts, shape (slave nodes, 2) [1 / length]."""
+        """Diagonal of Z_j, zero where no multiplier acts, shape (slave nodes, c) [1 / length]."""
         diagonal = np.where(contact.acts, contact.operators.diagonal, np.inf)
         return contact.free / diagonal[:, None]
 
@@ -269,21 +262,13 @@ class CondensedSystem(LinearSystem):
     def _prescribed_columns(self) -> PETSc.Mat:
         """B^T for prescribed components of acting multipliers, in rows of contact nodes."""
         blocks = chain.from_iterable(
-            self._weighted_forces(contact, z_number, 1.0 - contact.free)
-            for contact, z_number in self.numbered()
+            renumbered(
+                [*contact.force_blocks(), *contact.flux_blocks()], z_dofs, 1.0 - contact.free
+            )
+            for contact, z_dofs in self.numbered()
         )
-        sizes = self._rows.local.size, 2 * self.num_multipliers
+        sizes = self._rows.local.size, self.num_z_dofs
         return BlockMatrix(self.comm, *sizes).assemble(self._rows.renumbered(blocks))
-
-
-def _columns_scaled(blocks: Iterable[Block], z_number: Indices, weight: Array) -> list[Block]:
-    """Blocks with columns 2 j + component times ``weight`` (slave nodes, 2), renumbered."""
-    found = []
-    for rows, columns, values in blocks:
-        j, component = columns // 2, columns % 2
-        weighted = values * weight[j, component][:, None, :]
-        found.append(Block(rows, 2 * z_number[j] + component, weighted))
-    return found
 
 
 def _times(

@@ -24,8 +24,8 @@ class Elimination:
     Args:
         comm: Communicator.
         rows: The contact dofs.
-        first: First multiplier component of this rank.
-        size: Number of multiplier components of this rank.
+        first: Number of the first component of this rank's multipliers.
+        size: Number of these components.
 
     Attributes:
         entries: Rows, columns and values of the entries [1] in the columns of this rank.

@@ -21,7 +21,7 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.coupling import zero_block
 from fenics_mortar.la.sparse import BlockMatrix, add_blocks
-from fenics_mortar.la.system import LinearSystem, components
+from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 
@@ -46,7 +46,7 @@ class SaddleSystem(LinearSystem):
         self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, options: dict[str, Any]
     ) -> None:
         super().__init__(bulk, contacts, prefix, options)
-        self._sizes = bulk.num_owned, 2 * self.num_multipliers
+        self._sizes = bulk.num_owned, self.num_z_dofs
         sizes = np.array(self.comm.allgather(self._sizes))
         self._ends = np.cumsum(sizes, axis=0)
         self._shifts = np.stack([(self._ends - sizes)[:, MULTIPLIER], self._ends[:, DOF]], axis=1)
@@ -78,19 +78,19 @@ class SaddleSystem(LinearSystem):
 
     def _zero_blocks(self) -> Iterator[Part]:
         """Zeros for possible entries of K_c, B^T and C; A_z has a fixed pattern."""
-        for (contact, z_number), coupling in zip(self.numbered(), self._couplings, strict=True):
+        for (contact, z_dofs), coupling in zip(self.numbered(), self._couplings, strict=True):
             own = contact.slave.owned
             dofs, multipliers = coupling.force_pattern()
             dofs = np.concatenate([dofs, contact.slave.dofs[own]]).reshape(-1, 1)
-            numbers = components(z_number[np.append(multipliers, own), None]).reshape(-1, 1)
+            numbers = z_dofs[np.append(multipliers, own)].reshape(-1, 1)
             nodes, coupled = coupling.law_pattern()
             yield DOF, DOF, [coupling.derivative_pattern()]
             yield DOF, MULTIPLIER, [zero_block(dofs, numbers)]
             for flux in contact.fluxes:
                 yield DOF, DOF, [coupling.flux_pattern(flux)]
                 rows, carriers = coupling.flux_force_pattern(flux)
-                yield DOF, MULTIPLIER, [zero_block(rows, components(z_number[carriers, None]))]
-            yield MULTIPLIER, DOF, [zero_block(components(z_number[nodes, None]), coupled)]
+                yield DOF, MULTIPLIER, [zero_block(rows, z_dofs[carriers])]
+            yield MULTIPLIER, DOF, [zero_block(z_dofs[nodes], coupled)]
 
     def blocks(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:
         """K + K_c, B^T, C and A_z, the last three for scaled multipliers zeta (collective)."""
@@ -115,7 +115,7 @@ class SaddleSystem(LinearSystem):
         K.copy(self.matrix, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         K.destroy()
         add_blocks(self.matrix, self._numbered_blocks(self._parts()))
-        self._scales = np.repeat(self.collect(self.scale(c)[:, None] for c in self.contacts), 2)
+        self._scales = self.collect(self.scale(c) for c in self.contacts)
         self._prescribe_rows(self.matrix, self.matrix.getOwnershipRange()[0])
 
     def _extend_pattern(self, K: PETSc.Mat) -> None:
@@ -137,7 +137,7 @@ class SaddleSystem(LinearSystem):
         size = self.bulk.num_owned
         rhs = self._scale_rows(self.join(self._newton_force(distance), self._law_rhs))
         present, product = self.matrix.createVecs()
-        present.array[size:] = self.collect(c.z for c in self.contacts).ravel() / self._scales
+        present.array[size:] = self.collect(c.z for c in self.contacts) / self._scales
         self.matrix.mult(present, product)
         x = self.solver.solve(self.matrix, rhs - product.array_r) + present.array_r
         present.destroy()

@@ -16,8 +16,8 @@ Wall 2013) keeps the system well conditioned if a node is only partly covered an
 the iterates. Rows of prescribed dofs are scaled by the largest k_j. Both scales are internal:
 ``solve`` takes and returns unscaled vectors.
 
-Vectors are local arrays: values of the owned dofs, then both components of each multiplier owned by
-this rank, in the order of ``z_numbers``.
+Vectors are local arrays: values of the owned dofs, then the components of each multiplier owned by
+this rank, in the order of ``z_dofs``.
 """
 
 from __future__ import annotations
@@ -45,9 +45,12 @@ class LinearSystem(ABC):
     """Base class of both forms: numbering and scaling of multipliers, blocks, solver.
 
     Attributes:
-        z_numbers: Global number of the multiplier of each slave node, (slave nodes,) per contact,
-            ordered by owner, so that a rank owns a contiguous range.
-        num_multipliers: Number of multipliers owned by this rank.
+        z_dofs: Global numbers of the components of the multipliers, shape of ``z`` per contact,
+            ordered by owner, so that a rank owns a contiguous range; those of a node follow each
+            other.
+        num_z_dofs: Number of components owned by this rank.
+        first_z_dof: Global number of the first of them.
+        all_z_dofs: Number of components on all ranks.
         solver: Solver for ``matrix``.
         reason: Why the multipliers are unknowns or not, as text; "" for the default, not.
         matrix: The last assembled matrix, scaled, with the rows of prescribed dofs.
@@ -69,18 +72,22 @@ class LinearSystem(ABC):
             options: Options of PETSc without the prefix.
         """
         self.bulk, self.contacts, self.comm = bulk, contacts, bulk.comm
-        owners = np.concatenate([np.empty(0, np.int64), *(c.slave.owners for c in contacts)])
-        z_number = np.empty(owners.size, np.int64)
-        z_number[np.argsort(owners, kind="stable")] = np.arange(owners.size)
-        ends = np.cumsum([contact.slave.num_nodes for contact in contacts])
-        self.z_numbers: list[Indices] = np.split(z_number, ends)[:-1]
-        self.num_multipliers = int((owners == self.comm.rank).sum())
-        self._first_multiplier = int((owners < self.comm.rank).sum())
-        self._numbered = [
-            (contact, z_number, contact.slave.owned, self.local(contact, z_number))
-            for contact, z_number in zip(contacts, self.z_numbers, strict=True)
+        of_each = [np.repeat(c.slave.owners, c.z.shape[1]) for c in contacts]
+        owners = np.concatenate([np.empty(0, np.int64), *of_each])
+        numbers = np.empty(owners.size, np.int64)
+        numbers[np.argsort(owners, kind="stable")] = np.arange(owners.size)
+        parts = np.split(numbers, np.cumsum([c.z.size for c in contacts])[:-1])
+        self.z_dofs: list[Indices] = [
+            part.reshape(c.z.shape) for part, c in zip(parts, contacts, strict=False)
         ]
-        rows = 2 * self.num_multipliers if self.has_multipliers else None
+        self.all_z_dofs = owners.size
+        self.num_z_dofs = int((owners == self.comm.rank).sum())
+        self.first_z_dof = int((owners < self.comm.rank).sum())
+        self._numbered = [
+            (contact, z_dofs, contact.slave.owned, self.local(contact, z_dofs))
+            for contact, z_dofs in self.numbered()
+        ]
+        rows = self.num_z_dofs if self.has_multipliers else None
         self.reason = ""
         self.solver = LinearSolver(
             self.comm, prefix, options, lambda: ContactPreconditioner(bulk, contacts, prefix, rows)
@@ -113,8 +120,7 @@ class LinearSystem(ABC):
         """Solve A x = b, or A^T x = b, with A as last assembled (collective).
 
         Args:
-            b: Right-hand side, shape (owned dofs + 2 owned multipliers,); [stress length] in the
-                rows of free dofs.
+            b: Right-hand side, shape (owned rows,); [stress length] in the rows of free dofs.
             transpose: Whether to solve with A^T.
 
         Raises:
@@ -143,39 +149,47 @@ class LinearSystem(ABC):
 
     # Vectors
 
-    def local(self, contact: Interface, z_number: Indices) -> Indices:
-        """Local numbers of a contact's owned multipliers, shape (n,) as ``z_number`` (local)."""
-        return z_number[contact.slave.owned] - self._first_multiplier
+    def local(self, contact: Interface, z_dofs: Indices) -> Indices:
+        """Local numbers of a contact's owned components, shape (owned nodes, c) (local)."""
+        return z_dofs[contact.slave.owned] - self.first_z_dof
 
     def numbered(self) -> Iterator[tuple[Interface, Indices]]:
-        """Each contact with the numbers of its multipliers, (slave nodes,)."""
-        return zip(self.contacts, self.z_numbers, strict=True)
+        """Each contact with its ``z_dofs``."""
+        return zip(self.contacts, self.z_dofs, strict=True)
 
-    def collect(self, nodal: Iterable[Array]) -> Array:
-        """Values [any unit] of the owned multipliers, shape (num_multipliers, ...) (local).
+    def with_others(self, numbers: Indices) -> list[Indices]:
+        """Components (k, c) of the multipliers that have some of ``numbers``, per contact (local).
 
         Args:
-            nodal: Values of each contact, shape (slave nodes, ...), replicated.
+            numbers: Global numbers of components, any shape.
         """
-        parts = list(nodal)
-        shape = parts[0].shape[1:] if parts else (2,)
-        mine = np.zeros((self.num_multipliers, *shape))
-        for (_, _, owned, local), values in zip(self._numbered, parts, strict=True):
+        marked = np.zeros(self.all_z_dofs, bool)
+        marked[numbers] = True
+        return [z_dofs[marked[z_dofs].any(axis=1)] for z_dofs in self.z_dofs]
+
+    def collect(self, nodal: Iterable[Array]) -> Array:
+        """Values [any unit] of the owned components, shape (num_z_dofs,) (local).
+
+        Args:
+            nodal: Values of each contact, shape of ``z``, replicated.
+        """
+        mine = np.zeros(self.num_z_dofs)
+        for (_, _, owned, local), values in zip(self._numbered, nodal, strict=True):
             mine[local] = values[owned]
         return mine
 
     def join(self, u: Array, z: Iterable[Array]) -> Array:
-        """Vector (owned rows,) of ``u`` [length] and ``z`` (slave nodes, 2) [stress] (local)."""
-        return np.concatenate([u[: self.bulk.num_owned], self.collect(z).ravel()])
+        """Vector (owned rows,) of ``u`` [length] and ``z`` (slave nodes, c) [stress] (local)."""
+        return np.concatenate([u[: self.bulk.num_owned], self.collect(z)])
 
     def split(self, x: Array) -> tuple[Array, list[Array]]:
         """Split ``x``, shape (owned rows,), into u [length] and z [stress] (collective).
 
-        Values z of each contact, shape (slave nodes, 2), are replicated; inverse of ``join``.
+        Values z of each contact, shape (slave nodes, c), are replicated; inverse of ``join``.
         """
-        mine, z = x[self.bulk.num_owned :].reshape(-1, 2), []
-        for contact, _, owned, local in self._numbered:
-            values = np.zeros((contact.slave.num_nodes, 2))
+        mine, z = x[self.bulk.num_owned :], []
+        for _, z_dofs, owned, local in self._numbered:
+            values = np.zeros(z_dofs.shape)
             values[owned] = mine[local]
             z.append(values if self.comm.size == 1 else sum_over_ranks(self.comm, values))
         return x[: self.bulk.num_owned].copy(), z
@@ -187,31 +201,29 @@ class LinearSystem(ABC):
         return [block for contact in self.contacts for block in contact.load_derivative()]
 
     def scale(self, contact: Interface) -> Array:
-        """z_j / zeta_j, shape (slave nodes,) [stress / length]."""
+        """z_j / zeta_j, shape (slave nodes, c) [stress / length]."""
         diagonal = np.where(contact.acts, contact.operators.diagonal, contact.slave.nodal_areas)
-        return contact.stiffness / diagonal
+        return np.broadcast_to((contact.stiffness / diagonal)[:, None], contact.z.shape)
 
     def force_blocks(self) -> Iterable[Block]:
-        """Blocks of B^T for zeta; columns are numbers of multipliers."""
-        for contact, z_number in self.numbered():
-            scale = self.scale(contact)
-            for rows, columns, values in [*contact.force_blocks(), *contact.flux_blocks()]:
-                j = columns // 2
-                yield Block(rows, 2 * z_number[j] + columns % 2, values * scale[j][:, None, :])
+        """Blocks of B^T for zeta; columns are numbers of multipliers' components."""
+        for contact, z_dofs in self.numbered():
+            blocks = [*contact.force_blocks(), *contact.flux_blocks()]
+            yield from renumbered(blocks, z_dofs, self.scale(contact))
 
     def law_blocks(self, pair_rows: Sequence[Rows]) -> Iterable[Block]:
-        """Blocks of C, by the rows of each contact; rows are numbers of multipliers."""
-        for z_number, own in zip(self.z_numbers, pair_rows, strict=True):
+        """Blocks of C, by the rows of each contact; rows are numbers of components."""
+        for z_dofs, own in zip(self.z_dofs, pair_rows, strict=True):
+            numbers = z_dofs.ravel()
             for block in own.blocks:
-                rows = 2 * z_number[block.rows // 2] + block.rows % 2
-                yield Block(rows, block.columns, block.values)
+                yield Block(numbers[block.rows], block.columns, block.values)
 
     def multiplier_blocks(self, pair_rows: Sequence[Rows]) -> Iterable[Block]:
         """Blocks of A_z for zeta, of the multipliers owned here."""
-        for (contact, z_number), own in zip(self.numbered(), pair_rows, strict=True):
+        for (contact, z_dofs), own in zip(self.numbered(), pair_rows, strict=True):
             mine = contact.slave.owned
-            dofs = components(z_number[mine, None])
-            yield Block(dofs, dofs, own.A_z[mine] * self.scale(contact)[mine, None, None])
+            dofs = z_dofs[mine]
+            yield Block(dofs, dofs, own.A_z[mine] * self.scale(contact)[mine, None])
 
     # Assembly
 
@@ -253,7 +265,14 @@ class LinearSystem(ABC):
         return f
 
 
-def components(nodes: Indices) -> Indices:
-    """Numbers 2 j + component of both components of ``nodes`` (..., k), shape (..., 2 k)."""
-    numbers = 2 * nodes[..., None] + np.arange(2)
-    return numbers.reshape(*nodes.shape[:-1], 2 * nodes.shape[-1])
+def renumbered(blocks: Iterable[Block], z_dofs: Indices, factors: Array) -> Iterator[Block]:
+    """Blocks whose columns index ``z.ravel()``, times ``factors``, with the numbers ``z_dofs``.
+
+    Args:
+        blocks: The blocks of a contact.
+        z_dofs: Numbers of its multipliers' components, shape (slave nodes, c).
+        factors: Factors of the columns, of that shape.
+    """
+    numbers, factors = z_dofs.ravel(), factors.ravel()
+    for rows, columns, values in blocks:
+        yield Block(rows, numbers[columns], values * factors[columns][:, None, :])

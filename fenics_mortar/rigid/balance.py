@@ -27,16 +27,16 @@ def linearize_balance(motions: ObstacleMotions, system: LinearSystem) -> Border:
         system: System of displacement and multipliers; columns and rows are its vectors.
     """
     count, size = motions.scales.size, system.bulk.num_owned
-    columns = np.zeros((count, size + 2 * system.num_multipliers))
+    columns = np.zeros((count, size + system.num_z_dofs))
     rows, corner = np.zeros_like(columns), np.zeros((count, count))
-    for contact, z_number in zip(motions.contacts, system.z_numbers, strict=True):
+    for contact, z_dofs in zip(motions.contacts, system.z_dofs, strict=True):
         if contact.obstacle is None:
             continue
         first = 3 * motions.obstacles.index(contact.obstacle)
         own = slice(first, first + 3)
         E_d, M_q, E_q = contact.on_obstacle.motion_force_derivatives(contact.z)
         acting = M_q * contact.acts[:, None]
-        multipliers = size + 2 * system.local(contact, z_number)[:, None] + np.arange(2)
+        multipliers = size + system.local(contact, z_dofs)
         mine = contact.slave.owned
         columns[own, multipliers] += np.moveaxis(contact.rows.by_motions()[mine], 2, 0)
         rows[own, multipliers] += acting[:, mine]

@@ -234,9 +234,9 @@ class _Probe:
         system = SaddleSystem(self.bulk, self.contacts, "fenics_mortar_check_tangent_", {})
         K, B_T, C, A_z = system.blocks()
         zeta = A_z.createVecRight()
-        for contact, dz, z_number in zip(self.contacts, self.dz, system.z_numbers, strict=True):
-            scaled = dz / system.scale(contact)[:, None]
-            zeta.array.reshape(-1, 2)[system.local(contact, z_number)] = scaled[contact.slave.owned]
+        for contact, dz, z_dofs in zip(self.contacts, self.dz, system.z_dofs, strict=True):
+            scaled = dz / system.scale(contact)
+            zeta.array[system.local(contact, z_dofs)] = scaled[contact.slave.owned]
         force, law = self._apply(K), self._apply(C)
         balance = linearize_balance(self.motions, system)
         moved = self.dq.ravel() @ balance.columns[:, : force.size]  # of fluxes
@@ -244,10 +244,10 @@ class _Probe:
         law = law + (A_z * zeta).array
         parts = [
             (
-                law.reshape(-1, 2)[system.local(contact, z_number)]
+                law[system.local(contact, z_dofs)]
                 + self._by_motions(contact)[2][contact.slave.owned]
             ).ravel()
-            for contact, z_number in zip(self.contacts, system.z_numbers, strict=True)
+            for contact, z_dofs in zip(self.contacts, system.z_dofs, strict=True)
         ]
         pushed = self.comm.allreduce(balance.rows @ system.join(self.du, self.dz))
         pushed = pushed + balance.corner @ self.dq.ravel()

@@ -25,9 +25,9 @@ def assembled(problem):
     problem.equations.bulk.assemble_tangent()
     system = SaddleSystem(problem.equations.bulk, contacts, "reference_", {})
     K, B_T, C, A_z = (dense(block) for block in system.blocks())
-    order = [(2 * z_number[:, None] + np.arange(2)).ravel() for z_number in system.z_numbers]
+    order = [z_dofs.ravel() for z_dofs in system.z_dofs]
     order = np.concatenate([np.empty(0, np.int64), *order])
-    scale = np.concatenate([np.empty(0), *(np.repeat(system.scale(c), 2) for c in contacts)])
+    scale = np.concatenate([np.empty(0), *(system.scale(c).ravel() for c in contacts)])
     B_T, A_z = B_T[:, order] / scale, A_z[np.ix_(order, order)] / scale
     C = C[order]
     fixed = np.concatenate(

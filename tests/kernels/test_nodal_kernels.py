@@ -174,13 +174,13 @@ def test_linearized_law_is_the_derivative_of_the_law():
 def test_entries_of_condensed_forces():
     """-B^T Z - A_z Z of two nodes on one facet, of which one acts, with one master node each."""
     D, M = np.array([[[2.0, 0.0], [0.0, 3.0]]]), np.array([[[1.0, 0.5], [0.0, 2.0]]])
-    facets, numbers, acts = np.array([[0, 1]]), np.array([1, 0]), np.array([True, False])
+    facets, dofs, acts = np.array([[0, 1]]), np.array([[2, 3], [0, 1]]), np.array([True, False])
     Z, A_z = np.array([[0.5, 0.25], [0.0, 0.0]]), np.arange(8.0).reshape(2, 2, 2)
     slave_rows, master_rows = np.arange(4).reshape(2, 2), 4 + np.arange(4).reshape(2, 2)
     i, j = np.empty((2, 24), np.int32)
     v = np.empty(24)
     count = blocks.gather_forces(
-        D, facets, slave_rows, M, facets, facets, master_rows, Z, A_z, np.arange(2), acts, numbers,
+        D, facets, slave_rows, M, facets, facets, master_rows, Z, A_z, np.arange(2), acts, dofs,
         i, j, v,
     )  # fmt: skip
     found, expected = np.zeros((8, 4)), np.zeros((8, 4))
