@@ -32,7 +32,7 @@ def find_units(K: PETSc.Mat, space: DisplacementSpace, stiffness: float) -> tupl
     units, to_force = np.zeros((2, space.num_owned))
     units[space.owned_dofs] = to_force[space.owned_dofs] = 1.0
     transpose = K.transpose(PETSc.Mat())
-    for _ in range(space.whole.num_sub_spaces - 1):
+    for _ in range(space.whole.num_sub_spaces):  # those found last may be needed for to_force
         sizes = _row_sizes(transpose, to_force), _row_sizes(K, units)
         for known, size in zip((units, to_force), sizes, strict=True):
             reached = (known == 0.0) & (size > 0.0)

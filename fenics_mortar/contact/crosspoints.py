@@ -39,11 +39,11 @@ def drop_crosspoints(ties: Sequence[Tie]) -> None:
     shared = [np.isin(tie.slave.nodes, nodes) for tie, nodes in zip(ties, others, strict=True)]
     follows: dict[int, list[int]] = {}
     for tie, excluded in zip(ties, shared, strict=True):
-        follows.update(_masters(tie, np.flatnonzero(tie.may_carry & ~excluded)))
+        follows.update(_masters(tie, np.flatnonzero(tie.components.some_carry & ~excluded)))
     candidates: list[tuple[int, int, int]] = []  # by cover in whole units of rounding
     for i, tie in enumerate(ties):
         cover = np.round(tie.operators.cover / tie.slave.full_cover / SAME_PLACE).astype(np.int64)
-        mine = np.flatnonzero(shared[i] & tie.may_carry)
+        mine = np.flatnonzero(shared[i] & tie.components.some_carry)
         candidates += [(-int(cover[j]), i, int(j)) for j in mine]
     for _, i, j in sorted(candidates):
         ((node, masters),) = _masters(ties[i], np.array([j]))
@@ -79,8 +79,7 @@ def _joined(arrays: Iterable[Indices]) -> Indices:
 def _masters(tie: Tie, slaves: Indices) -> Iterator[tuple[int, list[int]]]:
     """Global slave nodes, and the master nodes that each of them follows."""
     for j in slaves:
-        masters = tie.M.indices[tie.M.indptr[j] : tie.M.indptr[j + 1]]
-        yield int(tie.slave.nodes[j]), tie.master.nodes[masters].tolist()
+        yield int(tie.slave.nodes[j]), tie.masters_of(int(j))
 
 
 def _depends(follows: dict[int, list[int]], masters: list[int], node: int) -> bool:

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
+from fenics_mortar.contact.components import Components
 from fenics_mortar.contact.interface_fields import InterfaceFields
 from fenics_mortar.contact.rows import InterfaceRows
 from fenics_mortar.contact.sides import at_tips, substitutes_of, surfaces_of
@@ -66,9 +67,12 @@ class Interface(ABC):
         substitutes: Nodes without weight, and the nodes whose fields are shown in their place, each
             (k,).
         rows: Rows of the multipliers, the law of the interface.
+        components: Dofs and scales of the components of the multipliers.
         fluxes: Fluxes of scalar fields across the interface, see ``fluxes``.
         state: The present state.
         now: Fields at the last evaluated displacement and the present state.
+        z: Multipliers, shape (slave nodes, c); c is 2, on a tie 2 and the number of tied fields.
+        z_u: Its first two components, those of the displacement, shape (slave nodes, 2) [stress].
         c_n: Present weight of the gap in the complementarity function [1]. May be set.
         offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length].
     """
@@ -89,7 +93,7 @@ class Interface(ABC):
     sticking, active_nodes = read_only("now.sticking"), read_only("now.active_nodes")
     pressure, slip, z_tau = read_only("now.pressure"), read_only("now.slip"), read_only("now.z_tau")
     shear, shear_force = read_only("now.shear"), read_only("now.shear_force")
-    total_force = read_only("now.total_force")
+    total_force, z_u = read_only("now.total_force"), read_only("now.z_u")
 
     def __init__(
         self,
@@ -121,7 +125,7 @@ class Interface(ABC):
         self.may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
         self.at_vertices: bool = pair.discretization.basis in AT_VERTICES
-        self.fluxes = NO_FLUXES
+        self.fluxes, self.components = NO_FLUXES, Components(self)
         self.substitutes = substitutes_of(self.slave, at_vertices=self.at_vertices)
         none = np.zeros(count, bool)
         self._state = InterfaceState(
@@ -185,7 +189,7 @@ class Interface(ABC):
         """Apply a fraction of the increment of the multipliers (collective).
 
         Args:
-            z: Multipliers of the linear system, shape (slave nodes, 2) [stress].
+            z: Multipliers of the linear system, shape (slave nodes, c) [stress].
             fraction: Fraction of the increment [1].
             step: Full increment of the displacement, shape (owned dofs,) [length].
         """
@@ -206,25 +210,25 @@ class Interface(ABC):
 
     # Nodes and forces
 
-    @property
-    def coupled(self) -> Flags:
-        """Slave nodes whose terms in the equations are not zero, shape (slave nodes,), bool."""
-        coupled: Flags = self.acts | self.z.any(axis=1)
-        for flux in self.fluxes:
-            coupled = coupled | flux.conducts
-        return coupled
+    def add_loads(self, target: Array) -> None:
+        """Add B^T z and the loads of fluxes (collective).
 
-    def load_derivative(self) -> list[Block]:
-        """Blocks of d(B^T z)/dd at fixed z and of the derivatives of fluxes (collective)."""
-        o, blocks = self.operators, []
-        if not o.linearization.frozen:
-            blocks = o.force_derivative(self.z)
+        Args:
+            target: Local array, shape (owned dofs,) or longer [stress length], those of fluxes
+                [flux length]; changed in place.
+        """
+        on_slave, on_master = self.now.forces
+        self.slave.scatter_add(on_slave, target)
+        self.master.scatter_add(on_master, target)
         for flux in self.fluxes:
-            blocks += flux.derivative()
-        return blocks
+            flux.add_loads(target)
+
+    def load_blocks(self) -> list[Block]:
+        """Blocks of all loads' derivatives by z; columns index z.ravel() (collective)."""
+        return [*self.force_blocks(), *self.flux_blocks()]
 
     def flux_blocks(self) -> list[Block]:
-        """Blocks of the fluxes' derivatives by z; columns 2 j + component (collective)."""
+        """Blocks of the fluxes' derivatives by z; columns index z.ravel() (collective)."""
         return [flux.by_multipliers() for flux in self.fluxes]
 
     def coupled_by_slip(self) -> tuple[Indices, Indices]:
@@ -237,22 +241,38 @@ class Interface(ABC):
         return np.concatenate([self.slave.nodes, self.master.nodes])
 
     def force_blocks(self) -> list[Block]:
-        """Blocks of B^T, the force by acting multipliers; columns 2 j + component.
+        """Blocks of B^T, the force by acting multipliers; columns index z.ravel().
 
         Only nonzero entries, to keep the system sparse. Without ``flux_blocks``.
         """
-        o, s = self.operators, self.operators.segments
-        return [
-            _force_entries(self.slave, o.facet_nodes, o.facet_nodes, o.D, self.acts),
-            _force_entries(self.master, s.slave, s.master, -o.M, self.acts),
-        ]
+        blocks, count = [], self.z.shape[1]
+        for dofs, j, values in self.force_entries():
+            columns = (count * j[:, None] + np.arange(2)).reshape(-1, 1)
+            blocks.append(
+                Block(dofs.reshape(-1, 1), columns, np.repeat(values, 2).reshape(-1, 1, 1))
+            )
+        return blocks
+
+    def force_entries(self) -> Iterator[tuple[Indices, Indices, Array]]:
+        """Dofs (p, 2), nodes of acting multipliers (p,), D and -M (p,) [length] of each side."""
+        for side, (j, k, values) in zip(
+            (self.slave, self.master), acting_entries(self.operators, self.acts), strict=True
+        ):
+            yield side.dofs[k], j, values
 
 
-def _force_entries(surface: Surface, j: Indices, k: Indices, values: Array, acts: Flags) -> Block:
-    """Entries values[b, j, k] (b, 2, 2) of node k of ``surface`` and acting multiplier j."""
-    used = (values != 0.0) & acts[j][:, :, None]
-    j = np.broadcast_to(j[:, :, None], values.shape)[used]
-    k = np.broadcast_to(k[:, None, :], values.shape)[used]
-    columns = (2 * j[:, None] + np.arange(2)).reshape(-1, 1)
-    rows = surface.dofs[k].reshape(-1, 1)
-    return Block(rows, columns, np.repeat(values[used], 2).reshape(-1, 1, 1))
+def acting_entries(o: MortarOperators, acts: Flags) -> Iterator[tuple[Indices, Indices, Array]]:
+    """Nonzero entries of D, then of -M, in this rank's rows of acting multipliers (local).
+
+    Args:
+        o: The operators.
+        acts: Whether a multiplier acts, shape (slave nodes,), bool.
+
+    Yields:
+        Slave nodes of the multipliers, nodes of the side and values [length], (p,) each.
+    """
+    s, nodes = o.segments, o.facet_nodes
+    for j, k, values in ((nodes, nodes, o.D), (s.slave, s.master, -o.M)):
+        used = (values != 0.0) & acts[j][:, :, None]
+        places = (np.broadcast_to(p, values.shape)[used] for p in (j[:, :, None], k[:, None, :]))
+        yield *places, values[used]

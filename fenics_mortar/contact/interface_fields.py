@@ -85,11 +85,13 @@ class InterfaceFields:
     Attributes:
         closing_gap: Gap that contact closes, nan at uncovered nodes, (slave nodes,) [length].
         z_n, z_tau: See ``Parts``.
+        z_u: Multipliers of the displacement, shape (slave nodes, 2) [stress].
     """
 
     closing_gap: Any = property(attrgetter("gap"))
     z_n: Any = property(attrgetter("parts.z_n"))
     z_tau: Any = property(attrgetter("parts.z_tau"))
+    z_u: Any = property(attrgetter("state.z"))
 
     def __init__(self, interface: Any, state: InterfaceState, operators: MortarOperators) -> None:
         self.interface, self.state, self.operators = interface, state, operators
@@ -144,13 +146,13 @@ class InterfaceFields:
     def parts(self) -> Parts:
         """Normal and tangential part of the multipliers."""
         parts = Parts(*np.empty((2, len(self.state.z))))
-        complementarity.split_multipliers(self.operators.n, self.state.z, *parts)
+        complementarity.split_multipliers(self.operators.n, self.z_u, *parts)
         return parts
 
     @field("z")
     def forces(self) -> tuple[Array, Array]:
         """D^T z and -M^T z, see ``MortarOperators.force``; collective at the first access."""
-        return self.operators.force(self.state.z)
+        return self.operators.force(self.z_u)
 
     @property
     def slip(self) -> Array:
@@ -185,7 +187,7 @@ class InterfaceFields:
     @property
     def total_force(self) -> Array:
         """Total force that acts on the slave body, shape (2,) [stress length]."""
-        return -self.operators.weight @ self.state.z
+        return -self.operators.weight @ self.z_u
 
     def fill_inside(self, values: Array) -> Array:
         """Set values at inner nodes of facets to the mean of the end nodes.

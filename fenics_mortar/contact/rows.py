@@ -32,12 +32,12 @@ Frame = tuple[Array, ...]
 
 @dataclass(frozen=True)
 class Rows:
-    """The rows of the multipliers: blocks . dd + A_z z = rhs, in force units.
+    """The rows of the multipliers: blocks . dd + A_z z = rhs, in the units of the bulk's rows.
 
     Attributes:
-        blocks: Blocks with rows 2 j + component and displacement dofs as columns.
-        A_z: Shape (slave nodes, 2, 2) [length].
-        rhs: Shape (slave nodes, 2) [stress length].
+        blocks: Blocks with rows that index z.ravel(), and dofs as columns.
+        A_z: Shape (slave nodes, c, c) [length].
+        rhs: Shape (slave nodes, c) [stress length].
         frame: Weights of the rows.
     """
 
@@ -48,7 +48,7 @@ class Rows:
 
 
 class InterfaceRows(ABC):
-    """Rows of the multipliers of an interface, in force units (local).
+    """Rows of the multipliers of an interface, in the units of the bulk's rows (local).
 
     Args:
         interface: The interface; its present fields ``now`` are used.
@@ -83,7 +83,7 @@ class InterfaceRows(ABC):
 
     @abstractmethod
     def weighted(self, frame: Frame) -> Array:
-        """Rows weighted by ``frame``, zero at a solution, (slave nodes, 2) [stress length]."""
+        """Rows weighted by ``frame``, zero at a solution, (slave nodes, c) [stress length]."""
 
 
 class ContactRows(InterfaceRows):

@@ -21,7 +21,8 @@ class InterfaceState(Value):
     Arrays are read-only and equal on all ranks.
 
     Attributes:
-        z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress].
+        z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress]; on a tie
+            with fields, further columns with their fluxes.
         active: Active set, shape (slave nodes,), bool.
         branch: Branch of the law that each node is on, 0 where it sticks, shape (slave nodes,).
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool:

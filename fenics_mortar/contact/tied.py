@@ -5,11 +5,11 @@ With D and M of the reference configuration, the slave's displacement follows th
 
     sum_k D[j, k] u_k - sum_l M[j, l] u_l = 0    for every multiplier node j,
 
-in both components. If a jump is prescribed, u_l is the sum of the displacement of the master and
-the jump; if the sides are at a distance, as those of a periodic cell, X_m below is the position
-translated onto the slave. The constraint is linear. With linear bulk the matrix of the whole system
-is constant, and elimination of the slave by u_s = D^-1 M u_m results in the symmetric matrix
-Q^T K Q.
+in both components; for further fields see ``tied_field``. If a jump is prescribed, u_l is the sum
+of the displacement of the master and the jump; if the sides are at a distance, as those of a
+periodic cell, X_m below is the position translated onto the slave. The constraint is linear. With
+linear bulk the matrix of the whole system is constant, and elimination of the slave by
+u_s = D^-1 M u_m results in the symmetric matrix Q^T K Q.
 
 If also D X_s = M X_m, which ``close_gaps`` ensures, the constraint holds for current positions:
 rigid motions are free of stress, and the torques of D^T z and M^T z cancel to rounding (Puso 2004).
@@ -31,11 +31,12 @@ from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array, diags
 from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact.interface import NO_WELDS, Interface, read_only, settable
 from fenics_mortar.contact.sides import points_per_segment
+from fenics_mortar.contact.tied_components import TiedComponents
+from fenics_mortar.contact.tied_field import TiedField, rows_of
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.tied_rows import TiedFields, TiedOperators, TiedRows
 from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
@@ -62,11 +63,14 @@ class Tie(Interface):
         M: Master matrix, rows of multiplier nodes only, (slave nodes, master nodes) [length].
         jump: D u_s - M (u_m + jump) at the last evaluated displacement, shape (slave nodes, 2)
             [length^2].
+        fluxes: The tied fields.
         open_ends: Slave nodes whose multiplier yielded to that of another pair, (slave nodes,).
     """
 
     now: TiedFields
     rows: TiedRows
+    fluxes: list[TiedField]
+    components: TiedComponents
 
     _kind = TiedFields
 
@@ -78,6 +82,7 @@ class Tie(Interface):
         super().__init__(pair, space, prescribed)
         self.master = replace(self.master, X=self.master.X + pair.translation)
         self.rows, self.arm = TiedRows(self), 0.0
+        self._yielded = np.zeros(self.slave.num_nodes, bool)
         self.open_ends = np.zeros(self.slave.num_nodes, bool)
         longest = max(float(side.lengths.max()) for side in (self.slave, self.master))
         choice = pair.discretization
@@ -89,15 +94,15 @@ class Tie(Interface):
         multiplier_nodes = (self.free.sum(axis=1) == 2.0) & ~(self.slave.weightless | self.shared)
         if self.at_vertices:
             multiplier_nodes &= ~self.slave.inner
-        self.change(multiplier_nodes=multiplier_nodes)
+        z = np.zeros((self.slave.num_nodes, 2 + len(pair.fields)))
+        self.change(multiplier_nodes=multiplier_nodes, z=z)
+        self.fluxes = [
+            TiedField(field, c, self, space, prescribed) for c, field in enumerate(pair.fields, 2)
+        ]
+        self.components = TiedComponents(self)
         self._check_multiplier_nodes(~self.multiplier_nodes)
         self._integrate()
-        if not (self.operators.cover > 0.0).any():
-            raise SurfaceError(
-                f"{self._names} are farther apart than {self.options.radius:.3g} everywhere: "
-                f"increase search_radius{self._periodic(pair.translation)}"
-            )
-        self.drop(self.operators.cover < MIN_SHARE * self.slave.full_cover)
+        self._remove(self.operators.cover < MIN_SHARE * self.slave.full_cover)
 
     def _periodic(self, translation: Array) -> str:
         """Advice for sides of the same size, which may be those of a periodic cell (local)."""
@@ -119,12 +124,16 @@ class Tie(Interface):
         self.drop(nodes)
 
     def drop(self, nodes: Flags) -> None:
-        """Remove the multipliers of ``nodes`` (slave nodes,), bool (collective).
+        """Remove the multipliers of ``nodes`` (slave nodes,), bool, also of fields (collective).
 
         Raises:
             SurfaceError: On all ranks, if no multiplier is left.
         """
-        if (nodes & self.multiplier_nodes).any():
+        self._yielded = self._yielded | nodes
+        self._remove(nodes)
+
+    def _remove(self, nodes: Flags) -> None:
+        if (nodes & (self.multiplier_nodes | self.components.some_carry)).any():
             self.change(multiplier_nodes=self.multiplier_nodes & ~nodes)
             self._check_multiplier_nodes(nodes)
             self._integrate()
@@ -143,7 +152,11 @@ class Tie(Interface):
         return f"slave '{self.slave.name}' and master '{self.master.name}'"
 
     def _integrate(self) -> None:
-        """Integrate D and M at the reference positions."""
+        """Integrate D and M at the reference positions (collective).
+
+        Raises:
+            SurfaceError: On all ranks, if no slave node has a partner.
+        """
         slave, master = self.slave, self.master
         no_normals, nothing = np.full((slave.num_nodes, 2), np.nan), Linearization(False, False)
         o = evaluate_mortar(
@@ -156,29 +169,38 @@ class Tie(Interface):
             self.options,
             nothing,
         )
+        if not (o.cover > 0.0).any():
+            raise SurfaceError(
+                f"{self._names} are farther apart than {self.options.radius:.3g} everywhere: "
+                f"increase search_radius{self._periodic(self.pair.translation)}"
+            )
         constant = {name: np.zeros_like(getattr(o, name)) for name in ("dD", "dM", "dgap", "gap")}
         values = (
             {field.name: getattr(o, field.name) for field in fields(o)}
             | constant
             | {"linearization": Linearization(False, False, frozen=True)}
         )
-        self.set_operators(TiedOperators(**values, weighted_jump=np.zeros((slave.num_nodes, 2))))
+        self.set_operators(TiedOperators(**values, weighted_jump=np.zeros(self.z.shape)))
         self.may_carry = self.multiplier_nodes & (o.diagonal > 0.0)
         self.change(active=self.may_carry)
-        self.D, self.M = (self._of_active(matrix) for matrix in o.matrices)
+        self.D, self.M = (rows_of(self.active, matrix) for matrix in o.matrices)
         self._force_blocks = super().force_blocks()
-
-    def _of_active(self, matrix: csr_array) -> csr_array:
-        """A matrix with the rows of active nodes only."""
-        kept = csr_array(diags(self.active.astype(float)) @ matrix)
-        kept.eliminate_zeros()
-        return kept
+        for field in self.fluxes:
+            field.integrate(self._yielded)
+        self.components.read()
 
     @property
     def nodes(self) -> Indices:
         """Global numbers of the tied nodes of both sides, shape (k,)."""
-        masters = np.unique(self.M.indices)
-        return np.concatenate([self.slave.nodes[self.now.has_partner], self.master.nodes[masters]])
+        masters, of_fields = np.unique(self.M.indices), (field.nodes for field in self.fluxes)
+        own = self.slave.nodes[self.now.has_partner]
+        return np.concatenate([own, self.master.nodes[masters], *of_fields])
+
+    def masters_of(self, node: int) -> list[int]:
+        """Global numbers of the master nodes that a slave node follows (local)."""
+        own = self.master.nodes[self.M.indices[self.M.indptr[node] : self.M.indptr[node + 1]]]
+        of_fields = (field.masters_of(node) for field in self.fluxes)
+        return np.concatenate([own, *of_fields]).tolist()
 
     def welds(self) -> Indices:
         """Coinciding ends of slave and master: global nodes, shape (k, 2); none at a distance."""
@@ -199,7 +221,11 @@ class Tie(Interface):
         on_slave, on_master = self.slave.gather(u), self.master.gather(u) + self.pair.present_jump()
         x, m = self.slave.X + on_slave, self.master.X + on_master
         n, dn = evaluate_normals(self.slave, x, self.options.weighting)
-        weighted_jump = self.D @ on_slave - self.M @ on_master
+        jumps = [self.D @ on_slave - self.M @ on_master]
+        for field in self.fluxes:
+            jumps.append(np.zeros((self.slave.num_nodes, 1)))
+            jumps[-1][field.at, 0] = field.weighted_jump(u)
+        weighted_jump = np.hstack(jumps) if self.fluxes else jumps[0]
         self.set_operators(
             replace(self.operators, x=x, m=m, n=n, dn=dn, weighted_jump=weighted_jump)
         )

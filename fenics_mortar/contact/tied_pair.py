@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -14,7 +15,7 @@ from fenics_mortar.contact.discretization import Discretization, as_discretizati
 from fenics_mortar.contact.pair import check_search_radius
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.obstacles.points import check_vector
-from fenics_mortar.utils.arguments import check_choice, check_kind
+from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_same_texts, together
 
@@ -25,7 +26,7 @@ class TiedPair:
     """Mesh tying of a slave and a master surface with nonmatching meshes, also at a distance.
 
     The displacement is tied, with D u_s = D (u_m + jump) in weak form. Further unknowns of a mixed
-    function, such as a pressure or a temperature, are not.
+    function, such as a temperature or a concentration, are tied if they are given in ``fields``.
 
     Args:
         data: Mesh, tags and names.
@@ -46,6 +47,11 @@ class TiedPair:
             a joint. Tied left and right sides of a cell are periodic boundaries.
         jump: u_s - u_m, shape (2,) [length]: numbers, or a constant whose value may change between
             solves. With a macroscopic deformation gradient F it is (F - 1) translation.
+        fields: Numbers of the sub-spaces of a mixed function whose scalar fields T are tied too,
+            D T_s = D T_m in weak form, without ``jump``: continuous Lagrange elements of degree 1
+            or of that of the displacement. The flux of field i from slave to master is column 2 + i
+            of the multipliers, see ``PairView.fluxes``; those of both sides cancel to rounding. A
+            pressure of incompressible bodies has no flux and is not to be tied.
         discretization: ``Discretization``, of which a tie uses basis, points and max_angle only, or
         "default".
 
@@ -83,6 +89,7 @@ class TiedPair:
         search_radius: float | None = None,
         translation: npt.ArrayLike = (0.0, 0.0),
         jump: fem.Constant | npt.ArrayLike = (0.0, 0.0),
+        fields: Sequence[int] = (),
         discretization: str | Discretization = "default",
     ) -> None:
         check_kind("data", data, MeshData, "the MeshData of the mesh")
@@ -96,6 +103,7 @@ class TiedPair:
             self.jump: Any = jump
             if not isinstance(jump, fem.Constant):
                 self.jump = check_vector("jump", jump)
+            self.fields = _numbers(fields)
             self.check()
             self.slave_tags = data.boundary_tags(slave)
             data.boundary_tags(master)
@@ -127,3 +135,19 @@ class TiedPair:
     def __repr__(self) -> str:
         """The two sides."""
         return f"TiedPair({self.slave_name!r}, {self.master_name!r})"
+
+
+def _numbers(fields: Any) -> tuple[int, ...]:
+    """Numbers of sub-spaces, each once (local).
+
+    Raises:
+        ValueError: For anything else.
+    """
+    expected = "different numbers of sub-spaces in a list, as [1]"
+    if not isinstance(fields, Sequence) or isinstance(fields, str):
+        raise ValueError(f"fields={fields!r}: expected {expected}")
+    for field in fields:
+        check_number("fields", field, expected, lambda number: number >= 0, whole=True)
+    if len(set(fields)) < len(fields):
+        raise ValueError(f"fields={fields!r}: expected {expected}")
+    return tuple(int(field) for field in fields)

@@ -9,26 +9,36 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.errors import format_point
 
 
-def remarks_on_ties(contacts: Sequence[Contact | Tie], *, is_mixed: bool) -> Iterator[str]:
+def remarks_on_ties(contacts: Sequence[Contact | Tie], space: DisplacementSpace) -> Iterator[str]:
     """Describe unknowns and nodes that are not tied, and pressures that are not unique.
 
     Args:
         contacts: All pairs.
-        is_mixed: Whether there are unknowns other than the displacement.
+        space: The displacement's nodes, and the mixed space.
     """
     ties = [tie for tie in contacts if isinstance(tie, Tie)]
-    if is_mixed:
-        for tie in ties:
-            yield (
-                f"{tie.pair!r} ties the displacement only: the other unknowns of the mixed "
-                "function u may jump there, and nothing flows across"
-            )
     for tie in ties:
-        yield from filter(None, [_open_ends(tie)])
+        yield from filter(None, [_other_fields(tie, space), _open_ends(tie)])
         yield from _divided_slaves(tie, [c for c in contacts if isinstance(c, Contact)])
+
+
+def _other_fields(tie: Tie, space: DisplacementSpace) -> str:
+    """Name the unknowns that are not tied; "" if all are."""
+    if not space.is_mixed:
+        return ""
+    tied = (space.part, *tie.pair.fields)
+    others = [part for part in range(space.whole.num_sub_spaces) if part not in tied]
+    if not others:
+        return ""
+    numbers = " and ".join(map(str, others))
+    return (
+        f"{tie.pair!r} does not tie sub-space {numbers} of the mixed function u, which may jump "
+        f"there: nothing flows across; with fields={[*tie.pair.fields, *others]} it would"
+    )
 
 
 def _open_ends(tie: Tie) -> str:

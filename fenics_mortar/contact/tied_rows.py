@@ -2,7 +2,7 @@
 """Operators, fields and rows of a tied pair.
 
 The row of a multiplier node is the jump of the displacement, D u_s - M u_m, in both components; a
-prescribed jump is included in u_m.
+prescribed jump is included in u_m. Rows of tied fields are their jumps, see ``tied_field``.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_mortar.contact.interface_fields import InterfaceFields
+from fenics_mortar.contact.interface_fields import InterfaceFields, field
 from fenics_mortar.contact.rows import Frame, InterfaceRows, Rows
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.utils.arrays import Array
@@ -22,7 +22,8 @@ class TiedOperators(MortarOperators):
     """D and M of the reference configuration; positions and normals are the current ones.
 
     Attributes:
-        weighted_jump: D u_s - M u_m, shape (slave nodes, 2) [length^2].
+        weighted_jump: D u_s - M u_m [length^2], and the jumps of the tied fields [field length],
+            shape (slave nodes, c).
     """
 
     weighted_jump: Array
@@ -42,9 +43,19 @@ class TiedFields(InterfaceFields):
     operators: TiedOperators
 
     @property
+    def jumps(self) -> Array:
+        """Jumps of displacement and fields, shape (slave nodes, c) [length^2, field length]."""
+        return self.operators.weighted_jump
+
+    @property
     def jump(self) -> Array:
         """D u_s - M u_m, shape (slave nodes, 2) [length^2]."""
-        return self.operators.weighted_jump
+        return self.jumps[:, :2]
+
+    @field("z")
+    def z_u(self) -> Array:
+        """Multipliers of the displacement, shape (slave nodes, 2) [stress]."""
+        return np.ascontiguousarray(self.state.z[:, :2])
 
     @property
     def gap(self) -> Array:
@@ -57,27 +68,27 @@ class TiedFields(InterfaceFields):
 class TiedRows(InterfaceRows):
     """Rows of a tie: transposed force blocks, so that the system is symmetric.
 
-    The frame is the diagonal of D [length], and the stiffness over it where active, each of shape
-    (slave nodes,).
+    The frame consists of ``TiedComponents.idle`` and ``row_weight``. Rows of fields have the
+    unit of their equations, those of displacements are symmetric to the forces.
     """
 
     def linearized(self) -> Rows:
         """See ``InterfaceRows``."""
         f: TiedFields = self._interface.now
-        diagonal, weight = frame = self.frame()
+        idle, weight = frame = self.frame()
+        weights = weight.ravel()
         blocks = [
-            Block(block.columns, block.rows, block.values * weight[block.columns[:, :1, None] // 2])
-            for block in self._interface.force_blocks()
+            Block(columns, rows, values * weights[columns[:, :, None]])
+            for rows, columns, values in self._interface.load_blocks()
         ]
-        inactive = np.where(f.state.active, 0.0, -diagonal)
-        A_z = inactive[:, None, None] * np.eye(2)
-        return Rows(blocks, A_z, -weight[:, None] * f.jump, frame)
+        A_z = -idle[:, :, None] * np.eye(idle.shape[1])
+        return Rows(blocks, A_z, -weight * f.jumps, frame)
 
     def measure(self) -> tuple[float, float]:
         """See ``InterfaceRows``: the jump of active nodes."""
         f: TiedFields = self._interface.now
-        length = np.where(f.state.active, f.operators.weight, np.inf)
-        rows = (f.interface.stiffness / length)[:, None] * f.jump
+        of = self._interface.components
+        rows = (f.interface.stiffness[:, None] / (of.weight * of.units)) * f.jumps
         gaps = np.where(f.state.active, f.gap, 0.0) / f.nodal_lengths
         return float((rows**2).sum()), float(gaps.max(initial=0.0))
 
@@ -87,13 +98,11 @@ class TiedRows(InterfaceRows):
 
     def frame(self) -> Frame:
         """See ``InterfaceRows``."""
-        f: TiedFields = self._interface.now
-        diagonal = np.where(f.state.active, f.operators.diagonal, f.nodal_areas)
-        return diagonal, np.where(f.state.active, f.interface.stiffness / diagonal, 0.0)
+        of = self._interface.components
+        return of.idle, of.row_weight
 
     def weighted(self, frame: Frame) -> Array:
         """See ``InterfaceRows``."""
         f: TiedFields = self._interface.now
-        diagonal, weight = frame
-        inactive = np.where(f.state.active, 0.0, diagonal)
-        return weight[:, None] * f.jump - inactive[:, None] * f.state.z
+        idle, weight = frame
+        return weight * f.jumps - idle * f.state.z

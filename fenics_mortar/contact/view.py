@@ -98,7 +98,7 @@ class PairView:
     @property
     def tractions(self) -> Array:
         """Multipliers z, minus the tractions on the slave, shape (slave nodes, 2) [stress]."""
-        return self._interface.z.copy()
+        return self._interface.z_u.copy()
 
     @property
     def pressure(self) -> Array:
@@ -150,7 +150,7 @@ class PairView:
 
         Collective.
         """
-        return -self._interface.operators.force(self._interface.z)[0]
+        return -self._interface.operators.force(self._interface.z_u)[0]
 
     @property
     def total_force(self) -> Array:
@@ -164,8 +164,8 @@ class PairView:
 
     @property
     def fluxes(self) -> list[NodalFlux]:
-        """Fluxes of scalar fields across the pair, in the order of its ``fluxes``; collective."""
-        return [flux.nodal() for flux in getattr(self._interface, "all_fluxes", ())]
+        """Fluxes of scalar fields, in the order of ``fluxes`` or ``fields``; collective."""
+        return [flux.nodal() for flux in self._interface.all_fluxes]
 
     @property
     def offset(self) -> Array:

@@ -129,6 +129,7 @@ class ContactEquations:
         self.bulk.set_units(self.stiffest)
         for contact in self.contacts:
             contact.set_stiffness(np.abs(contact.slave.gather(diagonal)).mean(axis=1))
+            contact.components.set_units(self.bulk.units, self.bulk.to_force)
 
     # Evaluation
 

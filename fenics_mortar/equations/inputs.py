@@ -69,7 +69,7 @@ class Inputs:
         self._axis = AxisConditions(bulk.space, bulk.u, bulk.bcs)
         self._begins = True
         self._first = [remark_on_radius(bulk.residual, bulk.u, bulk.space)]
-        self._first += remarks_on_ties(contacts, is_mixed=bulk.space.is_mixed)
+        self._first += remarks_on_ties(contacts, bulk.space)
 
     def check(self, newton: Any, sensitivity: Any = None, **flags: Any) -> list[str]:
         """Reject invalid values; return remarks on questionable ones (collective).
@@ -231,7 +231,7 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
             )
     count = contact.slave.num_nodes
     for name, shape, kind in (
-        ("z", (count, 2), float),
+        ("z", (count, 2 + len(getattr(pair, "fields", ()))), float),
         ("active", (count,), bool),
         ("multiplier_nodes", (count,), bool),
         ("branch", (count,), int),

@@ -69,7 +69,7 @@ class LinearVector:
             ``None``: zero.
         z: x and y components at the slave nodes of each pair, in the order along the surface, shape
             (slave nodes, 2) each, replicated: multipliers [stress]; in rows those of the contact
-            law [stress length]. ``None``: zero.
+            law [stress length]. Tied fields have further columns [flux]. ``None``: zero.
         q: x, y and angle of each obstacle, in the order of ``problem.obstacles``, shape
             (obstacles, 3), replicated [length, length, radian]; in rows of driven motions forces
             and moment [stress length, stress length, stress length^2]. ``None``: zero.
@@ -210,7 +210,7 @@ class LinearizedEquations:
                 )
             none: list[Array | None] = [None] * len(self._contacts)
             given: Sequence[Array | None] = none if rhs.z is None else rhs.z
-            shapes = [(contact.slave.num_nodes, 2) for contact in self._contacts]
+            shapes = [contact.z.shape for contact in self._contacts]
             z = [_checked("z", values, shape) for values, shape in zip(given, shapes, strict=True)]
             q = _checked("q", rhs.q, self._shape)
         check_same(self._bulk.comm, [*(("z", values) for values in z), ("q", q)])

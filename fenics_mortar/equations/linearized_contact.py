@@ -306,7 +306,7 @@ class LinearizedContact:
         """Multiplier components of ties as rows over all components (local)."""
         system = self._system
         columns = [
-            z_dofs[contact.active_nodes]
+            z_dofs[contact.components.acts]
             for contact, z_dofs in system.numbered()
             if not isinstance(contact, Contact)
         ]

@@ -135,12 +135,9 @@ class Residual:
         force = np.zeros(self._bulk.num_owned)
         for contact in self._contacts:
             if multipliers == "z":
-                on_slave, on_master = contact.now.forces
-            else:
-                on_slave, on_master = contact.operators.force(getattr(contact, multipliers))
+                contact.add_loads(force)
+                continue
+            on_slave, on_master = contact.operators.force(getattr(contact, multipliers))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
-            if multipliers == "z":
-                for flux in contact.fluxes:
-                    flux.add_loads(force)
         return force

@@ -166,7 +166,7 @@ class MortarOperators:
         add_contact_forces(
             self.D,
             self.M,
-            read_only_view(z),
+            read_only_view(z) if z.flags.writeable else z,
             self.facet_nodes,
             s.slave,
             s.master,
@@ -241,7 +241,8 @@ class MortarOperators:
         rows = self.slave.dofs if dofs is None else dofs
         rows = rows[s.slave].reshape(len(s.slave), s.slave.shape[1] * z.shape[1])
         values = np.empty((*rows.shape, self.dD.shape[3]))
-        weigh_derivatives(self.dD, np.arange(len(rows)), s.slave, read_only_view(z), 1.0, values)
+        z = read_only_view(z) if z.flags.writeable else z
+        weigh_derivatives(self.dD, np.arange(len(rows)), s.slave, z, 1.0, values)
         return Block(rows, self.columns, values)
 
     def master_force_derivative(self, z: Array, dofs: Indices | None = None) -> Block:
@@ -258,7 +259,8 @@ class MortarOperators:
         nodes = self.segments.master[i]
         rows = rows[nodes].reshape(len(i), nodes.shape[1] * z.shape[1])
         values = np.empty((*rows.shape, self.dM.shape[3]))
-        weigh_derivatives(self.dM, i, self.segments.slave, read_only_view(z), -1.0, values)
+        z = read_only_view(z) if z.flags.writeable else z
+        weigh_derivatives(self.dM, i, self.segments.slave, z, -1.0, values)
         return Block(rows, self.columns[k], values)
 
     def weight_derivative(self) -> list[Block]:

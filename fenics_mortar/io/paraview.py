@@ -160,7 +160,7 @@ def _surface_data(contact: Contact | Tie, u: Array) -> dict[str, Array]:
     return friction | {
         "displacement": pad(contact.slave.gather(u)),
         "contact_pressure": contact.pressure,
-        "tangential_traction": np.einsum("jc,jc->j", o.tau, contact.z),
+        "tangential_traction": np.einsum("jc,jc->j", o.tau, contact.z_u),
         "gap": contact.gap,
         "status": contact.active.astype(np.int32),
         "normal": pad(o.n),

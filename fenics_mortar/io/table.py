@@ -23,7 +23,7 @@ def contact_table(problem: ContactProblem) -> MarkdownText:
     rows = [f"| {' | '.join(head)} |", "|---|---:|---:|---:|---:|---:|---:|"]
     for contact in problem.equations.contacts:
         contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
-        o, z = contact.operators, contact.z
+        o, z = contact.operators, contact.z_u
         forces = [-force.sum(axis=0) for force in (o.force(z)[0], o.reaction(z)[1])]
         gap = (contact.gap / contact.slave.nodal_lengths)[contact.covered]
         cells = [f"{contact.slave.name} - {contact.master.name}"]

@@ -81,7 +81,7 @@ class CondensedSystem(LinearSystem):
         self._vectors: Any = None  # with the layout of the columns and rows of K_S
         dofs = np.empty(self.num_z_dofs, np.int64)
         for contact, _, owned, local in self._numbered:
-            dofs[local] = contact.slave.dofs[owned]
+            dofs[local] = contact.components.dofs[owned]
         self._slave_rows = PETSc.IS().createGeneral(dofs.astype(PETSc.IntType), self.comm)
         self._slave_dofs = dofs - bulk.first
         self._partly_prescribed = any((c.free[c.multiplier_nodes] == 0.0).any() for c in contacts)
@@ -91,9 +91,11 @@ class CondensedSystem(LinearSystem):
     @clock("assembly")
     def assemble(self) -> None:
         """Add K_c + R K_S + C to K (collective)."""
-        pair_rows = [contact.rows.linearized() for contact in self.contacts]
-        self.frames = [rows.frame for rows in pair_rows]
-        inverses = [self._inverse(contact) for contact in self.contacts]
+        pair_rows, inverses, self.frames = list[Rows](), list[Array](), []
+        for contact in self.contacts:
+            pair_rows.append(contact.rows.linearized())
+            inverses.append(contact.components.inverse)
+            self.frames.append(pair_rows[-1].frame)
         entries = self._R_entries(pair_rows, inverses)
         if self._update_pattern():
             self._extend_pattern(entries)
@@ -143,11 +145,12 @@ class CondensedSystem(LinearSystem):
         self.solver.reset_pattern()
 
     def _C_blocks(self, pair_rows: Sequence[Rows]) -> list[Block]:
-        """C in the rows of the slave's displacement."""
+        """C in the rows of the slave's dofs."""
         blocks = []
         for contact, own in zip(self.contacts, pair_rows, strict=True):
-            dofs = contact.slave.dofs.ravel()
-            blocks += [Block(dofs[rows], columns, values) for rows, columns, values in own.blocks]
+            dofs = contact.components.dofs.ravel()
+            for rows, columns, values in own.blocks:
+                blocks.append(Block(dofs[rows], columns, values))
         return blocks
 
     def _R_entries(self, pair_rows: Sequence[Rows], inverses: Sequence[Array]) -> Entries:
@@ -184,12 +187,7 @@ class CondensedSystem(LinearSystem):
             patterns = [coupling.force_pattern()]
             patterns += [coupling.flux_force_pattern(flux) for flux in contact.fluxes]
             for rows, multipliers in patterns:
-                yield zero_block(rows, z_dofs[multipliers])
-
-    def _inverse(self, contact: Interface) -> Array:
-        """Diagonal of Z_j, zero where no multiplier acts, shape (slave nodes, c) [1 / length]."""
-        diagonal = np.where(contact.acts, contact.operators.diagonal, np.inf)
-        return contact.free / diagonal[:, None]
+                yield zero_block(rows, z_dofs[multipliers, :2])
 
     # Solution
 
@@ -262,9 +260,7 @@ class CondensedSystem(LinearSystem):
     def _prescribed_columns(self) -> PETSc.Mat:
         """B^T for prescribed components of acting multipliers, in rows of contact nodes."""
         blocks = chain.from_iterable(
-            renumbered(
-                [*contact.force_blocks(), *contact.flux_blocks()], z_dofs, 1.0 - contact.free
-            )
+            renumbered(contact.load_blocks(), z_dofs, 1.0 - contact.components.free)
             for contact, z_dofs in self.numbered()
         )
         sizes = self._rows.local.size, self.num_z_dofs
@@ -306,13 +302,15 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
                 f"a slave node of {names} at {where} is prescribed in one component "
                 "oblique to its normal"
             )
-        candidates = contact.slave.nodes[contact.may_carry]
+        candidates = contact.slave.nodes[contact.components.some_carry]
         for other in contacts:
+            carry = other.components.some_carry
             if np.intersect1d(candidates, other.master.nodes).size:
                 return f"slave nodes of {names} are master nodes of '{other.master.name}'"
-            both = np.intersect1d(candidates, other.slave.nodes[other.may_carry])
+            both = np.intersect1d(candidates, other.slave.nodes[carry])
             if both.size and other is not contact:
                 return f"slave nodes of {names} are slaves of '{other.master.name}', too"
-            if np.intersect1d(candidates, other.slave.nodes[~other.may_carry]).size:
+            lacking = ~(carry if other is contact else other.components.all_carry)
+            if np.intersect1d(candidates, other.slave.nodes[lacking]).size:
                 return f"slave nodes of {names} are nodes of '{other.slave.name}' as well"
     return None

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from fenics_mortar.contact.fluxes import Flux
+from fenics_mortar.contact.tied_field import NO_ROWS, TiedField
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.kernels.coupling import are_known
 from fenics_mortar.utils.arrays import Flags, Indices
@@ -105,8 +106,13 @@ class Coupling:
 
     # Fluxes of scalar fields: the loads of a slave node depend on all of its facets
 
-    def flux_pattern(self, flux: Flux) -> Block:
-        """Zeros at all possible derivatives of a flux's loads, an entry each (collective)."""
+    def flux_pattern(self, flux: Flux | TiedField) -> Block:
+        """Zeros at all possible derivatives of a flux's loads, an entry each (collective).
+
+        Those of a tied field are its constraint in the rows of the slave, of the condensed system.
+        """
+        if isinstance(flux, TiedField):
+            return flux.pattern()
         j, dofs = self._reached([trace.dofs for trace in flux.traces])
         everywhere = [(j, dofs), self._reached([self._slave.dofs, self._master.dofs])]
         j, dofs = (np.concatenate(part) for part in zip(*everywhere, strict=True))
@@ -116,8 +122,13 @@ class Coupling:
         rows, columns = (loads.T @ _marks(j, at, (self._slave.num_nodes, numbers.size))).nonzero()
         return zero_block(rows.astype(np.int64)[:, None], numbers[columns][:, None])
 
-    def flux_force_pattern(self, flux: Flux) -> tuple[Indices, Indices]:
-        """Dofs (p, 1) on which multipliers of owned nodes (p,) may act by a flux (collective)."""
+    def flux_force_pattern(self, flux: Flux | TiedField) -> tuple[Indices, Indices]:
+        """Dofs (p, 1) on which multipliers of owned nodes (p,) may act by a flux (collective).
+
+        None of a tied field, whose loads by multipliers are constant.
+        """
+        if isinstance(flux, TiedField):
+            return NO_ROWS, NO_ROWS[:, 0]
         carrier, load = self._loads(flux)
         mine = np.isin(carrier, self._slave.owned)
         return load[mine, None], carrier[mine]

@@ -294,8 +294,8 @@ class ContactPreconditioner:
         """
         for contact in self._contacts:
             slave, followed = contact.slave, contact.rows.followed() @ contact.rows.followed()
-            entries = [_entries(block) for block in contact.force_blocks()]
-            dofs, j, values = (np.concatenate(parts) for parts in zip(*entries, strict=True))
+            entries = zip(*contact.force_entries(), strict=True)
+            dofs, j, values = (np.concatenate(parts) for parts in entries)
             own = np.isin(dofs[:, 0], slave.dofs[contact.acts, 0])
             weight = np.zeros(slave.num_nodes)
             np.add.at(weight, j[own], values[own])
@@ -308,11 +308,6 @@ class ContactPreconditioner:
 def _digits(reduction: float) -> float:
     """Decimal digits, at most 16, by which a residual is reduced."""
     return -math.log10(max(reduction, 1e-16))
-
-
-def _entries(block: Block) -> tuple[Indices, Indices, Array]:
-    """Dofs (p, 2), multipliers (p,) and values (p,) of a block that is equal for x and y."""
-    return block.rows.reshape(-1, 2), block.columns[::2, 0] // 2, block.values[::2, 0, 0]
 
 
 def _nodes_near(bulk: Bulk, surface: Surface) -> Indices:

@@ -82,15 +82,15 @@ class SaddleSystem(LinearSystem):
             own = contact.slave.owned
             dofs, multipliers = coupling.force_pattern()
             dofs = np.concatenate([dofs, contact.slave.dofs[own]]).reshape(-1, 1)
-            numbers = z_dofs[np.append(multipliers, own)].reshape(-1, 1)
+            numbers = z_dofs[np.append(multipliers, own), :2].reshape(-1, 1)
             nodes, coupled = coupling.law_pattern()
             yield DOF, DOF, [coupling.derivative_pattern()]
             yield DOF, MULTIPLIER, [zero_block(dofs, numbers)]
             for flux in contact.fluxes:
                 yield DOF, DOF, [coupling.flux_pattern(flux)]
                 rows, carriers = coupling.flux_force_pattern(flux)
-                yield DOF, MULTIPLIER, [zero_block(rows, z_dofs[carriers])]
-            yield MULTIPLIER, DOF, [zero_block(z_dofs[nodes], coupled)]
+                yield DOF, MULTIPLIER, [zero_block(rows, z_dofs[carriers, :2])]
+            yield MULTIPLIER, DOF, [zero_block(z_dofs[nodes, :2], coupled)]
 
     def blocks(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:
         """K + K_c, B^T, C and A_z, the last three for scaled multipliers zeta (collective)."""

@@ -198,18 +198,22 @@ class LinearSystem(ABC):
 
     def force_derivative(self) -> list[Block]:
         """Blocks of K_c = d(B^T z)/dd at fixed z, and of the derivatives of fluxes."""
-        return [block for contact in self.contacts for block in contact.load_derivative()]
+        blocks: list[Block] = []
+        for contact in self.contacts:
+            if not contact.operators.linearization.frozen:
+                blocks += contact.operators.force_derivative(contact.z_u)
+            for flux in contact.fluxes:
+                blocks += flux.derivative()
+        return blocks
 
     def scale(self, contact: Interface) -> Array:
         """z_j / zeta_j, shape (slave nodes, c) [stress / length]."""
-        diagonal = np.where(contact.acts, contact.operators.diagonal, contact.slave.nodal_areas)
-        return np.broadcast_to((contact.stiffness / diagonal)[:, None], contact.z.shape)
+        return contact.components.scale
 
     def force_blocks(self) -> Iterable[Block]:
         """Blocks of B^T for zeta; columns are numbers of multipliers' components."""
         for contact, z_dofs in self.numbered():
-            blocks = [*contact.force_blocks(), *contact.flux_blocks()]
-            yield from renumbered(blocks, z_dofs, self.scale(contact))
+            yield from renumbered(contact.load_blocks(), z_dofs, self.scale(contact))
 
     def law_blocks(self, pair_rows: Sequence[Rows]) -> Iterable[Block]:
         """Blocks of C, by the rows of each contact; rows are numbers of components."""
@@ -237,7 +241,10 @@ class LinearSystem(ABC):
         fits = self._pattern == self.bulk.num_patterns
         for i, coupling in enumerate(self._couplings):
             contact = self.contacts[i]
-            if not coupling.contains(*now[i], contact.coupled):
+            coupled = contact.acts | contact.z.any(axis=1)
+            for flux in contact.fluxes:
+                coupled = coupled | flux.conducts
+            if not coupling.contains(*now[i], coupled):
                 fits, self._margins[i] = False, min(2 * self._margins[i], MAX_MARGIN)
         if on_all_ranks(self.comm, fits):
             return False

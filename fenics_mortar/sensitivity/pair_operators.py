@@ -101,7 +101,7 @@ def from_pairs(equations: ContactEquations, parts: dict[int, Array]) -> LinearVe
         layout = Layout(contact)
         contact.slave.scatter_add(values[layout.on_slave].reshape(-1, 2), u)
         contact.master.scatter_add(values[layout.on_master].reshape(-1, 2), u)
-        z[i] = values[layout.z].reshape(-1, 2)
+        z[i] = values[layout.z].reshape(contact.z.shape)
         if contact.obstacle is not None:
             number, scales = _motions_of(equations, contact)
             q[number] += values[layout.motion] * scales
@@ -113,8 +113,9 @@ def _rows_at(_: ContactEquations, i: int, x: LinearVector) -> Array | None:
 
 
 def _from_rows(equations: ContactEquations, parts: dict[int, Array]) -> LinearVector:
-    none = {i: np.zeros(contact.z.size) for i, contact in enumerate(equations.contacts)}
-    return LinearVector(z=[values.reshape(-1, 2) for values in (none | parts).values()])
+    none = [np.zeros(contact.z.size) for contact in equations.contacts]
+    shapes = [contact.z.shape for contact in equations.contacts]
+    return LinearVector(z=[parts.get(i, none[i]).reshape(shape) for i, shape in enumerate(shapes)])
 
 
 # Vectors of unknowns or of all residuals; residuals of the rows of the multipliers alone; values by
@@ -158,11 +159,17 @@ def interface_of(equations: ContactEquations, i: int) -> Interface:
 
     Raises:
         ValueError: If there is no such pair.
+        MortarError: If it ties fields.
     """
     count = len(equations.contacts)
     if not isinstance(i, (int, np.integer)) or not 0 <= i < count:
         raise ValueError(f"pair {i!r}: expected a number from 0 to {count - 1}, in order of pairs")
-    return equations.contacts[i]
+    contact = equations.contacts[i]
+    if contact.z.shape[1] > 2:
+        raise MortarError(
+            f"pair {i} ties fields: quantities of it have no derivatives; expected a UFL form"
+        )
+    return contact
 
 
 def contact_of(equations: ContactEquations, i: int) -> Contact:

@@ -150,14 +150,15 @@ class _Probe:
         self.dq: Array = rng.uniform(-length, length, self.places.shape)
         self.active = [contact.active for contact in self.contacts]
         self.z0 = [self._fill(contact, rng) for contact in self.contacts]
-        self.dz = [np.abs(z).max() * rng.uniform(-1.0, 1.0, z.shape) for z in self.z0]
+        self.dz = [np.abs(z).max(axis=0) * rng.uniform(-1.0, 1.0, z.shape) for z in self.z0]
         self._move(0.0)
         self._frames: list[Any] = [contact.rows.frame() for contact in self.contacts]
 
     def _fill(self, contact: Contact | Tie, rng: np.random.Generator) -> Array:
         """Multipliers, random where zero: of the size of others, else of strains of 1 %."""
-        size = np.abs(contact.z).max() or 0.01 * contact.modulus.max()
-        random = size * rng.uniform(0.5, 1.0, contact.z.shape)
+        per_force = contact.components.scale / contact.components.scale[:, :1]
+        size = np.abs(contact.z / per_force).max() or 0.01 * contact.modulus.max()
+        random = size * per_force * rng.uniform(0.5, 1.0, contact.z.shape)
         return np.where(contact.z == 0.0, random, contact.z)
 
     def _move(self, step: float) -> None:
@@ -181,20 +182,16 @@ class _Probe:
         bulk, rows = self.bulk.to_force * force, []
         for contact, z0, frame in zip(self.contacts, self.z0, self._frames, strict=True):
             o = contact.operators
-            on_slave, on_master = o.force(z0)
+            on_slave, on_master = o.force(z0[:, :2])
             on_slave = self._by_dof(contact.slave, on_slave)
             on_master = self._by_dof(contact.master, on_master)
             for name, value in (("n", o.n), ("g", o.gap), ("D", on_slave), ("M", on_master)):
                 found[name].append(value.ravel())
-            on_slave, on_master = o.force(np.where(contact.acts[:, None], contact.z, 0.0))
-            contact.slave.scatter_add(on_slave, force)
-            contact.master.scatter_add(on_master, force)
-            for flux in contact.fluxes:
-                flux.add_loads(force)
-            rows.append(contact.rows.weighted(frame)[contact.slave.owned].ravel())
+            row = contact.rows.weighted(frame) * contact.components.to_force
+            rows.append(row[contact.slave.owned].ravel())
+            contact.change(z=np.where(contact.components.acts, contact.z, 0.0))  # as in the system
+            contact.add_loads(force)
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
-        for contact in self.contacts:  # normalized as in the system
-            contact.change(z=np.where(contact.acts[:, None], contact.z, 0.0))
         pushed = self._mine(self.motions.forces().ravel())
         force = self.bulk.to_force * force
         return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *rows, pushed])}
@@ -211,9 +208,9 @@ class _Probe:
             found["n"].append(self._replicate(self._apply(matrix)) + by_motions[0].ravel())
             change = self._replicate(self._apply(matrices.gap_derivative(pair)))
             found["g"].append(change + by_motions[1])
-            change = self._apply(matrices.slave_force_derivative(z0, pair))
+            change = self._apply(matrices.slave_force_derivative(z0[:, :2], pair))
             found["D"].append(contact.slave.gather(change).ravel())
-            change = self._apply(matrices.master_force_derivative(z0, pair))
+            change = self._apply(matrices.master_force_derivative(z0[:, :2], pair))
             found["M"].append(contact.master.gather(change).ravel())
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
         bulk = self.bulk.to_force * self._apply(self.bulk.K)
@@ -230,7 +227,7 @@ class _Probe:
     def _whole(self) -> Array:
         """The four blocks of the saddle-point system times (du, dz), with motions of obstacles."""
         for contact in self.contacts:  # normalized as in the system
-            contact.change(z=np.where(contact.acts[:, None], contact.z, 0.0))
+            contact.change(z=np.where(contact.components.acts, contact.z, 0.0))
         system = SaddleSystem(self.bulk, self.contacts, "fenics_mortar_check_tangent_", {})
         K, B_T, C, A_z = system.blocks()
         zeta = A_z.createVecRight()
@@ -242,13 +239,12 @@ class _Probe:
         moved = self.dq.ravel() @ balance.columns[:, : force.size]  # of fluxes
         force = self.bulk.to_force * (force + (B_T * zeta).array + moved)
         law = law + (A_z * zeta).array
-        parts = [
-            (
-                law[system.local(contact, z_dofs)]
-                + self._by_motions(contact)[2][contact.slave.owned]
-            ).ravel()
-            for contact, z_dofs in zip(self.contacts, system.z_dofs, strict=True)
-        ]
+        parts = []
+        for contact, z_dofs in zip(self.contacts, system.z_dofs, strict=True):
+            row = self._by_motions(contact)[2]
+            row[contact.slave.owned] += law[system.local(contact, z_dofs)]
+            row = row * contact.components.to_force
+            parts.append(row[contact.slave.owned].ravel())
         pushed = self.comm.allreduce(balance.rows @ system.join(self.du, self.dz))
         pushed = pushed + balance.corner @ self.dq.ravel()
         return np.concatenate([force, *parts, self._mine(pushed)])

@@ -31,7 +31,7 @@ def interface_tractions(
     Yields:
         A surface, and its tractions per reference length, shape (facets, q, 2) [stress].
     """
-    surfaces, forces = (pair.slave, pair.master), pair.operators.force(pair.z)
+    surfaces, forces = (pair.slave, pair.master), pair.operators.force(pair.z_u)
     for surface, force, here in zip(surfaces, forces, _covers(pair)):
         keeps = surface.gather(prescribed).all(axis=1)
         yield surface, facet_tractions(surface, -force, keeps, here, rule)

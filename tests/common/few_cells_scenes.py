@@ -317,6 +317,32 @@ def tied(kind, folder):
         yield f"{gap}: slopes", all(s > 1.9 for s in check.slopes.values()) or str(check.slopes)
 
 
+def tied_heat(kind, folder):
+    """Joined bodies that exchange heat: temperature and displacement are tied."""
+    count, cell, degree = kind
+    data = small_mesh(count, cell, degree)
+    W = fm.mixed_space(data.mesh, ("Lagrange", degree, (2,)), ("Lagrange", 1))
+    w, (v, s) = fem.Function(W), ufl.TestFunctions(W)
+    u, T = ufl.split(w)
+    strain = ufl.sym(ufl.grad(u)) - 1e-3 * T * ufl.Identity(2)
+    residual = 100.0 * ufl.inner(strain, ufl.sym(ufl.grad(v))) * ufl.dx(degree=2)
+    residual += 5.0 * ufl.inner(ufl.grad(T), ufl.grad(s)) * ufl.dx(degree=2)
+    ends = ("lower/fixed", 0.0), ("upper/moved", 10.0)
+    bcs = [fm.dirichlet(W.sub(0), data, name, 0.0, i) for name, _ in ends for i in (0, 1)]
+    bcs += [fm.dirichlet(W.sub(1), data, name, value) for name, value in ends]
+    pair = fm.TiedPair(data, "upper/bottom", "lower/top", fields=[1])
+    problem = fm.ContactProblem(
+        residual, w, [pair], bcs=bcs, newton=TIGHT, petsc_options_prefix="few_"
+    )
+    report = problem.solve()
+    flux = problem.contacts[0].fluxes[0]
+    yield "force", problem.contacts[0].total_force
+    yield "fluxes", np.array([flux.into_slave, flux.into_master])
+    yield "verdict", " ".join(report.certificate.violations())
+    slopes = problem.check_tangent(print_table=False).slopes
+    yield "slopes", all(slope > 1.9 for slope in slopes.values()) or str(slopes)
+
+
 def itself(kind, folder):
     """Surfaces that may all touch each other."""
     data = small_mesh(*kind)
@@ -586,6 +612,6 @@ def laws(kind, folder):
 
 
 SCENES = [
-    pressed, measured, written, paths, options, obstacles, tied, itself, floating, moving, models,
-    mixed, heated, of_revolution, of_gmsh, refused, laws, of_meshio,
+    pressed, measured, written, paths, options, obstacles, tied, tied_heat, itself, floating,
+    moving, models, mixed, heated, of_revolution, of_gmsh, refused, laws, of_meshio,
 ]  # fmt: skip

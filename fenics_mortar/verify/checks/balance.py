@@ -77,7 +77,7 @@ def of_tie(contact: Interface) -> Iterator[Finding]:
     o, (on_slave, reaction) = contact.operators, contact.now.forces
     where = o.m
     if not len(where):
-        where, reaction = o.reaction(contact.z)
+        where, reaction = o.reaction(contact.z_u)
     forces, x = np.concatenate([on_slave, reaction]), np.concatenate([o.x, where])
     lever = x - x.sum(axis=0) / len(x)
     moments = lever[:, 0] * forces[:, 1] - lever[:, 1] * forces[:, 0]

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.rounding import ROUNDING
 from fenics_mortar.verify.finding import Finding
 
@@ -22,13 +23,22 @@ def of_contact(measured: Any) -> Iterator[Finding]:
     for flux in contact.fluxes:
         if contact.obstacle is not None:
             continue  # what enters an obstacle leaves the system
-        loads, heating = np.concatenate(flux.loads()), flux.nodal().heating
-        source = float(contact.operators.weight @ heating)
-        size = float(np.abs(loads).sum()) + abs(source)
-        imbalance = abs(float(loads.sum()) + source)
-        yield Finding(
-            f"balance of field {flux.law.field}",
-            f"imbalance of the flux of field {flux.law.field}, over the sum of its loads",
-            imbalance / size if size > 0.0 else 0.0,
-            limit=ROUNDING,
-        )
+        source = float(contact.operators.weight @ flux.nodal().heating)
+        yield _imbalance(flux.law.field, np.concatenate(flux.loads()), source)
+
+
+def of_tie(tie: Any) -> Iterator[Finding]:
+    """Imbalance of the flux of each tied field over the sum of its absolute loads (collective)."""
+    for field in tie.fluxes:
+        yield _imbalance(field.field, np.concatenate(field.loads()), 0.0)
+
+
+def _imbalance(field: int, loads: Array, source: float) -> Finding:
+    size = float(np.abs(loads).sum()) + abs(source)
+    imbalance = abs(float(loads.sum()) + source)
+    return Finding(
+        f"balance of field {field}",
+        f"imbalance of the flux of field {field}, over the sum of its loads",
+        imbalance / size if size > 0.0 else 0.0,
+        limit=ROUNDING,
+    )
