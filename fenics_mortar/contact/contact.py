@@ -75,7 +75,6 @@ class Contact(Interface):
     Attributes:
         evaluation: Evaluation of the operators.
         arm: Length by which angles of the obstacle are multiplied [length].
-        all_fluxes: ``fluxes``, and those of fields that are solved for in other problems.
         master_free: 1 where a component of a master node is not prescribed, else 0, (nodes, 2).
         law_calls: Calls of the pair's law, with checks of the results.
         parameters: Parameters of the law that vary in space, by name, (slave nodes,) each.

@@ -69,6 +69,7 @@ class Interface(ABC):
         rows: Rows of the multipliers, the law of the interface.
         components: Dofs and scales of the components of the multipliers.
         fluxes: Fluxes of scalar fields across the interface, see ``fluxes``.
+        all_fluxes: These, and those of fields that are solved for in other problems.
         state: The present state.
         now: Fields at the last evaluated displacement and the present state.
         z: Multipliers, shape (slave nodes, c); c is 2, on a tie 2 and the number of tied fields.
@@ -125,6 +126,7 @@ class Interface(ABC):
         self.may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
         self.at_vertices: bool = pair.discretization.basis in AT_VERTICES
+        self.all_fluxes: list[Any] = NO_FLUXES
         self.fluxes, self.components = NO_FLUXES, Components(self)
         self.substitutes = substitutes_of(self.slave, at_vertices=self.at_vertices)
         none = np.zeros(count, bool)

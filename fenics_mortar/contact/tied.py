@@ -96,7 +96,7 @@ class Tie(Interface):
             multiplier_nodes &= ~self.slave.inner
         z = np.zeros((self.slave.num_nodes, 2 + len(pair.fields)))
         self.change(multiplier_nodes=multiplier_nodes, z=z)
-        self.fluxes = [
+        self.all_fluxes = self.fluxes = [
             TiedField(field, c, self, space, prescribed) for c, field in enumerate(pair.fields, 2)
         ]
         self.components = TiedComponents(self)
