@@ -235,6 +235,29 @@ def test_heat_through_a_shrink_fit():
     assert shrink_fit(8, 1e-4, 60.0, law) == pytest.approx(exact, rel=1e-4)
 
 
+@pytest.mark.once
+def test_heat_flow_of_a_hot_cylinder_converges():
+    """A hot rigid cylinder under a force on an elastic block: heat flow and peak pressure."""
+
+    def results(cells):
+        grid = Grid("b", block(cells, cells, width=2.0, height=2.0))
+        scene = heated([grid], degrees=(2, 2), alpha=2e-4)
+        scene.prescribe("x", "b/left", 0, 0)
+        scene.prescribe("y", "b/bottom", 0, 1)
+        scene.prescribe("cold", "b/bottom", 1)
+        cylinder = fm.Circle((0.0, 4.0), 2.0)
+        cylinder.push(y=-4.0)
+        heat = fm.Conductance(1, fm.PressureConductance(5.0, 10.0), temperature=100.0)
+        problem = scene.problem([fm.ContactPair(scene.data, "b/top", cylinder, fluxes=[heat])])
+        problem.solve()
+        view = problem.contacts[0]
+        return np.array([view.fluxes[0].into_slave, view.pressure.max()])
+
+    finest = results(48)
+    errors = [np.abs(results(cells) / finest - 1.0).max() for cells in (8, 24)]
+    assert errors[1] < 4e-3 and errors[1] < errors[0] / 2.0
+
+
 def sliding_block(share, *, steps=3, capacity=2.0):
     """A block that slides on an insulated plane; heat and friction work per step."""
     scene = heated([Grid("b", block(6, 3, width=1.0, height=0.5))], degrees=(1, 1), alpha=0.0)
