@@ -53,6 +53,7 @@ from fenics_mortar.path.options import SteppingOptions
 from fenics_mortar.path.report import PathReport
 from fenics_mortar.path.stepping import follow_path
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.rigid.boundary import RigidBoundary
 from fenics_mortar.sensitivity.gradient import gradient
 from fenics_mortar.utils.compat import mixed_space, scalar_space, vector_space
 from fenics_mortar.utils.errors import MeshError, MortarError, NotConvergedError, SurfaceError
@@ -96,6 +97,7 @@ __all__ = [
     "Polygon",
     "PressureConductance",
     "ResultsWriter",
+    "RigidBoundary",
     "SignedDistance",
     "Spline",
     "State",

@@ -61,23 +61,22 @@ class ContactProblem:
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
         displacement: Index of the displacement's sub-space if ``u`` is a mixed function.
         linear_bulk: Whether the bulk tangent is constant and may be factorized once; see
-            ``reduced``. Default: detected from ``residual`` and used if it saves time, but never
-            with solver="iterative".
+            ``reduced``. Default: detected, used if it saves time and ``solver`` is not "iterative".
         geometry: "plane", or "axisymmetric": the mesh is the meridian half plane x >= 0 of bodies
             of revolution about x = 0. Interface integrals are then weighted by 2 pi r: pressures
             are stresses, and forces act on the whole bodies; ``residual`` must contain 2 pi X[0] in
             its measures and the hoop strain. Radial components on the axis must be prescribed as 0.
-            Obstacles are bodies of revolution, e.g. a ``Circle`` about a point of the axis is a
-            sphere. See ``mesh.thickness``.
+            A ``Circle`` about a point of the axis is a sphere. See ``mesh.thickness``.
         thickness: Out-of-plane thickness of plane bodies, by which interface integrals are
-            weighted; the measures of ``residual`` must contain it, too. A positive length, or a
-            function of reference positions (n, 2); ``None`` means one, without a unit.
+            weighted, as the measures of ``residual`` must be. A positive length, or a function of
+            reference positions (n, 2); ``None`` means one, without a unit.
+        remote: Remote loads: ``RigidBoundary``.
         model_check: An ``ModelCheck`` that estimates the model error after each solve
             (``report.model_check``) and may start each solve on a cheaper model.
 
     Attributes:
         equations: All equations and their state, for research: bodies, contacts with surfaces and
-            operators, driven obstacles, the linear system, ``newton`` (options, may be set).
+            operators, rigid motions, the linear system, ``newton`` (options, may be set).
 
     Raises:
         MortarError: On all ranks, if the mesh, a surface or PETSc is unsuitable.
@@ -117,6 +116,7 @@ class ContactProblem:
         linear_bulk: bool | None = None,
         geometry: Geometry = "plane",
         thickness: float | Callable[[Array], Any] | None = None,
+        remote: Sequence[Any] = (),
         model_check: Any | None = None,
     ) -> None:
         self._given = {
@@ -124,21 +124,21 @@ class ContactProblem:
             "petsc_options_prefix": petsc_options_prefix, "petsc_options": petsc_options,
             "algorithm": algorithm, "solver": solver, "linearization": linearization,
             "newton": newton, "displacement": displacement, "linear_bulk": linear_bulk,
-            "geometry": geometry, "thickness": thickness,
+            "geometry": geometry, "thickness": thickness, "remote": remote,
         }  # fmt: skip
         setup.check_given(self._given, pairs, model_check)
         with unchanged_if_refused(u):
             self.equations = setup.equations_of(
                 residual, u, pairs, bcs, jacobian, solver=solver, linearization=linearization,
                 newton=newton or NewtonOptions(), displacement=displacement, geometry=geometry,
-                thickness=thickness, algorithm=algorithm,
+                thickness=thickness, algorithm=algorithm, remote=remote,
             )  # fmt: skip
             self._solver = setup.solver_of(
                 self.equations, petsc_options_prefix, petsc_options, algorithm, solver, linear_bulk
             )
             self._continuation = Continuation(self.equations)
             self._present = PresentState(self.equations, self._solver)
-            self._inputs = Inputs(self.equations.bulk, self.equations.contacts, self.obstacles)
+            self._inputs = Inputs(self.equations)
             self.equations.model_check = model_check
             if model_check is not None:
                 model_check.prepare(self)
@@ -197,8 +197,7 @@ class ContactProblem:
             BaseException: Any other exception, such as KeyboardInterrupt or an error of a user's
                 law.
 
-        With any exception but ``NotConvergedError`` the state of the problem is restored: all is
-        as it was before the call.
+        With any exception but ``NotConvergedError`` the state of the problem is restored.
         """
         self._present.renew_if_interrupted()
         setup.check_attributes(self, self._given)
@@ -206,6 +205,7 @@ class ContactProblem:
         remarks = self._inputs.check(
             self.equations.newton, sensitivity, accept_violations=accept_violations, predict=predict
         )
+        self.equations.floating.restrict()
         with restored_if_interrupted(self.equations):
             model_check = self.equations.model_check
             report = None if model_check is None else model_check.solve_cheaper()
@@ -224,7 +224,7 @@ class ContactProblem:
         self._solver.accept()
 
     def state(self) -> State:
-        """Present displacement, interface states and obstacle positions, as a value (local)."""
+        """Present displacement, interface states and places, as a value (local)."""
         return self.equations.state()
 
     def restore(self, state: State) -> None:

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import ROUNDING, TINY
 
@@ -48,6 +48,16 @@ class FloatingBody:
         """Free motions at the points ``X`` (n, 2) [length], shape (motions, n, 2) [1] (local)."""
         return np.einsum("fm,mnc->fnc", self.motions, rigid_motions(X, self.centre, self.size))
 
+    def without(self, responses: Array) -> FloatingBody:
+        """This body with its motions of zero response; it may have none left (local).
+
+        Args:
+            responses: Responses to each motion, shape (motions, n) [1].
+        """
+        left, sizes, _ = np.linalg.svd(responses)
+        rank = int((sizes > ROUNDING * max(1.0, sizes.max(initial=0.0))).sum())
+        return replace(self, motions=left[:, rank:].T @ self.motions)
+
     def without_rotation(self, distance: Array) -> FloatingBody:
         """This body with its motions that move two points alike; it may have none left (local).
 
@@ -57,9 +67,7 @@ class FloatingBody:
         here, there = np.moveaxis(
             self.displacement(self.centre + np.stack([0.0 * distance, distance])), 1, 0
         )
-        left, sizes, _ = np.linalg.svd((there - here) * (self.size / np.linalg.norm(distance)))
-        rank = int((sizes > ROUNDING).sum())
-        return replace(self, motions=left[:, rank:].T @ self.motions)
+        return self.without((there - here) * (self.size / np.linalg.norm(distance)))
 
     def describe(self, motion: Array, *, directed: bool = False) -> str:
         """Describe a free motion (local).
@@ -125,7 +133,9 @@ def join_bodies(labels: Indices, num_bodies: int, links: Sequence[Indices]) -> t
     return body[labels].astype(np.int64), count
 
 
-def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[FloatingBody]:
+def find_floating_bodies(
+    bulk: Bulk, labels: Indices, num_bodies: int, prescribed: Flags | None = None
+) -> list[FloatingBody]:
     """Find bodies with free rigid motions, with ``bulk.K`` as assembled (collective).
 
     A motion is free if its resistance is rounding compared with the stiffness of the body.
@@ -134,7 +144,9 @@ def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[F
         bulk: Residual and tangent of the bodies.
         labels: Body of each local node, shape (local nodes,).
         num_bodies: Number of bodies.
+        prescribed: Marks of the local dofs that resist, (local dofs,); by default the prescribed.
     """
+    held = (bulk.prescribed if prescribed is None else prescribed)[: bulk.num_owned]
     dofs = bulk.space.owned_dofs
     X = bulk.V.tabulate_dof_coordinates()[: len(dofs), :2]
     labels = labels[: len(dofs)]
@@ -145,7 +157,7 @@ def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[F
         body = centre_and_size(X[mine], bulk.comm)
         motions = np.zeros((3, bulk.num_owned))
         motions[:, dofs[mine]] = rigid_motions(X[mine], *body)
-        at_prescribed = np.where(bulk.prescribed[: bulk.num_owned], motions, 0.0)
+        at_prescribed = np.where(held, motions, 0.0)
         stiffest = diagonal[dofs[mine]].max(initial=0.0)
         stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), TINY)
         stiff = bulk.to_force * _apply(bulk.K, motions) / stiffest

@@ -14,7 +14,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.messages import describe_overlap
 from fenics_mortar.equations.set_record import SetsOfPairs
-from fenics_mortar.rigid.driven import DrivenObstacles
+from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, NotFiniteError, format_point
@@ -67,7 +67,7 @@ def diagnose(
     bulk: Bulk,
     contacts: Sequence[Interface],
     floating: FloatingBodies,
-    obstacles: DrivenObstacles,
+    motions: DrivenMotions,
     force: float,
     recent: Sequence[SetsOfPairs],
 ) -> str:
@@ -77,13 +77,13 @@ def diagnose(
         bulk: The bodies.
         contacts: All pairs.
         floating: Bodies that Dirichlet conditions leave free to move rigidly.
-        obstacles: The obstacles of the pairs.
+        motions: The rigid motions.
         force: Size of the forces [stress length].
         recent: Sets of the last iterations.
     """
     first = describe_inverted(bulk)
     if not first:
-        free = floating.describe(floating.loose()), obstacles.describe(force)
+        free = floating.describe(floating.loose()), motions.describe(force)
         first = ", ".join(filter(None, free)) or _describe_limits(contacts)
         first = first or _describe_twice(contacts) or _describe_peeling(contacts, recent)
     at_nodes = bulk.describe_inverted_nodes()

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """All equations of bodies in contact: evaluation, linearization, one Newton iteration, states.
 
-Residual of the bodies, contact laws and balance of driven obstacles form one system. Its state
-consists of displacement, multipliers, active sets and positions of obstacles. The class implements
-the protocols of ``newton.loop``, ``newton.damping`` and ``rigid.proximal``; linear system, initial
-guess and model are chosen by ``problem`` and ``solver``.
+Residual of the bodies, contact laws and balance of driven motions form one system. Its state
+consists of displacement, multipliers, active sets and places of obstacles and remote loads. The
+class implements the protocols of ``newton.loop``, ``newton.damping`` and ``rigid.proximal``; linear
+system, initial guess and model are chosen by ``problem`` and ``solver``.
 """
 
 from __future__ import annotations
@@ -38,9 +38,11 @@ from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.loop import Status, Step, forcing
 from fenics_mortar.newton.options import NewtonOptions
-from fenics_mortar.rigid.driven import DrivenObstacles
+from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
+from fenics_mortar.rigid.held import HeldBodies
 from fenics_mortar.rigid.idle import IdleBodies
+from fenics_mortar.rigid.remote import RemoteMotion
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import together
@@ -49,17 +51,18 @@ from fenics_mortar.verify.crossing import Crossings
 
 
 class ContactEquations:
-    """Coupled equations of bodies, contacts and driven obstacles; all methods are collective.
+    """Coupled equations of bodies, contacts and driven motions; all methods are collective.
 
     Args:
         bulk: Bulk residual and tangent.
         contacts: The pairs bound to the mesh.
         linearization: Derivatives in the tangent.
         newton: Tolerances and limits of Newton's method.
+        remote: The remote loads, bound to the mesh.
 
     Attributes:
         contacts: The bound pairs.
-        motions: The obstacles of the contacts.
+        motions: Rigid motions of the obstacles of the contacts and of remote loads.
         floating: Bodies that Dirichlet conditions leave free to move rigidly.
         idle: Those of them that no force acts on.
         residual: Residual of the last evaluated state, and its forces.
@@ -87,13 +90,16 @@ class ContactEquations:
         contacts: Sequence[Contact | Tie],
         linearization: Linearization,
         newton: NewtonOptions,
+        remote: Sequence[RemoteMotion] = (),
     ) -> None:
         self.bulk, self.contacts, self.comm = bulk, contacts, bulk.comm
         self.linearization, self.newton = linearization, newton
-        self.motions = DrivenObstacles(contacts)
+        for load in remote:
+            load.bind_forces(bulk, contacts)
+        self.motions = DrivenMotions(contacts, remote)
         self._redundancy = Redundancy(contacts)
         self.bulk.assemble_tangent()
-        self.floating = FloatingBodies(bulk, contacts)
+        self.floating = FloatingBodies(bulk, contacts, HeldBodies(bulk, remote))
         self.idle = IdleBodies(self.floating)
         self._set_stiffness()
         self.floating.find()
@@ -191,10 +197,13 @@ class ContactEquations:
         return changed
 
     def evaluate_forces(self) -> tuple[Array, Array]:
-        """Evaluate; return forces of bulk and contact, (owned dofs,) each [stress length]."""
+        """Evaluate; return forces of bulk and contact, (owned dofs,) each [stress length].
+
+        Pushes on rigid boundaries are loads of the bulk, see ``RigidMotions.pushed_nodes``.
+        """
         self.evaluate_contacts(start=True)
         bulk, contact, _ = self.residual.forces()
-        return bulk, contact
+        return bulk - self.motions.pushed_nodes(), contact
 
     def seconds(self) -> dict[str, float]:
         """Seconds since the last call by phase; maximum over ranks."""
@@ -220,7 +229,7 @@ class ContactEquations:
                 return self.apply(increment)
         self.linearize()
         step = self.apply(self.solve_linear())
-        is_driven = self.motions.obstacles and self.motions.any_driven
+        is_driven = self.motions.movers and self.motions.any_driven
         if step.fraction == 1.0 and not (self.floating.bodies or is_driven):
             self._last_tangent = LastTangent(self.system.matrix.stateGet(), step.increment)
         return step
@@ -230,7 +239,8 @@ class ContactEquations:
         self.bulk.assemble_tangent()
         if self.floating.bodies:
             self._loose = self.floating.loose()
-            self.floating.add_springs(self._loose, self.residual.total, self.residual.force)
+            self.floating.add_springs(self._loose, self.residual.driving(), self.residual.force)
+        self.motions.take_bulk_rows()
         self.system.assemble()
         raise_stored(self.comm, self.contacts)
 
@@ -256,15 +266,16 @@ class ContactEquations:
         solver, changes = self.system.solver, self._set_record.num_changed > 0
         force = residual.force if solver.multigrid is not None else 0.0
         solver.forcing = forcing(residuals, goal, force, sets_change=changes)
-        is_driven = self.motions.obstacles and self.motions.any_driven
+        is_driven = self.motions.movers and self.motions.any_driven
         solver.same_step = not (len(residuals) == 1 or is_driven)
         x, motion = self.system.step(residual.distance), NO_MOTION
-        if self.motions.obstacles:
+        if self.motions.movers:
             x, motion = self.motions.solve(x, self.system, self.stiffest, residual.force)
         step, z = self.system.split(x)
         remark, solver.remark = solver.remark, ""
         if self._loose:
-            self.floating.drop_undriven(self._loose, step, residual.total, residual.force)
+            total, force = residual.driving(), residual.force
+            self.floating.drop_undriven(self._loose, step, motion, total, force)
             remark = "; ".join(filter(None, (remark, self.floating.remark(self._loose))))
         return Increment(step, z, motion, remark)
 
@@ -297,7 +308,7 @@ class ContactEquations:
             fraction: Fraction of the increment that was applied [1].
             note: Remark.
         """
-        moved = self.motions.largest() if self.motions.obstacles else 0.0
+        moved = self.motions.largest() if self.motions.movers else 0.0
         displacement = max(self.bulk.largest(self.bulk.values), moved)
         size = max(displacement, EQUATIONS.at_rest * self._shortest_facet, TINY)
         return Step(increment / size, fraction, note)

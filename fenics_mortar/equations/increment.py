@@ -9,7 +9,7 @@ import numpy as np
 
 from fenics_mortar.utils.arrays import Array
 
-# Motions of obstacles that do not move.
+# Motions of nothing that moves.
 NO_MOTION: Array = np.zeros((0, 3))
 
 
@@ -19,7 +19,7 @@ class Increment(NamedTuple):
     Attributes:
         u: Increment of the displacement and other unknowns of the bulk, owned dofs [length].
         z: The new multipliers of each pair, shape (slave nodes, 2) [stress].
-        motion: Increments of the motions of obstacles, shape (obstacles, 3) [length];
+        motion: Increments of the motions of m obstacles and remote loads, shape (m, 3) [length];
             ``NO_MOTION`` if none moves.
         remark: Remarks on the solution; "" if there are none.
     """

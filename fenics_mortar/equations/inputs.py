@@ -24,9 +24,10 @@ from fenics_mortar.contact.law import Law, check_names
 from fenics_mortar.contact.laws import BUILT_IN
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.tied_remarks import remarks_on_ties
+from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.equations.motion_inputs import MotionInputs
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.newton.options import NewtonOptions
-from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import (
     check_flag,
@@ -39,11 +40,9 @@ from fenics_mortar.utils.arguments import (
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import (
     MortarError,
-    NotFiniteError,
     as_text,
     check_same,
     check_same_texts,
-    format_point,
     together,
 )
 from fenics_mortar.utils.rounding import ROUNDING, SAME_PLACE
@@ -54,17 +53,14 @@ class Inputs:
     """Checks of the values of a problem that users may set.
 
     Args:
-        bulk: The bodies.
-        contacts: The pairs, bound to the mesh.
-        obstacles: Their obstacles.
+        equations: The equations of the problem.
     """
 
-    def __init__(
-        self, bulk: Bulk, contacts: Sequence[Contact | Tie], obstacles: Sequence[Obstacle]
-    ) -> None:
-        self._bulk, self._contacts, self._obstacles = bulk, contacts, obstacles
+    def __init__(self, equations: ContactEquations) -> None:
+        bulk, contacts, motions = equations.bulk, equations.contacts, equations.motions
+        self._bulk, self._contacts = bulk, contacts
         self._as_bound = [_options(contact.pair) for contact in contacts]
-        self._turned = [_pivot_and_angle(obstacle) for obstacle in obstacles]
+        self._motions = MotionInputs(bulk, motions)
         self._conflicts = Conflicts(bulk)
         self._axis = AxisConditions(bulk.space, bulk.u, bulk.bcs)
         self._begins = True
@@ -90,11 +86,7 @@ class Inputs:
                 check_flag(name, flag)
             if sensitivity is not None and not callable(getattr(sensitivity, "of", None)):
                 raise ValueError(f"sensitivity={sensitivity!r}: expected a fm.sensitivity.Numerics")
-            for obstacle, before in zip(self._obstacles, self._turned, strict=True):
-                check_obstacle(obstacle)
-                _check_pivot(obstacle, *before)
-                if self._bulk.space.is_axisymmetric:
-                    check_axial(obstacle)
+            self._motions.check()
             for contact, as_bound in zip(self._contacts, self._as_bound, strict=True):
                 _check_contact(contact, as_bound)
         is_given = np.array(float(sensitivity is not None))
@@ -104,6 +96,7 @@ class Inputs:
             check_lengths(name, contact.offset, contact.slave.num_nodes)
         texts = {**dict(self._texts(newton)), **flags}
         check_same_texts(comm, "what was set of the problem", texts)
+        self._motions.check_conditions()
         self._check_distances()
         for contact in self._contacts if self._begins else ():
             check_user_gradient(contact)
@@ -111,7 +104,7 @@ class Inputs:
             bulk, self._begins = self._bulk, False
             self._first.append(remark_on_thickness(bulk.residual, bulk.u, bulk.space))
         self._axis.check()
-        self._turned = [_pivot_and_angle(obstacle) for obstacle in self._obstacles]
+        self._motions.remember()
         remarks, self._first = self._first, []
         return [*filter(None, remarks), *self._conflicts.describe()]
 
@@ -122,10 +115,7 @@ class Inputs:
             if isinstance(contact, Tie):
                 yield f"jump of {contact.pair!r}", contact.pair.present_jump()
             yield "the time", contact.state.load_time
-        for obstacle in self._obstacles:
-            yield f"the place of obstacle '{obstacle.name}'", obstacle.place
-            yield f"the push of obstacle '{obstacle.name}'", obstacle.load
-            yield f"the pivot of obstacle '{obstacle.name}'", obstacle.pivot
+        yield from self._motions.numbers()
 
     def _texts(self, newton: NewtonOptions) -> Iterator[tuple[str, Any]]:
         """Options and laws that have to be equal on all ranks, by name."""
@@ -256,62 +246,6 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
             others = [name for name in vars(pair.law) if name not in known]
             cure = f"this law has {', '.join(known) or 'no parameters'}"
             check_no_effect(f"{pair.law!r}", pair.law, others, cure)
-
-
-def check_obstacle(obstacle: Obstacle) -> None:
-    """Reject invalid places, loads or pivots of an obstacle (local).
-
-    Raises:
-        MortarError: If a value has another shape or type, or is not finite.
-        ValueError: If a dimension of a shape of the package was set as an attribute.
-    """
-    name = obstacle.name
-    for what, size in (("place", 3), ("load", 3), ("pivot", 2)):
-        given = np.asarray(getattr(obstacle, what))
-        fixed = ", or nan for prescribed motions" if what == "load" else ""
-        expected = f"expected {size} finite numbers{fixed}"
-        allowed = np.nan_to_num(given, posinf=np.inf, neginf=-np.inf) if what == "load" else given
-        if given.shape != (size,) or given.dtype.kind not in "iuf":
-            raise MortarError(f"{what} of obstacle '{name}' is {given!r}: {expected}")
-        if not np.isfinite(allowed).all():
-            raise NotFiniteError(f"{what} of obstacle '{name}' is {given}: {expected}")
-    if type(obstacle).__module__.startswith(Obstacle.__module__.rpartition(".")[0]):
-        of_shape = [what for what in parameters_of(obstacle) if what not in ("name", "pivot")]
-        shape = " or ".join(f"set_shape({what!r}, ...)" for what in obstacle.shape())
-        cure = f"use {shape or 'another obstacle in a new problem'}"
-        check_no_effect(f"obstacle '{name}'", obstacle, of_shape, cure)
-
-
-def _pivot_and_angle(obstacle: Obstacle) -> tuple[Array, float]:
-    """Copies of pivot (2,) [length] and angle [radian] of an obstacle (local)."""
-    return np.array(obstacle.pivot), float(obstacle.place[2])
-
-
-def _check_pivot(obstacle: Obstacle, pivot: Array, angle: float) -> None:
-    """Reject a new pivot of an obstacle that had turned by ``angle`` about ``pivot`` (local)."""
-    if np.isfinite(obstacle.load[2]):  # driven: turned by the last solve
-        angle = float(obstacle.place[2])
-    if angle != 0.0 and (np.asarray(obstacle.pivot) != pivot).any():
-        raise MortarError(
-            f"pivot of obstacle '{obstacle.name}' was changed from {format_point(pivot)} to "
-            f"{format_point(obstacle.pivot)} after the obstacle had turned by {angle:.4g} radian, "
-            "which would shift its surface: set the pivot before it turns, e.g. Circle(centre, "
-            "radius, pivot=...)"
-        )
-
-
-def check_axial(obstacle: Obstacle) -> None:
-    """Reject forces other than axial ones on an obstacle that is a body of revolution (local).
-
-    Raises:
-        MortarError: If its radial motion or its rotation is driven.
-    """
-    if np.isfinite(obstacle.load[[0, 2]]).any():
-        raise MortarError(
-            f"obstacle '{obstacle.name}' is pushed radially or turned: a rigid body of revolution "
-            "moves along its axis only; expected push(y=...), and move(x=..., angle=...) for tools "
-            "that change their shape"
-        )
 
 
 def _check_side(contact: Contact, x: Array, phi: Array, gradient: Array) -> None:

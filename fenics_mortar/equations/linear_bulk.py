@@ -57,7 +57,7 @@ class LinearBulk:
             return None, []
         if self._general.newton.damped or self._general.motions.any_driven:
             damped = self._general.newton.damped
-            why = "steps are damped" if damped else "obstacles are driven by forces"
+            why = "steps are damped" if damped else "motions are driven by forces"
             self.choice = f"linear bulk factored in every iteration: {why}"
             return None, []
         if self._data_changed():
@@ -140,6 +140,8 @@ class LinearBulk:
     def _obstacle(self) -> str:
         if any(isinstance(contact, Tie) for contact in self._general.contacts):
             return "bodies are tied"
+        if self._general.motions.remote:
+            return "there are remote loads"
         if any(contact.fluxes for contact in self._general.contacts):
             return "a scalar field flows across contact"
         floating = self._general.floating

@@ -2,7 +2,7 @@
 """Linear solves with the tangent of all equations, or its transpose, at the present state.
 
 The operator A is the derivative of these residuals with respect to displacement u, multipliers z
-and positions q of the obstacles, at fixed active sets and branches of the contact laws:
+and places q of obstacles and remote loads, at fixed active sets and branches of the contact laws:
 
 ===============================  ================  =====================================  ==========
 unknowns                         units             rows                                   units
@@ -49,7 +49,7 @@ from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.balance import linearize_balance
 from fenics_mortar.rigid.bordered import solve_bordered
-from fenics_mortar.rigid.motions import ObstacleMotions
+from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_same, together
@@ -70,9 +70,10 @@ class LinearVector:
         z: x and y components at the slave nodes of each pair, in the order along the surface, shape
             (slave nodes, 2) each, replicated: multipliers [stress]; in rows those of the contact
             law [stress length]. Tied fields have further columns [flux]. ``None``: zero.
-        q: x, y and angle of each obstacle, in the order of ``problem.obstacles``, shape
-            (obstacles, 3), replicated [length, length, radian]; in rows of driven motions forces
-            and moment [stress length, stress length, stress length^2]. ``None``: zero.
+        q: x, y and angle of the m obstacles and remote loads, in the order of
+            ``problem.obstacles`` and of the argument ``remote``, shape (m, 3), replicated [length,
+            length, radian]; in rows of driven motions forces and moment [stress length, stress
+            length, stress length^2]. ``None``: zero.
     """
 
     u: Array | None = None
@@ -137,7 +138,7 @@ class LinearizedEquations:
     Args:
         bulk: The bodies.
         contacts: The contacts and ties, evaluated.
-        obstacles: The obstacles.
+        motions: The rigid motions.
         system: System of displacements and multipliers.
         tangent: Solves for these by other factors than those of ``system``.
     """
@@ -146,20 +147,21 @@ class LinearizedEquations:
         self,
         bulk: Bulk,
         contacts: Sequence[Interface],
-        obstacles: ObstacleMotions,
+        motions: DrivenMotions,
         system: LinearSystem,
         tangent: Tangent | None = None,
     ) -> None:
         self._bulk, self._contacts, self._system = bulk, contacts, system
         self._tangent = tangent or system
-        self._shape = obstacles.scales.shape
-        self._driven = obstacles.driven.ravel()
+        self._shape = motions.scales.shape
+        self._driven = motions.driven.ravel()
         if tangent is None:
             bulk.assemble_tangent()
+            motions.take_bulk_rows()
         self._tangent.assemble()
-        border = linearize_balance(obstacles, system)
+        border = linearize_balance(motions, system)
         raise_stored(bulk.comm, contacts)
-        self._border = border.scaled(obstacles.scales.ravel())
+        self._border = border.scaled(motions.scales.ravel())
 
     def solve(self, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:
         """Solve A x = rhs, or A^T x = rhs; see ``ContactProblem.linear_solve``."""

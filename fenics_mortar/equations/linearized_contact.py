@@ -32,7 +32,7 @@ from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.complementarity import FrictionProblem, Sets, solve_friction
-from fenics_mortar.rigid.driven import DrivenObstacles
+from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.load_path import TurningPoint, follow_loads
 from fenics_mortar.rigid.options import RIGID
@@ -48,11 +48,11 @@ class LinearizedContact:
         bulk: The bodies; tangent and residual are assembled.
         floating: The floating bodies.
         system: The linear system, which numbers the multipliers.
-        motions: The obstacles.
+        motions: The rigid motions.
     """
 
     def __init__(
-        self, bulk: Bulk, floating: FloatingBodies, system: LinearSystem, motions: DrivenObstacles
+        self, bulk: Bulk, floating: FloatingBodies, system: LinearSystem, motions: DrivenMotions
     ) -> None:
         self._bulk, self._system, self._obstacles = bulk, system, motions
         self._floating = floating
@@ -64,7 +64,10 @@ class LinearizedContact:
 
         If bodies float, one law has to have friction: without friction a round body on facets may
         have no equilibrium nearby, and with the sets of the linearized problem it would roll on.
+        The compliance of the bodies does not include driven motions of remote loads.
         """
+        if self._obstacles.driven[len(self._obstacles.obstacles) :].any():
+            return False
         touching = [_may_touch(contact) for contact in self._contacts]
         tied = [c.active for c in self._system.contacts if not isinstance(c, Contact)]
         if not any(nodes.any() for nodes in touching):
@@ -268,7 +271,7 @@ class LinearizedContact:
     def _free_obstacles(self, V: Array, y: Array, used: Indices) -> None:
         """Add the compliance of driven obstacles on weak springs to ``V`` and ``y`` (in place)."""
         motions, system = self._obstacles, self._system
-        driven = motions.driven
+        driven = motions.driven_obstacles
         if not driven.any():
             return
         weak = RIGID.weakest_spring * max(
@@ -288,7 +291,8 @@ class LinearizedContact:
             by_pressure[number][:, columns] = M_q * system.scale(contact)
         by_motion = by_motion[driven][:, used] / weak
         V -= by_motion.T @ by_pressure[driven][:, used]
-        y += (motions.forces() - motions.residual())[driven] @ by_motion
+        balance = motions.obstacle_forces() - motions.residual()[: len(driven)]
+        y += balance[driven] @ by_motion
 
     def _directions(self, nodes: Sequence[Indices]) -> Array:
         """Normals, then tangents of the nodes as rows over all multiplier components (local)."""

@@ -53,7 +53,7 @@ class PresentState:
         """See ``ContactProblem.forces``."""
         self._equations.evaluate_operators()
         bulk, contact, on_obstacles = self._equations.residual.forces()
-        return bulk, contact, on_obstacles * self._equations.motions.scales
+        return bulk, contact, on_obstacles * self._equations.motions.scales[: len(on_obstacles)]
 
     def reaction(
         self, names: Names, about: npt.ArrayLike | None, given: MeshData | None

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Residual of all equations: forces of bodies, contacts and obstacles, and their norm.
+"""Residual of all equations: forces of bodies, contacts and driven motions, and their norm.
 
-Forces of the bulk and of contact balance at free dofs. Rows of multipliers, driven obstacles and
+Forces of the bulk and of contact balance at free dofs. Rows of multipliers, driven motions and
 prescribed dofs are converted to forces, so that one norm measures all of them.
 """
 
@@ -18,7 +18,7 @@ from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.roundoff import check_equal_on_ranks, roundoff_of
 from fenics_mortar.kernels.forces import add_forces
-from fenics_mortar.rigid.driven import DrivenObstacles
+from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
@@ -32,7 +32,7 @@ class Residual:
         bulk: Bulk residual and tangent.
         contacts: The bound pairs.
         floating: Bodies that Dirichlet conditions leave free to move rigidly.
-        motions: The obstacles of the contacts.
+        motions: The rigid motions.
         stiffest: Largest diagonal entry of the bulk tangent [stress].
 
     Attributes:
@@ -55,7 +55,7 @@ class Residual:
         bulk: Bulk,
         contacts: Sequence[Contact | Tie],
         floating: FloatingBodies,
-        motions: DrivenObstacles,
+        motions: DrivenMotions,
         stiffest: float,
     ) -> None:
         self._bulk, self._contacts = bulk, contacts
@@ -64,7 +64,7 @@ class Residual:
         self.begin()
 
     def begin(self) -> None:
-        """Read the prescribed values, which are constant in a solve."""
+        """Read the prescribed values, constant in a solve unless rigid boundaries are driven."""
         self._prescribed = self._bulk.prescribed_values()
 
     def measure(self) -> float:
@@ -72,12 +72,14 @@ class Residual:
         bulk = self._bulk
         prescribed = bulk.prescribed_dofs
         rows, self.gap = 0.0, 0.0
-        if self._motions.obstacles:
+        if self._motions.movers:
             rows += float((self._motions.residual() ** 2).sum())
         for contact in self._contacts:
             squares, gap = contact.rows.measure()
             rows, self.gap = rows + squares, max(gap, self.gap)
         raise_stored(bulk.comm, self._contacts)
+        if self._motions.remote:
+            self.begin()
         self.distance = self._prescribed - bulk.values[prescribed]
         self.total = np.empty(bulk.num_owned)
         free, contact, reactions = add_forces(
@@ -96,6 +98,10 @@ class Residual:
         self.force, self.attainable = math.sqrt(largest), self.roundoff()
         return math.sqrt(sums[0] + sums[4] / bulk.comm.size)  # equal on all ranks
 
+    def driving(self) -> Array:
+        """``total`` less the pushes on rigid boundaries, which drive floating bodies."""
+        return self.total - self._motions.pushed_nodes()
+
     def of_prescribed(self) -> float:
         """Norm of the rows of prescribed dofs, a lower bound of ``measure`` [stress length]."""
         rows = self._per_distance * self._bulk.distance_to_prescribed()
@@ -104,7 +110,7 @@ class Residual:
     def roundoff(self) -> float:
         """Attainable accuracy of the residual, limited by roundoff [stress length]."""
         largest, inertia = self._bulk.largest(self._bulk.values), self._bulk.inertia
-        if self._motions.obstacles:
+        if self._motions.movers:
             largest = max(largest, self._motions.largest())
         stiffest = self._stiffest + (0.0 if inertia is None else inertia.stiffness)
         return roundoff_of(self._bulk, self._contacts, largest, stiffest)
@@ -115,16 +121,16 @@ class Residual:
         Returns:
             Bulk residual and contact forces, (owned dofs,) each [stress length], whose sum at
             prescribed dofs is the support reaction; forces and moments that keep obstacles in
-            place, (obstacles, 3), moments over ``ObstacleMotions.scales`` [stress length].
+            place, (obstacles, 3), moments over ``RigidMotions.scales`` [stress length].
         """
         self._bulk.assemble_residual()
         bulk = self._bulk.r.array_r[: self._bulk.num_owned].copy()
         self._floating.add_spring_forces()
-        return bulk, self.contact_force(), self._motions.forces()
+        return bulk, self.contact_force(), self._motions.obstacle_forces()
 
     def shear_forces(self) -> tuple[Array, Array]:
         """Contributions of shear to contact and obstacle forces; see ``forces`` for shapes."""
-        return self.contact_force("shear"), self._motions.forces("shear")
+        return self.contact_force("shear"), self._motions.obstacle_forces("shear")
 
     @clock("assembly")
     def contact_force(self, multipliers: str = "z") -> Array:

@@ -30,6 +30,7 @@ from fenics_mortar.la.options import SolverName
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import Geometry, thickness_of
 from fenics_mortar.newton.options import NewtonOptions
+from fenics_mortar.rigid.remote import check_remote
 from fenics_mortar.utils import compat, garbage
 from fenics_mortar.utils.arguments import check_kind, check_no_effect
 from fenics_mortar.utils.arrays import Array
@@ -59,11 +60,12 @@ def check_given(
         compat.settle_coordinate_element(mesh)
     with together(comm, "ContactProblem"):
         check_arguments(pairs=pairs, **forms)
+        check_remote(options.pop("remote"))
         check_options(**options, model_check=model_check)
         signature = given["residual"].signature()
         options["residual"] = f"a form with the signature {signature[:8]}"
     options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
-    counts = {"pairs": len(pairs), "bcs": len(given["bcs"])}
+    counts = {"pairs": len(pairs), "bcs": len(given["bcs"]), "remote": len(given["remote"])}
     check_same_texts(comm, "ContactProblem", {**counts, **options})
 
 
@@ -92,6 +94,7 @@ def equations_of(
     geometry: Geometry,
     thickness: float | Callable[[Array], Any] | None,
     algorithm: Algorithm | None,
+    remote: Sequence[Any] = (),
 ) -> ContactEquations:
     """Equations of a problem, for arguments of ``ContactProblem`` (collective).
 
@@ -110,10 +113,14 @@ def equations_of(
             check_subdomains(name, form, space.V.mesh, [pair.data for pair in pairs])
     if solver == "iterative" and space.is_mixed:
         raise ValueError("solver='iterative': mixed functions need solver='direct'")
+    loads = [load.bind(space) for load in remote]
+    bcs = [*bcs, *(load for load in loads if hasattr(load, "dof_indices"))]
     prescribed = mark_prescribed(space, u, bcs)
     check_axis(space, prescribed)
     check_radius(residual, u, space)
     contacts = bind(pairs, space, prescribed, chains=algorithm != "condensed")  # may move nodes
+    for load in loads:
+        load.update_reference()
     bulk = Bulk(residual, u, list(bcs), jacobian, space)
     bulk.surfaces_slide = any(p.sliding == "finite" for p in pairs if isinstance(p, ContactPair))
     garbage.keep_communicators(bulk.comm, bulk.r, bulk.K)
@@ -122,7 +129,7 @@ def equations_of(
     check_cells(bulk)
     check_mesh_overlap(space.V, contacts)
     bulk.input_data.check()
-    equations = ContactEquations(bulk, contacts, LINEARIZATIONS[linearization], newton)
+    equations = ContactEquations(bulk, contacts, LINEARIZATIONS[linearization], newton, loads)
     outline, labels = equations.crossings.outline, equations.floating.labels
     set_outlines(contacts, outline, outline.gather(bulk.space.spread(labels)))
     return equations

@@ -81,7 +81,7 @@ class Solver:
         for contact in self._equations.contacts:
             contact.accept()
             contact.start_step()
-        self._equations.crossings.accept(self._equations.motions.places)
+        self._equations.crossings.accept(self._equations.motions.obstacle_places)
 
     def certificate(self, **of_step: Any) -> Certificate:
         """Measure balance, signs, penetration and crossings of the last evaluated state.
@@ -107,7 +107,7 @@ class Solver:
         """
         e = self._equations
         clock.read()
-        e.crossings.begin(e.motions.places)
+        e.crossings.begin(e.motions.obstacle_places)
         begin_step(e.contacts)
         try:
             report, moved = self._move_and_solve()
@@ -124,7 +124,7 @@ class Solver:
             contact.accept()
         commit(e.contacts, instants)
         e.bulk.free_garbage()
-        passages, possible = e.crossings.passages_of_step(e.motions.places)
+        passages, possible = e.crossings.passages_of_step(e.motions.obstacle_places)
         report.certificate = self.certificate(
             drift=e.motions.slide_along_driven(), passages=passages, possible_passages=possible
         )
@@ -143,7 +143,7 @@ class Solver:
                 contact.change(accepted_partners=partners, accepted_instant=instant)
             e.crossings.leave()
             raise _wrong_state(report, violations, moving=e.bulk.inertia is not None)
-        e.crossings.accept(e.motions.places)
+        e.crossings.accept(e.motions.obstacle_places)
         return report
 
     def _move_and_solve(self) -> tuple[NewtonReport, list[str]]:
@@ -227,7 +227,7 @@ class Solver:
         try:
             return solve(Damped(e, e.newton) if e.newton.damped else e, e.newton)
         except NotConvergedError as error:
-            loose = bool(e.floating.bodies) or e.motions.any_driven
+            loose = bool(e.floating.bodies) or bool(e.motions.driven_obstacles.any())
             if e.newton.tentative or not loose:
                 raise
             failed = error

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from fenics_mortar.rigid.driven import DrivenObstacles
+from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.proximal import Remaining
@@ -42,7 +42,7 @@ class CombinedSprings:
     def __init__(
         self,
         floating: FloatingBodies,
-        obstacles: DrivenObstacles,
+        obstacles: DrivenMotions,
         stiffness: float,
         forces: Callable[[], tuple[Array, Array, Array]],
     ) -> None:
@@ -89,4 +89,4 @@ class CombinedSprings:
 
     def _total(self) -> Array:
         bulk, contact, _ = self._forces()
-        return np.asarray(bulk + contact)
+        return np.asarray(bulk + contact - self._obstacles.pushed_nodes())

@@ -24,8 +24,8 @@ class State(Value):
     Attributes:
         u: Displacement and other unknowns of the bulk, shape (local dofs,) [length].
         interfaces: State of each pair.
-        places: Places (x, y, angle) of the obstacles, shape (obstacles, 3) [length, length,
-            radian].
+        places: Places (x, y, angle) of the m obstacles and remote loads, shape (m, 3) [length,
+            length, radian].
         accepted_positions: Positions of outlines and obstacles in the last accepted state.
         converged: Whether the last solve ended in this state.
         rates: Velocity and accelerations, ``None`` in statics.

@@ -16,31 +16,22 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.obstacles.points import check_finite, check_vector
+from fenics_mortar.obstacles.rigid_motion import RigidMotion
 from fenics_mortar.obstacles.shape_change import differentiate_shape
-from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import NotFiniteError, format_point
 
 Fields = tuple[Array, Array, Array]
-# Names of the motions in the interface.
-MOTIONS = ("x", "y", "angle")
 
 
-class Obstacle(ABC):
+class Obstacle(RigidMotion, ABC):
     """Base class of rigid solids with prescribed or driven motion (all methods are local).
 
     ``move`` prescribes motions, ``push`` prescribes forces. Set both equally on all ranks.
 
     Attributes:
-        name: Name used in messages and tables.
-        pivot: Initial centre of rotations, moves with the obstacle, shape (2,) [length]. The
-            surface in its initial position does not depend on it. It may be set as long as the
-            obstacle has not turned.
-        place: Present translation from the initial position and counter-clockwise rotation about
-            the pivot: (x, y, angle) [length, length, radian].
-        load: Driving force (x, y) and moment about the pivot, nan for prescribed motions, shape
-            (3,) [stress length, stress length, stress length^2].
+        name, pivot, place, load: See ``RigidMotion``. The surface in its initial position does not
+            depend on the pivot.
         reaction: Contact force and moment on the obstacle after the last solve, shape (3,), units
             as ``load``; with axisymmetry the axial force [force] alone.
 
@@ -48,54 +39,11 @@ class Obstacle(ABC):
         ValueError: If name or pivot is of another type, or the pivot is not finite.
     """
 
-    def __init__(self, name: str, pivot: npt.ArrayLike = (0.0, 0.0)) -> None:
-        """Start at the initial position."""
-        check_kind("name", name, str, "a text")
-        self.name = name
-        self.pivot = check_vector("pivot", pivot)
-        self.place: Array = np.zeros(3)
-        self.load: Array = np.full(3, np.nan)
-        self.reaction: Array = np.zeros(3)
+    kind = "obstacle"
 
     def __str__(self) -> str:
         """The name."""
         return self.name
-
-    def move(
-        self, *, x: float | None = None, y: float | None = None, angle: float | None = None
-    ) -> None:
-        """Prescribe motions; values are absolute, not increments.
-
-        Args:
-            x: Translation from the initial position; ``None`` leaves it unchanged [length].
-            y: Translation along y, likewise [length].
-            angle: Counter-clockwise rotation about the pivot, by any number of turns; ``None``
-                leaves it unchanged [radian].
-
-        Raises:
-            ValueError: If a value is not a finite number.
-        """
-        for i, (name, value) in enumerate(zip(MOTIONS, (x, y, angle), strict=True)):
-            if value is not None:
-                self.place[i], self.load[i] = check_finite(name, value), np.nan
-
-    def push(
-        self, *, x: float | None = None, y: float | None = None, moment: float | None = None
-    ) -> None:
-        """Prescribe forces; the motions in these directions are unknowns of the next solve.
-
-        Args:
-            x: Force, 0 for a free motion; ``None`` leaves the direction unchanged [stress length].
-            y: Force along y, likewise [stress length].
-            moment: Moment about the pivot; ``None`` leaves the rotation unchanged
-                [stress length^2].
-
-        Raises:
-            ValueError: If a value is not a finite number.
-        """
-        for i, (name, value) in enumerate(zip(("x", "y", "moment"), (x, y, moment), strict=True)):
-            if value is not None:
-                self.load[i] = check_finite(name, value)
 
     def evaluate(self, x: Array) -> Fields:
         """Signed distance and its derivatives at points of space.
@@ -151,27 +99,6 @@ class Obstacle(ABC):
         """Position in space of the first marked point, as text for messages."""
         first = int(np.argmax(marked))
         return format_point(np.real(self.to_space(x[first : first + 1])[0]))
-
-    @property
-    def rotation(self) -> Array:
-        """Present rotation matrix, shape (2, 2) [1]."""
-        c, s = np.cos(self.place[2]), np.sin(self.place[2])
-        return np.array([[c, -s], [s, c]])
-
-    def to_own_frame(self, x: Array) -> Array:
-        """Points ``x`` (n, 2) [length] in space, in the obstacle's frame."""
-        return (x - self.pivot - self.place[:2]) @ self.rotation + self.pivot
-
-    def to_space(self, x: Array) -> Array:
-        """Points ``x`` (n, 2) [length] of the obstacle's frame, in space."""
-        return (x - self.pivot) @ self.rotation.T + self.pivot + self.place[:2]
-
-    def motions(self, x: Array, arm: float) -> Array:
-        """V at the points ``x`` (n, 2) [length] for a length ``arm``, shape (n, 3, 2) [1]."""
-        r = (x - self.pivot - self.place[:2]) / arm
-        one, zero = np.ones_like(r[:, 0]), np.zeros_like(r[:, 0])
-        rows = ((one, zero), (zero, one), (-r[:, 1], r[:, 0]))
-        return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
 
     def salient_points(self) -> Array:
         """Points of the surface that may be the deepest in a body, own frame, (k, 2) [length].

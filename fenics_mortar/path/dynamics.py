@@ -168,7 +168,7 @@ class Dynamics:
             The record of the iterations, forces at the end, and the work done.
         """
         problem, inertia = self.problem, self._inertia
-        self._refuse_driven_obstacles()
+        self._refuse_driven_motions()
         self._density.check(problem)
         check_step(dt, inertia.rates.time)
         start_clock(problem.equations.contacts, inertia.rates.time)
@@ -218,13 +218,19 @@ class Dynamics:
         begun = replace(inertia.rates, acceleration=w, average=w, begun=True)
         inertia.set_rates(begun, bulk.u.x.array)
 
-    def _refuse_driven_obstacles(self) -> None:
-        driven = self.problem.equations.motions.driven.any(axis=1)
-        names = [o.name for o, pushed in zip(self.problem.obstacles, driven, strict=True) if pushed]
-        if names:
+    def _refuse_driven_motions(self) -> None:
+        motions = self.problem.equations.motions
+        driven = motions.driven.any(axis=1)
+        names = [o.name for o, pushed in zip(motions.movers, driven, strict=True) if pushed]
+        if names and driven[: len(motions.obstacles)].any():
             raise MortarError(
                 f"obstacle '{names[0]}' is driven by forces, but has no mass: prescribe its motion "
                 "by move, or mesh it"
+            )
+        if names:
+            raise MortarError(
+                f"remote load '{names[0]}' is driven by forces, which time steps do not admit: "
+                "prescribe its motion by move, or apply a traction in the residual"
             )
 
     # Many steps

@@ -84,7 +84,8 @@ def forces_of(problem: ContactProblem) -> Forces:
         moments stress length^2].
     """
     shear, on_obstacles = problem.equations.residual.shear_forces()
-    return *problem.forces(), shear, on_obstacles * problem.equations.motions.scales
+    scales = problem.equations.motions.scales[: len(on_obstacles)]
+    return *problem.forces(), shear, on_obstacles * scales
 
 
 def work_of(
@@ -107,7 +108,7 @@ def work_of(
     friction = work_along_arcs(before[3][dofs], after[3][dofs], du[dofs], angles).sum()
     work = np.array([r @ du, supports, contact @ du, friction, friction - shear @ du])
     work = problem.equations.comm.allreduce(work)
-    moved = end.places - start.places
+    moved = (end.places - start.places)[: len(on_obstacles)]
     work[1:3] += (on_obstacles * moved).sum()
     work[3] += (shear_on_obstacles * moved).sum()
     sizes = np.linalg.norm(contact[dofs], axis=1) @ np.linalg.norm(du[dofs], axis=1)

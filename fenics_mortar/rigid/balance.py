@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""Linearized balance of driven obstacles: the border of the system of u and z.
+"""Linearized balance of driven motions: the border of the system of u and z.
 
-The equations of displacement and multipliers, in either form, are extended by the columns C_q of
-the contact law and by a row of balance for each motion,
+The equations of displacement and multipliers, in either form, are extended by columns C_q and by a
+row of balance for each motion,
 
-    E_d du + M_q z + E_q dq = push,    M_q z = f_q,
+    E_d du + M_q z + E_q dq = push - f_0,    M_q z = f_q - f_0,
 
-where E are the derivatives of f_q at fixed z. D does not depend on q, so the rows of the bodies
-have no entries in the new columns.
+where E are the derivatives of f_q at fixed z, and f_0 is the part of f_q that does not depend on z.
+
+Of obstacles, C_q is in the rows of the contact law, and f_0 = 0. D does not depend on q, so the
+rows of the bodies have no entries in the new columns. Of rigid boundaries, C_q is in the rows of
+the prescribed dofs, du - V dq, and [E_d, M_q] are the sums of the equations of these dofs, which
+the rows of the prescribed dofs replace, with the weights V.
 """
 
 from __future__ import annotations
@@ -16,14 +20,14 @@ import numpy as np
 
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.bordered import Border
-from fenics_mortar.rigid.motions import ObstacleMotions
+from fenics_mortar.rigid.motions import RigidMotions
 
 
-def linearize_balance(motions: ObstacleMotions, system: LinearSystem) -> Border:
+def linearize_balance(motions: RigidMotions, system: LinearSystem) -> Border:
     """C_q, [E_d, M_q] and E_q of all motions, driven or not (collective).
 
     Args:
-        motions: The obstacles.
+        motions: The rigid motions; their ``take_bulk_rows`` was called at this state.
         system: System of displacement and multipliers; columns and rows are its vectors.
     """
     count, size = motions.scales.size, system.bulk.num_owned
@@ -45,4 +49,8 @@ def linearize_balance(motions: ObstacleMotions, system: LinearSystem) -> Border:
         for row, forces in zip(rows[own], E_d, strict=True):
             contact.slave.scatter_add(forces, row)
         corner[own, own] += E_q
+    for number, load in enumerate(motions.remote, len(motions.obstacles)):
+        own = slice(3 * number, 3 * number + 3)
+        border = load.linearize(system)
+        columns[own], rows[own], corner[own, own] = border.columns, border.rows, border.corner
     return Border(columns, rows, corner)

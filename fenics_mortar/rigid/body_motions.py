@@ -22,6 +22,7 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.rigid.held import HeldBodies
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -35,28 +36,34 @@ class BodyMotions:
     Args:
         bulk: The bodies.
         contacts: The contacts and ties, bound to the same space.
+        held: Their rigid boundaries, see ``held``.
 
     Attributes:
         bulk: The bodies.
         contacts: The contacts without ties.
-        labels: Body of each local node, including ghosts, (local nodes,); tied bodies are one.
+        labels: Body of each local node, including ghosts, (local nodes,); bodies that are tied or
+            have a rigid boundary in common are one.
         num_bodies: Number of bodies.
-        bodies: The floating bodies, after ``find``.
+        bodies: The floating bodies, after ``find`` and ``restrict``.
         aside: Labels of idle bodies that are set aside at present, see ``idle``.
     """
 
-    def __init__(self, bulk: Bulk, contacts: Sequence[Contact | Tie]) -> None:
-        self.bulk = bulk
+    def __init__(
+        self, bulk: Bulk, contacts: Sequence[Contact | Tie], held: HeldBodies | None = None
+    ) -> None:
+        self.bulk, self.held = bulk, held or HeldBodies(bulk, ())
         self.contacts = [contact for contact in contacts if not isinstance(contact, Tie)]
         self._data: list[MeshData] = [contact.pair.data for contact in contacts]
         self._surface_labels: dict[int, Array] = {}
         self.labels, count = label_bodies(bulk.V)
         ties = [tie for tie in contacts if isinstance(tie, Tie)]
-        links = [self._links(tie) for tie in ties]
+        links = [self._links(tie) for tie in ties] + self.held.links(self.labels)
         self.labels, self.num_bodies = join_bodies(self.labels, count, links)
         self._surface_labels.clear()  # these labels do not include joining by ties
         self._periodic = [tie for tie in ties if tie.pair.translation.any()]
+        self.held.set_bodies(self.labels)
         self.bodies: list[FloatingBody] = []
+        self._candidates: list[FloatingBody] = []
         self.aside: set[int] = set()
 
     def _links(self, tie: Tie) -> Indices:
@@ -67,16 +74,23 @@ class BodyMotions:
 
     def find(self) -> None:
         """Find floating bodies from the assembled ``K``; with inertia no body floats."""
-        self.bodies = []
+        found: list[FloatingBody] = []
         if self.bulk.inertia is None:
-            self.bodies = find_floating_bodies(self.bulk, self.labels, self.num_bodies)
+            flags = self.held.prescribed_otherwise
+            found = find_floating_bodies(self.bulk, self.labels, self.num_bodies, flags)
         for tie in self._periodic:
             label, translation = int(self.labels_of(tie.slave)[0]), tie.pair.translation
-            self.bodies = [
+            found = [
                 body if body.label != label else body.without_rotation(translation)
-                for body in self.bodies
+                for body in found
             ]
-            self.bodies = [body for body in self.bodies if len(body.motions)]
+        self._candidates = found
+        self.restrict()
+
+    def restrict(self) -> None:
+        """Set ``bodies`` for the motions that rigid boundaries prescribe at present (local)."""
+        restricted = map(self.held.restricted, self._candidates)
+        self.bodies = [body for body in restricted if len(body.motions)]
 
     # Nodes
 
@@ -135,6 +149,7 @@ class BodyMotions:
             arm, cosine, sine = self.bulk.cells.X[mine] - body.centre, 0.0, angle
         rotation = np.array([[cosine, -sine], [sine, cosine]])  # less the identity
         self.bulk.u.x.array[self.bulk.space.dofs[mine]] += arm @ rotation.T + np.array([x, y])
+        self.held.move(body, coefficients)
 
     def rigid_fraction(self, body: FloatingBody, change: Array) -> Array:
         """Rigid part of ``change`` (owned dofs,) of a body, shape (motions,) [length]."""

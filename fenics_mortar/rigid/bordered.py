@@ -78,7 +78,7 @@ def solve_bordered(
     try:
         q = np.linalg.solve(border.corner - products[:, 1:], c - products[:, 0])
     except np.linalg.LinAlgError as singular:
-        error = MortarError(f"the balance of the obstacles is singular: {singular}")
+        error = MortarError(f"the balance of the driven motions is singular: {singular}")
     raise_together(comm, error)
     comm.Bcast(q)
     return x - q @ solutions, q

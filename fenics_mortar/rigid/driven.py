@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Rigid obstacles driven by forces: their motions q are unknowns of the Newton system.
+"""Motions driven by forces, of obstacles and remote loads: unknowns q of the Newton system.
 
-The balance of the obstacles borders the system of u and z, see ``balance``. The few motions are
+The balance of these forces borders the system of u and z, see ``balance``. The few motions are
 eliminated, see ``bordered``, so that the sparse matrix and its solver are those of fixed obstacles.
 
 Tangent springs regularize motions that active contact does not resist, see ``loose``. A driven
@@ -21,30 +21,32 @@ from fenics_mortar.rigid import settling
 from fenics_mortar.rigid.balance import linearize_balance
 from fenics_mortar.rigid.bordered import Border, solve_bordered
 from fenics_mortar.rigid.loose import describe_loose, tangent_springs
-from fenics_mortar.rigid.motions import ObstacleMotions
+from fenics_mortar.rigid.motions import RigidMotions
 from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.rigid.remote import RemoteMotion
 from fenics_mortar.rigid.springs import Springs, anchored_stiffness, over_contact, slides
 from fenics_mortar.utils.arrays import Array
 
 
-class DrivenObstacles(ObstacleMotions):
-    """Obstacles of a problem and the balance of their driven motions.
+class DrivenMotions(RigidMotions):
+    """Rigid motions of a problem and the balance of the driven ones.
 
     Args:
         contacts: The contacts of the problem, and its ties.
+        remote: The remote loads, bound to the mesh.
 
     Attributes:
-        springs: Anchored springs, or ``None``.
+        springs: Anchored springs on obstacles, or ``None``.
     """
 
-    def __init__(self, contacts: Sequence[Any]) -> None:
-        super().__init__(contacts)
+    def __init__(self, contacts: Sequence[Any], remote: Sequence[RemoteMotion] = ()) -> None:
+        super().__init__(contacts, remote)
         self.springs: Springs | None = None
         self._start: Array = np.zeros(self.scales.shape)
 
     def residual(self) -> Array:
-        """f_q plus springs minus push, else 0, (obstacles, 3) [stress length] (collective)."""
-        if not self.obstacles:
+        """f_q plus springs minus push, else 0, (m, 3) [stress length] (collective)."""
+        if not self.movers:
             return self._none
         return np.where(self.driven, self.forces() + self._spring_forces() - self.push(), 0.0)
 
@@ -54,22 +56,32 @@ class DrivenObstacles(ObstacleMotions):
         """Solve for displacements, multipliers and motions (collective).
 
         Args:
-            x: Solution of the system for obstacles at rest, see ``LinearSystem.step``.
+            x: Solution of the system without motions, see ``LinearSystem.step``.
             system: System of displacement and multipliers, assembled.
             stiffness: Stiffness of the bulk [stress].
             force: Size of all forces [stress length].
 
         Returns:
-            The solution with motions, as ``x``, and the motions, shape (obstacles, 3) [length].
+            The solution with motions, as ``x``, and the motions, shape (m, 3) [length].
         """
         driven, motion = self.driven, np.zeros(self.scales.shape)
         if driven.any():
             balance = linearize_balance(self, system)
             corner = balance.corner + self._stiffness_of_springs(stiffness, force)
             border = Border(balance.columns, balance.rows, corner).restricted_to(driven.ravel())
-            push = (self.push() - self._spring_forces())[driven]
+            push = (self.push() - self._spring_forces() - self._constant_forces())[driven]
             x, motion[driven] = solve_bordered(system.solve, border, x, push, system.comm)
         return x, motion
+
+    def _constant_forces(self) -> Array:
+        """Parts of f_q that are not linear in the multipliers, (m, 3) [stress length]."""
+        on_obstacles = np.zeros((len(self.obstacles), 3))
+        return np.vstack([on_obstacles, *(load.constant_force() for load in self.remote)])
+
+    def take_bulk_rows(self) -> None:
+        """Store rows of the bulk tangent, before contact changes it (collective)."""
+        for load in self.remote:
+            load.take_bulk_rows()
 
     def _stiffness_of_springs(self, stiffness: float, force: float) -> Array:
         """Stiffness of anchored springs, or of tangent springs on loose motions; added to E_q."""
@@ -91,13 +103,15 @@ class DrivenObstacles(ObstacleMotions):
                 discretization error of its contact forces if larger [shortest facets].
             stiffness: Stiffness of the bulk [stress].
         """
+        count = len(self.obstacles)
         springs = anchored_stiffness(
-            np.linalg.norm(self.residual(), axis=1),
+            np.linalg.norm(self.residual()[:count], axis=1),
             RIGID.negligible * self.contact_forces(),
             elongation * self.shortest_facet(),
             np.asarray(stiffness),
         )
-        driven = np.where(self.driven, springs[:, None], 0.0)
+        driven = np.zeros(self.scales.shape)
+        driven[:count] = np.where(self.driven_obstacles, springs[:, None], 0.0)
         self.springs = Springs(driven, self.motions_of(self.places))
 
     def remove_springs(self) -> None:
@@ -109,14 +123,15 @@ class DrivenObstacles(ObstacleMotions):
         if self.springs is None:
             return 0.0
         strain = self.motions_of(self.places) - self.springs.anchor
-        moves = np.linalg.norm(np.where(self.driven, strain, 0.0), axis=1)
+        strain = np.where(self.driven, strain, 0.0)[: len(self.obstacles)]
+        moves = np.linalg.norm(strain, axis=1)
         return float(moves.max(initial=0.0)) / self.shortest_facet()
 
     def spring_fractions(self) -> list[tuple[str, float, bool]]:
         """Name, force of springs over contact force, whether it slides, of anchored obstacles."""
         if self.springs is None:
             return []
-        forces = np.linalg.norm(self._spring_forces(), axis=1)
+        forces = np.linalg.norm(self._spring_forces()[: len(self.obstacles)], axis=1)
         fractions = list(map(over_contact, forces, self.contact_forces()))
         return [
             (
@@ -124,7 +139,7 @@ class DrivenObstacles(ObstacleMotions):
                 float(fractions[i]),
                 slides([(c, c.active) for c in self.contacts_of(i)]),
             )
-            for i in np.flatnonzero(self.driven.any(axis=1))
+            for i in np.flatnonzero(self.driven_obstacles.any(axis=1))
         ]
 
     def spring_energy(self) -> float:
@@ -145,13 +160,14 @@ class DrivenObstacles(ObstacleMotions):
             evaluate: Function that evaluates the operators at the present state, not the active
                 sets.
         """
-        if self.any_driven:
+        if self.driven_obstacles.any():
             evaluate()
             self.move(settling.follow(self))
 
     def settle(self, evaluate: Callable[[], object]) -> list[str]:
         """Move driven obstacles until contact stops them; see ``settling`` (collective)."""
-        if not self.any_driven:
+        self._start = self.motions_of(self.places)
+        if not self.driven_obstacles.any():
             return []
         moved = settling.settle(self, evaluate)
         self._start = self.motions_of(self.places)

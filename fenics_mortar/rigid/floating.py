@@ -19,6 +19,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.rigid.body_motions import BodyMotions
 from fenics_mortar.rigid.body_settling import BodySettling, Moves
+from fenics_mortar.rigid.held import HeldBodies
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.responses import loose_bodies
 from fenics_mortar.rigid.springs import (
@@ -38,14 +39,17 @@ class FloatingBodies(BodyMotions):
     Args:
         bulk: The bodies.
         contacts: The contacts and ties, bound to the same space.
+        held: Their rigid boundaries.
 
     Attributes:
         springs: Anchored springs at the owned dofs, or ``None``.
         settling: Rigid moves before a solve.
     """
 
-    def __init__(self, bulk: Bulk, contacts: Sequence[Contact | Tie]) -> None:
-        super().__init__(bulk, contacts)
+    def __init__(
+        self, bulk: Bulk, contacts: Sequence[Contact | Tie], held: HeldBodies | None = None
+    ) -> None:
+        super().__init__(bulk, contacts, held)
         self.springs: Springs | None = None
         self.settling = BodySettling(self)
 
@@ -108,13 +112,19 @@ class FloatingBodies(BodyMotions):
         self.bulk.add_to_diagonal(springs)
 
     def drop_undriven(
-        self, loose: Sequence[FloatingBody], step: Array, total: Array, force: float
+        self,
+        loose: Sequence[FloatingBody],
+        step: Array,
+        motion: Array,
+        total: Array,
+        force: float,
     ) -> None:
         """Remove from a step the loose motions of idle bodies, and those driven by roundoff only.
 
         Args:
             loose: The result of ``loose``.
             step: Increment of the displacement, shape (owned dofs,) [length]; changed.
+            motion: Increments of motions of obstacles and remote loads, (m, 3) [length]; changed.
             total: Sum of all forces, shape (owned dofs,) [stress length].
             force: Size of all forces [stress length].
         """
@@ -125,8 +135,9 @@ class FloatingBodies(BodyMotions):
             drive = float(np.linalg.norm(self.resultant(body, total)))
             if idle or drive <= self.rounding(body, force):
                 dofs, motions = self.motions(body)
-                excess = self.rigid_fraction(body, step) @ motions
-                step[dofs] -= excess.reshape(-1, 2)
+                excess = self.rigid_fraction(body, step)
+                step[dofs] -= (excess @ motions).reshape(-1, 2)
+                self.held.subtract(body, excess, motion)
 
     def remark(self, loose: Sequence[FloatingBody]) -> str:
         """Sentence on the tangent springs of loose bodies; "" if there are none."""

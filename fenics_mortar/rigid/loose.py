@@ -9,16 +9,16 @@ from __future__ import annotations
 import numpy as np
 
 from fenics_mortar.contact.rows import gap_by_motions
-from fenics_mortar.rigid.motions import ObstacleMotions, describe_motion
+from fenics_mortar.rigid.motions import RigidMotions, describe_motion
 from fenics_mortar.rigid.springs import tangent_stiffness, unresisted
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
-def loose_motions(motions: ObstacleMotions) -> list[Array]:
+def loose_motions(motions: RigidMotions) -> list[Array]:
     """Loose motions of each obstacle, an orthonormal basis of shape (n, 3) [1] each (local)."""
     found = []
-    for number, driven in enumerate(motions.driven):
+    for number, driven in enumerate(motions.driven_obstacles):
         basis = np.eye(3)[driven]
         closing = [gap_by_motions(c.now)[c.active] for c in motions.contacts_of(number)]
         found.append(unresisted(basis @ np.concatenate([*closing, np.zeros((0, 3))]).T) @ basis)
@@ -26,18 +26,18 @@ def loose_motions(motions: ObstacleMotions) -> list[Array]:
 
 
 def tangent_springs(
-    motions: ObstacleMotions, residual: Array, stiffness: float, force: float
+    motions: RigidMotions, residual: Array, stiffness: float, force: float
 ) -> Array:
     """Stiffness of springs on loose motions, in proportion to the driving force (local).
 
     Args:
-        motions: The obstacles.
-        residual: Residual of their balance, shape (obstacles, 3) [stress length].
+        motions: The rigid motions.
+        residual: Residual of the balance, shape (m, 3) [stress length].
         stiffness: Stiffness of the bulk [stress].
         force: Size of all forces [stress length].
 
     Returns:
-        Addition to E_q, shape (3 obstacles, 3 obstacles) [stress].
+        Addition to E_q, shape (3 m, 3 m) [stress].
     """
     total = np.zeros((motions.scales.size, motions.scales.size))
     for number, loose in enumerate(loose_motions(motions)):
@@ -47,17 +47,17 @@ def tangent_springs(
     return total
 
 
-def describe_loose(motions: ObstacleMotions, residual: Array, force: float) -> str:
+def describe_loose(motions: RigidMotions, residual: Array, force: float) -> str:
     """Description of loose motions driven by forces; "" if there are none (local).
 
     Args:
-        motions: The obstacles.
-        residual: Residual of their balance, shape (obstacles, 3) [stress length].
+        motions: The rigid motions.
+        residual: Residual of the balance, shape (m, 3) [stress length].
         force: Size of all forces [stress length].
     """
     found = []
     for obstacle, loose, rest in zip(
-        motions.obstacles, loose_motions(motions), residual, strict=True
+        motions.obstacles, loose_motions(motions), residual[: len(motions.obstacles)], strict=True
     ):
         drive = loose @ rest
         if np.linalg.norm(drive) > SUM_ROUNDING * force:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Rigid obstacles of a problem, their motions and the forces along them.
+"""Rigid motions of a problem, of obstacles and of remote loads, and the forces along them.
 
-Motions are x, y and turn, the angle times the ``arm`` of the pair, all in units of length. All
-values are replicated.
+Motions are x, y and turn, the angle times the ``arm`` of the pair or boundary, all in units of
+length. Arrays have the rows of the obstacles, then those of the remote loads. All values are
+replicated.
 """
 
 from __future__ import annotations
@@ -11,30 +12,34 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.bulk.bodies import MINOR
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.obstacles.rigid_motion import RigidMotion, describe_place
+from fenics_mortar.rigid.remote import RemoteMotion
+from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import format_point
 
 
-class ObstacleMotions:
-    """Obstacles of a problem and their positions.
+class RigidMotions:
+    """Obstacles and remote loads of a problem and their places.
 
     Args:
         contacts: The contacts of the problem, and its ties.
+        remote: The remote loads, bound to the mesh.
 
     Attributes:
         contacts: The contacts and ties.
         obstacles: Obstacles of the contacts, without duplicates.
+        remote: The remote loads.
+        movers: All objects with a place: the m obstacles and remote loads.
         pairs: Contacts with an obstacle, with the number of the obstacle.
-        scales: Motions per (x, y, angle), shape (obstacles, 3) [1, 1, length].
+        scales: Motions per (x, y, angle), shape (m, 3) [1, 1, length].
     """
 
-    def __init__(self, contacts: Sequence[Any]) -> None:
-        self.contacts = contacts
+    def __init__(self, contacts: Sequence[Any], remote: Sequence[RemoteMotion] = ()) -> None:
+        self.contacts, self.remote = contacts, remote
         found = [c.obstacle for c in contacts if c.obstacle is not None]
         self.obstacles: list[Obstacle] = list(dict.fromkeys(found))
         for obstacle in self.obstacles:
@@ -44,58 +49,82 @@ class ObstacleMotions:
         self.pairs: list[tuple[int, Contact]] = [
             (self.obstacles.index(c.obstacle), c) for c in contacts if c.obstacle is not None
         ]
-        self.scales: Array = np.ones((len(self.obstacles), 3))
+        self.movers: list[RigidMotion] = [*self.obstacles, *(load.motion for load in remote)]
+        self.scales: Array = np.ones((len(self.movers), 3))
         self._none: Array = np.zeros((0, 3))
         for number, contact in self.pairs:
             self.scales[number, 2] = contact.arm
+        for number, load in enumerate(remote, len(self.obstacles)):
+            self.scales[number, 2] = load.arm
 
     @property
     def places(self) -> Array:
-        """Places (x, y, angle) of obstacles, shape (obstacles, 3) [length, length, radian]."""
+        """Places (x, y, angle) of all movers, shape (m, 3) [length, length, radian]."""
         return self._of_all("place")
 
     @places.setter
     def places(self, places: Array) -> None:
-        for obstacle, where in zip(self.obstacles, places, strict=True):
-            obstacle.place = where.copy()
+        for mover, where in zip(self.movers, places, strict=True):
+            mover.place = where.copy()
+
+    @property
+    def obstacle_places(self) -> Array:
+        """Places of the obstacles alone, shape (obstacles, 3) [length, length, radian]."""
+        return self.places[: len(self.obstacles)]
 
     def motions_of(self, places: Array) -> Array:
-        """Motions x, y, turn [length] of ``places``, shape (obstacles, 3)."""
+        """Motions x, y, turn [length] of ``places``, shape (m, 3)."""
         return places * self.scales
 
     def move(self, change: Array) -> None:
-        """Add ``change`` to the motions, shape (obstacles, 3) [length] (local)."""
-        if not self.obstacles:
+        """Add ``change`` to the motions, shape (m, 3) [length] (local)."""
+        if not self.movers:
             return
         self.places = self.places + change / self.scales
 
     def largest(self) -> float:
-        """Largest motion since the obstacles were created [length]."""
-        if not self.obstacles:
+        """Largest motion since the movers were created [length]."""
+        if not self.movers:
             return 0.0
         return float(np.abs(self.motions_of(self.places)).max(initial=0.0))
 
     @property
     def any_driven(self) -> bool:
-        """Whether a force drives any obstacle (local)."""
+        """Whether a force drives any motion (local)."""
         return bool(self.driven.any())
 
     @property
-    def driven(self) -> npt.NDArray[np.bool_]:
-        """Whether forces drive a motion, shape (obstacles, 3), bool."""
+    def driven(self) -> Flags:
+        """Whether forces drive a motion, shape (m, 3), bool."""
         return np.isfinite(self._of_all("load"))
 
+    @property
+    def driven_obstacles(self) -> Flags:
+        """Whether forces drive a motion of an obstacle, shape (obstacles, 3), bool."""
+        return self.driven[: len(self.obstacles)]
+
     def push(self) -> Array:
-        """Loads along driven motions, 0 for prescribed ones, (obstacles, 3) [stress length]."""
+        """Loads along driven motions, 0 for prescribed ones, (m, 3) [stress length]."""
         return np.nan_to_num(self._of_all("load")) / self.scales
 
-    def forces(self, multipliers: str = "z") -> Array:
-        """f_q of the last evaluated state, shape (obstacles, 3) [stress length] (collective).
+    def pushed_nodes(self) -> Array | float:
+        """Pushes on rigid boundaries as forces on their nodes, (owned dofs,) [stress length].
+
+        Zero without remote loads; collective.
+        """
+        return sum(load.pushed_nodes() for load in self.remote)
+
+    def forces(self) -> Array:
+        """f_q of the last evaluated state, shape (m, 3) [stress length] (collective)."""
+        return np.vstack([self.obstacle_forces(), *(load.force() for load in self.remote)])
+
+    def obstacle_forces(self, multipliers: str = "z") -> Array:
+        """f_q of the obstacles alone, shape (obstacles, 3) [stress length] (collective).
 
         Args:
             multipliers: Multipliers included: all ("z") or their tangential part ("shear").
         """
-        total = np.zeros(self.scales.shape)
+        total = np.zeros((len(self.obstacles), 3))
         for number, contact in self.pairs:
             total[number] += contact.on_obstacle.motion_force(getattr(contact, multipliers))
         return total
@@ -108,14 +137,15 @@ class ObstacleMotions:
         return total
 
     def record(self) -> list[str]:
-        """Set the ``reaction`` of each obstacle; return a sentence for each (collective)."""
+        """Set the ``reaction`` of each mover; return a sentence for each (collective)."""
         lines, is_axial = [], self._is_axisymmetric()
-        for obstacle, force in zip(self.obstacles, -self.forces() * self.scales, strict=True):
+        forces = -self.obstacle_forces() * self.scales[: len(self.obstacles)]
+        for obstacle, force in zip(self.obstacles, forces, strict=True):
             obstacle.reaction = force * [0.0, 1.0, 0.0] if is_axial else force
             load = f"contact force {format_point(force)}, moment {force[2] + 0.0:.4g}"
             load = f"axial contact force {force[1] + 0.0:.4g}" if is_axial else load
-            lines.append(f"obstacle '{obstacle.name}'{_moved(obstacle.place)}: {load}")
-        return lines
+            lines.append(f"obstacle '{obstacle.name}'{describe_place(obstacle.place)}: {load}")
+        return [*lines, *(load.record() for load in self.remote)]
 
     def _is_axisymmetric(self) -> bool:
         """Whether bodies are of revolution: radial forces and moments vanish around the axis."""
@@ -131,13 +161,13 @@ class ObstacleMotions:
         return min((float(c.slave.lengths.min()) for _, c in self.pairs), default=1.0)
 
     def _of_all(self, name: str) -> Array:
-        """An attribute of all obstacles, shape (obstacles, 3)."""
-        if not self.obstacles:
+        """An attribute of all movers, shape (m, 3)."""
+        if not self.movers:
             return self._none
-        return np.array([getattr(o, name) for o in self.obstacles]).reshape(-1, 3)
+        return np.array([getattr(mover, name) for mover in self.movers]).reshape(-1, 3)
 
 
-def slip_by_motions(contact: Contact, nodes: npt.NDArray[np.bool_]) -> Array:
+def slip_by_motions(contact: Contact, nodes: Flags) -> Array:
     """Rate of slip of some nodes by obstacle motions at present, (n, 3) [1].
 
     This is not the derivative of the slip of a step, which also depends on motions along the normal
@@ -145,13 +175,6 @@ def slip_by_motions(contact: Contact, nodes: npt.NDArray[np.bool_]) -> Array:
     """
     o = contact.on_obstacle
     return -np.einsum("jmc,jc->jm", o.obstacle.motions(o.x, o.arm), o.tau)[nodes]
-
-
-def _moved(where: Array) -> str:
-    """Description of an obstacle's position, shape (3,); "" at the initial position."""
-    phrases = [f"moved by {format_point(where)}"] if where[:2].any() else []
-    phrases += [f"turned by {where[2]:.4g}"] if where[2] else []
-    return ", " + " and ".join(phrases) if phrases else ""
 
 
 def describe_motion(motion: Array) -> str:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from fenics_mortar.contact.rows import gap_by_motions
-from fenics_mortar.rigid.motions import ObstacleMotions, describe_motion, slip_by_motions
+from fenics_mortar.rigid.motions import RigidMotions, describe_motion, slip_by_motions
 from fenics_mortar.rigid.moves import closest_move
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array
@@ -20,7 +20,7 @@ from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
-def follow(motions: ObstacleMotions) -> Array:
+def follow(motions: RigidMotions) -> Array:
     """Moves of driven obstacles with prescribed motions, such that nodes stick (local).
 
     Without these moves all nodes would slide by an undetermined distance. A move minimizes slip and
@@ -28,10 +28,10 @@ def follow(motions: ObstacleMotions) -> Array:
     Operators are those of the present state.
 
     Returns:
-        Shape (obstacles, 3) [length].
+        Shape (m, 3) [length], zero for remote loads.
     """
     moves = np.zeros(motions.scales.shape)
-    for number, driven in enumerate(motions.driven):
+    for number, driven in enumerate(motions.driven_obstacles):
         mine = motions.contacts_of(number)
         slip = np.concatenate([c.slip[c.sticking] for c in mine])
         along = np.concatenate([slip_by_motions(c, c.sticking) for c in mine])
@@ -46,7 +46,7 @@ def follow(motions: ObstacleMotions) -> Array:
     return moves
 
 
-def settle(motions: ObstacleMotions, evaluate: Callable[[], object]) -> list[str]:
+def settle(motions: RigidMotions, evaluate: Callable[[], object]) -> list[str]:
     """Move driven obstacles without contact force until contact stops them (collective).
 
     Args:
@@ -62,7 +62,9 @@ def settle(motions: ObstacleMotions, evaluate: Callable[[], object]) -> list[str
     moved = dict[str, None]()
     for _ in range(RIGID.max_moves):
         evaluate()
-        moves = np.array([_next_move(motions, i) for i in range(len(motions.obstacles))])
+        moves = np.zeros(motions.scales.shape)
+        for i in range(len(motions.obstacles)):
+            moves[i] = _next_move(motions, i)
         moving = np.flatnonzero(moves.any(axis=1))
         if not moving.size:
             return [f"{name} was moved until contact stopped it" for name in moved]
@@ -75,7 +77,7 @@ def settle(motions: ObstacleMotions, evaluate: Callable[[], object]) -> list[str
     )
 
 
-def _next_move(motions: ObstacleMotions, number: int) -> Array:
+def _next_move(motions: RigidMotions, number: int) -> Array:
     """Motion of an obstacle towards contact, (3,) [length]; zero if loaded or not driven.
 
     The motion closest to the push for which no node overlaps by more than ``RIGID.overlap`` and the
@@ -97,18 +99,18 @@ def _next_move(motions: ObstacleMotions, number: int) -> Array:
     return np.zeros(3)
 
 
-def slide_along_driven(motions: ObstacleMotions, start: Array) -> float:
+def slide_along_driven(motions: RigidMotions, start: Array) -> float:
     """Largest slide of obstacles along driven motions, over their contact width [1] (local).
 
     Zero for obstacles with a node that sticks or has no friction.
 
     Args:
         motions: The obstacles.
-        start: Motions at the start of the solve, shape (obstacles, 3) [length].
+        start: Motions at the start of the solve, shape (m, 3) [length].
     """
     found = np.where(motions.driven, motions.motions_of(motions.places) - start, 0.0)
     widths = [0.0]
-    for number, motion in enumerate(found):
+    for number, motion in enumerate(found[: len(motions.obstacles)]):
         mine = motions.contacts_of(number)
         slides = np.concatenate([c.sliding[c.active] for c in mine])
         if slides.size and slides.all():

@@ -23,6 +23,7 @@ from fenics_mortar.equations.general import State
 from fenics_mortar.equations.undo import Snapshot, raise_cause, restored_if_interrupted
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.rigid.remote import refuse_remote
 from fenics_mortar.sensitivity.checkpoints import Checkpoints
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
@@ -162,6 +163,7 @@ class RecordedPath:
                 "heating='friction' has no derivatives: expected heating=None or a function of "
                 "pressure and position"
             )
+        refuse_remote(problem.equations.motions.remote, "gradients are not implemented")
         self.problem, self._data = problem, Data(problem, also)
         self.start: State | None = problem.state()
         self.steps: list[RecordedStep] = []

@@ -24,7 +24,7 @@ from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.saddle import SaddleSystem
 from fenics_mortar.rigid.balance import linearize_balance
-from fenics_mortar.rigid.driven import DrivenObstacles
+from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.markdown import Markdown
 from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING
@@ -38,7 +38,7 @@ class Checkable(Protocol):
     contacts: Sequence[Contact | Tie]
     comm: MPI.Comm
     linearization: Linearization
-    motions: DrivenObstacles
+    motions: DrivenMotions
 
     def state(self) -> Any:
         """The present state, a value."""
@@ -54,7 +54,7 @@ class TangentCheck(Markdown):
     Attributes:
         steps: Step sizes over the shortest slave facet, shape (s,) [1].
         remainders: Relative remainders [1] of each block, shape (s,) each; blocks "bulk", "n", "g",
-            "D", "M" and "whole", the assembled saddle-point matrix with the motions of obstacles.
+            "D", "M" and "whole", the assembled saddle-point matrix with rigid motions.
     """
 
     steps: Array
@@ -193,8 +193,10 @@ class _Probe:
             contact.add_loads(force)
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
         pushed = self._mine(self.motions.forces().ravel())
-        force = self.bulk.to_force * force
-        return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *rows, pushed])}
+        force, parts = self.bulk.to_force * force, []
+        if self.motions.remote:
+            parts = [-self.bulk.stiffness * self.bulk.distance_to_prescribed()]
+        return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *rows, *parts, pushed])}
 
     def derivative(self) -> dict[str, Array]:
         """Derivatives of ``values`` at step 0 [their units], from the matrices (collective)."""
@@ -216,13 +218,13 @@ class _Probe:
         bulk = self.bulk.to_force * self._apply(self.bulk.K)
         return {"bulk": bulk, **replicated, "whole": self._whole()}
 
-    def _by_motions(self, contact: Contact | Tie) -> tuple[Array, Array, Array]:
-        """Derivatives of normals, gap and law along the motions of the pair's obstacle (local)."""
+    def _by_motions(self, contact: Contact | Tie) -> tuple[Array, Array]:
+        """Derivatives of normals and gap along the motions of the pair's obstacle (local)."""
         if isinstance(contact, Tie) or contact.obstacle is None:
-            return np.zeros(1), np.zeros(1), np.zeros_like(contact.z)
+            return np.zeros(1), np.zeros(1)
         dq = self.dq[self.motions.obstacles.index(contact.obstacle)]
         o = contact.on_obstacle
-        return o.dn_dq @ dq, o.dgap_dq @ dq, contact.rows.by_motions() @ dq
+        return o.dn_dq @ dq, o.dgap_dq @ dq
 
     def _whole(self) -> Array:
         """The four blocks of the saddle-point system times (du, dz), with motions of obstacles."""
@@ -235,16 +237,21 @@ class _Probe:
             scaled = dz / system.scale(contact)
             zeta.array[system.local(contact, z_dofs)] = scaled[contact.slave.owned]
         force, law = self._apply(K), self._apply(C)
-        balance = linearize_balance(self.motions, system)
-        moved = self.dq.ravel() @ balance.columns[:, : force.size]  # of fluxes
+        self.motions.take_bulk_rows()
+        balance, dofs = linearize_balance(self.motions, system), self.bulk.prescribed_dofs
+        moved, by_motions = np.split(self.dq.ravel() @ balance.columns, [force.size])
+        distance = self.bulk.stiffness * (self.du + moved)[dofs]  # of rigid boundaries
+        if self.motions.remote:
+            moved[dofs] = 0.0
         force = self.bulk.to_force * (force + (B_T * zeta).array + moved)
-        law = law + (A_z * zeta).array
+        law = law + (A_z * zeta).array + by_motions
         parts = []
         for contact, z_dofs in zip(self.contacts, system.z_dofs, strict=True):
-            row = self._by_motions(contact)[2]
-            row[contact.slave.owned] += law[system.local(contact, z_dofs)]
+            row = np.zeros(contact.z.shape)
+            row[contact.slave.owned] = law[system.local(contact, z_dofs)]
             row = row * contact.components.to_force
             parts.append(row[contact.slave.owned].ravel())
+        parts += [distance] if self.motions.remote else []
         pushed = self.comm.allreduce(balance.rows @ system.join(self.du, self.dz))
         pushed = pushed + balance.corner @ self.dq.ravel()
         return np.concatenate([force, *parts, self._mine(pushed)])

@@ -92,15 +92,15 @@ def set_prescribed(values: Array, bcs: list[Any]) -> None:
 
     Args:
         values: Shape (local dofs,); changed in place.
-        bcs: Dirichlet conditions.
+        bcs: Dirichlet conditions, of dolfinx or rigid boundaries; later ones prevail.
 
     ``fem.set_bc`` of an array became ``DirichletBC.set``; 0.9 has both and deprecates the first.
     """
-    if all(hasattr(bc, "set") for bc in bcs):
-        for bc in bcs:
+    for bc in bcs:
+        if hasattr(bc, "set"):
             bc.set(values)
-    else:
-        fem.set_bc(values, bcs)
+        else:
+            fem.set_bc(values, [bc])
 
 
 def prescribed_value(bc: Any) -> Array:

@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: MIT
+"""Boundaries of deformable bodies that move as rigid ones, moved or loaded at a point.
+
+The nodes k of the boundary have the displacements
+
+    u_k = U + (R(angle) - 1) (X_k - P)
+
+with the pivot P and q = (U, angle arm). They are prescribed dofs with values that depend on q. The
+forces r_k of bodies and contact on these nodes are in balance with force and moment at the pivot,
+
+    f_q = sum_k V_k(q) . r_k = push,    V_k = du_k / dq,
+
+which is one row of the border per motion, see ``balance``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.bulk.bodies import FloatingBody
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.interface.surfaces import extract_surface
+from fenics_mortar.la.sparse import BlockMatrix
+from fenics_mortar.la.system import LinearSystem
+from fenics_mortar.mesh.data import MeshData, Names, joined_names
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.obstacles.rigid_motion import RigidMotion, describe_place
+from fenics_mortar.rigid.bordered import Border
+from fenics_mortar.utils.arguments import check_kind
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.errors import check_same_texts, format_point, together
+from fenics_mortar.utils.ranks import sum_over_ranks
+from fenics_mortar.utils.rounding import ROUNDING
+
+
+class RigidBoundary(RigidMotion):
+    """A boundary of a deformable body that moves as a rigid one: a hub, a grip, an axle.
+
+    ``move`` prescribes motions, ``push`` force and moment at the pivot, as of an obstacle. At first
+    all motions are prescribed as zero. All nodes of the boundary have prescribed displacements, in
+    no need of a Dirichlet condition. Methods are local; set motions and loads equally on all ranks.
+
+    Args:
+        data: Mesh with names.
+        boundary: Name or tag of the boundary, or a list of them, which form one rigid boundary.
+        pivot: Point at which motions and loads are given, shape (2,) [length]; anywhere in the
+            plane, it moves with the boundary.
+        name: Name used in messages; by default that of the boundary.
+
+    Attributes:
+        name, pivot, place, load: See ``RigidMotion``; units with a thickness as of
+            ``ContactProblem``.
+        reaction: Force and moment about the pivot that the rest exerts on the body through this
+            boundary after the last solve, shape (3,), units as ``load``: the push where there is
+            one. With axisymmetry the axial force [force] alone.
+
+    Raises:
+        ValueError: If name or pivot is of another type, or the pivot is not finite.
+        MeshError: If a name or tag is unknown or has no facets.
+
+    Note:
+        The constructor is collective.
+
+    Example:
+        A torque on the bore of a gear, free to turn about its centre::
+
+            bore = fm.RigidBoundary(data, "gear/bore", pivot=(0.0, 0.0))
+            problem = fm.ContactProblem(
+                residual, u, pairs, bcs=bcs, remote=[bore], petsc_options_prefix="gear_"
+            )
+            bore.push(moment=12.0)
+            problem.solve()
+            print(bore.place[2], bore.reaction)
+    """
+
+    kind = "rigid boundary"
+
+    def __init__(
+        self,
+        data: MeshData,
+        boundary: Names,
+        *,
+        pivot: npt.ArrayLike,
+        name: str | None = None,
+    ) -> None:
+        check_kind("data", data, MeshData, "the MeshData of the mesh")
+        self.data = data
+        with together(data.mesh.comm, "RigidBoundary"):
+            super().__init__(joined_names(boundary) if name is None else name, pivot)
+            self.tags = data.boundary_tags(boundary)
+        here = {"boundary": self.tags, "pivot": self.pivot, "name": self.name}
+        check_same_texts(data.mesh.comm, "RigidBoundary", here)
+        data.boundary_facets(boundary)
+
+    def __repr__(self) -> str:
+        """The name."""
+        return f"RigidBoundary({self.name!r})"
+
+    def bind(self, space: DisplacementSpace) -> BoundRigidBoundary:
+        """The nodes of the boundary in a space (collective).
+
+        Args:
+            space: Nodes and dofs of the displacement.
+
+        Raises:
+            SurfaceError: On all ranks, if facets are not on the boundary of the mesh.
+        """
+        return BoundRigidBoundary(self, space)
+
+
+class BoundRigidBoundary:
+    """A rigid boundary in the space of a problem; also the Dirichlet condition of its nodes.
+
+    Args:
+        motion: The boundary of the user.
+        space: Nodes and dofs of the displacement.
+
+    Attributes:
+        motion: The boundary of the user.
+        nodes: Global numbers of its nodes, replicated, shape (n,).
+        arm: Largest distance of a node from the pivot [length].
+        function_space, g: Of a Dirichlet condition; it has no constant or function.
+    """
+
+    g = None
+
+    def __init__(self, motion: RigidBoundary, space: DisplacementSpace) -> None:
+        """Find the nodes (collective)."""
+        self.motion, self._space, self.function_space = motion, space, space.whole
+        surface = extract_surface(space, motion.data.facet_tags, motion.tags, motion.name)
+        self.nodes: Indices = np.unique(surface.nodes)
+        index_map = space.V.dofmap.index_map
+        count = index_map.size_local + index_map.num_ghosts
+        local = index_map.local_to_global(np.arange(count, dtype=np.int32))
+        here = np.flatnonzero(np.isin(local, self.nodes))
+        self._nodes, self._here, self._owned = here, space.dofs[here], here < space.num_nodes
+        self._comm = surface.comm
+        self._surface = surface
+        self.update_reference()
+
+    def update_reference(self) -> None:
+        """Read the reference positions from the mesh, which ties may move (collective)."""
+        positions = self._space.positions()
+        self._X = positions[self._here]
+        arms = np.linalg.norm(self._surface.gather(positions) - self.motion.pivot, axis=1)
+        self.arm = float(arms.max())
+
+    # As a Dirichlet condition
+
+    def dof_indices(self) -> tuple[npt.NDArray[np.int32], int]:
+        """Local dofs of the nodes, ghosts included, and the number of owned ones (local)."""
+        owned, ghosts = self._here[self._owned].ravel(), self._here[~self._owned].ravel()
+        return np.concatenate([owned, ghosts]).astype(np.int32), owned.size
+
+    def set(self, values: Array) -> None:
+        """Write the displacements at the present place into ``values`` (local dofs,) (local)."""
+        values[self._here] = self.motion.displacement(self._X)
+
+    def driven_dofs(self) -> Flags:
+        """Marks of local dofs that a push drives, shape (local dofs,), bool (local)."""
+        marked = self._space.spread(np.zeros(len(self._space.dofs))) > 0.0
+        driven = np.isfinite(self.motion.load)
+        V = self.motion.motions(self.motion.to_space(self._X), self.arm)[:, driven]
+        marked[self._here] = (np.abs(V) > ROUNDING).any(axis=1)
+        return marked
+
+    # Balance
+
+    def bind_forces(self, bulk: Bulk, contacts: list[Interface]) -> None:
+        """Set the source of forces: the bodies, and the contacts at nodes of this boundary.
+
+        Args:
+            bulk: The bodies.
+            contacts: All contacts and ties.
+        """
+        self._bulk = bulk
+        self._touching = [c for c in contacts if np.isin(c.nodes, self.nodes).any()]
+
+    @property
+    def _dofs(self) -> Indices:
+        """Owned dofs, shape (k, 2)."""
+        return self._here[self._owned]
+
+    def _velocities(self) -> Array:
+        """V of the owned nodes, shape (k, 3, 2) [1]."""
+        return self.motion.motions(self.motion.to_space(self._X[self._owned]), self.arm)
+
+    def _along_motions(self, forces: Array) -> Array:
+        """V . ``forces`` (k, 2) of the owned nodes, summed over ranks, shape (3,) (collective)."""
+        return sum_over_ranks(self._comm, np.einsum("kmc,kc->m", self._velocities(), forces))
+
+    def constant_force(self) -> Array:
+        """Forces of the bodies along the motions, without contact, shape (3,) (collective)."""
+        return self._along_motions(self._bulk.r.array_r[self._dofs])
+
+    def force(self) -> Array:
+        """f_q at the last evaluated state, shape (3,) [stress length] (collective)."""
+        return self._along_motions(self._forces())
+
+    def _forces(self) -> Array:
+        """Forces of bodies and contact at the owned nodes, shape (k, 2) [stress length]."""
+        total = self._bulk.r.array_r[: self._bulk.num_owned].copy()
+        for contact in self._touching:
+            on_slave, on_master = contact.now.forces
+            contact.slave.scatter_add(on_slave, total)
+            contact.master.scatter_add(on_master, total)
+        return total[self._dofs]
+
+    def pushed_nodes(self) -> Array:
+        """The push as forces on nodes with its resultants, (owned dofs,) (collective)."""
+        V, found = self._velocities(), np.zeros(self._bulk.num_owned)
+        products = sum_over_ranks(self._comm, np.einsum("kmc,knc->mn", V, V))
+        push = np.nan_to_num(self.motion.load) / [1.0, 1.0, self.arm]
+        found[self._dofs] = np.einsum("kmc,m->kc", V, np.linalg.solve(products, push))
+        return found
+
+    def motions_by(self, body: FloatingBody) -> Array:
+        """The motions due to those of a floating body, shape (motions, 3) [1] (local)."""
+        velocity = body.displacement(self._pivot()[None])[:, 0]
+        return np.column_stack([velocity, body.motions[:, 2] * (self.arm / body.size)])
+
+    def labels(self, labels: Indices) -> Indices:
+        """Bodies of the nodes, replicated, shape (n,), from those of local nodes (collective)."""
+        mine = set(labels[self._nodes].tolist())
+        return np.array(sorted(set().union(*self._comm.allgather(mine))))
+
+    def record(self) -> str:
+        """Set the reaction of the user's boundary; return a sentence (collective)."""
+        force = self.force() * [1.0, 1.0, self.arm]
+        if self._space.is_axisymmetric:
+            force *= [0.0, 1.0, 0.0]
+        self.motion.reaction = force
+        load = f"force {format_point(force)}, moment {force[2] + 0.0:.4g}"
+        if self._space.is_axisymmetric:
+            load = f"axial force {force[1] + 0.0:.4g}"
+        return f"rigid boundary '{self.motion.name}'{describe_place(self.motion.place)}: {load}"
+
+    def take_bulk_rows(self) -> None:
+        """Store V^T K, before contact changes K (collective)."""
+        self._by_bulk = _transposed_times(self._bulk.K, self._spread())
+
+    def _spread(self) -> Array:
+        """V at the owned dofs, zero elsewhere, shape (3, owned dofs) [1]."""
+        values = np.zeros((3, self._bulk.num_owned))
+        values[:, self._dofs] = np.moveaxis(self._velocities(), 1, 0)
+        return values
+
+    def linearize(self, system: LinearSystem) -> Border:
+        """Columns of the prescribed dofs, rows and corner of the balance (collective)."""
+        V, size = self._spread(), self._bulk.num_owned
+        columns = np.zeros((3, size + 2 * system.num_multipliers))
+        rows, corner = np.zeros_like(columns), np.zeros((3, 3))
+        columns[:, :size], rows[:, :size] = -V, self._by_bulk
+        if self._touching:
+            rows += _by_contact(system, V)
+        lever = (self.motion.to_space(self._X[self._owned]) - self._pivot()) / self.arm**2
+        corner[2, 2] = -sum_over_ranks(self._comm, [(lever * self._forces()).sum()])[0]
+        return Border(columns, rows, corner)
+
+    def _pivot(self) -> Array:
+        """Present position of the pivot, shape (2,) [length]."""
+        return self.motion.pivot + self.motion.place[:2]
+
+
+def _by_contact(system: LinearSystem, V: Array) -> Array:
+    """V^T [K_c, B^T] for V (m, owned dofs), shape (m, n) (collective)."""
+    size, multipliers = system.bulk.num_owned, 2 * system.num_multipliers
+    K_c = BlockMatrix(system.comm, size, size).assemble(system.force_derivative())
+    B_T = BlockMatrix(system.comm, size, multipliers).assemble(system.force_blocks())
+    scales = system.collect(system.scale(c)[:, None] for c in system.contacts)
+    by_z = _transposed_times(B_T, V) / np.repeat(scales, 2)
+    found = np.hstack([_transposed_times(K_c, V), by_z])
+    K_c.destroy()
+    B_T.destroy()
+    return found
+
+
+def _transposed_times(matrix: Any, vectors: Array) -> Array:
+    """Transposed matrix times each row of ``vectors``, owned entries (collective)."""
+    right, left = matrix.createVecs()
+    found = np.empty((len(vectors), right.getLocalSize()))
+    for row, vector in zip(found, vectors, strict=True):
+        left.array[:] = vector
+        matrix.multTranspose(left, right)
+        row[:] = right.array_r
+    right.destroy()
+    left.destroy()
+    return found
