@@ -27,6 +27,7 @@ from fenics_mortar.contact.discretization import Discretization
 from fenics_mortar.contact.fluxes import NodalFlux
 from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.contact.pretension import Pretension
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.linearized import LinearVector
@@ -96,6 +97,7 @@ __all__ = [
     "Plane",
     "Polygon",
     "PressureConductance",
+    "Pretension",
     "ResultsWriter",
     "RigidBoundary",
     "SignedDistance",

@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.pretension import Pretension
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.options import EQUATIONS
@@ -108,7 +109,8 @@ class Continuation:
         on_obstacles = np.where(motions.driven, motions.push(), motions.places)
         values = [*self._equations.bulk.input_data.loads(), *on_obstacles]
         values += [np.array(contact.offset, float).ravel() for contact in contacts]
-        values += [contact.pair.present_jump() for contact in contacts if isinstance(contact, Tie)]
+        ties = [contact.pair for contact in contacts if isinstance(contact, Tie)]
+        values += [pair.present_jump() for pair in ties if not isinstance(pair, Pretension)]
         laws = [as_text(c.pair.law) for c in contacts if isinstance(c, Contact)]
         return _Loads(values, laws)
 

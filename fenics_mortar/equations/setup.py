@@ -31,6 +31,7 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import Geometry, thickness_of
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.rigid.remote import check_remote
+from fenics_mortar.rigid.section import sections_of
 from fenics_mortar.utils import compat, garbage
 from fenics_mortar.utils.arguments import check_kind, check_no_effect
 from fenics_mortar.utils.arrays import Array
@@ -121,6 +122,7 @@ def equations_of(
     contacts = bind(pairs, space, prescribed, chains=algorithm != "condensed")  # may move nodes
     for load in loads:
         load.update_reference()
+    loads += sections_of(contacts)
     bulk = Bulk(residual, u, list(bcs), jacobian, space)
     bulk.surfaces_slide = any(p.sliding == "finite" for p in pairs if isinstance(p, ContactPair))
     garbage.keep_communicators(bulk.comm, bulk.r, bulk.K)

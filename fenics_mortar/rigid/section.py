@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: MIT
+"""Sections under pretension: the force in a tie as the load of its jump along an axis.
+
+The rows of the tie are D u_s - M (u_m + s a) for the shortening s along the axis a. The force that
+tightens the section is conjugate to s,
+
+    f_q = -sum_j m_j a . z_j = push,    m = M 1,
+
+so that column and row of the border are transposed, up to the weights of the tie's rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.pretension import Pretension
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.la.system import LinearSystem
+from fenics_mortar.rigid.bordered import Border
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import SurfaceError
+from fenics_mortar.utils.rounding import SMALL_ANGLE
+
+
+def sections_of(contacts: Sequence[Any]) -> list[BoundSection]:
+    """The sections under pretension among all contacts and ties (local).
+
+    Raises:
+        SurfaceError: On all ranks, if a section without an axis is not straight.
+    """
+    return [BoundSection(c) for c in contacts if isinstance(c.pair, Pretension)]
+
+
+class BoundSection:
+    """A section in the space of a problem, as a ``RemoteMotion``.
+
+    Args:
+        tie: The tie of its faces.
+
+    Attributes:
+        motion: Shortening and force of the user's section.
+        arm: One, since nothing turns [length].
+    """
+
+    arm = 1.0
+
+    def __init__(self, tie: Tie) -> None:
+        """Find the axis (local)."""
+        self._tie, self._pair, self.motion = tie, tie.pair, tie.pair.motion
+        if not self._pair.axis.any():
+            self._pair.axis = _normal_of(tie.slave)
+
+    def bind_forces(self, bulk: Bulk, contacts: Sequence[Any]) -> None:
+        """See ``RemoteMotion``: the forces are those of the tie."""
+
+    def force(self) -> Array:
+        """See ``RemoteMotion``."""
+        return np.array([float((self._by_multipliers() * self._tie.z).sum()), 0.0, 0.0])
+
+    def constant_force(self) -> Array:
+        """See ``RemoteMotion``: zero."""
+        return np.zeros(3)
+
+    def pushed_nodes(self) -> float:
+        """See ``RemoteMotion``: the resultant on the body is zero."""
+        return 0.0
+
+    def take_bulk_rows(self) -> None:
+        """See ``RemoteMotion``: K has no part in the balance."""
+
+    def _by_multipliers(self) -> Array:
+        """Derivative of f_q with respect to the multipliers, shape (slave nodes, 2) [length]."""
+        weights = self._tie.M @ np.ones(self._tie.master.num_nodes)
+        return -weights[:, None] * self._pair.axis
+
+    def linearize(self, system: LinearSystem) -> Border:
+        """See ``RemoteMotion``."""
+        tie, size = self._tie, system.bulk.num_owned
+        columns = np.zeros((3, size + 2 * system.num_multipliers))
+        rows = np.zeros_like(columns)
+        at = next(j for contact, j in system.numbered() if contact is tie)
+        multipliers = size + 2 * system.local(tie, at)[:, None] + np.arange(2)
+        mine, (_, weight) = tie.slave.owned, tie.rows.frame()
+        by_z = self._by_multipliers()
+        columns[0, multipliers] = (weight[:, None] * by_z)[mine]
+        rows[0, multipliers] = by_z[mine]
+        return Border(columns, rows, np.zeros((3, 3)))
+
+    def record(self) -> str:
+        """See ``RemoteMotion``."""
+        self.motion.reaction = self.force()
+        force, shortening = self.motion.reaction[0], self._pair.shortening
+        return f"section '{self.motion.name}', shortened by {shortening:.4g}: force {force:.4g}"
+
+
+def _normal_of(slave: Surface) -> Array:
+    """Outward normal of a straight surface, shape (2,) [1] (local, equal on all ranks).
+
+    Raises:
+        SurfaceError: If the surface is not straight.
+    """
+    ends = slave.X[slave.facets[:, [0, -1]]]
+    along = ends[:, 1] - ends[:, 0]
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    mean = normals.sum(axis=0)
+    size = float(np.hypot(*normals.T).sum())
+    if np.hypot(*mean) < np.cos(SMALL_ANGLE) * size:
+        raise SurfaceError(
+            f"section '{slave.name}' is not straight: give the axis= of the pretension, the "
+            "direction in which the slave moves into the master"
+        )
+    return mean / np.hypot(*mean)
