@@ -55,6 +55,7 @@ from fenics_mortar.path.report import PathReport
 from fenics_mortar.path.stepping import follow_path
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.boundary import RigidBoundary
+from fenics_mortar.rigid.spread import SpreadLoad
 from fenics_mortar.sensitivity.gradient import gradient
 from fenics_mortar.utils.compat import mixed_space, scalar_space, vector_space
 from fenics_mortar.utils.errors import MeshError, MortarError, NotConvergedError, SurfaceError
@@ -102,6 +103,7 @@ __all__ = [
     "RigidBoundary",
     "SignedDistance",
     "Spline",
+    "SpreadLoad",
     "State",
     "SteppingOptions",
     "SurfaceError",

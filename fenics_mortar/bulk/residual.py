@@ -69,6 +69,7 @@ class Bulk:
         is_linear: Whether the residual is recognized as linear in the displacement.
         prescribed: Whether a local dof, ghosts included, has a prescribed value.
         inertia: The ``Inertia`` of the bodies, ``None`` in statics.
+        spread: Loads of points that are spread over boundaries; ``r`` includes them, ``K`` does not.
         surfaces_slide: Whether a contact slides by finite distances, so that it depends on cells.
 
     Raises:
@@ -100,6 +101,7 @@ class Bulk:
         self._data: list[Array] = []
         self._K_is_whole = False  # true if K is up to date and without added terms
         self.inertia: Any = None  # an Inertia
+        self.spread: list[Any] = []
         self.surfaces_slide = False
         self._K_includes_mass = False  # true if the pattern includes that of the mass matrix
         self.K: PETSc.Mat = compat.create_matrix(self._tangent)
@@ -133,6 +135,8 @@ class Bulk:
     def assemble_residual(self) -> None:
         """Assemble ``r`` at the present displacement (collective)."""
         compat.assemble_vector(self.r, self._residual)
+        for load in self.spread:
+            load.add_to_residual(self)
         if self.inertia is not None:
             self.inertia.add_to_residual(self.r, self.u.x.array)
 

@@ -108,6 +108,7 @@ class Continuation:
         motions, contacts = self._equations.motions, self._equations.contacts
         on_obstacles = np.where(motions.driven, motions.push(), motions.places)
         values = [*self._equations.bulk.input_data.loads(), *on_obstacles]
+        values += [load.motion.load.copy() for load in motions.spread]
         values += [np.array(contact.offset, float).ravel() for contact in contacts]
         ties = [contact.pair for contact in contacts if isinstance(contact, Tie)]
         values += [pair.present_jump() for pair in ties if not isinstance(pair, Pretension)]

@@ -42,7 +42,6 @@ from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.held import HeldBodies
 from fenics_mortar.rigid.idle import IdleBodies
-from fenics_mortar.rigid.remote import RemoteMotion
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import together
@@ -90,16 +89,14 @@ class ContactEquations:
         contacts: Sequence[Contact | Tie],
         linearization: Linearization,
         newton: NewtonOptions,
-        remote: Sequence[RemoteMotion] = (),
+        remote: Sequence[Any] = (),
     ) -> None:
         self.bulk, self.contacts, self.comm = bulk, contacts, bulk.comm
         self.linearization, self.newton = linearization, newton
-        for load in remote:
-            load.bind_forces(bulk, contacts)
-        self.motions = DrivenMotions(contacts, remote)
+        self.motions = DrivenMotions(bulk, contacts, remote)
         self._redundancy = Redundancy(contacts)
         self.bulk.assemble_tangent()
-        self.floating = FloatingBodies(bulk, contacts, HeldBodies(bulk, remote))
+        self.floating = FloatingBodies(bulk, contacts, HeldBodies(bulk, self.motions.remote))
         self.idle = IdleBodies(self.floating)
         self._set_stiffness()
         self.floating.find()
@@ -229,8 +226,7 @@ class ContactEquations:
                 return self.apply(increment)
         self.linearize()
         step = self.apply(self.solve_linear())
-        is_driven = self.motions.movers and self.motions.any_driven
-        if step.fraction == 1.0 and not (self.floating.bodies or is_driven):
+        if step.fraction == 1.0 and not (self.floating.bodies or self.motions.are_unknown):
             self._last_tangent = LastTangent(self.system.matrix.stateGet(), step.increment)
         return step
 
@@ -266,10 +262,9 @@ class ContactEquations:
         solver, changes = self.system.solver, self._set_record.num_changed > 0
         force = residual.force if solver.multigrid is not None else 0.0
         solver.forcing = forcing(residuals, goal, force, sets_change=changes)
-        is_driven = self.motions.movers and self.motions.any_driven
-        solver.same_step = not (len(residuals) == 1 or is_driven)
+        solver.same_step = not (len(residuals) == 1 or self.motions.are_unknown)
         x, motion = self.system.step(residual.distance), NO_MOTION
-        if self.motions.movers:
+        if self.motions.are_unknown:
             x, motion = self.motions.solve(x, self.system, self.stiffest, residual.force)
         step, z = self.system.split(x)
         remark, solver.remark = solver.remark, ""

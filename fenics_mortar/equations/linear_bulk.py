@@ -140,7 +140,7 @@ class LinearBulk:
     def _obstacle(self) -> str:
         if any(isinstance(contact, Tie) for contact in self._general.contacts):
             return "bodies are tied"
-        if self._general.motions.remote:
+        if self._general.motions.remote or self._general.motions.spread:
             return "there are remote loads"
         if any(contact.fluxes for contact in self._general.contacts):
             return "a scalar field flows across contact"

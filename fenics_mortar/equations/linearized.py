@@ -47,7 +47,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.la.system import LinearSystem
-from fenics_mortar.rigid.balance import linearize_balance
+from fenics_mortar.rigid.balance import border_of
 from fenics_mortar.rigid.bordered import solve_bordered
 from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.utils.arguments import check_kind
@@ -153,23 +153,22 @@ class LinearizedEquations:
     ) -> None:
         self._bulk, self._contacts, self._system = bulk, contacts, system
         self._tangent = tangent or system
-        self._shape = motions.scales.shape
-        self._driven = motions.driven.ravel()
+        self._shape, self._driven = motions.scales.shape, motions.unknowns
         if tangent is None:
             bulk.assemble_tangent()
             motions.take_bulk_rows()
         self._tangent.assemble()
-        border = linearize_balance(motions, system)
+        border, extra = border_of(motions, system), np.ones(2 * len(motions.spread))
         raise_stored(bulk.comm, contacts)
-        self._border = border.scaled(motions.scales.ravel())
+        self._border = border.scaled(np.append(motions.scales.ravel(), extra))
 
     def solve(self, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:
         """Solve A x = rhs, or A^T x = rhs; see ``ContactProblem.linear_solve``."""
         b, c = self._read(rhs)
         solve = self._solve_transposed if transpose else self._solve
-        x, q = solve(b, c)
+        x, q = solve(b, np.append(c, np.zeros(self._driven.size - c.size)))
         u, z = self._system.split(x)
-        return LinearVector(u, z, q.reshape(self._shape))
+        return LinearVector(u, z, q[: c.size].reshape(self._shape))
 
     def _solve(self, b: Array, c: Array) -> tuple[Array, Array]:
         """Solve A [x, q] = [b, c]; prescribed motions are eliminated first."""

@@ -12,6 +12,7 @@ from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import RigidMotion
 from fenics_mortar.rigid.motions import RigidMotions
+from fenics_mortar.rigid.spread import SpreadLoad
 from fenics_mortar.utils.arguments import check_no_effect, parameters_of
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, NotFiniteError, format_point
@@ -28,7 +29,8 @@ class MotionInputs:
     """
 
     def __init__(self, bulk: Bulk, motions: RigidMotions) -> None:
-        self._bulk, self._motions = bulk, motions
+        self._bulk = bulk
+        self._given = [*motions.movers, *(load.motion for load in motions.spread)]
         of_boundaries = [load for load in motions.remote if load in bulk.bcs]
         self._boundaries: list[tuple[Any, Any]] = [
             (load, mark_prescribed(bulk.space, bulk.u, [bc for bc in bulk.bcs if bc is not load]))
@@ -38,7 +40,7 @@ class MotionInputs:
 
     def remember(self) -> None:
         """Remember the pivots, and by how much the movers have turned (local)."""
-        self._turned = [(m.pivot.copy(), float(m.place[2])) for m in self._motions.movers]
+        self._turned = [(m.pivot.copy(), float(m.place[2])) for m in self._given]
 
     def check(self) -> None:
         """Reject invalid values (local).
@@ -47,15 +49,17 @@ class MotionInputs:
             MortarError: If a value has another shape or type, is not finite, or not admissible.
             ValueError: If a dimension of a shape of the package was set as an attribute.
         """
-        for mover, before in zip(self._motions.movers, self._turned, strict=True):
+        for mover, before in zip(self._given, self._turned, strict=True):
             check_numbers(mover)
             _check_pivot(mover, *before)
-            if self._bulk.space.is_axisymmetric:
+            if self._bulk.space.is_axisymmetric and isinstance(mover, RigidMotion):
                 check_axial(mover)
+            if isinstance(mover, SpreadLoad) and np.isnan(mover.load).any():
+                raise MortarError(f"load of {mover.kind} '{mover.name}' is nan: expected numbers")
 
     def numbers(self) -> Iterator[tuple[str, Any]]:
         """Arrays that have to be equal on all ranks, by name (local)."""
-        for mover in self._motions.movers:
+        for mover in self._given:
             for what, value in (("place", mover.place), ("push", mover.load)):
                 yield f"the {what} of {mover.kind} '{mover.name}'", value
             yield f"the pivot of {mover.kind} '{mover.name}'", mover.pivot
@@ -119,9 +123,10 @@ def check_axial(mover: RigidMotion) -> None:
     """Reject forces other than axial ones on what is a body of revolution (local).
 
     Raises:
-        MortarError: If its radial motion or its rotation is driven.
+        MortarError: If its radial motion or its rotation is driven, or a load spread so.
     """
-    if np.isfinite(mover.load[[0, 2]]).any():
+    across = mover.load[[0, 2]]
+    if (across.any() if isinstance(mover, SpreadLoad) else np.isfinite(across).any()):
         raise MortarError(
             f"{mover.kind} '{mover.name}' is pushed radially or turned: a rigid body of revolution "
             "moves along its axis only; expected push(y=...), and move(x=..., angle=...) for tools "

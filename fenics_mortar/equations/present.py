@@ -16,6 +16,7 @@ from fenics_mortar.equations.reaction import Reaction, named_boundary, reaction_
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.mesh.data import MeshData, Names
+from fenics_mortar.rigid.remote import refuse_remote
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.ranks import on_any_rank
 from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
@@ -69,6 +70,7 @@ class PresentState:
         """See ``ContactProblem.estimate``."""
         e = self._equations
         refuse_inertia(e.bulk, "estimate()")
+        refuse_remote(e.bulk.spread, "the error estimate is not implemented")
         self.renew_if_interrupted()
         self._estimator = self._estimator or Estimator(e.bulk)
         e.evaluate_operators()

@@ -12,6 +12,8 @@ Of obstacles, C_q is in the rows of the contact law, and f_0 = 0. D does not dep
 rows of the bodies have no entries in the new columns. Of rigid boundaries, C_q is in the rows of
 the prescribed dofs, du - V dq, and [E_d, M_q] are the sums of the equations of these dofs, which
 the rows of the prescribed dofs replace, with the weights V.
+
+Spread loads have two more unknowns each, on which their forces depend; see ``spread``.
 """
 
 from __future__ import annotations
@@ -21,6 +23,28 @@ import numpy as np
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.bordered import Border
 from fenics_mortar.rigid.motions import RigidMotions
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.ranks import sum_over_ranks
+
+
+def border_of(motions: RigidMotions, system: LinearSystem) -> Border:
+    """Border of all motions, driven or not, and of spread loads, see ``linearize_balance``."""
+    motion = border = linearize_balance(motions, system)
+    for load in motions.spread:
+        spread = load.linearize(system)
+        coupling = by_spread(motion, spread, system)
+        spread.columns[:, system.bulk.prescribed_dofs] = 0.0
+        border = border.joined(spread)
+        border.corner[: len(coupling), -len(spread.corner) :] = coupling
+    return border
+
+
+def by_spread(motion: Border, spread: Border, system: LinearSystem) -> Array:
+    """Derivatives of f_q by the unknowns of a spread load, (3 m, 2) (collective).
+
+    Its forces act on nodes that a rigid boundary prescribes, whose columns are -V.
+    """
+    return -sum_over_ranks(system.comm, motion.columns @ spread.columns.T)
 
 
 def linearize_balance(motions: RigidMotions, system: LinearSystem) -> Border:

@@ -18,6 +18,7 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import block_diag
 
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, raise_together
@@ -46,6 +47,12 @@ class Border:
         """The border for unknowns q / ``units`` and equations times ``units`` (m,)."""
         each = units[:, None]
         return type(self)(each * self.columns, each * self.rows, each * self.corner * units)
+
+    def joined(self, other: Border) -> Self:
+        """The border of the unknowns of both."""
+        corner = block_diag(self.corner, other.corner)
+        pairs = (self.columns, other.columns), (self.rows, other.rows)
+        return type(self)(*map(np.vstack, pairs), corner)
 
     def restricted_to(self, some: npt.NDArray[np.bool_]) -> Self:
         """The border of a subset of the unknowns and their equations; ``some``: (m,), bool."""

@@ -16,14 +16,15 @@ from typing import Any
 
 import numpy as np
 
+from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid import settling
-from fenics_mortar.rigid.balance import linearize_balance
-from fenics_mortar.rigid.bordered import Border, solve_bordered
+from fenics_mortar.rigid.balance import border_of
+from fenics_mortar.rigid.bordered import solve_bordered
 from fenics_mortar.rigid.loose import describe_loose, tangent_springs
 from fenics_mortar.rigid.motions import RigidMotions
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.rigid.remote import RemoteMotion
+from fenics_mortar.rigid.spread import BoundSpreadLoad
 from fenics_mortar.rigid.springs import Springs, anchored_stiffness, over_contact, slides
 from fenics_mortar.utils.arrays import Array
 
@@ -32,6 +33,7 @@ class DrivenMotions(RigidMotions):
     """Rigid motions of a problem and the balance of the driven ones.
 
     Args:
+        bulk: The bodies.
         contacts: The contacts of the problem, and its ties.
         remote: The remote loads, bound to the mesh.
 
@@ -39,8 +41,12 @@ class DrivenMotions(RigidMotions):
         springs: Anchored springs on obstacles, or ``None``.
     """
 
-    def __init__(self, contacts: Sequence[Any], remote: Sequence[RemoteMotion] = ()) -> None:
-        super().__init__(contacts, remote)
+    def __init__(self, bulk: Bulk, contacts: Sequence[Any], remote: Sequence[Any] = ()) -> None:
+        spread = [load for load in remote if isinstance(load, BoundSpreadLoad)]
+        super().__init__(contacts, [load for load in remote if load not in spread], spread)
+        bulk.spread = spread
+        for load in self.remote:
+            load.bind_forces(bulk, contacts)
         self.springs: Springs | None = None
         self._start: Array = np.zeros(self.scales.shape)
 
@@ -65,12 +71,14 @@ class DrivenMotions(RigidMotions):
             The solution with motions, as ``x``, and the motions, shape (m, 3) [length].
         """
         driven, motion = self.driven, np.zeros(self.scales.shape)
-        if driven.any():
-            balance = linearize_balance(self, system)
-            corner = balance.corner + self._stiffness_of_springs(stiffness, force)
-            border = Border(balance.columns, balance.rows, corner).restricted_to(driven.ravel())
+        if self.are_unknown:
+            border, count = border_of(self, system), self.scales.size
+            border.corner[:count, :count] += self._stiffness_of_springs(stiffness, force)
+            border = border.restricted_to(self.unknowns)
             push = (self.push() - self._spring_forces() - self._constant_forces())[driven]
-            x, motion[driven] = solve_bordered(system.solve, border, x, push, system.comm)
+            c = np.append(push, np.zeros(2 * len(self.spread)))
+            x, found = solve_bordered(system.solve, border, x, c, system.comm)
+            motion[driven] = found[: push.size]
         return x, motion
 
     def _constant_forces(self) -> Array:

@@ -18,6 +18,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import RigidMotion, describe_place
 from fenics_mortar.rigid.remote import RemoteMotion
+from fenics_mortar.rigid.spread import BoundSpreadLoad
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import format_point
 
@@ -27,19 +28,26 @@ class RigidMotions:
 
     Args:
         contacts: The contacts of the problem, and its ties.
-        remote: The remote loads, bound to the mesh.
+        remote: Remote loads with motions, bound to the mesh.
+        spread: Remote loads that are spread over boundaries free to deform.
 
     Attributes:
         contacts: The contacts and ties.
         obstacles: Obstacles of the contacts, without duplicates.
-        remote: The remote loads.
+        remote: The remote loads with motions.
+        spread: Those without.
         movers: All objects with a place: the m obstacles and remote loads.
         pairs: Contacts with an obstacle, with the number of the obstacle.
         scales: Motions per (x, y, angle), shape (m, 3) [1, 1, length].
     """
 
-    def __init__(self, contacts: Sequence[Any], remote: Sequence[RemoteMotion] = ()) -> None:
-        self.contacts, self.remote = contacts, remote
+    def __init__(
+        self,
+        contacts: Sequence[Any],
+        remote: Sequence[RemoteMotion] = (),
+        spread: Sequence[BoundSpreadLoad] = (),
+    ) -> None:
+        self.contacts, self.remote, self.spread = contacts, remote, spread
         found = [c.obstacle for c in contacts if c.obstacle is not None]
         self.obstacles: list[Obstacle] = list(dict.fromkeys(found))
         for obstacle in self.obstacles:
@@ -94,6 +102,16 @@ class RigidMotions:
         return bool(self.driven.any())
 
     @property
+    def are_unknown(self) -> bool:
+        """Whether the tangent has a border: driven motions or spread loads (local)."""
+        return bool(self.spread) or (bool(self.movers) and self.any_driven)
+
+    @property
+    def unknowns(self) -> Flags:
+        """Marks of the unknowns of the border, see ``balance``, shape (3 m + 2 spread,) (local)."""
+        return np.append(self.driven.ravel(), np.ones(2 * len(self.spread), bool))
+
+    @property
     def driven(self) -> Flags:
         """Whether forces drive a motion, shape (m, 3), bool."""
         return np.isfinite(self._of_all("load"))
@@ -145,7 +163,7 @@ class RigidMotions:
             load = f"contact force {format_point(force)}, moment {force[2] + 0.0:.4g}"
             load = f"axial contact force {force[1] + 0.0:.4g}" if is_axial else load
             lines.append(f"obstacle '{obstacle.name}'{describe_place(obstacle.place)}: {load}")
-        return [*lines, *(load.record() for load in self.remote)]
+        return [*lines, *(load.record() for load in (*self.remote, *self.spread))]
 
     def _is_axisymmetric(self) -> bool:
         """Whether bodies are of revolution: radial forces and moments vanish around the axis."""

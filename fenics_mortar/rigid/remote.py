@@ -46,14 +46,15 @@ class RemoteMotion(Protocol):
         """Set the ``reaction`` of the user's object; return a sentence."""
 
 
-def refuse_remote(remote: Sequence[RemoteMotion], purpose: str) -> None:
+def refuse_remote(loads: Sequence[Any], purpose: str) -> None:
     """Raise an error where remote loads are not implemented (local, equal on all ranks).
 
     Raises:
         MortarError: If there are any.
     """
-    if remote:
-        raise MortarError(f"{purpose} with remote loads, such as {remote[0].motion!r}")
+    if loads:
+        name = f"{loads[0].motion.kind} '{loads[0].motion.name}'"
+        raise MortarError(f"{purpose} with remote loads, as {name}")
 
 
 def check_remote(remote: Any) -> None:

@@ -163,7 +163,8 @@ class RecordedPath:
                 "heating='friction' has no derivatives: expected heating=None or a function of "
                 "pressure and position"
             )
-        refuse_remote(problem.equations.motions.remote, "gradients are not implemented")
+        motions = problem.equations.motions
+        refuse_remote([*motions.remote, *motions.spread], "gradients are not implemented")
         self.problem, self._data = problem, Data(problem, also)
         self.start: State | None = problem.state()
         self.steps: list[RecordedStep] = []

@@ -23,7 +23,7 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.saddle import SaddleSystem
-from fenics_mortar.rigid.balance import linearize_balance
+from fenics_mortar.rigid.balance import by_spread, linearize_balance
 from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.markdown import Markdown
@@ -179,7 +179,7 @@ class _Probe:
         self._move(step)
         found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
         force = self.bulk.r.array_r[: self.bulk.num_owned].copy()
-        bulk, rows = self.bulk.to_force * force, []
+        bulk, rows = self.bulk.to_force * (force + self._spread()), []
         for contact, z0, frame in zip(self.contacts, self.z0, self._frames, strict=True):
             o = contact.operators
             on_slave, on_master = o.force(z0[:, :2])
@@ -239,6 +239,12 @@ class _Probe:
         force, law = self._apply(K), self._apply(C)
         self.motions.take_bulk_rows()
         balance, dofs = linearize_balance(self.motions, system), self.bulk.prescribed_dofs
+        coupled = np.zeros(self.dq.size)
+        for load in self.motions.spread:
+            border = load.linearize(system)
+            both = self.comm.allreduce(border.rows @ system.join(self.du, self.dz))
+            force = force + both @ border.columns[:, : force.size]
+            coupled += by_spread(balance, border, system) @ both
         moved, by_motions = np.split(self.dq.ravel() @ balance.columns, [force.size])
         distance = self.bulk.stiffness * (self.du + moved)[dofs]  # of rigid boundaries
         if self.motions.remote:
@@ -253,8 +259,13 @@ class _Probe:
             parts.append(row[contact.slave.owned].ravel())
         parts += [distance] if self.motions.remote else []
         pushed = self.comm.allreduce(balance.rows @ system.join(self.du, self.dz))
-        pushed = pushed + balance.corner @ self.dq.ravel()
+        pushed = pushed + balance.corner @ self.dq.ravel() + coupled
         return np.concatenate([force, *parts, self._mine(pushed)])
+
+    def _spread(self) -> Array:
+        """Forces of spread loads, which K does not contain, (owned dofs,) [stress length]."""
+        size = self.bulk.num_owned
+        return sum((load.forces(size) for load in self.motions.spread), np.zeros(size))
 
     def _by_dof(self, surface: Surface, nodal: Array) -> Array:
         """Sums of nodal values (n, 2) at the same dofs, as at the tip of a crack (collective)."""

@@ -5,10 +5,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-import revolved
 from array_meshes import tagged
 from refusal import COMM, refused
-from remote_scenes import INNER, NU, OUTER, E, blocks, lever, ring, wheel
+from remote_scenes import INNER, NU, OUTER, E, blocks, cylinder, lever, ring, wheel
 from scenes import TIGHT, internal, linear_elastic, nodal
 
 import ufl
@@ -172,34 +171,6 @@ def test_axial_push_of_a_body_of_revolution():
     end.push(x=1.0)
     with refused(fm.MortarError, "pushed radially or turned"):
         problem.solve()
-
-
-def cylinder():
-    """A solid cylinder on a fixed bottom, with a rigid end."""
-    grid = dmesh.create_rectangle(COMM, [(0.0, 0.0), (1.0, 2.0)], (4, 8))
-    data = tagged(
-        grid,
-        axis=lambda x: np.isclose(x[0], 0.0),
-        bottom=lambda x: np.isclose(x[1], 0.0),
-        end=lambda x: np.isclose(x[1], 2.0),
-    )
-    V = fm.vector_space(grid, 1)
-    u = fem.Function(V)
-    end = fm.RigidBoundary(data, "end", pivot=(0.0, 2.0))
-    problem = fm.ContactProblem(
-        revolved.internal(u, revolved.neo_hookean(u, E, NU)),
-        u,
-        [],
-        bcs=[
-            fm.dirichlet(V, data, "bottom", (0.0, 0.0)),
-            fm.dirichlet(V, data, "axis", 0.0, component=0),
-        ],
-        remote=[end],
-        geometry="axisymmetric",
-        newton=TIGHT,
-        petsc_options_prefix="cylinder_",
-    )
-    return problem, end
 
 
 def test_state_and_checkpoint_contain_the_place(tmp_path):
