@@ -111,13 +111,14 @@ def blocks(rigid, *, slave="lower", degree=1, law=None, spread=None, more=(), **
     return problem, grip
 
 
-def joint(material, load, *, E=E):
+def joint(material, load, *, inset=0.0):
     """A bolt beside two plates in contact, of one height and without Poisson's effect.
 
     Args:
         material: Stress of a displacement, E and nu.
         load: ``RigidBoundary`` or ``SpreadLoad``, on the tops of both.
-        E: Young's modulus.
+        inset: Distance of the ends of the upper plate from those of the lower one; where both
+            coincide, the covered part has a kink.
 
     Returns:
         The problem, the section of the bolt, the load, and both stiffnesses.
@@ -129,7 +130,10 @@ def joint(material, load, *, E=E):
             Grid("nut", block(2, 4, width=width, height=half)),
             Grid("bolt", block(3, 4, width=width, height=half, corner=(0.0, half))),
             Grid("plate", block(6, 4, width=across, height=half, corner=(1.0, 0.0))),
-            Grid("cover", block(5, 3, width=across, height=half, corner=(1.0, half))),
+            Grid(
+                "cover",
+                block(5, 3, width=across - 2 * inset, height=half, corner=(1.0 + inset, half)),
+            ),
         ]
     )
     V = fm.vector_space(data.mesh, 1)
