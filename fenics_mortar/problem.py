@@ -46,7 +46,7 @@ class ContactProblem:
             Specify a ``quadrature_degree`` for its measures.
         u: Displacement, or a mixed function with the displacement and further unknowns, such as a
             pressure. Its present value is the initial guess of the next solve.
-        pairs: Contact and tied pairs.
+        pairs: Contact and tied pairs, sections under pretension.
         bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; their values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
         petsc_options: Options of the linear solver, in addition to those of ``solver``. With a
@@ -70,7 +70,7 @@ class ContactProblem:
         thickness: Out-of-plane thickness of plane bodies, by which interface integrals are
             weighted, as the measures of ``residual`` must be. A positive length, or a function of
             reference positions (n, 2); ``None`` means one, without a unit.
-        remote: Remote loads: ``RigidBoundary``.
+        remote: Loads or motions given at points: ``RigidBoundary``, ``SpreadLoad``.
         model_check: An ``ModelCheck`` that estimates the model error after each solve
             (``report.model_check``) and may start each solve on a cheaper model.
 

@@ -99,7 +99,10 @@ class Residual:
         return math.sqrt(sums[0] + sums[4] / bulk.comm.size)  # equal on all ranks
 
     def driving(self) -> Array:
-        """``total`` less the pushes on rigid boundaries, which drive floating bodies."""
+        """``total`` less the pushes on rigid boundaries, (owned dofs,) [stress length].
+
+        Its resultants drive floating bodies.
+        """
         return self.total - self._motions.pushed_nodes()
 
     def of_prescribed(self) -> float:

@@ -40,7 +40,7 @@ def border_of(motions: RigidMotions, system: LinearSystem) -> Border:
 
 
 def by_spread(motion: Border, spread: Border, system: LinearSystem) -> Array:
-    """Derivatives of f_q by the unknowns of a spread load, (3 m, 2) (collective).
+    """Derivatives of f_q by angle and r of a spread load, (3 m, 2) [stress length] (collective).
 
     Its forces act on nodes that a rigid boundary prescribes, whose columns are -V.
     """

@@ -194,7 +194,7 @@ class BoundRigidBoundary:
         return sum_over_ranks(self._comm, np.einsum("kmc,kc->m", self._velocities(), forces))
 
     def constant_force(self) -> Array:
-        """Forces of the bodies along the motions, without contact, shape (3,) (collective)."""
+        """Forces of the bodies alone along the motions, (3,) [stress length] (collective)."""
         return self._along_motions(self._bulk.r.array_r[self._dofs])
 
     def force(self) -> Array:
@@ -211,7 +211,7 @@ class BoundRigidBoundary:
         return total[self._dofs]
 
     def pushed_nodes(self) -> Array:
-        """The push as forces on nodes with its resultants, (owned dofs,) (collective)."""
+        """The push as forces on nodes, (owned dofs,) [stress length] (collective)."""
         V, found = self._velocities(), np.zeros(self._bulk.num_owned)
         products = sum_over_ranks(self._comm, np.einsum("kmc,knc->mn", V, V))
         push = np.nan_to_num(self.motion.load) / [1.0, 1.0, self.arm]
