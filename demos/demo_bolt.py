@@ -1,7 +1,7 @@
 # # A bolt tightened by a force, then loaded
 #
-# The shank is cut in the mesh. The two faces of the cut are tied but for the shortening of the bolt,
-# which a given force determines; then it is locked.
+# The shank is cut in the mesh. The two faces of the cut are tied but for the shortening of the
+# bolt, which a given force determines; then it is locked.
 #
 # ## Problem
 # A bolt clamps two round plates of steel by 20 kN; then a force pulls the plates apart. The bolt

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Meridian half plane of two round plates clamped by a bolt that is cut in its middle.
 
-The axis is x = 0. The plates reach from y = -10 to 0 and to 10, head and nut six farther; the bolt is
-cut at y = 0. Lengths are in mm, for example. No gmsh is needed.
+The axis is x = 0. The plates reach from y = -10 to 0 and to 10, head and nut six farther; the bolt
+is cut at y = 0. Lengths are in mm, for example. No gmsh is needed.
 """
 
 from __future__ import annotations
@@ -51,9 +51,8 @@ def mesh(size: float = 1.0, comm: MPI.Comm = MPI.COMM_WORLD) -> fm.MeshData:
     bodies, boundaries, points, cells = {}, {}, [], []
     num_points = num_cells = 0
     top = THICKNESS + HEIGHT
-    parts = [("head", 1.0, True), ("nut", -1.0, True), ("upper", 1.0, False), ("lower", -1.0, False)]
-    for name, sign, is_bolt in parts:
-        if is_bolt:
+    for name, sign in (("head", 1.0), ("nut", -1.0), ("upper", 1.0), ("lower", -1.0)):
+        if name in ("head", "nut"):
             x, y = (np.linspace(0.0, end, round(end / size) + 1) for end in (HEAD, top))
             found, own = cells_in(x, y, lambda r, z: (r < SHANK) | (z > THICKNESS))
             sides = {
@@ -62,8 +61,10 @@ def mesh(size: float = 1.0, comm: MPI.Comm = MPI.COMM_WORLD) -> fm.MeshData:
                 "axis": lambda r, z: r == 0.0,
             }
         else:
-            x = np.append(np.linspace(HOLE, HEAD, round((HEAD - HOLE) / size) + 1)[:-1],
-                          np.linspace(HEAD, RIM, round((RIM - HEAD) / size) + 1))
+            x = np.append(
+                np.linspace(HOLE, HEAD, round((HEAD - HOLE) / size) + 1)[:-1],
+                np.linspace(HEAD, RIM, round((RIM - HEAD) / size) + 1),
+            )
             y = np.linspace(0.0, THICKNESS, round(THICKNESS / size) + 1)
             found, own = cells_in(x, y, lambda r, z: r > 0.0)
             sides = {

@@ -69,7 +69,7 @@ class Bulk:
         is_linear: Whether the residual is recognized as linear in the displacement.
         prescribed: Whether a local dof, ghosts included, has a prescribed value.
         inertia: The ``Inertia`` of the bodies, ``None`` in statics.
-        spread: Loads of points that are spread over boundaries; ``r`` includes them, ``K`` does not.
+        spread: Loads at points, spread over boundaries; ``r`` includes them, ``K`` does not.
         surfaces_slide: Whether a contact slides by finite distances, so that it depends on cells.
 
     Raises:

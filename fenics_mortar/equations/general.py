@@ -2,9 +2,9 @@
 """All equations of bodies in contact: evaluation, linearization, one Newton iteration, states.
 
 Residual of the bodies, contact laws and balance of driven motions form one system. Its state
-consists of displacement, multipliers, active sets and places of obstacles and remote loads. The
-class implements the protocols of ``newton.loop``, ``newton.damping`` and ``rigid.proximal``; linear
-system, initial guess and model are chosen by ``problem`` and ``solver``.
+consists of displacement, multipliers, active sets and places. The class implements the protocols of
+``newton.loop``, ``newton.damping`` and ``rigid.proximal``; linear system, initial guess and model
+are chosen by ``problem`` and ``solver``.
 """
 
 from __future__ import annotations
@@ -70,8 +70,7 @@ class ContactEquations:
         crossings: Detection of crossed surfaces.
         interrupted: Whether matrices may be incomplete after an interruption.
         last_converged: Whether the last solve ended in the present state.
-        evaluated: An initial guess and the result of ``evaluate(start=True)``, for the solve that
-            follows; else ``None``.
+        evaluated: Initial guess and result of ``evaluate(start=True)``, for the next solve only.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
         system: The linear system; has to be set before the first ``advance``.
         model_check: An ``ModelCheck`` that follows each solve, or ``None``.
@@ -194,10 +193,7 @@ class ContactEquations:
         return changed
 
     def evaluate_forces(self) -> tuple[Array, Array]:
-        """Evaluate; return forces of bulk and contact, (owned dofs,) each [stress length].
-
-        Pushes on rigid boundaries are loads of the bulk, see ``RigidMotions.pushed_nodes``.
-        """
+        """Evaluate; return forces of bulk less pushes, and contact, (owned dofs,) [force] each."""
         self.evaluate_contacts(start=True)
         bulk, contact, _ = self.residual.forces()
         return bulk - self.motions.pushed_nodes(), contact
@@ -269,8 +265,8 @@ class ContactEquations:
         step, z = self.system.split(x)
         remark, solver.remark = solver.remark, ""
         if self._loose:
-            total, force = residual.driving(), residual.force
-            self.floating.drop_undriven(self._loose, step, motion, total, force)
+            drive = residual.driving(), residual.force
+            self.floating.drop_undriven(self._loose, step, motion, *drive)
             remark = "; ".join(filter(None, (remark, self.floating.remark(self._loose))))
         return Increment(step, z, motion, remark)
 

@@ -126,7 +126,7 @@ def check_axial(mover: RigidMotion) -> None:
         MortarError: If its radial motion or its rotation is driven, or a load spread so.
     """
     across = mover.load[[0, 2]]
-    if (across.any() if isinstance(mover, SpreadLoad) else np.isfinite(across).any()):
+    if across.any() if isinstance(mover, SpreadLoad) else np.isfinite(across).any():
         raise MortarError(
             f"{mover.kind} '{mover.name}' is pushed radially or turned: a rigid body of revolution "
             "moves along its axis only; expected push(y=...), and move(x=..., angle=...) for tools "

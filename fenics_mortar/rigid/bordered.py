@@ -50,9 +50,9 @@ class Border:
 
     def joined(self, other: Border) -> Self:
         """The border of the unknowns of both."""
-        corner = block_diag(self.corner, other.corner)
-        pairs = (self.columns, other.columns), (self.rows, other.rows)
-        return type(self)(*map(np.vstack, pairs), corner)
+        columns = np.vstack([self.columns, other.columns])
+        rows = np.vstack([self.rows, other.rows])
+        return type(self)(columns, rows, block_diag(self.corner, other.corner))
 
     def restricted_to(self, some: npt.NDArray[np.bool_]) -> Self:
         """The border of a subset of the unknowns and their equations; ``some``: (m,), bool."""

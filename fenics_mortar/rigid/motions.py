@@ -163,7 +163,8 @@ class RigidMotions:
             load = f"contact force {format_point(force)}, moment {force[2] + 0.0:.4g}"
             load = f"axial contact force {force[1] + 0.0:.4g}" if is_axial else load
             lines.append(f"obstacle '{obstacle.name}'{describe_place(obstacle.place)}: {load}")
-        return [*lines, *(load.record() for load in (*self.remote, *self.spread))]
+        lines += [load.record() for load in self.remote]
+        return lines + [load.record() for load in self.spread]
 
     def _is_axisymmetric(self) -> bool:
         """Whether bodies are of revolution: radial forces and moments vanish around the axis."""

@@ -343,6 +343,46 @@ def tied_heat(kind, folder):
     yield "slopes", all(slope > 1.9 for slope in slopes.values()) or str(slopes)
 
 
+def at_points(kind, folder):
+    """Loads and motions at points: a rigid boundary, a spread load, a section under pretension."""
+    data = small_mesh(*kind)
+    V = fm.vector_space(data.mesh, kind[2])
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, "lower/fixed", (0.0, 0.0))]
+    grip = fm.RigidBoundary(data, "upper/moved", pivot=(0.3, 1.8), name="grip")
+    pull = fm.SpreadLoad(data, "lower/top", pivot=(0.2, 1.1))
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=fm.Coulomb(MU))
+    residual = internal(u, neo_hookean(u, 100.0, 0.3))
+    options = {"remote": [grip, pull], "newton": TIGHT, "petsc_options_prefix": "few_"}
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, **options)
+    grip.move(x=0.001, y=-0.02, angle=0.001)
+    yield from results(problem, problem.solve())
+    yield "reaction", grip.reaction
+    yield "reaction by name", problem.reaction("upper/moved", about=(0.3, 1.8)).force
+    grip.push(y=1.1 * grip.reaction[1])
+    pull.push(x=0.1, y=-0.2, moment=0.01)
+    yield from results(problem, problem.solve())
+    yield "place", grip.place
+    yield "mean motion", pull.place
+    slopes = problem.check_tangent(print_table=False).slopes
+    yield "slopes", all(s > 1.9 for s in slopes.values()) or str(slopes)
+    rhs = fm.LinearVector(q=np.array([[0.0, 1.0, 0.0]]))
+    for transpose in (False, True):
+        yield "linear solve", problem.linear_solve(rhs, transpose=transpose).q
+    assert repr(grip) == "RigidBoundary('grip')" and repr(pull) == "SpreadLoad('lower/top')"
+    try:
+        pull.move(x=0.0)
+    except ValueError as error:
+        yield "refused", str(error)
+    bolt = fm.Pretension(data, "upper/bottom", "lower/top", name="bolt")
+    blocks = Blocks(*kind, data=data, pairs=[bolt])
+    bolt.push(0.5)
+    yield from results(blocks.problem, blocks.press())
+    bolt.lock()
+    yield from results(blocks.problem, blocks.press(0.0, 0.01))
+    yield "section", np.array([bolt.force, bolt.shortening])
+
+
 def itself(kind, folder):
     """Surfaces that may all touch each other."""
     data = small_mesh(*kind)
@@ -612,6 +652,7 @@ def laws(kind, folder):
 
 
 SCENES = [
-    pressed, measured, written, paths, options, obstacles, tied, tied_heat, itself, floating,
+    pressed, measured, written, paths, options, obstacles, tied, tied_heat, at_points,
+    itself, floating,
     moving, models, mixed, heated, of_revolution, of_gmsh, refused, laws, of_meshio,
 ]  # fmt: skip

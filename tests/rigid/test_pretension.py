@@ -41,7 +41,7 @@ def test_bolt_and_plates_share_an_external_load_as_two_springs():
 
 def test_shortening_and_force_have_the_same_solution():
     """At finite strain: the force to a prescribed shortening is pushed."""
-    problem, bolt, top, _, report = tightened(neo_hookean)
+    problem, bolt, *_, report = tightened(neo_hookean)
     residuals = report.residuals
     assert residuals[-1] < 1e-4 * residuals[-2] < 1e-8 * residuals[-3]
     other, moved, lid, _ = joint(neo_hookean, fm.RigidBoundary)
@@ -61,7 +61,7 @@ def test_tangent_has_slopes_of_two():
 
 def test_state_and_checkpoint_contain_the_shortening(tmp_path):
     """Also the jump of the tie follows."""
-    problem, bolt, top, *_ = tightened()
+    problem, bolt, *_ = tightened()
     fm.save_state(problem, tmp_path / "state")
     other, own, lid, _ = joint(linear_elastic, fm.RigidBoundary)
     fm.load_state(other, tmp_path / "state")
@@ -74,7 +74,7 @@ def test_state_and_checkpoint_contain_the_shortening(tmp_path):
 
 def test_axis_is_the_normal_of_the_slave_or_given():
     """An inclined axis is scaled; a section that is not straight needs one."""
-    problem, bolt, *_ = joint(linear_elastic, fm.RigidBoundary)
+    _, bolt, *_ = joint(linear_elastic, fm.RigidBoundary)
     assert bolt.axis == pytest.approx((0.0, -1.0), abs=1e-15)
     data = bolt.data
     given = fm.Pretension(data, "bolt/bottom", "nut/top", axis=(3.0, -4.0))

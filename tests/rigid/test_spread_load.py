@@ -132,9 +132,7 @@ def test_errors():
 def strip():
     """A strip on a rigid left end, with a load at a point beside its right end."""
     grid = dmesh.create_rectangle(COMM, [(0.0, 0.0), (2.0, 0.4)], (20, 4))
-    data = tagged(
-        grid, left=lambda x: np.isclose(x[0], 0.0), right=lambda x: np.isclose(x[0], 2.0)
-    )
+    data = tagged(grid, left=lambda x: np.isclose(x[0], 0.0), right=lambda x: np.isclose(x[0], 2.0))
     u = fem.Function(fm.vector_space(grid, 1))
     grip = fm.RigidBoundary(data, "left", pivot=(-0.5, 0.2))
     pull = fm.SpreadLoad(data, "right", pivot=(2.0, 0.5))
