@@ -222,7 +222,8 @@ class ContactEquations:
                 return self.apply(increment)
         self.linearize()
         step = self.apply(self.solve_linear())
-        if step.fraction == 1.0 and not (self.floating.bodies or self.motions.are_unknown):
+        is_bordered = self.motions.exist and self.motions.are_unknown
+        if step.fraction == 1.0 and not (self.floating.bodies or is_bordered):
             self._last_tangent = LastTangent(self.system.matrix.stateGet(), step.increment)
         return step
 
@@ -232,7 +233,8 @@ class ContactEquations:
         if self.floating.bodies:
             self._loose = self.floating.loose()
             self.floating.add_springs(self._loose, self.residual.driving(), self.residual.force)
-        self.motions.take_bulk_rows()
+        for load in self.motions.remote:
+            load.take_bulk_rows()
         self.system.assemble()
         raise_stored(self.comm, self.contacts)
 
@@ -258,9 +260,10 @@ class ContactEquations:
         solver, changes = self.system.solver, self._set_record.num_changed > 0
         force = residual.force if solver.multigrid is not None else 0.0
         solver.forcing = forcing(residuals, goal, force, sets_change=changes)
-        solver.same_step = not (len(residuals) == 1 or self.motions.are_unknown)
+        is_bordered = self.motions.exist and self.motions.are_unknown
+        solver.same_step = not (len(residuals) == 1 or is_bordered)
         x, motion = self.system.step(residual.distance), NO_MOTION
-        if self.motions.are_unknown:
+        if is_bordered:
             x, motion = self.motions.solve(x, self.system, self.stiffest, residual.force)
         step, z = self.system.split(x)
         remark, solver.remark = solver.remark, ""
@@ -324,7 +327,8 @@ class ContactEquations:
             MortarError: On all ranks, if ``state`` is not a state of this problem.
         """
         with together(self.comm, "restore"):
-            check_state(state, self.bulk.values.shape, [c.z.shape for c in self.contacts])
+            shapes, count = [c.z.shape for c in self.contacts], len(self.motions.movers)
+            check_state(state, self.bulk.values.shape, shapes, count)
         self.put(state)
         self.residual.begin()
         self.evaluate_operators()

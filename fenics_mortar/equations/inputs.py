@@ -176,6 +176,11 @@ class Conflicts:
         self._described.update(new)
         return new
 
+    def _name(self, number: int) -> str:
+        """Number of a condition, or the name of a rigid boundary."""
+        motion = getattr(self._bulk.bcs[number], "motion", None)
+        return f"rigid boundary '{motion.name}'" if motion else str(number)
+
     def _find(self) -> list[str]:
         bulk, found = self._bulk, list[str]()
         first = np.full(bulk.u.x.array.size, -1)
@@ -190,10 +195,11 @@ class Conflicts:
                 marked[dofs[differ & (first[dofs] == other)]] = True
                 count, where = bulk.input_data.count_nodes(marked)
                 if count:
+                    one, later = self._name(other), self._name(number)
                     found.append(
-                        f"Dirichlet conditions {other} and {number} prescribe different values of "
+                        f"Dirichlet conditions {one} and {later} prescribe different values of "
                         f"the same component at {count} nodes, one at {where}: the value of "
-                        f"{number}, the later one, is used"
+                        f"{later}, the later one, is used"
                     )
             first[dofs], values[dofs] = number, mine[dofs]
         return found

@@ -156,7 +156,8 @@ class LinearizedEquations:
         self._shape, self._driven = motions.scales.shape, motions.unknowns
         if tangent is None:
             bulk.assemble_tangent()
-            motions.take_bulk_rows()
+            for load in motions.remote:
+                load.take_bulk_rows()
         self._tangent.assemble()
         border, extra = border_of(motions, system), np.ones(2 * len(motions.spread))
         raise_stored(bulk.comm, contacts)

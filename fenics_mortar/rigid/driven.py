@@ -86,11 +86,6 @@ class DrivenMotions(RigidMotions):
         on_obstacles = np.zeros((len(self.obstacles), 3))
         return np.vstack([on_obstacles, *(load.constant_force() for load in self.remote)])
 
-    def take_bulk_rows(self) -> None:
-        """Store rows of the bulk tangent, before contact changes it (collective)."""
-        for load in self.remote:
-            load.take_bulk_rows()
-
     def _stiffness_of_springs(self, stiffness: float, force: float) -> Array:
         """Stiffness of anchored springs, or of tangent springs on loose motions; added to E_q."""
         if self.springs is not None:

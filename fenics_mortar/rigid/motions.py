@@ -37,6 +37,7 @@ class RigidMotions:
         remote: The remote loads with motions.
         spread: Those without.
         movers: All objects with a place: the m obstacles and remote loads.
+        exist: Whether there are movers or spread loads.
         pairs: Contacts with an obstacle, with the number of the obstacle.
         scales: Motions per (x, y, angle), shape (m, 3) [1, 1, length].
     """
@@ -58,6 +59,7 @@ class RigidMotions:
             (self.obstacles.index(c.obstacle), c) for c in contacts if c.obstacle is not None
         ]
         self.movers: list[RigidMotion] = [*self.obstacles, *(load.motion for load in remote)]
+        self.exist = bool(self.movers or spread)
         self.scales: Array = np.ones((len(self.movers), 3))
         self._none: Array = np.zeros((0, 3))
         for number, contact in self.pairs:
@@ -104,7 +106,7 @@ class RigidMotions:
     @property
     def are_unknown(self) -> bool:
         """Whether the tangent has a border: driven motions or spread loads (local)."""
-        return bool(self.spread) or (bool(self.movers) and self.any_driven)
+        return bool(self.spread) or self.any_driven
 
     @property
     def unknowns(self) -> Flags:

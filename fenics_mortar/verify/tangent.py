@@ -237,7 +237,8 @@ class _Probe:
             scaled = dz / system.scale(contact)
             zeta.array[system.local(contact, z_dofs)] = scaled[contact.slave.owned]
         force, law = self._apply(K), self._apply(C)
-        self.motions.take_bulk_rows()
+        for load in self.motions.remote:
+            load.take_bulk_rows()
         balance, dofs = linearize_balance(self.motions, system), self.bulk.prescribed_dofs
         coupled = np.zeros(self.dq.size)
         for load in self.motions.spread:
