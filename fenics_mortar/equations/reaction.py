@@ -25,7 +25,8 @@ class Reaction(NamedTuple):
     supports free components. That of a rigid boundary contains its push. A corner belongs to all
     its boundaries: its force is in the reaction of each of them, and once in that of a list of
     them. The reaction of the list of all supports, the loads and the forces on obstacles are
-    therefore in equilibrium, in dynamics with the inertia. Weak springs that restrain a body, as a report then says, are no support.
+    therefore in equilibrium, in dynamics with the inertia. Weak springs that restrain a body, as a
+    report then says, are no support.
 
     Attributes:
         force: Force, shape (2,) [stress length]; with a thickness [force].

@@ -74,22 +74,29 @@ class BoundSection:
         """See ``RemoteMotion``: K has no part in the balance."""
 
     def _by_multipliers(self) -> Array:
-        """Derivative of f_q with respect to the multipliers, shape (slave nodes, 2) [length]."""
-        weights = self._tie.M @ np.ones(self._tie.master.num_nodes)
-        return -weights[:, None] * self._pair.axis
+        """Derivative of f_q with respect to the multipliers, of their shape [length]."""
+        by_z = np.zeros_like(self._tie.z)
+        by_z[:, :2] = -np.outer(self._tie.M @ np.ones(self._tie.master.num_nodes), self._pair.axis)
+        return by_z
 
     def linearize(self, system: LinearSystem) -> Border:
         """See ``RemoteMotion``."""
-        tie, size = self._tie, system.bulk.num_owned
-        columns = np.zeros((3, size + 2 * system.num_multipliers))
-        rows = np.zeros_like(columns)
-        at = next(j for contact, j in system.numbered() if contact is tie)
-        multipliers = size + 2 * system.local(tie, at)[:, None] + np.arange(2)
-        mine, (_, weight) = tie.slave.owned, tie.rows.frame()
+        _, weight = self._tie.rows.frame()
         by_z = self._by_multipliers()
-        columns[0, multipliers] = (weight[:, None] * by_z)[mine]
-        rows[0, multipliers] = by_z[mine]
+        columns, rows = (
+            np.outer([1.0, 0.0, 0.0], self._as_vector(values, system))
+            for values in (weight.reshape(len(by_z), -1) * by_z, by_z)
+        )
         return Border(columns, rows, np.zeros((3, 3)))
+
+    def _as_vector(self, values: Array, system: LinearSystem) -> Array:
+        """Vector (owned rows,) of ``values`` of the tie's multipliers, else zero."""
+        others = (np.zeros_like(contact.z) for contact in system.contacts)
+        z = [
+            values if c is self._tie else none
+            for c, none in zip(system.contacts, others, strict=True)
+        ]
+        return system.join(np.zeros(system.bulk.num_owned), z)
 
     def record(self) -> str:
         """See ``RemoteMotion``."""
