@@ -30,7 +30,6 @@ from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.rigid_motion import RigidMotion, describe_place
 from fenics_mortar.rigid.bordered import Border
-from fenics_mortar.rigid.remote import num_rows
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import check_same_texts, format_point, together
@@ -253,7 +252,7 @@ class BoundRigidBoundary:
     def linearize(self, system: LinearSystem) -> Border:
         """Columns of the prescribed dofs, rows and corner of the balance (collective)."""
         V, size = self._spread(), self._bulk.num_owned
-        columns = np.zeros((3, num_rows(system)))
+        columns = np.zeros((3, size + system.num_z_dofs))
         rows, corner = np.zeros_like(columns), np.zeros((3, 3))
         columns[:, :size], rows[:, :size] = -V, self._by_bulk
         if self._touching:
@@ -269,14 +268,10 @@ class BoundRigidBoundary:
 
 def _by_contact(system: LinearSystem, V: Array) -> Array:
     """V^T [K_c, B^T] for V (m, owned dofs), shape (m, n) (collective)."""
-    size = system.bulk.num_owned
-    sizes = size, num_rows(system) - size
+    size, sizes = system.bulk.num_owned, (system.bulk.num_owned, system.num_z_dofs)
     K_c = BlockMatrix(system.comm, size, size).assemble(system.force_derivative())
     B_T = BlockMatrix(system.comm, *sizes).assemble(system.force_blocks())
-    scales = [
-        np.broadcast_to(system.scale(c).reshape(len(c.z), -1), c.z.shape) for c in system.contacts
-    ]
-    by_z = _transposed_times(B_T, V) / system.join(np.zeros(size), scales)[size:]
+    by_z = _transposed_times(B_T, V) / system.collect(map(system.scale, system.contacts))
     found = np.hstack([_transposed_times(K_c, V), by_z])
     K_c.destroy()
     B_T.destroy()

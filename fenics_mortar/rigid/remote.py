@@ -6,8 +6,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-import numpy as np
-
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.bordered import Border
@@ -46,12 +44,6 @@ class RemoteMotion(Protocol):
 
     def record(self) -> str:
         """Set the ``reaction`` of the user's object; return a sentence."""
-
-
-def num_rows(system: LinearSystem) -> int:
-    """Number of owned rows of a system: dofs and components of multipliers (local)."""
-    none = [np.zeros_like(contact.z) for contact in system.contacts]
-    return system.join(np.zeros(system.bulk.num_owned), none).size
 
 
 def refuse_remote(loads: Sequence[Any], purpose: str) -> None:

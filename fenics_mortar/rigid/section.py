@@ -85,7 +85,7 @@ class BoundSection:
         by_z = self._by_multipliers()
         columns, rows = (
             np.outer([1.0, 0.0, 0.0], self._as_vector(values, system))
-            for values in (weight.reshape(len(by_z), -1) * by_z, by_z)
+            for values in (weight * by_z, by_z)
         )
         return Border(columns, rows, np.zeros((3, 3)))
 

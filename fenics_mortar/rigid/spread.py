@@ -33,7 +33,6 @@ from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.rigid_motion import RigidMotion, describe_place
 from fenics_mortar.rigid.bordered import Border
-from fenics_mortar.rigid.remote import num_rows
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_same_texts, format_point, together
@@ -190,7 +189,7 @@ class BoundSpreadLoad:
         """Columns and rows of (dangle, dr), at the last evaluated state (local)."""
         by_r = self._m / self._r
         by_angle = float(self._lever @ self.motion.load[:2]) * self._g + by_r * self._h
-        columns, rows = np.zeros((2, 2, num_rows(system)))
+        columns, rows = np.zeros((2, 2, system.bulk.num_owned + system.num_z_dofs))
         for row, nodal in ((columns[0], by_angle), (columns[1], by_r * self._g)):
             self._surface.scatter_add(nodal, row)
         for row, nodal in ((rows[0], self._g), (rows[1], self._h)):

@@ -653,6 +653,6 @@ def laws(kind, folder):
 
 SCENES = [
     pressed, measured, written, paths, options, obstacles, tied, tied_heat, at_points,
-    itself, floating,
-    moving, models, mixed, heated, of_revolution, of_gmsh, refused, laws, of_meshio,
+    itself, floating, moving, models, mixed, heated, of_revolution, of_gmsh, refused, laws,
+    of_meshio,
 ]  # fmt: skip
