@@ -17,6 +17,7 @@ from mpi4py import MPI as _MPI  # noqa: F401
 
 from fenics_mortar import energies as energies
 from fenics_mortar import laws as laws
+from fenics_mortar.bulk.history import quadrature_function
 from fenics_mortar.bulk.velocity import Velocity
 from fenics_mortar.contact.conductance import (
     Conductance,
@@ -120,6 +121,7 @@ __all__ = [
     "mesh_from_meshio",
     "mixed_space",
     "plot",
+    "quadrature_function",
     "read_gmsh",
     "save_state",
     "scalar_space",

@@ -71,6 +71,8 @@ class ContactProblem:
             weighted, as the measures of ``residual`` must be. A positive length, or a function of
             reference positions (n, 2); ``None`` means one, without a unit.
         remote: Loads or motions given at points: ``RigidBoundary``, ``SpreadLoad``.
+        history: Pairs of an ``fm.quadrature_function`` in the forms and a UFL expression of ``u``
+            and such functions: its new value, set when a step is accepted; see ``bulk.history``.
         model_check: An ``ModelCheck`` that estimates the model error after each solve
             (``report.model_check``) and may start each solve on a cheaper model.
 
@@ -117,6 +119,7 @@ class ContactProblem:
         geometry: Geometry = "plane",
         thickness: float | Callable[[Array], Any] | None = None,
         remote: Sequence[Any] = (),
+        history: Sequence[tuple[Any, Any]] = (),
         model_check: Any | None = None,
     ) -> None:
         self._given = {
@@ -124,14 +127,14 @@ class ContactProblem:
             "petsc_options_prefix": petsc_options_prefix, "petsc_options": petsc_options,
             "algorithm": algorithm, "solver": solver, "linearization": linearization,
             "newton": newton, "displacement": displacement, "linear_bulk": linear_bulk,
-            "geometry": geometry, "thickness": thickness, "remote": remote,
+            "geometry": geometry, "thickness": thickness, "remote": remote, "history": history,
         }  # fmt: skip
         setup.check_given(self._given, pairs, model_check)
         with unchanged_if_refused(u):
             self.equations = setup.equations_of(
                 residual, u, pairs, bcs, jacobian, solver=solver, linearization=linearization,
                 newton=newton or NewtonOptions(), displacement=displacement, geometry=geometry,
-                thickness=thickness, algorithm=algorithm, remote=remote,
+                thickness=thickness, algorithm=algorithm, remote=remote, history=history,
             )  # fmt: skip
             self._solver = setup.solver_of(
                 self.equations, petsc_options_prefix, petsc_options, algorithm, solver, linear_bulk
@@ -299,7 +302,7 @@ class ContactProblem:
 
         Raises:
             MortarError: On all ranks, if the residual has integrals that are not supported, or
-                bodies have inertia.
+                bodies have inertia or history functions.
         """
         return self._present.estimate()
 

@@ -252,3 +252,18 @@ def refuse_inertia(bulk: Bulk, what: str) -> None:
     """
     if bulk.inertia is not None:
         raise MortarError(f"{what} does not support inertia: expected a static problem")
+
+
+def refuse_history(bulk: Bulk, what: str) -> None:
+    """Reject bodies with history functions (local, equal on all ranks).
+
+    Args:
+        bulk: The bodies.
+        what: Name of the feature that does not support them, for the message.
+
+    Raises:
+        MortarError: If the bodies have history functions.
+    """
+    if bulk.history.functions:
+        names = ", ".join(f"'{function.name}'" for function in bulk.history.functions)
+        raise MortarError(f"{what} does not support bodies with history (here of {names})")

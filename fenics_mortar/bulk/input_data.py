@@ -28,16 +28,23 @@ class InputData:
         bcs: Dirichlet conditions of dolfinx.
         forms: UFL forms whose constants and functions are checked.
         space: The displacement's nodes and dofs.
+        history: Functions of the forms that accepted steps update.
     """
 
     def __init__(
-        self, u: Any, bcs: list[Any], forms: Sequence[Any], space: DisplacementSpace
+        self,
+        u: Any,
+        bcs: list[Any],
+        forms: Sequence[Any],
+        space: DisplacementSpace,
+        history: Sequence[Any] = (),
     ) -> None:
         self._u, self._bcs, self._space = u, bcs, space
         self._mesh = space.V.mesh
         self._comm: MPI.Comm = self._mesh.comm
         self._constants = list(dict.fromkeys(c for form in forms for c in form.constants()))
         self._coefficients = {c for form in forms for c in form.coefficients()}
+        self._loads = self._coefficients - {u, *history}
         self._prescribed = fem.Function(u.function_space)
         self._nodes = self._mesh.geometry.x.copy()
         self._X = space.V.tabulate_dof_coordinates()[:, :2].copy()
@@ -110,16 +117,16 @@ class InputData:
                 )
 
     def loads(self) -> list[Array]:
-        """Copies of prescribed values, constants and functions but u, in a fixed order (local).
+        """Copies of prescribed values, constants and functions, in a fixed order (local).
 
-        Each of its own shape and unit [any].
+        Without u and history functions; each of its own shape and unit [any].
         """
         values = np.zeros_like(self._u.x.array)
         found = []
         for bc in self._bcs:
             compat.set_prescribed(values, [bc])
             found.append(values[bc.dof_indices()[0]])
-        functions = sorted(self._coefficients - {self._u}, key=lambda f: f.count())
+        functions = sorted(self._loads, key=lambda f: f.count())
         found += [np.array(c.value, float).ravel() for c in self._constants]
         return found + [f.x.array.copy() for f in functions]
 

@@ -18,6 +18,7 @@ from ufl.algorithms import expand_derivatives
 
 from fenics_mortar.bulk.cells import Cells
 from fenics_mortar.bulk.form_points import FormPoints
+from fenics_mortar.bulk.history import History
 from fenics_mortar.bulk.input_data import InputData
 from fenics_mortar.bulk.node_blocks import CellBlocks, come_in_pairs
 from fenics_mortar.bulk.units import find_units
@@ -49,6 +50,7 @@ class Bulk:
         bcs: Dirichlet conditions of dolfinx.
         jacobian: UFL form of the tangent; the derivative of ``residual`` by default.
         space: The displacement's nodes and dofs.
+        history: Pairs of a function in the forms and the expression of its new value.
 
     Attributes:
         V: Space of the displacement alone.
@@ -68,6 +70,7 @@ class Bulk:
         num_patterns: Number of matrices created for ``K`` so far.
         is_linear: Whether the residual is recognized as linear in the displacement.
         prescribed: Whether a local dof, ghosts included, has a prescribed value.
+        history: Functions that accepted steps update.
         inertia: The ``Inertia`` of the bodies, ``None`` in statics.
         spread: Loads at points, spread over boundaries; ``r`` includes them, ``K`` does not.
         surfaces_slide: Whether a contact slides by finite distances, so that it depends on cells.
@@ -83,6 +86,7 @@ class Bulk:
         bcs: list[Any],
         jacobian: Any | None,
         space: DisplacementSpace,
+        history: Sequence[tuple[Any, Any]] = (),
     ) -> None:
         self.u, self.V, self.bcs, self.space = u, space.V, list(bcs), space
         self.values: Array = u.x.array
@@ -97,7 +101,9 @@ class Bulk:
         self._tangent_data = [*jacobian.constants(), *jacobian.coefficients()]
         data = [*residual.constants(), *residual.coefficients(), *self._tangent_data]
         self.data = [value for value in dict.fromkeys(data) if value is not u]
-        self.input_data = InputData(u, self.bcs, (residual, jacobian), space)
+        self.history = History(history)
+        updated = self.history.functions
+        self.input_data = InputData(u, self.bcs, (residual, jacobian), space, updated)
         self._data: list[Array] = []
         self._K_is_whole = False  # true if K is up to date and without added terms
         self.inertia: Any = None  # an Inertia
@@ -125,16 +131,19 @@ class Bulk:
         Each has the shape of the constant, or (local dofs,) of the function [any unit]; last, the
         inertia's.
         """
-        return [
-            np.array(data.value if hasattr(data, "value") else data.x.array)
-            for data in self._tangent_data
-            if data is not self.u
-        ] + ([] if self.inertia is None else [np.array(self.inertia.factor)])
+        with self.history.at_start():
+            found = [
+                np.array(data.value if hasattr(data, "value") else data.x.array)
+                for data in self._tangent_data
+                if data is not self.u
+            ]
+        return found + ([] if self.inertia is None else [np.array(self.inertia.factor)])
 
     @clock("residual")
     def assemble_residual(self) -> None:
         """Assemble ``r`` at the present displacement (collective)."""
-        compat.assemble_vector(self.r, self._residual)
+        with self.history.at_start():
+            compat.assemble_vector(self.r, self._residual)
         for load in self.spread:
             load.add_to_residual(self)
         if self.inertia is not None:
@@ -150,7 +159,8 @@ class Bulk:
         self._data, self._K_is_whole = data, False
         if self._num_growths > MAX_GROWTHS:
             self.renew_tangent()
-        self._assemble_cells()
+        with self.history.at_start():
+            self._assemble_cells()
         if self.inertia is not None:
             self.inertia.add_to_tangent(self.K, includes_mass=self._K_includes_mass)
             self._K_includes_mass = True

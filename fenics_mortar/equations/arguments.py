@@ -9,6 +9,7 @@ from typing import Any, get_args
 import ufl
 
 from fenics_mortar.bulk.checks import check_jacobian, check_residual
+from fenics_mortar.bulk.history import check_history
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.interface.mortar import LINEARIZATIONS
@@ -19,8 +20,10 @@ from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 
 
-def check_arguments(residual: Any, u: Any, pairs: Any, bcs: Any, jacobian: Any) -> None:
-    """Reject forms, pairs or conditions of a wrong type (local)."""
+def check_arguments(
+    residual: Any, u: Any, pairs: Any, bcs: Any, jacobian: Any, history: Any
+) -> None:
+    """Reject forms, pairs, conditions or history functions of a wrong type (local)."""
     check_kind("residual", residual, ufl.Form, "a UFL form")
     if not isinstance(pairs, Sequence) or not all(
         isinstance(p, (ContactPair, TiedPair)) for p in pairs
@@ -36,6 +39,8 @@ def check_arguments(residual: Any, u: Any, pairs: Any, bcs: Any, jacobian: Any) 
     if jacobian is not None:
         check_kind("jacobian", jacobian, ufl.Form, "a UFL form, or None")
         check_jacobian(jacobian, u)
+    forms = {"residual": residual, "jacobian": jacobian}
+    check_history(history, {n: form for n, form in forms.items() if form is not None}, u)
 
 
 def check_options(

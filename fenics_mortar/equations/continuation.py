@@ -94,12 +94,14 @@ class Continuation:
         """Whether the present state is the result of the last solve (collective)."""
         assert self._predictor is not None
         equations, last = self._equations, self._predictor.last
+        history = equations.bulk.history.values
         same = np.array_equal(equations.bulk.u.x.array, last.u) and all(
             getattr(contact.state, name) is getattr(interface, name)
             for contact, interface in zip(equations.contacts, last.interfaces, strict=True)
             for name in COMPARED
         )
         driven = equations.motions.driven
+        same &= np.array_equal(history.accepted, last.history.accepted)
         same &= np.array_equal(equations.motions.places[driven], last.places[driven])
         return on_all_ranks(equations.comm, same)
 

@@ -151,8 +151,7 @@ class ContactEquations:
         """Evaluate operators and active sets, with the bulk residual already assembled."""
         if self.evaluated is not None:  # by equations that are reduced
             self.put(self.evaluated[0])
-            for contact in self.contacts:
-                contact.start_step()
+            self.start_step()
         if start:
             self._set_record.begin()
             self._redundancy.begin()
@@ -317,6 +316,7 @@ class ContactEquations:
             self.motions.places,
             self.crossings.accepted,
             self.last_converged,
+            self.bulk.history.values,
             None if self.bulk.inertia is None else self.bulk.inertia.rates,
         )
 
@@ -327,8 +327,9 @@ class ContactEquations:
             MortarError: On all ranks, if ``state`` is not a state of this problem.
         """
         with together(self.comm, "restore"):
-            shapes, count = [c.z.shape for c in self.contacts], len(self.motions.movers)
-            check_state(state, self.bulk.values.shape, shapes, count)
+            shapes = [c.z.shape for c in self.contacts]
+            sizes = len(self.motions.movers), self.bulk.history.size
+            check_state(state, self.bulk.values.shape, shapes, *sizes)
         self.put(state)
         self.residual.begin()
         self.evaluate_operators()
@@ -336,6 +337,7 @@ class ContactEquations:
     def put(self, state: State) -> None:
         """Restore a state without evaluating operators (local)."""
         self.bulk.values[:] = state.u
+        self.bulk.history.put(state.history)
         self.evaluated = self._last_tangent = None
         self.motions.places = state.places
         self.crossings.restore(state.accepted_positions, state.u)
@@ -348,6 +350,12 @@ class ContactEquations:
         for contact, interface in zip(self.contacts, state.interfaces, strict=True):
             contact.put(interface)
         self.last_converged = state.converged
+
+    def start_step(self) -> None:
+        """Count slip, memory and history from the accepted state (local)."""
+        for contact in self.contacts:
+            contact.start_step()
+        self.bulk.history.start_step()
 
     def interface_motion(self, before: State) -> float:
         """Largest motion of a surface since a state, over its shortest facet [1]."""

@@ -140,6 +140,7 @@ class Predictor:
         if len(self._path) < 2 or not problem.floating.supported_by_contact:
             return None
         begin_step(problem.contacts)
+        problem.bulk.history.start_step()
         presses, smallest = self._under_pressure(), problem.residual.of_prescribed()
         best: tuple[float, _Kind | None, State] = np.inf, None, here
         self._evaluated = None
@@ -183,8 +184,7 @@ class Predictor:
         """Set and evaluate a state; its residual, inf for inverted cells [stress length]."""
         problem, self._evaluated, self._status = self._problem, state, None
         problem.put(state)
-        for contact in problem.contacts:
-            contact.start_step()
+        problem.start_step()
         if problem.bulk.inverted_cells()[0]:
             problem.evaluate_operators()
             return np.inf

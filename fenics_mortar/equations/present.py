@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 import numpy.typing as npt
 
-from fenics_mortar.bulk.checks import refuse_inertia
+from fenics_mortar.bulk.checks import refuse_history, refuse_inertia
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.equations.reaction import Reaction, named_boundary, reaction_of
@@ -71,6 +71,7 @@ class PresentState:
         e = self._equations
         refuse_inertia(e.bulk, "estimate()")
         refuse_remote(e.bulk.spread, "the error estimate is not implemented")
+        refuse_history(e.bulk, "estimate()")
         self.renew_if_interrupted()
         self._estimator = self._estimator or Estimator(e.bulk)
         e.evaluate_operators()

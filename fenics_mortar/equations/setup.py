@@ -52,7 +52,7 @@ def check_given(
         ValueError: On all ranks, if an argument has a value that is not allowed.
         MortarError: On all ranks, if arguments differ between ranks.
     """
-    forms = {name: given[name] for name in ("residual", "u", "bcs", "jacobian")}
+    forms = {name: given[name] for name in ("residual", "u", "bcs", "jacobian", "history")}
     options = {name: value for name, value in given.items() if name not in forms}
     check_kind("u", given["u"], fem.Function, "a function of dolfinx")
     mesh = given["u"].function_space.mesh
@@ -63,10 +63,13 @@ def check_given(
         check_arguments(pairs=pairs, **forms)
         check_remote(options.pop("remote"))
         check_options(**options, model_check=model_check)
+        if given["history"] and model_check is not None:
+            raise ValueError("model_check does not support history functions of the bodies")
         signature = given["residual"].signature()
         options["residual"] = f"a form with the signature {signature[:8]}"
     options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
-    counts = {"pairs": len(pairs), "bcs": len(given["bcs"]), "remote": len(given["remote"])}
+    lists = ("bcs", "remote", "history")
+    counts = {"pairs": len(pairs), **{name: len(given[name]) for name in lists}}
     check_same_texts(comm, "ContactProblem", {**counts, **options})
 
 
@@ -96,6 +99,7 @@ def equations_of(
     thickness: float | Callable[[Array], Any] | None,
     algorithm: Algorithm | None,
     remote: Sequence[Any] = (),
+    history: Sequence[tuple[Any, Any]] = (),
 ) -> ContactEquations:
     """Equations of a problem, for arguments of ``ContactProblem`` (collective).
 
@@ -123,7 +127,7 @@ def equations_of(
     for load in loads:
         load.update_reference()
     loads += sections_of(contacts)
-    bulk = Bulk(residual, u, list(bcs), jacobian, space)
+    bulk = Bulk(residual, u, list(bcs), jacobian, space, history)
     bulk.surfaces_slide = any(p.sliding == "finite" for p in pairs if isinstance(p, ContactPair))
     garbage.keep_communicators(bulk.comm, bulk.r, bulk.K)
     check_slave_nodes(contacts)

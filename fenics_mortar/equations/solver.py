@@ -80,7 +80,7 @@ class Solver:
         """Accept the last evaluated state: slip and paths of nodes are counted from it."""
         for contact in self._equations.contacts:
             contact.accept()
-            contact.start_step()
+        self._equations.start_step()
         self._equations.crossings.accept(self._equations.motions.obstacle_places)
 
     def certificate(self, **of_step: Any) -> Certificate:
@@ -109,9 +109,11 @@ class Solver:
         clock.read()
         e.crossings.begin(e.motions.obstacle_places)
         begin_step(e.contacts)
+        e.bulk.history.start_step()
         try:
             report, moved = self._move_and_solve()
             instants = instants_of(e.comm, e.contacts)
+            history = e.bulk.history.new_values()
         except Exception:  # of any type, equal on all ranks
             e.last_converged = False
             e.crossings.leave()
@@ -123,6 +125,7 @@ class Solver:
         for contact in e.contacts:
             contact.accept()
         commit(e.contacts, instants)
+        e.bulk.history.accept(history)
         e.bulk.free_garbage()
         passages, possible = e.crossings.passages_of_step(e.motions.obstacle_places)
         report.certificate = self.certificate(
@@ -141,6 +144,7 @@ class Solver:
             e.last_converged = False
             for contact, (partners, instant) in zip(e.contacts, accepted, strict=True):
                 contact.change(accepted_partners=partners, accepted_instant=instant)
+            e.bulk.history.refuse()
             e.crossings.leave()
             raise _wrong_state(report, violations, moving=e.bulk.inertia is not None)
         e.crossings.accept(e.motions.obstacle_places)
@@ -252,7 +256,7 @@ class Solver:
                 contact.accept(slid=before & contact.active)
             else:
                 contact.accept()
-            contact.start_step()
+        e.start_step()
 
 
 def _wrong_state(

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from fenics_mortar.bulk.history import HistoryValues
 from fenics_mortar.bulk.inertia import Rates
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.utils.arguments import check_kind
@@ -28,6 +29,7 @@ class State(Value):
             length, radian].
         accepted_positions: Positions of outlines and obstacles in the last accepted state.
         converged: Whether the last solve ended in this state.
+        history: Values of the history functions of the bodies.
         rates: Velocity and accelerations, ``None`` in statics.
     """
 
@@ -36,6 +38,7 @@ class State(Value):
     places: Array
     accepted_positions: AcceptedPositions
     converged: bool
+    history: HistoryValues
     rates: Rates | None = None
 
     def with_settings_of(self, other: State) -> State:
@@ -53,7 +56,7 @@ class State(Value):
         )
 
     def counting_slip_from(self, other: State) -> State:
-        """This state with the partners, instants and accepted positions of ``other``."""
+        """This state with the partners, instants, history and accepted positions of ``other``."""
         pairs = zip(self.interfaces, other.interfaces, strict=True)
         return self.replaced(
             interfaces=tuple(
@@ -66,6 +69,7 @@ class State(Value):
                 for a, b in pairs
             ),
             accepted_positions=other.accepted_positions,
+            history=other.history,
         )
 
     def towards(self, other: State, fraction: float) -> State:
@@ -79,7 +83,11 @@ class State(Value):
 
 
 def check_state(
-    state: Any, shape: tuple[int, ...], pairs: Sequence[tuple[int, ...]], num_movers: int
+    state: Any,
+    shape: tuple[int, ...],
+    pairs: Sequence[tuple[int, ...]],
+    num_movers: int,
+    history: int,
 ) -> None:
     """Check that an object is a state of this problem (local).
 
@@ -88,6 +96,7 @@ def check_state(
         shape: Shape of the displacement of the problem.
         pairs: Shapes of the multipliers of its pairs.
         num_movers: Number of its obstacles and remote loads.
+        history: Number of its local values of history functions.
 
     Raises:
         TypeError: If the object is not a state.
@@ -95,8 +104,8 @@ def check_state(
     """
     check_kind("state", state, State, "what state() of the same problem returned")
     found = [interface.z.shape for interface in state.interfaces]
-    same = state.u.shape == shape and found == list(pairs) and len(state.places) == num_movers
-    if not same:
+    same = state.u.shape == shape and state.history.accepted.shape == (history,)
+    if not (same and found == list(pairs) and len(state.places) == num_movers):
         raise MortarError(
             "the state belongs to another problem: expected a result of state() of this one"
         )

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: MIT
 """Checkpoints: all data on which the next solve of a problem depends, in one .npz file.
 
-In addition to the state these are data of earlier solves: the weight of gaps after a cycle of
-active sets, offsets, the positions of obstacles for which the operators of small sliding were
-evaluated, and the present model of the hierarchy. Partners of slave nodes follow from the state. A
-run continued from a checkpoint equals the uninterrupted one, except for the initial guess of its
-first step: ``follow_path`` extrapolates its own steps only.
+In addition to the state, with the history functions of the bodies, these are data of earlier
+solves: the weight of gaps after a cycle of active sets, offsets, the positions of obstacles for
+which the operators of small sliding were evaluated, and the present model of the hierarchy.
+Partners of slave nodes follow from the state. A run continued from a checkpoint equals the
+uninterrupted one, except for the initial guess of its first step: ``follow_path`` extrapolates its
+own steps only.
 
 A checkpoint is compared with a problem by the names of the pairs, a digest of the cells and the
 coordinates of all nodes, which do not depend on the number of ranks. That of a motion continues the
@@ -43,7 +44,7 @@ MOTION = "motion"
 # Arrays that must be finite.
 FINITE = (
     "velocity", "acceleration", "average", "u", "x", "places", "z", "c_n", "offset",
-    "clock", "memory",
+    "clock", "memory", "history", "history_start",
 )  # fmt: skip
 
 
@@ -103,6 +104,7 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
     here = problem.state()
     problem.restore(replace(here, places=data["places"], converged=bool(data["converged"])))
     problem.accept()
+    problem.equations.bulk.history.restore_data(data)
     if problem.equations.model_check is not None:
         problem.equations.model_check.restore_data(problem, data)
 
@@ -125,6 +127,7 @@ def _arrays_of(problem: ContactProblem) -> Arrays:
     if inertia is not None:
         data |= {MOTION: np.array(inertia.scheme), "mass": np.array(inertia.largest_mass)}
         data |= inertia.saved_data()
+    data |= problem.equations.bulk.history.saved_data()
     for i, contact in enumerate(problem.equations.contacts):
         kept = {name: getattr(contact.state, name) for name in INDEPENDENT}
         kept["reference_place"] = place_of(contact.state.reference)
@@ -153,6 +156,11 @@ def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
             f"is a state of Dynamics with {theirs}, and this problem has {ours}: set up a Dynamics "
             "with the scheme of the file"
         )
+    counts = [sum(n.startswith("history_start") for n in some) for some in (data, mine)]
+    if counts[0] != counts[1]:
+        theirs, ours = map(str, counts)
+        yield f"is the state of a problem with {theirs} history functions; this one has {ours}"
+        return
     missing = sorted(set(mine) - set(data))
     if missing:
         yield f"is not a state of this problem: '{missing[0]}' is missing"
@@ -175,7 +183,8 @@ def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
         where = mine["x"][distance.argmax()]
         far = distance.max()
         yield f"{other}: its node at {format_point(where)} is {far:.3g} away from this position"
-    if not np.array_equal(data["cells"], mine["cells"]):
+    same = [np.array_equal(data[n], mine[n]) for n in ("cells", "history_cells") if n in mine]
+    if not all(same):
         yield f"{other}: its cells have other nodes"
     if ours and not np.isclose(data["mass"], mine["mass"], rtol=ROUNDING, atol=0.0):
         yield (

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,54 @@ def set_by_input_node(space: DisplacementSpace, u: Any, nodes: Indices, values: 
     u.x.array[:] = values[of_name[number[len(nodes) :]]].ravel()
 
 
+def by_cell(function: Any, values: Array) -> tuple[Indices, Array]:
+    """Cells and the values in them, independent of the partition (collective).
+
+    Args:
+        function: Function whose dofs are inside the cells, as of a quadrature space.
+        values: Values like those of its array, shape (local values,) [any unit].
+
+    Returns:
+        Input numbers of the vertices of all cells, in the order of the reference cell and ascending
+        by cells, shape (cells, vertices), and the values in each, shape (cells, values of a cell)
+        [any unit].
+    """
+    V = function.function_space
+    owned = V.mesh.topology.index_map(V.mesh.topology.dim).size_local
+    inside = values.reshape(-1, V.dofmap.bs)[compat.dofmap(V)[:owned]]
+    mine = _vertices(V.mesh)[:owned], inside.reshape(owned, math.prod(inside.shape[1:]))
+    vertices, numbers = (np.concatenate(V.mesh.comm.allgather(each)) for each in mine)
+    order = np.lexsort(vertices.T[::-1])
+    return vertices[order], numbers[order]
+
+
+def set_by_cell(function: Any, vertices: Indices, values: Array) -> Array:
+    """Values like those of the array of a function, (local values,), from ``by_cell`` (local).
+
+    Args:
+        function: See ``by_cell``.
+        vertices: Vertices of all cells of the same mesh, shape (cells, vertices).
+        values: Values in them, shape (cells, values of a cell) [any unit].
+    """
+    V = function.function_space
+    both, number = np.unique(
+        np.concatenate([vertices, _vertices(V.mesh)]), axis=0, return_inverse=True
+    )
+    assert len(both) == len(vertices), "another mesh"
+    row, number = np.empty(len(both), np.int64), number.ravel()
+    row[number[: len(vertices)]] = np.arange(len(vertices))
+    dofs, found = compat.dofmap(V), np.zeros(function.x.array.size)
+    mine = values[row[number[len(vertices) :]]]
+    found.reshape(-1, V.dofmap.bs)[dofs] = mine.reshape(*dofs.shape, V.dofmap.bs)
+    return found
+
+
+def _vertices(mesh: Any) -> Indices:
+    """Input numbers of the vertices of all local cells, shape (cells, vertices) (local)."""
+    numbers = np.asarray(mesh.geometry.input_global_indices, np.int64)
+    return numbers[compat.geometry_dofmap(mesh)[:, : compat.num_corners(mesh)]]
+
+
 def input_nodes(V: Any) -> Indices:
     """Return identifiers of the local nodes of ``V``, independent of the partition (local).
 
@@ -68,10 +117,8 @@ def input_nodes(V: Any) -> Indices:
     as a node, and a last column numbers dofs at the same position.
     """
     mesh, layout, dofs = V.mesh, V.dofmap.dof_layout, compat.dofmap(V)
-    corners = compat.num_corners(mesh)
     topology = basix.topology(getattr(basix.CellType, compat.cell_name(mesh)))
-    numbers = np.asarray(mesh.geometry.input_global_indices, np.int64)
-    vertices = numbers[compat.geometry_dofmap(mesh)[:, :corners]]
+    vertices = _vertices(mesh)
     found = [
         (dof, number, around)
         for dim, entities in enumerate(topology)

@@ -81,8 +81,7 @@ def _reason(problem: ContactProblem, find: Callable[[State], str]) -> str:
 def _turning_point(problem: ContactProblem) -> str:
     """Turning point of the equations linearized at the start of the step (collective)."""
     equations = problem.equations
-    for contact in equations.contacts:
-        contact.start_step()
+    equations.start_step()
     equations.evaluate(start=False)
     linearized = LinearizedContact(
         equations.bulk, equations.floating, equations.system, equations.motions
@@ -211,8 +210,7 @@ def _deadlock(problem: ContactProblem, start: State) -> str:
 def _violated_by(problem: ContactProblem, start: State, sticking: list[Place]) -> list[Place]:
     """Nodes that violate the law after a step with fixed branches, nodes in ``sticking`` stick."""
     problem.restore(start)
-    for contact in problem.equations.contacts:
-        contact.start_step()
+    problem.equations.start_step()
     problem.equations.evaluate(start=False)
     contacts = [contact for contact in problem.equations.contacts if isinstance(contact, Contact)]
     for contact, before in zip(problem.equations.contacts, start.interfaces, strict=True):

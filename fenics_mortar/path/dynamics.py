@@ -70,7 +70,7 @@ class Dynamics:
             constants or functions have changed since.
         scheme: "conserving" (slave nodes without mass, no gain of energy in impacts, momentum and
             angular momentum exact), "massless" (without these corrections of the velocity) or
-            "generalized_alpha" (all nodes have mass).
+            "generalized_alpha" (all nodes have mass). Bodies with history: one of the last two.
         rho_inf: Spectral radius at infinite frequency, from 0 (most dissipation) to 1 (none) [1].
             Default: 0.8 for "generalized_alpha", else 1.
         velocity: The ``Velocity`` in the residual, for damping.

@@ -35,6 +35,11 @@ def check_dynamics(
         ValueError: If an argument is not allowed.
     """
     check_choice("scheme", scheme, SCHEMES)
+    if scheme == "conserving" and problem.equations.bulk.history.functions:
+        raise ValueError(
+            "scheme='conserving' returns lost energy, and does not support bodies with history, "
+            "which dissipate: expected scheme='massless' or 'generalized_alpha'"
+        )
     if rho_inf is not None:
         check_number("rho_inf", rho_inf, "a number from 0 to 1", lambda rho: 0.0 <= rho <= 1.0)
     mesh = problem.equations.bulk.V.ufl_domain()

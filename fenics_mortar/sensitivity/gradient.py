@@ -148,8 +148,8 @@ def gradient(
 
     Raises:
         ValueError: If an argument is of another type, or nothing depends on a control.
-        MortarError: On all ranks, if the path has no steps, a tangent is singular, or rigid moves
-            between steps changed the state from which slip is counted.
+        MortarError: On all ranks, if the path has no steps, a tangent is singular, rigid moves
+            between steps changed the state from which slip is counted, or bodies have history.
     """
     path = recorded(path)
     quantities, made = read(path.problem, objective, controls)

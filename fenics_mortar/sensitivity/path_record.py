@@ -17,6 +17,7 @@ import numpy as np
 
 from dolfinx import fem
 
+from fenics_mortar.bulk.checks import refuse_history
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.equations.general import State
@@ -144,7 +145,7 @@ class RecordedPath:
 
     Raises:
         ValueError: If ``problem`` is of another type, or ``every`` is not at least 1.
-        MortarError: If the problem has inertia.
+        MortarError: If the problem has inertia or history functions.
     """
 
     def __init__(
@@ -165,6 +166,7 @@ class RecordedPath:
             )
         motions = problem.equations.motions
         refuse_remote([*motions.remote, *motions.spread], "gradients are not implemented")
+        refuse_history(problem.equations.bulk, "the gradient of a path")
         self.problem, self._data = problem, Data(problem, also)
         self.start: State | None = problem.state()
         self.steps: list[RecordedStep] = []

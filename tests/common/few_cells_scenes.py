@@ -7,6 +7,7 @@ it yields names and values that do not depend on the number of ranks.
 
 from __future__ import annotations
 
+import history_scenes
 import meshio
 import numpy as np
 import revolved
@@ -571,6 +572,28 @@ def heated(kind, folder):
         assert flux.conductance.min() > 0.0 and flux.heating.any() == ("heating" in more)
 
 
+def plastic_bodies(kind, folder):
+    """Bodies with history, restored and from a file."""
+    data, degree = small_mesh(*kind), 2 * kind[2]
+    V = fm.vector_space(data.mesh, kind[2])
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, -0.02))
+    material = history_scenes.plastic(u, degree, sigma_y=0.5)
+    strain = history_scenes.in_space(fm.energies.strain(ufl.TestFunction(V)))
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top")
+    problem = fm.ContactProblem(
+        ufl.inner(material.stress, strain) * ufl.dx(degree=degree), u, [pair], newton=TIGHT,
+        bcs=bcs_of(data, V, push), history=material.history, petsc_options_prefix="few_",
+    )  # fmt: skip
+    problem.solve()
+    state, shown = problem.state(), material.shown["alpha"]
+    fm.save_state(problem, folder / "plastic")
+    for restore in (problem.restore, lambda _: fm.load_state(problem, folder / "plastic")):
+        push.value[:] = 0.0, -0.022
+        yield from results(problem, problem.solve())
+        restore(state)
+        yield "hardening", data.mesh.comm.allreduce(shown.x.array.max(initial=0.0), max)
+
+
 def of_revolution(kind, folder):
     """Bodies of revolution, away from the axis."""
     data = small_mesh(*kind)
@@ -654,5 +677,5 @@ def laws(kind, folder):
 SCENES = [
     pressed, measured, written, paths, options, obstacles, tied, tied_heat, at_points,
     itself, floating, moving, models, mixed, heated, of_revolution, of_gmsh, refused, laws,
-    of_meshio,
+    of_meshio, plastic_bodies,
 ]  # fmt: skip

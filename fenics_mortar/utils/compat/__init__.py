@@ -54,6 +54,7 @@ from fenics_mortar.utils.compat.spaces import (
     is_sub_space,
     mixed_space,
     quadrature_degree,
+    quadrature_space,
     scalar_space,
     vector_space,
 )
@@ -91,6 +92,7 @@ __all__ = [
     "quadrature_degree",
     "quadrature_points",
     "quadrature_rules",
+    "quadrature_space",
     "quiet_compiler",
     "scalar_is_complex",
     "scalar_space",

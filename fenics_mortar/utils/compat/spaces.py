@@ -117,6 +117,23 @@ def is_part_of(V: fem.FunctionSpace, part: Any) -> bool:
     return outer.contains(inner)
 
 
+@quiet_compiler()
+def quadrature_space(mesh: dmesh.Mesh, degree: int, shape: tuple[int, ...]) -> fem.FunctionSpace:
+    """Create the space of values at the quadrature points of a degree (collective).
+
+    Elements of UFL were replaced by those of ``basix.ufl`` in 0.7.
+    """
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
+    if hasattr(ufl, "MixedElement"):
+        kind = (ufl.FiniteElement, ufl.VectorElement, ufl.TensorElement)[len(shape)]
+        size = {"dim": shape[0]} if len(shape) == 1 else {"shape": shape} if shape else {}
+        element = kind("Quadrature", mesh.ufl_cell(), degree, quad_scheme="default", **size)
+        return fem.FunctionSpace(mesh, element)
+    basix_ufl = importlib.import_module("basix.ufl")
+    element = basix_ufl.quadrature_element(cell_name(mesh), value_shape=shape, degree=degree)
+    return fem.functionspace(mesh, element)
+
+
 def quadrature_degree(function: Any) -> int | None:
     """Degree of the quadrature points at which a function exists, ``None`` for others (local).
 
