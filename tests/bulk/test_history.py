@@ -234,6 +234,34 @@ def test_time_steps_with_cuts_end_in_the_state_of_single_steps():
     assert comm.allreduce(blocks[0].material.shown["alpha"].x.array.max(initial=0.0), MPI.MAX) > 0
 
 
+def test_steps_of_time_follow_from_the_time_at_their_start():
+    """A path whose time is a constant and that cuts one step, as a loop over its steps."""
+
+    def law(u, degree, time):
+        start = fm.quadrature_function(u.function_space.mesh, degree)
+        material = viscous(u, degree, time - start)
+        material.history.append((start, time))
+        return material
+
+    block, plain, refused_at = Block(law), Block(viscous), []
+
+    def load(time):
+        fails = time > 0.6 and not refused_at
+        refused_at.extend([time] * fails)
+        limit = 1 if fails else 30
+        block.problem.equations.newton = fm.NewtonOptions(limit, residual_tolerance=1e-13)
+        block.dt.value = time
+        block.obstacle.move(y=-0.012 * time)
+
+    path = fm.follow_path(block.problem, load, fm.SteppingOptions(step=0.5, predict=False))
+    assert path.num_cuts == 1 and len(path.steps) > 2
+    before = 0.0
+    for step in path.steps:
+        plain.press(0.012 * step.time, dt=step.time - before, predict=False)
+        before = step.time
+    assert block.force == pytest.approx(plain.force, rel=1e-10)
+
+
 # Files
 
 
