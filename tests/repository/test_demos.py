@@ -21,7 +21,8 @@ ON_RANKS = {"demo_tied": 2}
 # four to thirty seconds each, for many steps, solves or meshes
 LONG = (
     "demo_ball", "demo_identify", "demo_interference", "demo_ironing", "demo_plasticity",
-    "demo_profile", "demo_rollers", "demo_seal", "demo_snap_fit", "demo_tied", "demo_wear",
+    "demo_profile", "demo_relaxation", "demo_rollers", "demo_seal", "demo_snap_fit", "demo_tied",
+    "demo_wear",
 )  # fmt: skip
 # time limit of a demo [s]: a minute, four on a loaded machine
 LIMIT = 240

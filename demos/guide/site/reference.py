@@ -31,7 +31,7 @@ GROUPS = {
             "io.table",
         ),
     ),
-    "meshes": ("Meshes, spaces and supports", ("mesh", "utils.compat")),
+    "meshes": ("Meshes, spaces and supports", ("mesh", "utils.compat", "bulk.history")),
     "energies": ("Energies of the bodies", ("energies",)),
     "pairs": ("Contact pairs", ("contact",)),
     "laws": ("Contact laws", ("laws", "contact.laws", "contact.law", "contact.nodal")),
