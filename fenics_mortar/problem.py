@@ -73,6 +73,8 @@ class ContactProblem:
         remote: Loads or motions given at points: ``RigidBoundary``, ``SpreadLoad``.
         history: Pairs of an ``fm.quadrature_function`` in the forms and a UFL expression of ``u``
             and such functions: its new value, set when a step is accepted; see ``bulk.history``.
+        before_assembly: Function without arguments that sets functions of the forms which depend on
+            ``u`` by other means than UFL; called before each assembly, needs ``jacobian``.
         model_check: An ``ModelCheck`` that estimates the model error after each solve
             (``report.model_check``) and may start each solve on a cheaper model.
 
@@ -120,6 +122,7 @@ class ContactProblem:
         thickness: float | Callable[[Array], Any] | None = None,
         remote: Sequence[Any] = (),
         history: Sequence[tuple[Any, Any]] = (),
+        before_assembly: Callable[[], Any] | None = None,
         model_check: Any | None = None,
     ) -> None:
         self._given = {
@@ -128,6 +131,7 @@ class ContactProblem:
             "algorithm": algorithm, "solver": solver, "linearization": linearization,
             "newton": newton, "displacement": displacement, "linear_bulk": linear_bulk,
             "geometry": geometry, "thickness": thickness, "remote": remote, "history": history,
+            "before_assembly": before_assembly,
         }  # fmt: skip
         setup.check_given(self._given, pairs, model_check)
         with unchanged_if_refused(u):
@@ -135,6 +139,7 @@ class ContactProblem:
                 residual, u, pairs, bcs, jacobian, solver=solver, linearization=linearization,
                 newton=newton or NewtonOptions(), displacement=displacement, geometry=geometry,
                 thickness=thickness, algorithm=algorithm, remote=remote, history=history,
+                before_assembly=before_assembly,
             )  # fmt: skip
             self._solver = setup.solver_of(
                 self.equations, petsc_options_prefix, petsc_options, algorithm, solver, linear_bulk

@@ -135,19 +135,19 @@ def _edges(surface: Surface) -> Array:
     return edges / np.linalg.norm(edges, axis=1)[:, None]
 
 
-def check_residual(name: str, residual: Any, u: Any) -> None:
+def check_residual(name: str, residual: Any, u: Any, *, contains_u: bool = True) -> None:
     """Reject forms that are not residuals in the space of ``u`` (local).
 
     Raises:
-        ValueError: If the form has not exactly one test function, one of another space, or does
-            not depend on ``u``.
+        ValueError: If the form has not exactly one test function, one of another space, or, with
+            ``contains_u``, does not depend on ``u``.
     """
     expected = (
         "the residual needs exactly one test function and no trial function; for an energy, "
         "take ufl.derivative(energy, u, v)"
     )
     _check_form(name, residual, 1, u, expected)
-    if u not in residual.coefficients():
+    if contains_u and u not in residual.coefficients():
         raise ValueError(f"the {name} does not depend on u, the function to be solved for")
 
 
@@ -255,15 +255,17 @@ def refuse_inertia(bulk: Bulk, what: str) -> None:
 
 
 def refuse_history(bulk: Bulk, what: str) -> None:
-    """Reject bodies with history functions (local, equal on all ranks).
+    """Reject bodies with history functions or stresses beyond UFL (local, equal on all ranks).
 
     Args:
         bulk: The bodies.
         what: Name of the feature that does not support them, for the message.
 
     Raises:
-        MortarError: If the bodies have history functions.
+        MortarError: If the bodies have them.
     """
     if bulk.history.functions:
         names = ", ".join(f"'{function.name}'" for function in bulk.history.functions)
         raise MortarError(f"{what} does not support bodies with history (here of {names})")
+    if bulk.history.before_assembly is not None:
+        raise MortarError(f"{what} does not support before_assembly")

@@ -11,11 +11,14 @@ tangent of the present state follow from the values at the start of the last ste
 evaluated with the new values would be that after another step. ``History`` therefore keeps the
 latter, and forms of the bodies are assembled ``at_start``. The start of the next step discards
 them, at the same moment as that of the slip and of the memory of contact laws.
+
+A stress that UFL cannot write is a function in the forms, too, as is its derivative. A function of
+the user sets them before each assembly.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -78,15 +81,24 @@ class HistoryValues(Value):
 class History:
     """The history functions of a problem.
 
+    The constructor is collective.
+
     Args:
-        given: Pairs of a function and the expression of its new value (collective).
+        given: Pairs of a function and the expression of its new value.
+        before_assembly: Function that sets further functions of the forms, or ``None``.
 
     Attributes:
         functions: The functions.
+        before_assembly: See above.
         size: Number of all their local values.
     """
 
-    def __init__(self, given: Sequence[tuple[Any, Any]] = ()) -> None:
+    def __init__(
+        self,
+        given: Sequence[tuple[Any, Any]] = (),
+        before_assembly: Callable[[], Any] | None = None,
+    ) -> None:
+        self.before_assembly = before_assembly
         self.functions: list[Any] = [function for function, _ in given]
         self._updates = [_Update(function, expression) for function, expression in given]
         sizes = [function.x.array.size for function in self.functions]
@@ -127,7 +139,9 @@ class History:
 
         Raises:
             MortarError: On all ranks, if a value is not finite.
+            Exception: Any error of ``before_assembly``.
         """
+        self._call_before_assembly()
         return np.concatenate([np.empty(0), *(update.evaluate() for update in self._updates)])
 
     def accept(self, new_values: Array) -> None:
@@ -152,6 +166,21 @@ class History:
         finally:
             self._write(accepted)
             self._starts = False
+
+    @contextmanager
+    def assembling(self) -> Iterator[None]:
+        """Context in which all functions of the forms are those of the present state (collective).
+
+        Raises:
+            Exception: Any error of ``before_assembly``.
+        """
+        with self.at_start():
+            self._call_before_assembly()
+            yield
+
+    def _call_before_assembly(self) -> None:
+        if self.before_assembly is not None:
+            self.before_assembly()
 
     # Checkpoints
 

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
 from typing import Any
 
 from mpi4py import MPI
@@ -27,7 +27,7 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat, garbage
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.errors import MortarError, call_together
 from fenics_mortar.utils.ranks import on_all_ranks
 
 # Smallest ratio of the area of each cell after a Newton step to that before it, at each point where
@@ -51,6 +51,7 @@ class Bulk:
         jacobian: UFL form of the tangent; the derivative of ``residual`` by default.
         space: The displacement's nodes and dofs.
         history: Pairs of a function in the forms and the expression of its new value.
+        before_assembly: Function that sets further functions of the forms, or ``None``.
 
     Attributes:
         V: Space of the displacement alone.
@@ -87,6 +88,7 @@ class Bulk:
         jacobian: Any | None,
         space: DisplacementSpace,
         history: Sequence[tuple[Any, Any]] = (),
+        before_assembly: Callable[[], Any] | None = None,
     ) -> None:
         self.u, self.V, self.bcs, self.space = u, space.V, list(bcs), space
         self.values: Array = u.x.array
@@ -101,7 +103,9 @@ class Bulk:
         self._tangent_data = [*jacobian.constants(), *jacobian.coefficients()]
         data = [*residual.constants(), *residual.coefficients(), *self._tangent_data]
         self.data = [value for value in dict.fromkeys(data) if value is not u]
-        self.history = History(history)
+        if before_assembly is not None:
+            before_assembly = partial(call_together, self.comm, "before_assembly", before_assembly)
+        self.history = History(history, before_assembly)
         updated = self.history.functions
         self.input_data = InputData(u, self.bcs, (residual, jacobian), space, updated)
         self._data: list[Array] = []
@@ -142,7 +146,7 @@ class Bulk:
     @clock("residual")
     def assemble_residual(self) -> None:
         """Assemble ``r`` at the present displacement (collective)."""
-        with self.history.at_start():
+        with self.history.assembling():
             compat.assemble_vector(self.r, self._residual)
         for load in self.spread:
             load.add_to_residual(self)
@@ -159,7 +163,7 @@ class Bulk:
         self._data, self._K_is_whole = data, False
         if self._num_growths > MAX_GROWTHS:
             self.renew_tangent()
-        with self.history.at_start():
+        with self.history.assembling():
             self._assemble_cells()
         if self.inertia is not None:
             self.inertia.add_to_tangent(self.K, includes_mass=self._K_includes_mass)

@@ -21,7 +21,7 @@ from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 
 
 def check_arguments(
-    residual: Any, u: Any, pairs: Any, bcs: Any, jacobian: Any, history: Any
+    residual: Any, u: Any, pairs: Any, bcs: Any, jacobian: Any, history: Any, before_assembly: Any
 ) -> None:
     """Reject forms, pairs, conditions or history functions of a wrong type (local)."""
     check_kind("residual", residual, ufl.Form, "a UFL form")
@@ -35,7 +35,12 @@ def check_arguments(
         raise ValueError(f"bcs={bcs!r}: expected a list of Dirichlet conditions")
     for pair in pairs:
         pair.check()
-    check_residual("residual", residual, u)
+    check_residual("residual", residual, u, contains_u=before_assembly is None)
+    if before_assembly is not None and (not callable(before_assembly) or jacobian is None):
+        raise ValueError(
+            "before_assembly: expected a function without arguments, and jacobian, the form with "
+            "the derivatives of the functions that it sets"
+        )
     if jacobian is not None:
         check_kind("jacobian", jacobian, ufl.Form, "a UFL form, or None")
         check_jacobian(jacobian, u)

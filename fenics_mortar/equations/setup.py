@@ -52,7 +52,8 @@ def check_given(
         ValueError: On all ranks, if an argument has a value that is not allowed.
         MortarError: On all ranks, if arguments differ between ranks.
     """
-    forms = {name: given[name] for name in ("residual", "u", "bcs", "jacobian", "history")}
+    names = ("residual", "u", "bcs", "jacobian", "history", "before_assembly")
+    forms = {name: given[name] for name in names}
     options = {name: value for name, value in given.items() if name not in forms}
     check_kind("u", given["u"], fem.Function, "a function of dolfinx")
     mesh = given["u"].function_space.mesh
@@ -63,8 +64,9 @@ def check_given(
         check_arguments(pairs=pairs, **forms)
         check_remote(options.pop("remote"))
         check_options(**options, model_check=model_check)
-        if given["history"] and model_check is not None:
-            raise ValueError("model_check does not support history functions of the bodies")
+        beyond = [name for name in ("history", "before_assembly") if given[name]]
+        if beyond and model_check is not None:
+            raise ValueError(f"model_check does not support {beyond[0]}")
         signature = given["residual"].signature()
         options["residual"] = f"a form with the signature {signature[:8]}"
     options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
@@ -100,6 +102,7 @@ def equations_of(
     algorithm: Algorithm | None,
     remote: Sequence[Any] = (),
     history: Sequence[tuple[Any, Any]] = (),
+    before_assembly: Callable[[], Any] | None = None,
 ) -> ContactEquations:
     """Equations of a problem, for arguments of ``ContactProblem`` (collective).
 
@@ -127,7 +130,7 @@ def equations_of(
     for load in loads:
         load.update_reference()
     loads += sections_of(contacts)
-    bulk = Bulk(residual, u, list(bcs), jacobian, space, history)
+    bulk = Bulk(residual, u, list(bcs), jacobian, space, history, before_assembly)
     bulk.surfaces_slide = any(p.sliding == "finite" for p in pairs if isinstance(p, ContactPair))
     garbage.keep_communicators(bulk.comm, bulk.r, bulk.K)
     check_slave_nodes(contacts)
