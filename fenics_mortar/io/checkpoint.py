@@ -29,7 +29,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.instant import instant_arrays, restore_instant
 from fenics_mortar.contact.operator_evaluation import place_of
 from fenics_mortar.contact.state import INDEPENDENT
-from fenics_mortar.io.shared import check_problem
+from fenics_mortar.io.fields import check_problem
 from fenics_mortar.mesh.numbering import mesh_by_input_node
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.errors import MortarError, format_point

@@ -12,15 +12,20 @@ import numpy as np
 from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.io.cell_field import CellField
+from fenics_mortar.io.fields import (
+    CellField,
+    check_name,
+    check_problem,
+    evaluated_contacts,
+    owned_cells,
+)
 from fenics_mortar.io.outlines import GRID, grid, with_margin
-from fenics_mortar.io.shared import check_problem, owned_cells, prepare_path
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import together
-from fenics_mortar.utils.files import try_together, write_whole
+from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
 
 INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
 SEQUENTIAL, DIVERGING = "YlGnBu", "RdBu_r"
@@ -73,10 +78,13 @@ def plot(
     comm = problem.equations.comm
     with together(comm, "plot"):
         _check(path, scale, units, limits, ax, first=comm.rank == 0)
+        if stress is not None:
+            check_name(label)
     field = None if stress is None else CellField(problem, stress, label, rank=0)
     file = None
     if comm.bcast(path is not None):
-        file = prepare_path(comm, "" if path is None else path, ".png")
+        file = without_suffix(comm, "" if path is None else path, ".png")
+        make_folder(comm, file.parent)
     cells = owned_cells(problem)
     x = problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2]
     x = x + scale * problem.equations.bulk.u.x.array[problem.equations.bulk.space.dofs]
@@ -85,8 +93,7 @@ def plot(
     ).reshape(cells.shape)
     values = np.zeros(len(cells)) if field is None else field.evaluate()
     branches: Any = comm.gather((nodes, x[cells], values))
-    for contact in problem.equations.contacts:
-        contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
+    contacts = evaluated_contacts(problem)
 
     def draw() -> None:
         nodes, polygons, values = (np.concatenate(parts) for parts in zip(*branches, strict=True))
@@ -101,7 +108,7 @@ def plot(
             bar = axes.figure.colorbar(bodies, cax=inset, label=label)
             bar.outline.set_visible(False)
         _draw_obstacles(axes, problem.equations.motions.obstacles, *with_margin(low, high))
-        open_pairs = [c for c in problem.equations.contacts if not isinstance(c, Tie)]
+        open_pairs = [c for c in contacts if not isinstance(c, Tie)]
         height = 0.1 * float(np.sqrt(np.prod(high - low)))
         _draw_pressure(axes, open_pairs, scale, height, "" if units is None else f" {units[1]}")
         if scale != 1.0:

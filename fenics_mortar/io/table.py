@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from fenics_mortar.io.shared import check_problem
+from fenics_mortar.io.fields import check_problem, evaluated_contacts
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.markdown import MarkdownText
 
@@ -21,8 +21,7 @@ def contact_table(problem: ContactProblem) -> MarkdownText:
     check_problem(problem)
     head = "pair|force on slave|force on master|sum|active|max pressure|min gap/length".split("|")
     rows = [f"| {' | '.join(head)} |", "|---|---:|---:|---:|---:|---:|---:|"]
-    for contact in problem.equations.contacts:
-        contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
+    for contact in evaluated_contacts(problem):
         o, z = contact.operators, contact.z_u
         forces = [-force.sum(axis=0) for force in (o.force(z)[0], o.reaction(z)[1])]
         gap = (contact.gap / contact.slave.nodal_lengths)[contact.covered]

@@ -70,11 +70,11 @@ def test_a_full_disk_leaves_the_list_of_steps(tmp_path):
             results.write(time)
         index = (tmp_path / "blocks.pvd").read_bytes()
         limit = resource.getrlimit(resource.RLIMIT_FSIZE)
-        pieces = [_Nothing] * len(results._series._blocks)
+        pieces = [_Nothing] * len(results._blocks)
         resource.setrlimit(resource.RLIMIT_FSIZE, (len(index) // 2, limit[1]))
         try:
             with pytest.raises(fm.MortarError, match="cannot write"):
-                results._series.write(20.0, pieces)
+                results._write(20.0, pieces)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limit)
     assert (tmp_path / "blocks.pvd").read_bytes() == index
