@@ -35,14 +35,22 @@ from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.la.factored import factored_bulk
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.models.options import MODELS
+from fenics_mortar.models.deviations import all_contacts
+from fenics_mortar.models.model_error import estimate_wider
+from fenics_mortar.models.report import Assumption
 from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MeshError, call_together, check_same_texts, together
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 PREFIX = "fenics_mortar_elastic_obstacle_"
+# Gauss points on a facet of the slave, which may face several facets of an elastic obstacle with
+# kinks.
+POINTS_ON_FACET = 12
+# Number of points whose nearest facets are searched at a time, to limit memory.
+BATCH = 2000
 
 
 class ElasticObstacle:
@@ -147,12 +155,12 @@ class _Touching:
 
     def __init__(self, contact: Contact, obstacle: Obstacle, surface: Surface) -> None:
         self._contact, self._obstacle, o = contact, obstacle, contact.operators
-        self._points = points_of(o.segments, gauss_rule(MODELS.points_on_facet))
+        self._points = points_of(o.segments, gauss_rule(POINTS_ON_FACET))
         self._measure = self._points.measure(o.x)
         if contact.slave.thickness is not None:
             self._measure = self._measure * self._points.of(contact.slave.thickness.at(o.x))
         own = obstacle.to_own_frame(self._points.of(o.x).reshape(-1, 2))
-        batches = np.array_split(own, len(own) // MODELS.batch + 1)
+        batches = np.array_split(own, len(own) // BATCH + 1)
         nearest = [nearest_facets(batch, surface.X, surface) for batch in batches]
         self._ends, parts = (np.concatenate(found) for found in zip(*nearest, strict=True))
         on_facet = np.clip(parts, 0.0, 1.0)
@@ -191,3 +199,30 @@ class _Touching:
     def _at_nearest(self, nodal: Array) -> Array:
         """Interpolate nodal values (nodes, 2) at the nearest points, shape (points, 2) (local)."""
         return np.einsum("pk,pkc->pc", self._shares, nodal[self._ends])
+
+
+def rigid_obstacle(problem: ContactProblem, elastic: ElasticObstacle) -> Assumption:
+    """Errors of a rigid obstacle: its elasticity, and the facets of its mesh (collective)."""
+    touching = contacts_of(problem, elastic)
+    yielding, flatness = elastic.displacements(touching), elastic.flatness(touching)
+    by_mesh = Assumption(
+        f"mesh of {elastic.obstacle}",
+        f"facets deviate by {_largest(flatness):.2g}",
+        estimate_wider(problem, touching, flatness),
+    )
+    return Assumption(
+        f"rigid {elastic.obstacle}",
+        f"displacement of its surface {_largest(yielding):.2g}",
+        estimate_wider(problem, touching, yielding),
+        by_mesh,
+    )
+
+
+def contacts_of(problem: ContactProblem, elastic: ElasticObstacle) -> list[Contact]:
+    """The contacts with the obstacle of an elastic obstacle (local)."""
+    return [c for c in all_contacts(problem) if c.obstacle is elastic.obstacle]
+
+
+def _largest(lengths: Sequence[Array]) -> float:
+    """Largest absolute value of arrays of any shape [length] (local)."""
+    return max((float(np.abs(length).max(initial=0.0)) for length in lengths), default=0.0)

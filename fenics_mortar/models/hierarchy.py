@@ -13,7 +13,7 @@ again: errors grow at most with the square of the deviations.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,55 +25,41 @@ from dolfinx import fem
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.operator_evaluation import place_of
 from fenics_mortar.equations.state import State
+from fenics_mortar.models.deviations import (
+    LINEAR,
+    SMALL,
+    all_contacts,
+    deviations,
+    sliding_little,
+)
 from fenics_mortar.models.model_error import (
     ENERGY,
     QUANTITIES,
     Errors,
     SolutionQuantities,
+    adopt,
     correct,
     differences,
-    largest_slip,
-    largest_strain,
-    relative,
-    sliding_little,
 )
-from fenics_mortar.models.options import MODELS
-from fenics_mortar.models.variant import adopt
+from fenics_mortar.models.report import Assumption
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import suppressed_failures
-from fenics_mortar.utils.ranks import agreed
+
+# Relative error [1] above which the result of a model is not used as initial guess.
+MAX_ERROR = 0.5
+# Growth of a model's deviations or errors since the last check above which they are checked again
+# [1].
+RECHECK = 2.0
 
 
 @dataclass(frozen=True)
 class Model:
-    """A variant of a problem.
-
-    Attributes:
-        problem: The variant.
-        is_linear: Whether it assumes linear strain.
-        is_small: Whether it assumes small sliding.
-    """
+    """A variant of a problem, and the names of its assumptions."""
 
     problem: ContactProblem
-    is_linear: bool
-    is_small: bool
-
-    @property
-    def name(self) -> str:
-        """Its assumptions, as text."""
-        linear, small = "linear strain" * self.is_linear, "small sliding" * self.is_small
-        return " and ".join(filter(None, (linear, small)))
-
-
-@dataclass(frozen=True)
-class UsedModel:
-    """The model whose solution is used, its estimated errors, and their origin."""
-
-    model: Model
-    errors: Errors
-    remark: str
+    assumptions: tuple[str, ...]
 
 
 class ModelHierarchy:
@@ -87,7 +73,8 @@ class ModelHierarchy:
             estimated if ``None``.
 
     Attributes:
-        used: The model of the last solve; ``None`` for the problem's own model.
+        used: The assumptions of the last solve and their errors; ``None`` for the problem's own
+            model.
     """
 
     def __init__(
@@ -99,14 +86,16 @@ class ModelHierarchy:
     ) -> None:
         self._problem, self._tolerance, self._quantity = problem, tolerance, quantity
         self._discretisation = discretisation
-        self._models = cheaper_models(problem)
-        self._made: list[Model] = []
-        self._level, self._skips_rest = -1, False
-        self._model: Model | None
-        self._checked: tuple[Array, Errors]
-        self._next_model()
+        self._cheaper = cheaper_models(problem)
+        self._made: dict[int, Model] = {}
+        self._enter(0)
         self._mesh_error_at, self._mesh_error, self._has_estimated = 0.0, 0.0, False
-        self.used: UsedModel | None = None
+        self.used: Assumption | None = None
+
+    @property
+    def model(self) -> Model | None:
+        """The cheapest model that is not known to be insufficient, if any is left."""
+        return self._made.get(self._level)
 
     @property
     def mesh_error(self) -> float | None:
@@ -122,25 +111,25 @@ class ModelHierarchy:
         """
         problem, start = self._problem, self._problem.state()
         self.used, self._has_estimated = None, False
-        while self._model is not None:
-            adopt(self._model.problem, problem)
+        while (model := self.model) is not None:
+            adopt(model.problem, problem)
             with suppressed_failures():
-                report = self._model.problem.solve()
-                solved = self._model.problem.state()
-                start, self.used = self._judge(self._model, start)
+                report = model.problem.solve()
+                solved = model.problem.state()
+                start, self.used = self._judge(model, start)
                 if self.used is not None:
                     problem.restore(solved.with_settings_of(start))
                     return report
             problem.restore(start)
-            self._next_model()
+            self._enter(self._level + 1)
         return None
 
     def saved_data(self) -> dict[str, Array]:
         """Arrays of numbers for a file, nan for missing values; units as stated (local).
 
-        ``hierarchy``, shape (5,): insufficient models (inf: all), whether intermediate models are
-        skipped, whether the last solve used a cheaper model, model error at which the error of
-        the mesh was estimated [1], error of the mesh [1]. ``hierarchy_checked``, shape (n,):
+        ``hierarchy``, shape (4,): insufficient models (inf: all), whether the last solve used a
+        cheaper model, model error at which the error of the mesh was estimated [1], error of the
+        mesh [1]. ``hierarchy_checked``, shape (n,):
         deviations, then errors, of the last checked state [1]. ``hierarchy_places``, shape
         (contacts, 3): place of the obstacle in frozen operators of each contact of the present
         model [length, length, radian].
@@ -148,12 +137,10 @@ class ModelHierarchy:
         before, errors = self._checked
         checked = np.concatenate([before, [errors.get(name, np.nan) for name in QUANTITIES]])
         places = np.full((len(self._problem.equations.contacts), 3), np.nan)
-        contacts = [] if self._model is None else list(self._model.problem.equations.contacts)
-        for i, contact in enumerate(contacts):
+        for i, contact in enumerate(self.model.problem.equations.contacts if self.model else []):
             if isinstance(contact, Contact):
                 places[i] = place_of(contact.state.reference)
-        left = self._level if self._model is not None else np.inf
-        flags = [left, self._skips_rest, self.used is not None]
+        flags = [self._level if self.model else np.inf, self.used is not None]
         numbers = np.array([*flags, self._mesh_error_at, self._mesh_error], float)
         return {"hierarchy": numbers, "hierarchy_checked": checked, "hierarchy_places": places}
 
@@ -162,19 +149,14 @@ class ModelHierarchy:
 
         Slip is counted from the partners in the operators of the model used.
         """
-        numbers = map(float, data["hierarchy"])
-        level, skips_rest, on_model, self._mesh_error_at, self._mesh_error = numbers
-        if np.isinf(level):
-            self._model, self._models = None, iter(())
-        while self._model is not None and self._level < level:
-            self._next_model()
-        self._skips_rest = bool(skips_rest)
-        if self._model is None:
+        level, on_model, self._mesh_error_at, self._mesh_error = map(float, data["hierarchy"])
+        self._enter(int(min(level, len(self._cheaper))))
+        if self.model is None:
             return
         before, errors = np.split(data["hierarchy_checked"], [-len(QUANTITIES)])
         if np.isfinite(before).any():
             self._checked = before, dict(zip(QUANTITIES, errors.tolist(), strict=True))
-        model = self._model.problem
+        model = self.model.problem
         for contact, mine, reference in zip(
             model.equations.contacts,
             self._problem.equations.contacts,
@@ -189,33 +171,34 @@ class ModelHierarchy:
             here = self._problem.state()
             self._problem.restore(model.state().with_settings_of(here))
 
-    def _next_model(self) -> None:
-        self._level += 1
-        if self._level == len(self._made):
-            self._made += [model for model in (next(self._models, None),) if model is not None]
-        nothing = self._skips_rest or self._level >= len(self._made)
-        self._model = None if nothing else self._made[self._level]
-        self._checked = np.full(1, np.nan), {}
+    def _enter(self, level: int) -> None:
+        """Make the model of a level, if there is one, the present one (collective)."""
+        self._level = level
+        self._checked = np.full(1, np.nan), dict[str, float]()
+        if level < len(self._cheaper) and level not in self._made:
+            names, options = self._cheaper[level]
+            self._made[level] = Model(self._problem.variant(**options), names)
 
-    def _judge(self, model: Model, start: State) -> tuple[State, UsedModel | None]:
-        """State to continue from, and the model if it suffices (collective)."""
-        problem, (before, errors), now = self._problem, self._checked, deviations(model)
-        if (now <= MODELS.recheck * before).all():
+    def _judge(self, model: Model, start: State) -> tuple[State, Assumption | None]:
+        """State to continue from, and the assumptions if the model suffices (collective)."""
+        problem, (before, errors) = self._problem, self._checked
+        now, name = deviations(model.problem, model.assumptions), " and ".join(model.assumptions)
+        if (now <= RECHECK * before).all():
             growth = max(1.0, float((now / np.where(before > 0.0, before, 1.0)).max()))
             if self._is_allowed(growth**2 * errors[self._quantity]):
                 grown = {name: growth * error for name, error in errors.items()}
-                return start, UsedModel(model, grown, "sufficient; estimated in an earlier step")
+                return start, Assumption(name, "sufficient; estimated in an earlier step", grown)
         errors = correct(model.problem, problem)
         self._checked, corrected = (now, errors), problem.state()
-        if errors[ENERGY] < MODELS.max_error:
+        if errors[ENERGY] < MAX_ERROR:
             start = corrected.counting_slip_from(start)
         if self._is_enough(errors):
-            return start, UsedModel(model, errors, "sufficient")
-        if model.is_linear and model.is_small and np.isfinite(errors[ENERGY]):
+            return start, Assumption(name, "sufficient", errors)
+        if len(model.assumptions) > 1 and np.isfinite(errors[ENERGY]):
             alone = error_of_linear_bulk(model.problem, problem)
             problem.restore(corrected)
             if not self._is_enough(alone):
-                self._skips_rest = True
+                self._level = len(self._cheaper)  # the other models have a linear bulk, too
         return start, None
 
     def _is_enough(self, errors: Errors) -> bool:
@@ -226,8 +209,8 @@ class ModelHierarchy:
         estimated again if it is decisive or the error of the model has doubled, once per solve.
         """
         error, known = errors[self._quantity], self._discretisation is not None
-        checked = min(MODELS.recheck * self._mesh_error_at, self._mesh_error)
-        decides = checked < error < MODELS.max_error
+        checked = min(RECHECK * self._mesh_error_at, self._mesh_error)
+        decides = checked < error < MAX_ERROR
         if decides and error > self._tolerance and self._quantity == ENERGY and not known:
             with suppressed_failures():
                 if not self._has_estimated:
@@ -239,17 +222,15 @@ class ModelHierarchy:
         return error <= max(self._tolerance, self.mesh_error or 0.0)
 
 
-def cheaper_models(problem: ContactProblem) -> Iterator[Model]:
-    """Cheaper variants of a problem, the cheapest first (collective)."""
-    linear: dict[str, Any] = {}
-    if not problem.equations.bulk.is_linear:
-        bulk = problem.equations.bulk
-        linear["residual"] = linearized_residual(bulk.residual, bulk.u)
-    contacts = [contact for contact in problem.equations.contacts if isinstance(contact, Contact)]
-    if len(sliding_little(problem)) < len(contacts):
-        yield Model(problem.variant(**linear, sliding="small"), bool(linear), True)
-    if linear:
-        yield Model(problem.variant(**linear), True, False)
+def cheaper_models(problem: ContactProblem) -> list[tuple[tuple[str, ...], dict[str, Any]]]:
+    """Assumptions and options of cheaper variants of a problem, the cheapest first (local)."""
+    bulk, options = problem.equations.bulk, dict[str, dict[str, Any]]()
+    if not bulk.is_linear:
+        options[LINEAR] = {"residual": linearized_residual(bulk.residual, bulk.u)}
+    if len(sliding_little(problem)) < len(all_contacts(problem)):
+        options[SMALL] = {"sliding": "small"}
+    choices = dict.fromkeys([tuple(options), tuple(options)[:1]]) if options else {}
+    return [(names, {k: v for n in names for k, v in options[n].items()}) for names in choices]
 
 
 def linearized_residual(residual: Any, u: Any) -> Any:
@@ -257,17 +238,6 @@ def linearized_residual(residual: Any, u: Any) -> Any:
     zero = fem.Function(u.function_space)
     at_rest = ufl.replace(residual, {u: zero})
     return at_rest + ufl.derivative(at_rest, zero, u)
-
-
-def deviations(model: Model) -> Array:
-    """Deviations of a solved model from its assumptions, shape (n,) [1] (collective)."""
-    found: list[float] = []
-    if model.is_linear:
-        rotation, strain = largest_strain(model.problem)
-        found += [strain, relative(rotation**2, strain)]
-    if model.is_small:
-        found += np.max([largest_slip(c) for c in sliding_little(model.problem)], axis=0).tolist()
-    return agreed(model.problem.equations.comm, np.array(found))
 
 
 def error_of_linear_bulk(other: ContactProblem, problem: ContactProblem) -> Errors:

@@ -4,12 +4,11 @@
 The estimates of ``model_error`` use one Newton step of a richer model at the solution of the
 present one.
 
-Indicators are the deviations from the assumptions: for linear kinematics the rotation, whose
-spurious strain is angle^2 / 2, and the strain; for small sliding the slip over a facet's length and
-the rotation of the normals. The body that an obstacle represents may be meshed alone, see
-``elastic_obstacle``: the displacement of its surface under the tractions widens the gaps in the
-richer model. The error of the facets of that mesh, compared with the curve, is reported separately;
-if it is larger, refine that mesh first. Without a mesh only a rule is available: a body of modulus
+Indicators are the ``deviations`` from the assumptions. The body that an obstacle represents may be
+meshed alone, see ``elastic_obstacle``: the displacement of its surface under the tractions widens
+the gaps in the richer model. The error of the facets of that mesh, compared with the curve, is
+reported separately; if it is larger, refine that mesh first. Without a mesh only a rule is
+available: a body of modulus
 E' = E / (1 - nu^2) against another one of its shape has the compliance 1/E' + 1/E'_other, so
 neglecting the other compliance is an error of E' / E'_other (of forces and pressures under
 prescribed displacements; half of it, of pressures, under prescribed forces). Shape and supports may
@@ -36,16 +35,17 @@ import ufl
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import Coulomb, Law, Stick
-from fenics_mortar.models.elastic_obstacle import ElasticObstacle
-from fenics_mortar.models.hierarchy import ModelHierarchy
-from fenics_mortar.models.indicators import describe_sliding, describe_strain, rigid_obstacle
-from fenics_mortar.models.model_error import (
-    ENERGY,
-    QUANTITIES,
-    estimate,
+from fenics_mortar.models.deviations import (
+    LINEAR,
+    SMALL,
+    all_contacts,
+    describe,
     shear_demand,
     sliding_little,
 )
+from fenics_mortar.models.elastic_obstacle import ElasticObstacle, rigid_obstacle
+from fenics_mortar.models.hierarchy import ModelHierarchy
+from fenics_mortar.models.model_error import ENERGY, QUANTITIES, estimate
 from fenics_mortar.models.report import Assumption, ModelReport
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.problem import ContactProblem
@@ -160,18 +160,14 @@ class ModelCheck:
         Returns:
             Accumulated slip of each pair, shape (slave nodes,) [length], and the model in use.
         """
-        none = np.empty(0)
-        slips = [
-            self._slips.get(c, none) for c in problem.equations.contacts if isinstance(c, Contact)
-        ]
+        slips = [self._slips.get(contact, np.empty(0)) for contact in all_contacts(problem)]
         return {f"slips{i}": slip for i, slip in enumerate(slips)} | (
             self._hierarchy.saved_data() if self._hierarchy else {}
         )
 
     def restore_data(self, problem: ContactProblem, data: Mapping[str, Array]) -> None:
         """Restore ``data`` as far as present (collective); see ``saved_data`` for shapes."""
-        contacts = [c for c in problem.equations.contacts if isinstance(c, Contact)]
-        for i, contact in enumerate(contacts):
+        for i, contact in enumerate(all_contacts(problem)):
             if data.get(f"slips{i}", np.empty(0)).shape == (contact.slave.num_nodes,):
                 self._slips[contact] = data[f"slips{i}"]
         if self._hierarchy and "hierarchy" in data:
@@ -179,12 +175,12 @@ class ModelCheck:
 
     def assess(self, problem: ContactProblem) -> ModelReport:
         """Estimate the errors of the present solution; its state is restored (collective)."""
-        used = self._hierarchy.used if self._hierarchy else None
-        first = [Assumption(used.model.name, used.remark, used.errors)] if used else []
+        model = self._hierarchy.model if self._hierarchy and self._hierarchy.used else None
+        first = [self._hierarchy.used] if self._hierarchy and self._hierarchy.used else []
         found = [*first, *self._assumptions(problem)]
-        if used is not None:  # forces and gaps are those of its operators
+        if model is not None:  # forces and gaps are those of its operators
             for contact, theirs in zip(
-                problem.equations.contacts, used.model.problem.equations.contacts, strict=True
+                problem.equations.contacts, model.problem.equations.contacts, strict=True
             ):
                 contact.set_operators(theirs.operators)
         mesh_error = self._hierarchy.mesh_error if self._hierarchy else self._discretisation
@@ -192,16 +188,13 @@ class ModelCheck:
 
     def _assumptions(self, problem: ContactProblem) -> Iterator[Assumption]:
         richer: dict[str, dict[str, Any]] = {}
-        indicators: dict[str, Callable[[ContactProblem], str]] = {}
         if self._finite_strain is not None:
-            richer["linear strain"] = {"residual": self._finite_strain}
-            indicators["linear strain"] = describe_strain
+            richer[LINEAR] = {"residual": self._finite_strain}
         if sliding_little(problem):
-            richer["small sliding"] = {"sliding": "finite"}
-            indicators["small sliding"] = describe_sliding
+            richer[SMALL] = {"sliding": "finite"}
         for name, model in richer.items():
             errors = estimate(problem, self._variant(problem, name, model))
-            yield Assumption(name, indicators[name](problem), errors)
+            yield Assumption(name, describe(problem, name), errors)
         yield from self._rigid(problem)
         yield from self._without_friction(problem)
         if len(richer) > 1:
@@ -243,9 +236,7 @@ class ModelCheck:
 
     def _count_all_slip(self, problem: ContactProblem) -> None:
         """Accumulate the slip of each node since first contact, over all checked steps."""
-        for contact in problem.equations.contacts:
-            if not isinstance(contact, Contact) or not _is_frictionless(contact):
-                continue
+        for contact in filter(_is_frictionless, all_contacts(problem)):
             before = self._slips.get(contact, np.zeros(contact.slave.num_nodes))
             self._slips[contact] = np.where(contact.active, before + contact.slip, 0.0)
             partners = contact.partners

@@ -8,10 +8,6 @@ quantity. If the remaining residual is larger than in a nearly linear problem, t
 apart, and a few more steps follow, until the remaining residual, as a fraction of the correction,
 cannot change any quantity by half. All quantities are checked, since a peak pressure may be
 accurate while the contact area is not.
-
-Indicators are the deviations of a state from the assumptions of a model: for linear kinematics the
-rotation, whose spurious strain is angle^2 / 2, and the strain; for small sliding the slip over a
-facet's length and the rotation of the normals.
 """
 
 from __future__ import annotations
@@ -25,19 +21,21 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.laws import Stick
-from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.interface.integrals import evaluate_normals
-from fenics_mortar.models.options import MODELS
-from fenics_mortar.models.variant import adopt
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
-from fenics_mortar.utils.ranks import agreed, largest_over_ranks
+from fenics_mortar.utils.ranks import agreed
 
 ENERGY, FORCE, PEAK = "energy norm", "total force", "peak pressure"
 QUANTITIES = (ENERGY, FORCE, PEAK)
 Errors = dict[str, float]
+# Largest number of steps of the richer model.
+MAX_CORRECTIONS = 6
+# Remaining fraction of the residual after a step [1] above which another step follows.
+LINEAR_FRACTION = 0.1
+# Expected change of an error by another step, relative to the solution [1], that is always
+# accepted.
+SETTLED = 1e-3
 
 
 @dataclass
@@ -62,6 +60,15 @@ class SolutionQuantities:
             np.array([contact.total_force for contact in problem.equations.contacts]),
             np.array([contact.pressure.max() for contact in problem.equations.contacts]),
         )
+
+
+def adopt(problem: ContactProblem, other: ContactProblem) -> None:
+    """Set the state of ``problem`` to the present one of ``other``, its variant (collective)."""
+    ours, theirs = problem.equations.contacts, other.equations.contacts
+    for contact, of_other in zip(ours, theirs, strict=True):
+        if isinstance(contact, Contact) and isinstance(of_other, Contact):
+            contact.adopt(of_other)
+    problem.restore(other.state())
 
 
 def estimate(problem: ContactProblem, *richer: ContactProblem) -> Errors:
@@ -107,12 +114,12 @@ def take_steps(problem: ContactProblem, cheap: SolutionQuantities, model: Contac
     times the change by all previous steps.
     """
     start = model.equations.evaluate(start=True).residual or np.inf
-    for _ in range(MODELS.max_corrections):
+    for _ in range(MAX_CORRECTIONS):
         fraction = model.equations.advance().fraction
         left = model.equations.evaluate(start=False).residual / start
         errors = differences(problem, cheap, SolutionQuantities.of(model))
-        settled = left * errors[ENERGY] <= max(MODELS.settled, 0.5 * min(errors.values()))
-        if fraction == 1.0 and left <= MODELS.linear and settled:
+        settled = left * errors[ENERGY] <= max(SETTLED, 0.5 * min(errors.values()))
+        if fraction == 1.0 and left <= LINEAR_FRACTION and settled:
             break
     return errors
 
@@ -199,45 +206,3 @@ def strained(problem: ContactProblem, u: Array) -> Array:
 def relative(difference: Any, size: Any) -> float:
     """Difference over size [1]; 0 if both vanish, inf if only the size does (local)."""
     return float(difference / size) if size > 0.0 else float(np.inf if difference > 0.0 else 0.0)
-
-
-def largest_strain(problem: ContactProblem) -> tuple[float, float]:
-    """Largest rotation [radian] and principal strain of F = R U, cell means (collective)."""
-    bulk = problem.equations.bulk
-    (a, b), (c, d) = np.moveaxis(bulk.cells.deformation_gradients(bulk.positions()), 0, 2)
-    rotation = np.arctan2(c - b, a + d)
-    mean, spread = 0.5 * np.hypot(a + d, c - b), 0.5 * np.hypot(a - d, b + c)
-    strains = np.abs(mean - 1.0) + spread  # the larger of mean +- spread
-    if bulk.space.is_axisymmetric:
-        strains = np.maximum(strains, np.abs(bulk.cells.hoop_strains(bulk.positions())))
-    mine = np.array([np.abs(values).max(initial=0.0) for values in (rotation, strains)])
-    rotation, strain = largest_over_ranks(problem.equations.comm, mine)
-    return float(rotation), float(strain)
-
-
-def shear_demand(problem: ContactProblem) -> float:
-    """Largest mean |z_tau| / z_n of all pairs with a sticking law [1] (local)."""
-    demands = [
-        relative(np.abs(c.shear_force).sum(), float(np.abs(c.operators.weight * c.pressure).sum()))
-        for c in problem.equations.contacts
-        if isinstance(c.pair, ContactPair) and isinstance(c.pair.law, Stick)
-    ]
-    return max(demands, default=0.0)
-
-
-def sliding_little(problem: ContactProblem) -> list[Contact]:
-    """Contacts with small sliding, which use the operators of the undeformed mesh (local)."""
-    contacts = [contact for contact in problem.equations.contacts if isinstance(contact, Contact)]
-    return [contact for contact in contacts if contact.pair.sliding == "small"]
-
-
-def largest_slip(contact: Contact) -> tuple[float, float]:
-    """Largest slip of active nodes over their length, and rotation of normals [radian] (local)."""
-    o, on = contact.operators, contact.active & contact.covered
-    jump = o.jump(o.x - contact.slave.X, o.m - contact.master.X)
-    slip = np.einsum("jc,jc->j", o.tau, jump)[on] / (o.weight * contact.slave.nodal_lengths)[on]
-    weighting = contact.pair.discretization.normals
-    before, now = (evaluate_normals(contact.slave, x, weighting)[0] for x in (contact.slave.X, o.x))
-    cosine = np.einsum("jc,jc->j", before, now)[on]
-    angles = np.arccos(np.clip(cosine, -1.0, 1.0))
-    return float(np.abs(slip).max(initial=0.0)), float(angles.max(initial=0.0))

@@ -113,10 +113,10 @@ def test_hierarchy_continues_after_a_failed_model(monkeypatch):
     """A cheap model without solution has no effect."""
     (full, push, _), (problem, same_push, _) = hierarchy_path(), hierarchy_path(tolerance=0.5)
     hierarchy = problem.equations.model_check._hierarchy
-    models = [hierarchy._model, *hierarchy._models]
-    hierarchy._models = iter(models[1:])
-    assert len(models) == 2
-    for model in models:
+    hierarchy._enter(1)
+    hierarchy._enter(0)
+    assert len(hierarchy._made) == len(hierarchy._cheaper) == 2
+    for model in hierarchy._made.values():
 
         def fail(model_problem=model.problem):
             model_problem.equations.bulk.u.x.array[:] = 0.01
