@@ -30,8 +30,7 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError, count_points, format_point
-from fenics_mortar.utils.lines import lines_cross, near_pairs
-from fenics_mortar.utils.near import near
+from fenics_mortar.utils.lines import lines_cross, near, near_pairs
 from fenics_mortar.utils.rounding import SAME_PLACE
 
 

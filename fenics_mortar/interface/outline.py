@@ -20,7 +20,7 @@ from fenics_mortar.interface.surfaces import Surface, replicate
 from fenics_mortar.interface.tagged_facets import facet_nodes
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.near import near
+from fenics_mortar.utils.lines import near
 from fenics_mortar.utils.rounding import HALF_FACET, ROUNDING, SAME_PLACE, TINY
 
 # Factor of the steps to which coordinates are rounded [1]. With an odd factor no node of a regular

@@ -1,18 +1,45 @@
 # SPDX-License-Identifier: MIT
-"""Intersections of straight line segments in the plane."""
+"""Points near each other, and straight line segments that intersect, in the plane."""
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from fenics_mortar.utils.near import near
-
-Array = npt.NDArray[np.float64]
-Pairs = npt.NDArray[np.int64]
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
-def near_pairs(start: Array, end: Array) -> Pairs:
+def near(a: Array, b: Array, radius: float) -> tuple[Indices, Indices]:
+    """Numbers i, j of all pairs with a distance of at most ``radius``, each (k,) (local).
+
+    They are found with bins as wide as the distance: a point is compared with those in its own and
+    the eight adjacent bins, three runs of a sorted list.
+
+    Args:
+        a: Points, shape (n, 2) [length].
+        b: Points, shape (m, 2) [length].
+        radius: Largest distance, positive [length].
+    """
+    if not (len(a) and len(b)):
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    low = np.minimum(a.min(axis=0), b.min(axis=0))
+    bins_a, bins_b = (np.floor((points - low) / radius).astype(np.int64) for points in (a, b))
+    stride = max(bins_a[:, 1].max(), bins_b[:, 1].max()) + 3  # an empty bin between two columns
+    keys_a, keys_b = (bins[:, 0] * stride + bins[:, 1] for bins in (bins_a, bins_b))
+    order = np.argsort(keys_b, kind="stable")
+    keys_b = keys_b[order]
+    pairs = []
+    for column in (-stride, 0, stride):
+        first = np.searchsorted(keys_b, keys_a + column - 1, side="left")
+        count = np.searchsorted(keys_b, keys_a + column + 1, side="right") - first
+        i = np.repeat(np.arange(len(a)), count)
+        start = np.repeat(first - np.cumsum(count) + count, count)
+        pairs.append((i, order[start + np.arange(i.size)]))
+    i, j = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+    close = ((a[i] - b[j]) ** 2).sum(axis=1) <= radius**2
+    return i[close], j[close]
+
+
+def near_pairs(start: Array, end: Array) -> Indices:
     """Pairs (k, 2) of lines from ``start`` to ``end`` (n, 2) that may intersect (local).
 
     The criterion is the distance of midpoints; pairs are unique and in ascending order.
@@ -27,8 +54,8 @@ def near_pairs(start: Array, end: Array) -> Pairs:
 
 
 def lines_cross(
-    start: Array, end: Array, pairs: Pairs, tolerance: float = 0.0, *, touching: bool = False
-) -> npt.NDArray[np.bool_]:
+    start: Array, end: Array, pairs: Indices, tolerance: float = 0.0, *, touching: bool = False
+) -> Flags:
     """Whether the lines of each pair cross, shape (k,) (local).
 
     Args:
