@@ -24,7 +24,7 @@ from fenics_mortar.bulk.node_blocks import CellBlocks, come_in_pairs
 from fenics_mortar.bulk.units import find_units
 from fenics_mortar.mesh import numbering
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.utils import compat, garbage
+from fenics_mortar.utils import compat, petsc
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError, call_together
@@ -191,7 +191,7 @@ class Bulk:
 
     def free_garbage(self) -> None:
         """Free unreferenced PETSc objects, also those made from ``r`` and ``K`` (collective)."""
-        garbage.free_garbage(self.comm, self.r, self.K)
+        petsc.free_garbage(self.comm, self.r, self.K)
 
     def extend_tangent(self, zeros: PETSc.Mat) -> None:
         """Extend the pattern of ``K`` by that of a matrix of zeros (collective).

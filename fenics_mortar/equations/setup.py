@@ -32,7 +32,7 @@ from fenics_mortar.mesh.thickness import Geometry, thickness_of
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.rigid.remote import check_remote
 from fenics_mortar.rigid.section import sections_of
-from fenics_mortar.utils import compat, garbage
+from fenics_mortar.utils import compat, petsc
 from fenics_mortar.utils.arguments import check_kind, check_no_effect
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_same_texts, together
@@ -112,7 +112,7 @@ def equations_of(
         MortarError: On all ranks, if the mesh or a surface is unsuitable.
         ValueError: On all ranks, if ``u`` is a mixed function and the solver iterative.
     """
-    garbage.free_garbage_of_earlier(u.function_space.mesh.comm)
+    petsc.free_garbage_of_earlier(u.function_space.mesh.comm)
     weight = thickness_of(geometry, thickness)
     space = DisplacementSpace(u.function_space, displacement, weight)
     check_space(space.V, pairs)
@@ -132,7 +132,7 @@ def equations_of(
     loads += sections_of(contacts)
     bulk = Bulk(residual, u, list(bcs), jacobian, space, history, before_assembly)
     bulk.surfaces_slide = any(p.sliding == "finite" for p in pairs if isinstance(p, ContactPair))
-    garbage.keep_communicators(bulk.comm, bulk.r, bulk.K)
+    petsc.keep_communicators(bulk.comm, bulk.r, bulk.K)
     check_slave_nodes(contacts)
     check_roles(contacts)
     check_cells(bulk)

@@ -21,7 +21,7 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import pack_product, pack_rows
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.utils.petsc_functions import POINTER, petsc_function
+from fenics_mortar.utils.petsc import POINTER, petsc_function
 from fenics_mortar.utils.ranks import on_all_ranks
 from fenics_mortar.utils.rounding import SUM_ROUNDING
 

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.utils.errors import MeshError
-from fenics_mortar.utils.petsc_functions import POINTER, petsc_function
+from fenics_mortar.utils.petsc import POINTER, petsc_function
 
 
 def scalar_is_complex() -> bool:

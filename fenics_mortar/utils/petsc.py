@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Release of unreferenced PETSc objects, which only collective calls can free."""
+"""What petsc4py leaves to its users: functions of PETSc, and the release of unreferenced objects.
+
+Functions that petsc4py does not wrap, or in its newest versions only, are called through ctypes
+from the library that it has loaded. Unreferenced objects can only be freed by collective calls.
+"""
 
 from __future__ import annotations
 
+import ctypes
 from collections import deque
 from typing import Any
 
@@ -11,9 +16,37 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from fenics_mortar.utils.errors import MortarError
+
+_petsc = ctypes.CDLL(PETSc.__file__)
+# Types of arguments: PETSc's integers, communicators, and handles of objects, arrays or addresses.
+INT = np.ctypeslib.as_ctypes_type(PETSc.IntType)
+COMM = ctypes.c_int if MPI._sizeof(MPI.Comm) == ctypes.sizeof(ctypes.c_int) else ctypes.c_void_p
+POINTER = ctypes.c_void_p
 # Number of communicators of earlier problems that are kept to free their garbage.
 MAX_KEPT = 8
 _kept: dict[tuple[int, ...], deque[list[PETSc.IS]]] = {}
+
+
+def petsc_function(name: str, *types: Any, checked: bool = True) -> Any:
+    """A function of PETSc (local).
+
+    Args:
+        name: Its name.
+        types: Types of its arguments.
+        checked: Whether the function raises a ``MortarError`` for error codes; otherwise they are
+            returned.
+    """
+    function: Any = getattr(_petsc, name)
+    function.argtypes = types
+    if checked:
+        function.errcheck = _check
+    return function
+
+
+def _check(code: int, function: Any, arguments: tuple[Any, ...]) -> None:
+    if code:
+        raise MortarError(f"PETSc's function {function.__name__} failed with error {code}")
 
 
 def free_garbage(comm: MPI.Comm, *objects: Any) -> None:
