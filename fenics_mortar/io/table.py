@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from fenics_mortar.io.fields import check_problem, evaluated_contacts
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils.markdown import MarkdownText
+from fenics_mortar.utils.files import MarkdownText
 
 
 def contact_table(problem: ContactProblem) -> MarkdownText:

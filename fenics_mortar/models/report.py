@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fenics_mortar.models.model_error import QUANTITIES, Errors
-from fenics_mortar.utils.markdown import Markdown
+from fenics_mortar.utils.files import Markdown
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from fenics_mortar.utils.errors import NotConvergedError
-from fenics_mortar.utils.markdown import Markdown
+from fenics_mortar.utils.files import Markdown
 
 # Start of a note, and end of a note that represents several.
 ITERATION, TIMES = re.compile(r"^iteration \d+: "), re.compile(r" \((\d+) times\)$")

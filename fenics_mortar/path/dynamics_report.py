@@ -9,7 +9,7 @@ from typing import NamedTuple
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.work import Work
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.markdown import Markdown
+from fenics_mortar.utils.files import Markdown
 
 # Smallest energy added by contact pressures, over the largest kinetic energy [1], for a remark in
 # the report. Without mass at the contact surface it is at most 0.08 in the study of impacts.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.work import Work
-from fenics_mortar.utils.markdown import Markdown
+from fenics_mortar.utils.files import Markdown
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ from fenics_mortar.sensitivity.over_steps import OverSteps, last
 from fenics_mortar.sensitivity.path_record import RecordedPath
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import format_point
-from fenics_mortar.utils.markdown import Markdown
+from fenics_mortar.utils.files import Markdown
 
 
 class RemainingResidual(Control):

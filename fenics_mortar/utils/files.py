@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Reading and writing of files on some ranks, with errors raised on all ranks."""
+"""Output: files that some ranks read and write, with errors raised on all ranks; Markdown."""
 
 from __future__ import annotations
 
@@ -90,3 +90,15 @@ def _flush(path: Path) -> None:
         os.fsync(number)
     finally:
         os.close(number)
+
+
+class Markdown:
+    """Base of objects whose ``str`` is Markdown."""
+
+    def _repr_markdown_(self) -> str:
+        """Text that a notebook renders (local)."""
+        return str(self)
+
+
+class MarkdownText(Markdown, str):
+    """A text in Markdown."""

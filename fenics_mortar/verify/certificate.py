@@ -20,7 +20,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.markdown import Markdown
+from fenics_mortar.utils.files import Markdown
 from fenics_mortar.utils.ranks import agreed
 from fenics_mortar.verify.checks import checks
 from fenics_mortar.verify.checks.balance import balance_of_bodies

@@ -44,7 +44,7 @@ from fenics_mortar.interface.segments import gauss_rule
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import together
-from fenics_mortar.utils.markdown import Markdown
+from fenics_mortar.utils.files import Markdown
 from fenics_mortar.utils.rounding import ROUNDING, TINY
 from fenics_mortar.verify.interface_defects import interface_defects
 from fenics_mortar.verify.sides import CellSides

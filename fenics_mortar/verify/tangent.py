@@ -26,7 +26,7 @@ from fenics_mortar.la.saddle import SaddleSystem
 from fenics_mortar.rigid.balance import by_spread, linearize_balance
 from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.markdown import Markdown
+from fenics_mortar.utils.files import Markdown
 from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING
 from fenics_mortar.verify.matrices import OperatorMatrices
 
