@@ -10,8 +10,7 @@ import numpy as np
 
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.mesh.data import MeshData
-from fenics_mortar.mesh.tags import check_tags
+from fenics_mortar.mesh.data import MeshData, check_tags
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.errors import MeshError
 

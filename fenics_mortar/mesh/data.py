@@ -13,13 +13,15 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.mesh.input_nodes import nodal_values, node_dofs
-from fenics_mortar.mesh.tags import check_tags
+from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import MeshError
+from fenics_mortar.utils.errors import MeshError, raise_together
 
 # A name or tag of a boundary, or several of them.
 Names = str | int | Sequence[str | int]
+# Names of the entities of a plane mesh by dimension, in messages.
+ENTITIES = ("vertices", "facets", "cells")
 
 
 @dataclass(frozen=True)
@@ -212,3 +214,42 @@ def check_plane(mesh: dmesh.Mesh) -> None:
             f"the mesh has cells of dimension {mesh.topology.dim} in space of dimension "
             f"{mesh.geometry.dim}; expected plane bodies: 2 in 2"
         )
+
+
+def check_tags(what: str, tags: Any, mesh: dmesh.Mesh) -> None:
+    """Reject tags of another mesh, or of entities that the mesh does not have (collective).
+
+    Such tags crash dolfinx, or mark wrong entities.
+
+    Args:
+        what: Description of the tags, for the message.
+        tags: Tags of dolfinx, or ``None``.
+        mesh: The mesh.
+
+    Raises:
+        MeshError: On all ranks.
+        ValueError: If tags or mesh are of another type.
+    """
+    if tags is None:
+        return
+    if not all(hasattr(tags, name) for name in ("find", "indices", "dim")):
+        raise ValueError(f"{what}={tags!r}: expected tags of dolfinx.mesh.meshtags, or None")
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx")
+    error = None
+    if not compat.are_tags_of(tags, mesh):
+        error = MeshError(
+            f"{what} belong to another mesh; expected tags of this one, e.g. facet_tags or "
+            "cell_tags of its MeshData"
+        )
+    else:
+        mesh.topology.create_entities(tags.dim)
+        index_map = mesh.topology.index_map(tags.dim)
+        count = index_map.size_local + index_map.num_ghosts
+        indices = np.asarray(tags.indices)
+        wrong = indices[(indices < 0) | (indices >= count)]
+        if wrong.size:
+            error = MeshError(
+                f"{what} have entity {wrong[0]}, but there are {count} {ENTITIES[tags.dim]} on "
+                f"rank {mesh.comm.rank}: they were made for another mesh"
+            )
+    raise_together(mesh.comm, error)
