@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fenics_mortar.interface.surfaces import Surface, replicate
-from fenics_mortar.mesh.input_nodes import numbered_dofs
+from fenics_mortar.mesh.numbering import numbered_dofs
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Indices
 

@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.mesh.input_nodes import nodal_values, node_dofs
+from fenics_mortar.mesh.numbering import numbered_dofs
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind, check_number
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Indices, values_at
 from fenics_mortar.utils.errors import MeshError, raise_together
 
 # A name or tag of a boundary, or several of them.
@@ -129,7 +129,8 @@ class MeshData:
         Raises:
             ValueError: If ``V`` has no dofs at the vertices, or is mixed.
         """
-        return node_dofs(V, nodes)
+        dofs, numbers = numbered_dofs(V)
+        return values_at(np.asarray(nodes, np.int64), numbers, dofs, -1)
 
     def nodal_values(self, u: Any, nodes: npt.ArrayLike) -> Array:
         """Values of a function at nodes of the mesh input, on all ranks (collective).
@@ -145,7 +146,15 @@ class MeshData:
         Raises:
             ValueError: If the space of ``u`` has no dofs at the vertices, or is mixed.
         """
-        return nodal_values(u, nodes)
+        V = u.function_space
+        size, owned = V.dofmap.index_map_bs, V.dofmap.index_map.size_local
+        dofs = self.node_dofs(V, nodes)
+        mine = np.flatnonzero((dofs >= 0) & (dofs < owned))
+        values = u.x.array.reshape(-1, size)[dofs[mine]]
+        found = np.full((dofs.size, size), np.nan)
+        for indices, there in V.mesh.comm.allgather((mine, values)):
+            found[indices] = there
+        return found
 
     def boundary_facets(self, names: Names) -> npt.NDArray[np.int32]:
         """Return this rank's facets of some boundaries, sorted and unique (collective).

@@ -149,3 +149,16 @@ def mesh_by_input_node(mesh: Any) -> tuple[Indices, Array]:
     names = np.concatenate(mesh.comm.allgather(numbers[:owned]))
     x = np.concatenate(mesh.comm.allgather(geometry.x[:owned, :2]))
     return cells[np.lexsort(cells.T[::-1])], x[np.argsort(names)]
+
+
+def numbered_dofs(V: Any) -> tuple[Indices, Indices]:
+    """Local blocked dofs at nodes of the mesh input, and the numbers of these, each (n,)."""
+    layout = V.dofmap.dof_layout
+    if len(layout.entity_dofs(0, 0)) != 1:
+        raise ValueError("expected a Lagrange space that is not mixed: one node at each vertex")
+    dofs, geometry = compat.dofmap(V), compat.geometry_dofmap(V.mesh)
+    corners = compat.num_corners(V.mesh)
+    common = geometry.shape[1] if geometry.shape == dofs.shape else corners
+    numbers = np.asarray(V.mesh.geometry.input_global_indices, np.int64)
+    own, first = np.unique(dofs[:, :common], return_index=True)
+    return own.astype(np.int64), numbers[geometry[:, :common].ravel()[first]]

@@ -10,9 +10,7 @@ import numpy.typing as npt
 
 from fenics_mortar.mesh.thickness import Thickness
 from fenics_mortar.utils import compat
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
+from fenics_mortar.utils.arrays import Array, Indices, values_at
 
 
 class DisplacementSpace:
@@ -106,7 +104,6 @@ class DisplacementSpace:
         own, geometry = compat.dofmap(self.V), compat.geometry_dofmap(mesh)
         index = np.full(count, -1)
         index[own[:, : geometry.shape[1]]] = geometry
-        order = np.argsort(nodes)
-        at = np.minimum(np.searchsorted(nodes[order], here), nodes.size - 1)
-        found = (nodes[order][at] == here) & (index >= 0)
-        mesh.geometry.x[index[found], :2] = X[order[at[found]]]
+        at = values_at(here, nodes, np.arange(nodes.size), -1)
+        found = (at >= 0) & (index >= 0)
+        mesh.geometry.x[index[found], :2] = X[at[found]]

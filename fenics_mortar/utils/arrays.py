@@ -52,6 +52,22 @@ def summed(values: Array, numbers: Indices, size: int) -> Array:
     return sums.astype(np.float64, copy=False)  # without values numpy returns integers
 
 
+def values_at(wanted: Indices, keys: Indices, values: npt.NDArray[Any], missing: int) -> Any:
+    """The values (k,) that belong to some keys (local).
+
+    Args:
+        wanted: Integers, shape (k,).
+        keys: Integers in any order, shape (n,).
+        values: Integers that belong to ``keys``, shape (n,).
+        missing: The value of those that are not among ``keys``.
+    """
+    if not keys.size:
+        return np.full(wanted.shape, missing, values.dtype)
+    order = np.argsort(keys, kind="stable")
+    at = order[np.minimum(np.searchsorted(keys[order], wanted), order.size - 1)]
+    return np.where(keys[at] == wanted, values[at], missing).astype(values.dtype)
+
+
 def read_only_view(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """A read-only view of an array (local)."""
     view = array.view()
