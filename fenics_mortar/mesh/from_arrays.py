@@ -19,20 +19,12 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.mesh.data import MeshData
-from fenics_mortar.mesh.hanging_nodes import check_hanging_nodes
+from fenics_mortar.mesh.edges import KINDS, check_hanging_nodes, codes_of, edges_of
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind, check_number
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Indices, values_at
 from fenics_mortar.utils.errors import MeshError, check_same_texts, format_point, together
 from fenics_mortar.utils.rounding import ROUNDING
-
-# Cell, degree, number of corners, and the nodes in the order of basix, by number of nodes.
-KINDS: dict[int, tuple[str, int, int, list[int]]] = {
-    3: ("triangle", 1, 3, [0, 1, 2]),
-    4: ("quadrilateral", 1, 4, [0, 1, 3, 2]),
-    6: ("triangle", 2, 3, [0, 1, 2, 4, 5, 3]),
-    9: ("quadrilateral", 2, 4, [0, 1, 3, 2, 4, 7, 5, 6, 8]),
-}
 
 
 def mesh_from_arrays(
@@ -117,7 +109,8 @@ def distributed(comm: MPI.Comm, rank: int, mine: CheckedArrays | None) -> MeshDa
     nodes = np.empty((0, tagged.num_nodes), np.int64) if mine is None else mine.cells[:, order]
     mesh = compat.create_mesh(comm, nodes, x, name, degree)
     mesh.topology.create_entities(1)
-    cell_tags = _tags(mesh, 2, tagged.body_of_cell[_input_cells(mesh)])
+    input_cells = np.asarray(mesh.topology.original_cell_index, np.int64)  # ghosts included
+    cell_tags = _tags(mesh, 2, tagged.body_of_cell[input_cells])
     facet_tags = _tags(mesh, 1, _tags_of_facets(mesh, tagged))
     return MeshData(mesh, cell_tags, facet_tags, tagged.bodies, tagged.boundaries)
 
@@ -164,7 +157,7 @@ def checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> CheckedArr
     _check_cells(x, nodes)
     body_of_cell = _body_of_cell(bodies, x, nodes)
     facets, tags = _facets(boundaries, x, nodes)
-    check_hanging_nodes(x, nodes, KINDS[nodes.shape[1]][2], facets, tags)
+    check_hanging_nodes(x, nodes, facets, tags)
     tag_of_body, tag_of_boundary = (
         {name: tag for tag, name in enumerate(some, 1)} for some in (bodies, boundaries)
     )
@@ -278,22 +271,6 @@ def _facets(boundaries: Any, x: Array, cells: Indices) -> tuple[Indices, npt.NDA
     return facets, tag_of
 
 
-def edges_of(cells: Indices) -> Indices:
-    """Ends of the edges of cells (m, k) with c corners, in order, shape (m, c, 2) (local)."""
-    corners = cells[:, : KINDS[cells.shape[1]][2]]
-    return np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1)
-
-
-def codes_of(ends: Indices, num_points: int) -> Indices:
-    """One number for each pair of nodes (f, 2) in any order, shape (f,)."""
-    return ends.min(axis=1) * num_points + ends.max(axis=1)
-
-
-def _input_cells(mesh: dmesh.Mesh) -> Indices:
-    """Numbers in the input of the local cells, ghosts included (local)."""
-    return np.asarray(mesh.topology.original_cell_index, np.int64)
-
-
 def _tags_of_facets(mesh: dmesh.Mesh, tagged: Tagged) -> npt.NDArray[np.int32]:
     """Tag of each local facet, 0 without boundary (local)."""
     topology = mesh.topology
@@ -306,11 +283,7 @@ def _tags_of_facets(mesh: dmesh.Mesh, tagged: Tagged) -> npt.NDArray[np.int32]:
     ends = number_of[topology.connectivity(1, 0).array].reshape(-1, 2)
     num_points = 1 + max(ends.max(initial=0), tagged.facets.max(initial=0))
     codes, known = codes_of(ends, num_points), codes_of(tagged.facets, num_points)
-    order = np.argsort(known)
-    if not order.size:
-        return np.zeros(len(ends), np.int32)
-    at = order[np.minimum(np.searchsorted(known[order], codes), order.size - 1)]
-    return np.where(known[at] == codes, tagged.tags[at], 0).astype(np.int32)
+    return np.asarray(values_at(codes, known, tagged.tags, 0))
 
 
 def _tags(mesh: dmesh.Mesh, dim: int, tags: npt.NDArray[np.int32]) -> dmesh.MeshTags:

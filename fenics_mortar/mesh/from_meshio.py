@@ -12,15 +12,8 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.mesh.data import MeshData, as_list
-from fenics_mortar.mesh.from_arrays import (
-    KINDS,
-    CheckedArrays,
-    check_rank,
-    checked,
-    codes_of,
-    distributed,
-    edges_of,
-)
+from fenics_mortar.mesh.edges import KINDS, codes_of, edges_of
+from fenics_mortar.mesh.from_arrays import CheckedArrays, check_rank, checked, distributed
 from fenics_mortar.mesh.meshio_sets import NamedSet, Part, free_numbers, key_of_tags
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError, together

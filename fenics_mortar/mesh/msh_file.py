@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.mesh.from_arrays import KINDS, CheckedArrays, Tagged
-from fenics_mortar.mesh.hanging_nodes import check_hanging_nodes
+from fenics_mortar.mesh.edges import check_hanging_nodes
+from fenics_mortar.mesh.from_arrays import CheckedArrays, Tagged
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError
 
@@ -121,7 +121,7 @@ class MshFile:
         ends = np.sort(facets[:, :2], axis=1)
         tagged = Tagged(cells.shape[1], bodies, boundaries, body_of_cell, ends, tags)
         x = self.x[np.argsort(self.tags), :2]
-        check_hanging_nodes(x, cells, KINDS[cells.shape[1]][2], ends, tags)
+        check_hanging_nodes(x, cells, ends, tags)
         return CheckedArrays(x, cells, tagged)
 
     def getNodes(self) -> tuple[Indices, Array, None]:

@@ -9,7 +9,7 @@ from array_meshes import grid
 from refusal import COMM, refused
 
 import fenics_mortar as fm
-from fenics_mortar.mesh.hanging_nodes import check_hanging_nodes
+from fenics_mortar.mesh.edges import check_hanging_nodes
 
 # The first hanging node, as text of a message, by the number of fine cells beside a coarse one.
 ALONG_1 = {2: r"\(1, 0.25\)", 3: r"\(1, 0.1667\)"}
@@ -156,7 +156,7 @@ def test_the_time_of_the_search_grows_with_the_number_of_cells():
         best = np.inf
         for _ in range(3):
             start = perf_counter()
-            check_hanging_nodes(x, cells, 4, *none)
+            check_hanging_nodes(x, cells, *none)
             best = min(best, perf_counter() - start)
         times.append(best)
     assert times[1] < 80.0 * times[0]  # 16 times as many cells; 256 pairs for each pair

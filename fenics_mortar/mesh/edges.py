@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Hanging nodes: nodes inside an edge of another cell, along which the body is not joined.
+"""Edges of cells, and hanging nodes on them.
+
+A hanging node lies inside an edge of another cell, along which the body is not joined.
 
 An edge of one cell only belongs to the outline of a body. Near a hanging node the outline runs
 from a node along one side of a line and back along the other one. The same is true of a slit; but
@@ -15,27 +17,45 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.arrays import Array, Flags, Indices, values_at
 from fenics_mortar.utils.errors import MeshError, format_point
 from fenics_mortar.utils.rounding import MAX_STEPS, ROUNDING, SAME_PLACE
 
+# Cell, degree, number of corners, and the nodes in the order of basix, by number of nodes.
+KINDS: dict[int, tuple[str, int, int, list[int]]] = {
+    3: ("triangle", 1, 3, [0, 1, 2]),
+    4: ("quadrilateral", 1, 4, [0, 1, 3, 2]),
+    6: ("triangle", 2, 3, [0, 1, 2, 4, 5, 3]),
+    9: ("quadrilateral", 2, 4, [0, 1, 3, 2, 4, 7, 5, 6, 8]),
+}
+
+
+def edges_of(cells: Indices) -> Indices:
+    """Ends of the edges of cells (m, k) with c corners, in order, shape (m, c, 2) (local)."""
+    corners = cells[:, : KINDS[cells.shape[1]][2]]
+    return np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1)
+
+
+def codes_of(ends: Indices, num_points: int) -> Indices:
+    """One number for each pair of nodes (f, 2) in any order, shape (f,)."""
+    return ends.min(axis=1) * num_points + ends.max(axis=1)
+
 
 def check_hanging_nodes(
-    x: Array, cells: Indices, corners: int, facets: Indices, tags: npt.NDArray[np.int32]
+    x: Array, cells: Indices, facets: Indices, tags: npt.NDArray[np.int32]
 ) -> None:
     """Reject nodes inside an edge of another cell (local).
 
     Args:
         x: Positions of the nodes, shape (n, 2) [length].
         cells: Nodes of the cells, corners first and then the middles of the edges, shape (m, k).
-        corners: Number of corners of a cell.
         facets: Ends of the facets of all boundaries, ascending, shape (f, 2).
         tags: Tags of these boundaries, shape (f,).
 
     Raises:
         MeshError: The message has the first node, its position, and the edge.
     """
-    outline = _Outline(x, cells, corners, facets, tags)
+    outline = _Outline(x, cells, facets, tags)
     found = dict[int, int]()
     for one, other in outline.seams():
         found |= outline.hanging(one, other)
@@ -60,16 +80,11 @@ class _Outline:
     """
 
     def __init__(
-        self,
-        x: Array,
-        cells: Indices,
-        corners: int,
-        facets: Indices,
-        tags: npt.NDArray[np.int32],
+        self, x: Array, cells: Indices, facets: Indices, tags: npt.NDArray[np.int32]
     ) -> None:
-        around = cells[:, :corners]
-        ends = np.stack([around, np.roll(around, -1, axis=1)], axis=-1).reshape(-1, 2)
-        codes = ends.min(axis=1) * len(x) + ends.max(axis=1)
+        corners = KINDS[cells.shape[1]][2]
+        around, ends = cells[:, :corners], edges_of(cells).reshape(-1, 2)
+        codes = codes_of(ends, len(x))
         codes, first, count = np.unique(codes, return_index=True, return_counts=True)
         codes, once = codes[count == 1], first[count == 1]
         cell, ends = once // corners, ends[once]
@@ -79,13 +94,7 @@ class _Outline:
             middle = x[cells[cell, corners + once % corners]]
         inward = x[around[cell]].mean(axis=1) - x[ends[:, 0]]
         side = np.sign(_cross(x[ends[:, 1]] - x[ends[:, 0]], inward))
-        of_facets = facets[:, 0] * len(x) + facets[:, 1]
-        order = np.argsort(of_facets)
-        at = np.searchsorted(of_facets[order], codes)
-        tag = np.zeros(len(codes), np.int32)
-        if order.size:
-            at = order[np.minimum(at, order.size - 1)]
-            tag = np.where(of_facets[at] == codes, tags[at], 0).astype(np.int32)
+        tag = values_at(codes, codes_of(facets, len(x)), tags, 0)
         self._x = x
         start, end = np.concatenate([ends, ends[:, ::-1]]).T
         middle = np.concatenate([middle, middle])
