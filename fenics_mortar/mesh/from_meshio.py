@@ -1,20 +1,24 @@
 # SPDX-License-Identifier: MIT
-"""Meshes from meshio, which reads the files of many programs."""
+"""Meshes from meshio, which reads the files of many programs.
+
+Sets of cells or lines have the names of its cell sets, else of its integer tags.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from itertools import count
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 
 from fenics_mortar.mesh.data import MeshData, as_list
 from fenics_mortar.mesh.edges import KINDS, codes_of, edges_of
 from fenics_mortar.mesh.from_arrays import CheckedArrays, check_rank, checked, distributed
-from fenics_mortar.mesh.meshio_sets import NamedSet, Part, free_numbers, key_of_tags
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError, together
 
@@ -22,6 +26,12 @@ from fenics_mortar.utils.errors import MeshError, together
 CELLS = {"triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8, "quad9": 9}
 # Name of the body if no cell is in a set or has a tag.
 BODY = "body"
+# Arrays of tags that programs write, in the order of preference: gmsh, Medit, MED (Salome).
+PREFERRED = ("gmsh:physical", "medit:ref", "cell_tags")
+# Arrays of gmsh about the geometry, which are no tags of bodies or boundaries.
+GEOMETRY = ("gmsh:geometrical", "gmsh:bounding_entities")
+# Arrays in which 0 is no tag; in others cells may have it, as in "MaterialIDs" of VTK.
+ZERO_IS_NONE = ("gmsh:physical", "cell_tags")
 
 
 def mesh_from_meshio(
@@ -86,8 +96,8 @@ def _arrays(mesh: Any, bodies: Any, boundaries: Any, tags: str | None) -> Checke
         raise MeshError(f"mesh is {mesh!r}; expected a mesh of meshio, such as meshio.read(path)")
     flat, lines, columns = _parts(mesh)
     points, cells = _with_centres(np.array(mesh.points, np.float64), flat.nodes(columns))
-    ends, key = lines.nodes(2), key_of_tags(mesh, tags)
-    given = flat.sets(key) or {BODY: NamedSet(np.arange(len(cells)), None)}
+    ends, key = lines.nodes(2), _key_of_tags(mesh, tags)
+    given = flat.sets(key) or {BODY: _NamedSet(np.arange(len(cells)), None)}
     curves = lines.sets(key)
     facets = {name: ends[curve.members] for name, curve in curves.items()}
     for name, nodes in mesh.point_sets.items():
@@ -103,22 +113,19 @@ def _arrays(mesh: Any, bodies: Any, boundaries: Any, tags: str | None) -> Checke
             f"{error}; the mesh of meshio has the bodies {sorted(given)} and the boundaries "
             f"{sorted(facets)}, from which bodies= and boundaries= choose"
         ) from None
-    tagged = arrays.tagged
-    of_bodies = free_numbers([given[name].tag for name in named])
-    of_facets = free_numbers([curves[n].tag if n in curves else None for n in named_facets])
-    return replace(
-        arrays,
-        tagged=replace(
-            tagged,
-            bodies=dict(zip(named, of_bodies.tolist(), strict=True)),
-            boundaries=dict(zip(named_facets, of_facets.tolist(), strict=True)),
-            body_of_cell=of_bodies[tagged.body_of_cell - 1],
-            tags=of_facets[tagged.tags - 1],
-        ),
+    of_bodies = _free_numbers([given[name].tag for name in named])
+    of_facets = _free_numbers([curves[n].tag if n in curves else None for n in named_facets])
+    tagged = replace(
+        arrays.tagged,
+        bodies=dict(zip(named, of_bodies.tolist(), strict=True)),
+        boundaries=dict(zip(named_facets, of_facets.tolist(), strict=True)),
+        body_of_cell=of_bodies[arrays.tagged.body_of_cell - 1],
+        tags=of_facets[arrays.tagged.tags - 1],
     )
+    return replace(arrays, tagged=tagged)
 
 
-def _parts(mesh: Any) -> tuple[Part, Part, int]:
+def _parts(mesh: Any) -> tuple[_Part, _Part, int]:
     """All cells, all lines, and the number of nodes of a cell (local).
 
     Raises:
@@ -131,7 +138,7 @@ def _parts(mesh: Any) -> tuple[Part, Part, int]:
         expected = f"cells of one of the types {', '.join(CELLS)}, beside lines and vertices"
         raise MeshError(f"the mesh of meshio has {sorted(set(types))}; expected {expected}")
     flat, lines = (
-        Part(mesh, dim, [i for i, name in enumerate(types) if name in some])
+        _Part(mesh, dim, [i for i, name in enumerate(types) if name in some])
         for dim, some in ((2, of_cells), (1, on_lines))
     )
     return flat, lines, CELLS[of_cells.pop()]
@@ -175,3 +182,117 @@ def _chosen(kind: str, names: Any, known: Any) -> list[str]:
         if name not in known:
             raise MeshError(f"no {kind} {name!r}")
     return [str(name) for name in chosen]
+
+
+class _NamedSet(NamedTuple):
+    """Numbers of cells, shape (n,), and their tag in the file, ``None`` if it has none."""
+
+    members: Indices
+    tag: int | None
+
+
+class _Part:
+    """All cells of one dimension, those of several blocks one after the other.
+
+    Args:
+        mesh: The mesh of meshio.
+        dim: The dimension.
+        blocks: Numbers of the blocks.
+    """
+
+    def __init__(self, mesh: Any, dim: int, blocks: list[int]) -> None:
+        self._mesh, self._dim = mesh, dim
+        sizes = [len(mesh.cells[i].data) for i in blocks]
+        self._first = dict(zip(blocks, np.cumsum([0, *sizes])[:-1], strict=True))
+        self._size = sum(sizes)
+
+    def nodes(self, columns: int) -> Indices:
+        """Nodes of all cells, the first ``columns`` of each, shape (n, columns)."""
+        none = np.empty((0, columns), np.int64)
+        return np.concatenate([none, *(self._mesh.cells[i].data[:, :columns] for i in self._first)])
+
+    def sets(self, key: str | None) -> dict[str, _NamedSet]:
+        """Sets of ``cell_sets`` by name, and cells without one by the names of their tags.
+
+        Args:
+            key: Name of the array of tags in ``cell_data``, or ``None``.
+        """
+        found = dict[str, _NamedSet]()
+        for name, parts in self._mesh.cell_sets.items():
+            members = self._members(parts)
+            if members.size and name not in GEOMETRY:
+                found[name] = _NamedSet(members, self._groups().get(name))
+        if key is None or not self._size:
+            return found
+        tags = self._tags(key)
+        others = np.ones(self._size, bool)
+        for known in found.values():
+            others[known.members] = False
+        if self._dim == 1 or key in ZERO_IS_NONE:
+            others &= tags != 0
+        for tag in np.unique(tags[others]):
+            for name in self._names(int(tag)):
+                members = np.flatnonzero(others & (tags == tag))
+                if name in found:
+                    members = np.union1d(members, found[name].members)
+                found[name] = _NamedSet(members, int(tag))
+        return found
+
+    def _members(self, parts: Any) -> Indices:
+        """Numbers of the cells in a set, given for each block; blocks may be left out."""
+        mine = [
+            self._first[i] + np.asarray(part, np.int64)
+            for i, part in enumerate(parts)
+            if i in self._first and part is not None
+        ]
+        return np.unique(np.concatenate([np.empty(0, np.int64), *mine]))
+
+    def _tags(self, key: str) -> Indices:
+        """Tags of all cells."""
+        values = np.concatenate([np.ravel(self._mesh.cell_data[key][i]) for i in self._first])
+        tags = values.astype(np.int64)
+        if tags.size != self._size or (tags != values).any():
+            raise MeshError(f"cell_data[{key!r}] is not one integer for each cell")
+        return tags
+
+    def _groups(self) -> dict[str, int]:
+        """Tags of gmsh's physical groups of this dimension by name."""
+        pairs = {name: np.ravel(value) for name, value in self._mesh.field_data.items()}
+        return {n: int(v[0]) for n, v in pairs.items() if len(v) == 2 and v[1] == self._dim}
+
+    def _names(self, tag: int) -> list[str]:
+        """Names of a tag; the number if it has none."""
+        named = [name for name, number in self._groups().items() if number == tag]
+        return named or list(getattr(self._mesh, "cell_tags", {}).get(tag, [])) or [str(tag)]
+
+
+def _key_of_tags(mesh: Any, given: str | None) -> str | None:
+    """Name of the array of tags in ``cell_data``, or ``None`` without one (local).
+
+    Raises:
+        MeshError: If the given one is not there, or there are several and no sets.
+    """
+    data = mesh.cell_data
+    if given is not None:
+        if given not in data:
+            raise MeshError(f"tags={given!r}: cell_data has {sorted(data)}")
+        return given
+    whole = [n for n, v in data.items() if all(np.asarray(part).dtype.kind in "iu" for part in v)]
+    found = [name for name in whole if name not in GEOMETRY]
+    for name in PREFERRED:
+        if name in found:
+            return name
+    if len(found) > 1 and not mesh.cell_sets:
+        raise MeshError(f"cell_data has several arrays of integers, {found}; choose by tags=")
+    return found[0] if len(found) == 1 else None
+
+
+def _free_numbers(tags: list[int | None]) -> npt.NDArray[np.int32]:
+    """Positive tags of 32 bits that are all different: those given, else free numbers."""
+    largest = np.iinfo(np.int32).max
+    kept = [
+        tag if tag is not None and 0 < tag <= largest and tag not in tags[:i] else None
+        for i, tag in enumerate(tags)
+    ]
+    free = (number for number in count(1) if number not in kept)
+    return np.array([next(free) if tag is None else tag for tag in kept], np.int32)
