@@ -14,7 +14,6 @@ again: errors grow at most with the square of the deviations.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -54,14 +53,6 @@ MAX_ERROR = 0.5
 RECHECK = 2.0
 
 
-@dataclass(frozen=True)
-class Model:
-    """A variant of a problem, and the names of its assumptions."""
-
-    problem: ContactProblem
-    assumptions: tuple[str, ...]
-
-
 class ModelHierarchy:
     """Solution of a problem by the cheapest sufficient model.
 
@@ -87,14 +78,14 @@ class ModelHierarchy:
         self._problem, self._tolerance, self._quantity = problem, tolerance, quantity
         self._discretisation = discretisation
         self._cheaper = cheaper_models(problem)
-        self._made: dict[int, Model] = {}
+        self._made: dict[int, ContactProblem] = {}
         self._enter(0)
         self._mesh_error_at, self._mesh_error, self._has_estimated = 0.0, 0.0, False
         self.used: Assumption | None = None
 
     @property
-    def model(self) -> Model | None:
-        """The cheapest model that is not known to be insufficient, if any is left."""
+    def model(self) -> ContactProblem | None:
+        """The cheapest variant that is not known to be insufficient, if any is left."""
         return self._made.get(self._level)
 
     @property
@@ -112,10 +103,9 @@ class ModelHierarchy:
         problem, start = self._problem, self._problem.state()
         self.used, self._has_estimated = None, False
         while (model := self.model) is not None:
-            adopt(model.problem, problem)
+            adopt(model, problem)
             with suppressed_failures():
-                report = model.problem.solve()
-                solved = model.problem.state()
+                report, solved = model.solve(), model.state()
                 start, self.used = self._judge(model, start)
                 if self.used is not None:
                     problem.restore(solved.with_settings_of(start))
@@ -137,7 +127,7 @@ class ModelHierarchy:
         before, errors = self._checked
         checked = np.concatenate([before, [errors.get(name, np.nan) for name in QUANTITIES]])
         places = np.full((len(self._problem.equations.contacts), 3), np.nan)
-        for i, contact in enumerate(self.model.problem.equations.contacts if self.model else []):
+        for i, contact in enumerate(self.model.equations.contacts if self.model else []):
             if isinstance(contact, Contact):
                 places[i] = place_of(contact.state.reference)
         flags = [self._level if self.model else np.inf, self.used is not None]
@@ -151,12 +141,12 @@ class ModelHierarchy:
         """
         level, on_model, self._mesh_error_at, self._mesh_error = map(float, data["hierarchy"])
         self._enter(int(min(level, len(self._cheaper))))
-        if self.model is None:
+        model = self.model
+        if model is None:
             return
         before, errors = np.split(data["hierarchy_checked"], [-len(QUANTITIES)])
         if np.isfinite(before).any():
             self._checked = before, dict(zip(QUANTITIES, errors.tolist(), strict=True))
-        model = self.model.problem
         for contact, mine, reference in zip(
             model.equations.contacts,
             self._problem.equations.contacts,
@@ -176,26 +166,26 @@ class ModelHierarchy:
         self._level = level
         self._checked = np.full(1, np.nan), dict[str, float]()
         if level < len(self._cheaper) and level not in self._made:
-            names, options = self._cheaper[level]
-            self._made[level] = Model(self._problem.variant(**options), names)
+            self._made[level] = self._problem.variant(**self._cheaper[level][1])
 
-    def _judge(self, model: Model, start: State) -> tuple[State, Assumption | None]:
+    def _judge(self, model: ContactProblem, start: State) -> tuple[State, Assumption | None]:
         """State to continue from, and the assumptions if the model suffices (collective)."""
         problem, (before, errors) = self._problem, self._checked
-        now, name = deviations(model.problem, model.assumptions), " and ".join(model.assumptions)
+        assumptions, _ = self._cheaper[self._level]
+        now, name = deviations(model, assumptions), " and ".join(assumptions)
         if (now <= RECHECK * before).all():
             growth = max(1.0, float((now / np.where(before > 0.0, before, 1.0)).max()))
             if self._is_allowed(growth**2 * errors[self._quantity]):
                 grown = {name: growth * error for name, error in errors.items()}
                 return start, Assumption(name, "sufficient; estimated in an earlier step", grown)
-        errors = correct(model.problem, problem)
+        errors = correct(model, problem)
         self._checked, corrected = (now, errors), problem.state()
         if errors[ENERGY] < MAX_ERROR:
             start = corrected.counting_slip_from(start)
         if self._is_enough(errors):
             return start, Assumption(name, "sufficient", errors)
-        if len(model.assumptions) > 1 and np.isfinite(errors[ENERGY]):
-            alone = error_of_linear_bulk(model.problem, problem)
+        if len(assumptions) > 1 and np.isfinite(errors[ENERGY]):
+            alone = error_of_linear_bulk(model, problem)
             problem.restore(corrected)
             if not self._is_enough(alone):
                 self._level = len(self._cheaper)  # the other models have a linear bulk, too

@@ -175,15 +175,15 @@ class ModelCheck:
 
     def assess(self, problem: ContactProblem) -> ModelReport:
         """Estimate the errors of the present solution; its state is restored (collective)."""
-        model = self._hierarchy.model if self._hierarchy and self._hierarchy.used else None
-        first = [self._hierarchy.used] if self._hierarchy and self._hierarchy.used else []
-        found = [*first, *self._assumptions(problem)]
-        if model is not None:  # forces and gaps are those of its operators
-            for contact, theirs in zip(
-                problem.equations.contacts, model.problem.equations.contacts, strict=True
-            ):
-                contact.set_operators(theirs.operators)
-        mesh_error = self._hierarchy.mesh_error if self._hierarchy else self._discretisation
+        hierarchy, mesh_error = self._hierarchy, self._discretisation
+        used = hierarchy.used if hierarchy else None
+        found = [*filter(None, [used]), *self._assumptions(problem)]
+        if hierarchy:
+            mesh_error = hierarchy.mesh_error
+        if hierarchy and hierarchy.model and used:  # forces and gaps are those of its operators
+            theirs = hierarchy.model.equations.contacts
+            for contact, other in zip(problem.equations.contacts, theirs, strict=True):
+                contact.set_operators(other.operators)
         return ModelReport(found, self._tolerance, self._quantity, mesh_error)
 
     def _assumptions(self, problem: ContactProblem) -> Iterator[Assumption]:

@@ -118,11 +118,11 @@ def test_hierarchy_continues_after_a_failed_model(monkeypatch):
     assert len(hierarchy._made) == len(hierarchy._cheaper) == 2
     for model in hierarchy._made.values():
 
-        def fail(model_problem=model.problem):
-            model_problem.equations.bulk.u.x.array[:] = 0.01
+        def fail(model=model):
+            model.equations.bulk.u.x.array[:] = 0.01
             raise fm.MortarError("no")
 
-        monkeypatch.setattr(model.problem, "solve", fail)
+        monkeypatch.setattr(model, "solve", fail)
     push[:] = same_push[:] = PATH[1]
     full.solve()
     problem.solve()
