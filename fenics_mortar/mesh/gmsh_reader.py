@@ -18,10 +18,13 @@ import numpy as np
 
 from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.mesh.from_arrays import check_rank, distributed
-from fenics_mortar.mesh.msh_file import MshFile, read_msh
+from fenics_mortar.mesh.gmsh_mesh import GmshMesh, read_msh
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import MeshError, format_point, raise_together
 from fenics_mortar.utils.rounding import ROUNDING
+
+# Gmsh's types of cells: triangles and quadrilaterals of order 1 to 3.
+CELLS = (2, 9, 21, 3, 10, 36)
 
 
 def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> MeshData:
@@ -66,8 +69,8 @@ def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> Mes
         if comm.rank == rank:
             try:
                 model = stack.enter_context(_gmsh_model(source))
-                names = _check_model(model)
-                file = model.given(*names) if isinstance(model, MshFile) else None
+                mesh, names = _checked(model)
+                file = mesh.given(*names) if mesh is model else None
             except MeshError as exception:
                 error = exception
         raise_together(comm, error)
@@ -127,104 +130,87 @@ def _gmsh_session(gmsh: Any) -> Iterator[None]:
             gmsh.model.setCurrent(current)
 
 
-def _check_model(model: Any) -> tuple[dict[str, int], dict[str, int]]:
-    """Check that dolfinx can read the model; return the names of bodies and boundaries (local).
+def _checked(model: Any) -> tuple[GmshMesh, tuple[dict[str, int], dict[str, int]]]:
+    """The mesh of a file or live model, and the names of its bodies and boundaries (local).
 
     An assertion in dolfinx would fail on one rank only, and the other ranks would wait forever.
     """
     try:
-        _check_dimension(model)
-        _check_cell_type(model)
-        _check_nodes(model)
-        _check_elements(model)
+        mesh = model if isinstance(model, GmshMesh) else GmshMesh.of(model)
+        _check_cells(mesh)
+        _check_nodes(mesh)
         for dim in (2, 1):
-            _check_groups(model, dim)
-        return _physical_names(model, 2), _physical_names(model, 1)
+            _check_groups(mesh, dim)
+        if not np.array_equal(np.sort(mesh.tags), np.arange(1, len(mesh.tags) + 1)):
+            mesh.renumber_nodes() if mesh is model else model.mesh.renumberNodes()
+        return mesh, (_physical_names(mesh, 2), _physical_names(mesh, 1))
     except MeshError:
         raise
     except Exception as exception:  # gmsh raises Exception itself
         raise MeshError(f"cannot read the model of gmsh: {exception}") from None
 
 
-def _check_dimension(model: Any) -> None:
-    """Raise for models without surface elements or with volume elements (local)."""
-    if len(model.mesh.getElements(3)[0]) > 0:
+def _check_cells(mesh: GmshMesh) -> None:
+    """Raise unless the elements are of one type that dolfinx reads, and all different (local)."""
+    if mesh.elements(3):
         raise MeshError("the mesh has elements of dimension 3; expected a mesh of the x-y plane")
-    if len(model.mesh.getElements(2)[0]) == 0:
+    elements = mesh.elements(2)
+    if not elements:
         raise MeshError("there are no elements of dimension 2; was model.mesh.generate(2) called?")
-
-
-def _check_cell_type(model: Any) -> None:
-    """Raise for mixed cell types and types that dolfinx does not read (local)."""
-    types = model.mesh.getElements(2)[0]
-    names = sorted(model.mesh.getElementProperties(int(t))[0] for t in types)
-    if len(types) > 1:
+    names = sorted(mesh.types[kind] for kind in elements)
+    if len(elements) > 1:
         raise MeshError(f"the mesh mixes {names}; expected one type, triangles or quadrilaterals")
-    families, orders = ("Triangle", "Quadrangle"), (1, 2, 3)
-    if types[0] not in {model.mesh.getElementType(f, k) for f in families for k in orders}:
+    ((kind, nodes),) = elements.items()
+    if kind not in CELLS:
         raise MeshError(f"cells of type {names} are not supported; expected e.g. 'Triangle 6'")
-
-
-def _check_nodes(model: Any) -> None:
-    """Check the coordinates of the nodes; renumber nodes from 1 without gaps (local)."""
-    tags, x, _ = model.mesh.getNodes()
-    x = np.reshape(x, (-1, 3))
-    used = np.isin(tags, np.concatenate(model.mesh.getElements(2)[2]))
-    if not np.isfinite(x).all():
-        bad = np.asarray(tags)[~np.isfinite(x).all(axis=1)]
-        raise MeshError(f"coordinates of {bad.size} nodes are not finite, e.g. of node {bad[0]}")
-    extent = np.ptp(x[used], axis=0)
-    if extent[2] > ROUNDING * max(extent[:2]):
-        raise MeshError(f"z varies by {extent[2]:.3g}; expected a mesh of the x-y plane")
-    if not np.array_equal(np.sort(tags), np.arange(1, len(tags) + 1)):
-        model.mesh.renumberNodes()
-
-
-def _check_elements(model: Any) -> None:
-    """Raise for duplicate elements, which make dolfinx crash (local)."""
-    _, (elements,), (nodes,) = model.mesh.getElements(2)
-    nodes = np.reshape(nodes, (len(elements), -1))
     known, number = np.unique(nodes, return_inverse=True)
     # The sum of random numbers assigned to its nodes identifies an element in any order of nodes.
-    names = np.random.default_rng(0).integers(0, 2**62, known.size, dtype=np.uint64)
-    sums = names[number.reshape(nodes.shape)].sum(axis=1)
+    labels = np.random.default_rng(0).integers(0, 2**62, known.size, dtype=np.uint64)
+    sums = labels[number.reshape(nodes.shape)].sum(axis=1)
     _, first, count = np.unique(sums, return_index=True, return_counts=True)
     if (count > 1).any():
         twice = first[np.argmax(count > 1)]
-        x = np.mean([model.mesh.getNode(node)[0] for node in nodes[twice]], axis=0)
+        where = format_point(mesh.x[np.isin(mesh.tags, nodes[twice])].mean(axis=0))
         raise MeshError(
-            f"{(count - 1).sum()} elements are duplicates, one at {format_point(x)}: remove the "
-            "copies"
+            f"{(count - 1).sum()} elements are duplicates, one at {where}: remove the copies"
         )
 
 
-def _check_groups(model: Any, dim: int) -> None:
+def _check_nodes(mesh: GmshMesh) -> None:
+    """Raise for nodes with coordinates that are not finite or not plane (local)."""
+    bad = mesh.tags[~np.isfinite(mesh.x).all(axis=1)]
+    if bad.size:
+        raise MeshError(f"coordinates of {bad.size} nodes are not finite, e.g. of node {bad[0]}")
+    used = np.isin(mesh.tags, np.concatenate([n.ravel() for n in mesh.elements(2).values()]))
+    extent = np.ptp(mesh.x[used], axis=0)
+    if extent[2] > ROUNDING * max(extent[:2]):
+        raise MeshError(f"z varies by {extent[2]:.3g}; expected a mesh of the x-y plane")
+
+
+def _check_groups(mesh: GmshMesh, dim: int) -> None:
     """Check that surfaces are in exactly one physical group, curves in at most one (local)."""
     what = {1: "curve", 2: "surface"}[dim]
-    groups: dict[int, list[int]] = {tag: [] for _, tag in model.getEntities(dim)}
-    for _, group in model.getPhysicalGroups(dim):
-        for entity in model.getEntitiesForPhysicalGroup(dim, group):
-            groups[entity].append(group)
-    for entity, tags in groups.items():
-        names = [model.getPhysicalName(dim, tag) or tag for tag in tags]
+    for entity in mesh.entities(dim):
+        tags = sorted(mesh.groups.get((dim, entity), []))
+        names = [mesh.names.get((dim, tag)) or tag for tag in tags]
         if len(tags) > 1:
             raise MeshError(f"{what} {entity} is in the physical groups {names}; expected one")
-        empty = len(model.mesh.getElements(dim, entity)[0]) == 0
+        empty = not mesh.blocks.get((dim, entity))
         if tags and empty:
             raise MeshError(f"{what} {entity} of physical group {names} has no elements")
         if dim == 2 and not tags and not empty:
             raise MeshError(f"surface {entity} is in no physical group; every cell needs a body")
 
 
-def _physical_names(model: Any, dim: int) -> dict[str, int]:
+def _physical_names(mesh: GmshMesh, dim: int) -> dict[str, int]:
     """Tags of the named physical groups of a dimension (local)."""
     names: dict[str, int] = {}
-    for _, tag in model.getPhysicalGroups(dim):
-        name = model.getPhysicalName(dim, tag)
+    for tag in mesh.groups_of(dim):
+        name = mesh.names.get((dim, tag), "")
         if name in names:
             raise MeshError(
                 f"the physical groups {names[name]} and {tag} have the same name {name!r}"
             )
         if name:
-            names[name] = int(tag)
+            names[name] = tag
     return names

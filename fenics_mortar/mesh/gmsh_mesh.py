@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: MIT
-"""Reader of .msh files of format 4.1 without gmsh, whose import takes longer than a small solve.
+"""Meshes of gmsh: those of its live models, and of .msh files of format 4.1.
 
-The sections of physical names, entities, nodes and elements are read, as text or binary. The mesh
-has the methods of ``gmsh.model`` that ``gmsh_reader`` calls to check a model.
+The sections of physical names, entities, nodes and elements are read, as text or binary, without
+gmsh, whose import takes longer than a small solve.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -29,21 +29,21 @@ TYPES = {
 SIZE, INT, DOUBLE = "<u8", "<i4", "<f8"
 
 
-class _Block(NamedTuple):
-    """Elements of one type of an entity: numbers (n,) and nodes (n, k)."""
+class Block(NamedTuple):
+    """Elements of one type of an entity: their nodes (n, k)."""
 
     type: int
-    numbers: Indices
     nodes: Indices
 
 
-class MshFile:
-    """A mesh, with the methods of ``gmsh.model`` and ``gmsh.model.mesh`` that are needed here.
+class GmshMesh:
+    """Physical groups, elements and nodes.
 
     Attributes:
         names: Names of physical groups by dimension and tag.
         groups: Tags of physical groups by dimension and tag of an entity.
         blocks: Elements by dimension and tag of an entity.
+        types: Names of the element types by number.
         tags: Numbers of the nodes, shape (n,).
         x: Their positions, shape (n, 3) [length].
     """
@@ -51,59 +51,47 @@ class MshFile:
     def __init__(self) -> None:
         self.names: dict[tuple[int, int], str] = {}
         self.groups: dict[tuple[int, int], list[int]] = {}
-        self.blocks: dict[tuple[int, int], list[_Block]] = {}
+        self.blocks: dict[tuple[int, int], list[Block]] = {}
+        self.types = {kind: name for kind, (name, _) in TYPES.items()}
         self.tags: Indices = np.empty(0, np.int64)
         self.x: Array = np.empty((0, 3))
 
-    @property
-    def mesh(self) -> MshFile:
-        """The object itself."""
-        return self
+    @classmethod
+    def of(cls, model: Any) -> GmshMesh:
+        """The mesh of a live model, the module ``gmsh.model``."""
+        mesh = cls()
+        mesh.names = {key: model.getPhysicalName(*key) for key in model.getPhysicalGroups()}
+        for key in model.getEntities():
+            mesh.groups[key] = np.abs(model.getPhysicalGroupsForEntity(*key)).tolist()
+            for kind, numbers, nodes in zip(*model.mesh.getElements(*key)):
+                rows = np.reshape(nodes, (len(numbers), -1)).astype(np.int64)
+                mesh.blocks.setdefault(key, []).append(Block(int(kind), rows))
+                mesh.types[int(kind)] = model.mesh.getElementProperties(int(kind))[0]
+        tags, x, _ = model.mesh.getNodes()
+        mesh.tags, mesh.x = np.asarray(tags, np.int64), np.reshape(x, (-1, 3))
+        return mesh
 
-    def getEntities(self, dim: int) -> list[tuple[int, int]]:
-        """Dimension and tag of all entities of a dimension."""
-        return sorted(key for key in {*self.groups, *self.blocks} if key[0] == dim)
+    def entities(self, dim: int) -> list[int]:
+        """Tags of all entities of a dimension."""
+        return sorted(tag for d, tag in {*self.groups, *self.blocks} if d == dim)
 
-    def getPhysicalGroups(self, dim: int) -> list[tuple[int, int]]:
-        """Dimension and tag of all groups of a dimension."""
-        found = [tags for (d, _), tags in self.groups.items() if d == dim]
-        return sorted({(dim, tag) for tags in found for tag in tags})
+    def groups_of(self, dim: int) -> list[int]:
+        """Tags of all groups with entities of a dimension."""
+        return sorted({tag for (d, _), tags in self.groups.items() if d == dim for tag in tags})
 
-    def getEntitiesForPhysicalGroup(self, dim: int, group: int) -> list[int]:
-        """Tags of the entities of a group."""
-        return [tag for d, tag in self.getEntities(dim) if group in self.groups.get((d, tag), [])]
-
-    def getPhysicalName(self, dim: int, tag: int) -> str:
-        """Name of a group, or an empty string."""
-        return self.names.get((dim, tag), "")
-
-    def getElements(
-        self, dim: int, tag: int | None = None
-    ) -> tuple[list[int], list[Indices], list[Indices]]:
-        """Types; per type numbers (cells,) and nodes (cells times nodes per cell,), as in gmsh."""
-        keys = self.getEntities(dim) if tag is None else [(dim, tag)]
-        blocks = [block for key in keys for block in self.blocks.get(key, [])]
-        types = sorted({block.type for block in blocks})
-        numbers, nodes = (
-            [np.concatenate([np.ravel(b[i]) for b in blocks if b.type == kind]) for kind in types]
-            for i in (1, 2)
-        )
-        return types, numbers, nodes
-
-    def getElementProperties(self, kind: int) -> tuple[str]:
-        """Name of an element type."""
-        return (TYPES[kind][0],)
-
-    def getElementType(self, family: str, order: int) -> int:
-        """The type of triangles or quadrilaterals of an order 1, 2 or 3."""
-        return {"Triangle": (2, 9, 21), "Quadrangle": (3, 10, 36)}[family][order - 1]
+    def elements(self, dim: int) -> dict[int, Indices]:
+        """Nodes (n, k) of all elements of a dimension by type."""
+        blocks = [b for tag in self.entities(dim) for b in self.blocks.get((dim, tag), [])]
+        kinds = sorted({block.type for block in blocks})
+        return {kind: np.concatenate([b.nodes for b in blocks if b.type == kind]) for kind in kinds}
 
     def tagged_elements(self, dim: int) -> tuple[Indices, npt.NDArray[np.int32]]:
         """Nodes of all groups' elements, numbered from 0, (n, k), and tags of the groups (n,)."""
         nodes, tags = [], []
-        for _, group in self.getPhysicalGroups(dim):
-            for entity in self.getEntitiesForPhysicalGroup(dim, group):
-                for block in self.blocks.get((dim, entity), []):
+        for group in self.groups_of(dim):
+            for entity in self.entities(dim):
+                inside = group in self.groups.get((dim, entity), [])
+                for block in self.blocks.get((dim, entity), []) if inside else []:
                     nodes.append(block.nodes - 1)
                     tags.append(np.full(len(block.nodes), group, np.int32))
         if not nodes:
@@ -124,15 +112,7 @@ class MshFile:
         check_hanging_nodes(x, cells, ends, tags)
         return CheckedArrays(x, cells, tagged)
 
-    def getNodes(self) -> tuple[Indices, Array, None]:
-        """Numbers (n,) and positions (3 n,) [length] of all nodes, as gmsh returns them."""
-        return self.tags, self.x, None
-
-    def getNode(self, tag: int) -> tuple[Array]:
-        """Position of a node, shape (3,) [length]."""
-        return (self.x[self.tags == tag][0],)
-
-    def renumberNodes(self) -> None:
+    def renumber_nodes(self) -> None:
         """Renumber the nodes from 1 without gaps, in the order of their numbers."""
         known = np.sort(self.tags)
         for blocks in self.blocks.values():
@@ -140,7 +120,7 @@ class MshFile:
         self.tags = np.searchsorted(known, self.tags) + 1
 
 
-def read_msh(path: Path) -> MshFile | None:
+def read_msh(path: Path) -> GmshMesh | None:
     """Read a file; ``None`` if it is of another format, or has volumes or elements of order 3.
 
     Raises:
@@ -154,7 +134,7 @@ def read_msh(path: Path) -> MshFile | None:
     one = content.find(b"\n", content.find(b"\n") + 1) + 1
     if binary and content[one : one + 4] != np.array(1, INT).tobytes():
         return None  # written on a machine with another byte order
-    file = MshFile()
+    file = GmshMesh()
     readers = {b"Entities": _read_entities, b"Nodes": _read_nodes, b"Elements": _read_elements}
     try:
         for name, section in _sections(content):
@@ -216,13 +196,13 @@ class _Numbers:
             raise ValueError("a section has too many numbers")
 
 
-def _read_names(file: MshFile, section: str) -> None:
+def _read_names(file: GmshMesh, section: str) -> None:
     for line in section.splitlines()[1:]:
         dim, tag, name = line.split(maxsplit=2)
         file.names[int(dim), int(tag)] = name.strip().strip('"')
 
 
-def _read_entities(file: MshFile, numbers: _Numbers) -> None:
+def _read_entities(file: GmshMesh, numbers: _Numbers) -> None:
     counts = numbers.read(SIZE, 4)
     for dim, count in enumerate(counts):
         for _ in range(count):
@@ -234,7 +214,7 @@ def _read_entities(file: MshFile, numbers: _Numbers) -> None:
                 numbers.read(INT, int(numbers.read(SIZE)[0]))  # its boundary
 
 
-def _read_nodes(file: MshFile, numbers: _Numbers) -> None:
+def _read_nodes(file: GmshMesh, numbers: _Numbers) -> None:
     num_blocks, *_ = numbers.read(SIZE, 4)
     tags, x = [file.tags], [file.x]
     for _ in range(num_blocks):
@@ -246,11 +226,11 @@ def _read_nodes(file: MshFile, numbers: _Numbers) -> None:
     file.tags, file.x = np.concatenate(tags), np.concatenate(x)
 
 
-def _read_elements(file: MshFile, numbers: _Numbers) -> None:
+def _read_elements(file: GmshMesh, numbers: _Numbers) -> None:
     num_blocks, *_ = numbers.read(SIZE, 4)
     for _ in range(num_blocks):
         dim, tag, kind = numbers.read(INT, 3).tolist()
         count = int(numbers.read(SIZE)[0])
         columns = 1 + TYPES[kind][1]
         rows = numbers.read(SIZE, count * columns).reshape(count, columns)
-        file.blocks.setdefault((dim, tag), []).append(_Block(kind, rows[:, 0], rows[:, 1:]))
+        file.blocks.setdefault((dim, tag), []).append(Block(kind, rows[:, 1:]))
