@@ -89,12 +89,8 @@ def call_together(comm: MPI.Comm, what: str, call: Callable[[], T]) -> T:
         Exception: The error of ``call``, on the ranks where it raised.
         MortarError: On the other ranks; the message has rank and error.
     """
-    error = None
-    try:
+    with together(comm, what):
         result = call()
-    except Exception as exception:  # any error: it must be raised on all ranks
-        error = exception
-    leave_together(comm, what, error)
     return result
 
 
