@@ -90,6 +90,7 @@ class History:
     Attributes:
         functions: The functions.
         before_assembly: See above.
+        is_used: Whether there is any of both.
         size: Number of all their local values.
     """
 
@@ -100,6 +101,7 @@ class History:
     ) -> None:
         self.before_assembly = before_assembly
         self.functions: list[Any] = [function for function, _ in given]
+        self.is_used = bool(given) or before_assembly is not None
         self._updates = [_Update(function, expression) for function, expression in given]
         sizes = [function.x.array.size for function in self.functions]
         self.size, self._ends = sum(sizes), np.cumsum(sizes)[:-1]
@@ -141,7 +143,8 @@ class History:
             MortarError: On all ranks, if a value is not finite.
             Exception: Any error of ``before_assembly``.
         """
-        self._call_before_assembly()
+        if self.before_assembly is not None:
+            self.before_assembly()
         return np.concatenate([np.empty(0), *(update.evaluate() for update in self._updates)])
 
     def accept(self, new_values: Array) -> None:
@@ -175,12 +178,9 @@ class History:
             Exception: Any error of ``before_assembly``.
         """
         with self.at_start():
-            self._call_before_assembly()
+            if self.before_assembly is not None:
+                self.before_assembly()
             yield
-
-    def _call_before_assembly(self) -> None:
-        if self.before_assembly is not None:
-            self.before_assembly()
 
     # Checkpoints
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from functools import cached_property, partial
 from typing import Any
 
@@ -39,6 +40,8 @@ MIN_FRACTION = 1e-3
 # Extensions of the pattern of K before it is created again: sliding contact leaves explicit zeros
 # in it.
 MAX_GROWTHS = 4
+# Of bodies without history.
+UNCHANGED = nullcontext()
 
 
 class Bulk:
@@ -146,7 +149,7 @@ class Bulk:
     @clock("residual")
     def assemble_residual(self) -> None:
         """Assemble ``r`` at the present displacement (collective)."""
-        with self.history.assembling():
+        with self.history.assembling() if self.history.is_used else UNCHANGED:
             compat.assemble_vector(self.r, self._residual)
         for load in self.spread:
             load.add_to_residual(self)
@@ -163,7 +166,7 @@ class Bulk:
         self._data, self._K_is_whole = data, False
         if self._num_growths > MAX_GROWTHS:
             self.renew_tangent()
-        with self.history.assembling():
+        with self.history.assembling() if self.history.is_used else UNCHANGED:
             self._assemble_cells()
         if self.inertia is not None:
             self.inertia.add_to_tangent(self.K, includes_mass=self._K_includes_mass)
