@@ -35,6 +35,8 @@ from fenics_mortar.kernels.cells import keep_area, tabulate_areas
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.ranks import largest_over_ranks
 from fenics_mortar.utils.rounding import ROUNDING
 
 
@@ -181,3 +183,52 @@ class _EqualBranches(MultiFunction):
     def conditional(self, o: Any, condition: Any, true: Any, false: Any) -> Any:
         """Replace a conditional of equal values."""
         return true if true == false else self.reuse_if_untouched(o, condition, true, false)
+
+
+def check_rules(residual: Any, u: Any, space: DisplacementSpace) -> None:
+    """Reject a residual that the form compiler evaluates at wrong points (collective).
+
+    FFCx 0.5 takes values at the point of a rule of one point for the points of other rules, too,
+    on quadrilaterals and curved triangles. If a residual has such rules, it is compared with the
+    sum of its integrals, compiled one by one, at a displacement of 1e-3 of the mesh.
+
+    Args:
+        residual: UFL form, linear in a test function of the space of ``u``.
+        u: Displacement, alone or in a mixed function; unchanged.
+        space: The displacement's nodes and dofs.
+
+    Raises:
+        MortarError: On all ranks.
+    """
+    V, integrals = space.V, residual.integrals_by_type("cell")
+    rules = {rule for i in integrals for rule, _ in compat.quadrature_rules(residual, i)}
+    sizes = {len(compat.quadrature_points(compat.cell_name(V.mesh), rule)) for rule in rules}
+    if 1 not in sizes or len(sizes) < 2:
+        return
+    kept, X = u.x.array.copy(), np.zeros(u.x.array.size)
+    X[: space.dofs.max(initial=-1) + 1] = space.positions()
+    size = float(largest_over_ranks(V.mesh.comm, np.abs(X).max(initial=0.0)))
+    u.x.array[:] = 1e-3 * size * np.cos(3.0 * X / size + np.arange(X.size) % 2)
+    u.x.scatter_forward()
+    try:
+        parts = [residual, *(ufl.Form([integral]) for integral in residual.integrals())]
+        whole, *others = (_assembled(part, u) for part in parts)
+    finally:
+        u.x.array[:] = kept
+    sizes_of = [np.abs(values).max(initial=0.0) for values in (whole - sum(others), whole)]
+    error, largest = largest_over_ranks(V.mesh.comm, np.array(sizes_of))
+    if error > ROUNDING * largest:
+        raise MortarError(
+            "this release of the form compiler evaluates the residual at wrong points: it has "
+            "integrals over cells by one point (quadrature_degree 0 or 1) and others by more; take "
+            "quadrature_degree=2 or more for all, or a mixed function of displacement and pressure"
+        )
+
+
+def _assembled(form: Any, u: Any) -> Array:
+    """A form of rank 1, assembled, (owned dofs,)."""
+    vector = compat.create_vector(u.function_space)
+    compat.assemble_vector(vector, compat.form(form))
+    values = vector.array_r.copy()
+    vector.destroy()
+    return np.asarray(values)

@@ -12,6 +12,7 @@ from dolfinx import fem
 
 from fenics_mortar.bulk.axis import check_axis, check_radius
 from fenics_mortar.bulk.checks import check_cells, check_slave_nodes, check_space, refuse_inertia
+from fenics_mortar.bulk.form_points import check_rules
 from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.bulk.subdomains import check_subdomains
@@ -126,6 +127,7 @@ def equations_of(
     prescribed = mark_prescribed(space, u, bcs)
     check_axis(space, prescribed)
     check_radius(residual, u, space)
+    check_rules(residual, u, space)
     contacts = bind(pairs, space, prescribed, chains=algorithm != "condensed")  # may move nodes
     for load in loads:
         load.update_reference()

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Cells are judged where the form is evaluated, and not at all with linear strains."""
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 from scenes import neo_hookean
@@ -11,7 +13,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import energies
-from fenics_mortar.bulk.form_points import FormPoints
+from fenics_mortar.bulk.form_points import FormPoints, _assembled
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.verify.folds import are_folds
 from meshes.mapped_grids import Grid, block, mapped, mesh
@@ -271,3 +273,40 @@ def test_the_energy_of_the_scenes_has_finite_strains():
     _, u, v = square()
     residual = ufl.inner(neo_hookean(u, 1.0, 0.3), ufl.grad(v)) * ufl.dx(degree=2)
     assert points_of(residual, u).any
+
+
+# Rules of one point
+
+
+def reduced(cell, order):
+    """Deviatoric work by a full rule, and volumetric work by one point; the space and ``u``."""
+    x = block(4, 4, width=1.0, height=1.0)
+    x[..., 0] += 0.1 * x[..., 1] ** 2
+    data = mesh([Grid("pad", x)], cell=cell, order=order)
+    V = fm.vector_space(data.mesh, order)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    full, one = (ufl.dx(metadata={"quadrature_degree": degree}) for degree in (4, 1))
+    e = ufl.sym(ufl.grad(u))
+    parts = ufl.inner(ufl.dev(e), ufl.sym(ufl.grad(v))) * full, 9.0 * ufl.div(u) * ufl.div(v) * one
+    return data, V, u, parts
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("order", [1, 2])
+def test_rules_of_one_point_are_right_or_refused(cell, order):
+    """FFCx 0.5 evaluates the sum of both integrals at wrong points, but on straight triangles."""
+    data, V, u, parts = reduced(cell, order)
+    u.interpolate(lambda x: np.stack([x[0] * x[1], x[1] ** 2]))
+    whole, *others = (_assembled(part, u) for part in (sum(parts), *parts))
+    wrong = np.abs(whole - sum(others)).max(initial=0.0) > 1e-9
+    wrong = data.mesh.comm.allreduce(bool(wrong), MPI.LOR)
+    bcs = [fm.dirichlet(V, data, "pad/bottom", (0.0, 0.0))]
+    given = {"bcs": bcs, "petsc_options_prefix": "one_"}
+    if wrong:
+        with pytest.raises(fm.MortarError, match="evaluates the residual at wrong points"):
+            fm.ContactProblem(sum(parts), u, [], **given)
+    else:
+        fm.ContactProblem(sum(parts), u, [], **given)
+    assert np.abs(u.x.array).max(initial=1.0) >= 1.0 and not (
+        wrong and (cell, order) == ("triangle", 1)
+    )
