@@ -242,6 +242,8 @@ class ContactProblem:
             MortarError: On all ranks, if ``state`` is not a state of this problem.
         """
         self.equations.restore(state)
+        self.equations.bulk.assemble_residual()
+        self.equations.motions.record()
 
     def forces(self) -> tuple[Array, Array, Array]:
         """Bulk residual, contact forces and forces on obstacles at the present state (collective).

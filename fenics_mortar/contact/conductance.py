@@ -163,6 +163,8 @@ class Conductance:
             pair = fm.ContactPair(data, "pin/outer", "hub/inner", fluxes=[heat])
     """
 
+    _terms: list[ConductanceFunction]
+
     def __init__(
         self,
         field: int | fem.Function,
@@ -174,22 +176,22 @@ class Conductance:
     ) -> None:
         self.field, self.h, self.scale = field, h, 1.0
         self.heating, self.share, self.temperature = heating, share, temperature
-        if not isinstance(field, fem.Function):
-            expected = "the number of a sub-space, or a function"
-            check_number("field", field, expected, lambda n: n >= 0, whole=True)
-        terms = list(h) if isinstance(h, Sequence) else [h]
-        self._terms = [term if callable(term) else _constant(term) for term in terms]
-        if not terms:
-            raise ValueError("h=[]: expected at least one conductance")
-        if not (heating in (None, "friction") or callable(heating)):
-            raise ValueError(
-                f"heating={heating!r}: expected 'friction', a function of pressures and positions, "
-                "or None"
-            )
-        expected = "a fraction between 0 and 1"
-        check_number("share", share, expected, lambda fraction: 0.0 <= fraction <= 1.0)
-        if not (temperature is None or isinstance(temperature, fem.Constant)):
-            check_number("temperature", temperature, "a number or a constant", np.isfinite)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set a value after a check; all but the field take effect in the next solve (local).
+
+        Raises:
+            ValueError: If it is not allowed, or the field is set again.
+        """
+        if name == "h":
+            super().__setattr__("_terms", _terms_of(value))
+        elif name in _CHECKS:
+            _CHECKS[name](value)
+        elif name == "field" and "field" not in vars(self):
+            _check_field(value)
+        elif name != "_terms":
+            raise ValueError(f"{name} of {self!r} cannot be set; set up a new problem")
+        super().__setattr__(name, value)
 
     def __repr__(self) -> str:
         """Field and conductance."""
@@ -246,6 +248,58 @@ class Conductance:
         """Present value of the field on an obstacle [field] (local)."""
         given: Any = self.temperature
         return float(given.value if isinstance(given, fem.Constant) else given)
+
+
+def _check_field(field: Any) -> None:
+    """Reject all but numbers of sub-spaces and functions."""
+    if not isinstance(field, fem.Function):
+        expected = "the number of a sub-space, or a function"
+        check_number("field", field, expected, lambda n: n >= 0, whole=True)
+
+
+def _check_heating(heating: Any) -> None:
+    """Reject all but "friction", functions and ``None``."""
+    if not (heating in (None, "friction") or callable(heating)):
+        raise ValueError(
+            f"heating={heating!r}: expected 'friction', a function of pressures and positions, "
+            "or None"
+        )
+
+
+def _check_share(share: Any) -> None:
+    """Reject all but fractions."""
+    check_number("share", share, "a fraction between 0 and 1", lambda part: 0.0 <= part <= 1.0)
+
+
+def _check_scale(scale: Any) -> None:
+    """Reject all but positive numbers."""
+    check_number("scale", scale, "a positive number", lambda factor: 0.0 < factor < np.inf)
+
+
+def _check_temperature(temperature: Any) -> None:
+    """Reject all but finite numbers, constants and ``None``."""
+    if not (temperature is None or isinstance(temperature, fem.Constant)):
+        check_number("temperature", temperature, "a number or a constant", np.isfinite)
+
+
+_CHECKS = {
+    "heating": _check_heating,
+    "share": _check_share,
+    "scale": _check_scale,
+    "temperature": _check_temperature,
+}
+
+
+def _terms_of(h: Any) -> list[ConductanceFunction]:
+    """Conductances whose sum is ``h``.
+
+    Raises:
+        ValueError: If one is not a conductance, or there is none.
+    """
+    terms = list(h) if isinstance(h, Sequence) and not isinstance(h, str) else [h]
+    if not terms:
+        raise ValueError("h=[]: expected at least one conductance")
+    return [term if callable(term) else _constant(term) for term in terms]
 
 
 def _constant(h: Any) -> ClosedConductance:

@@ -43,8 +43,10 @@ class Pretension(TiedPair):
     shortening along the axis, by which they overlap, as if so much material were removed. ``push``
     prescribes the force in the section, and the shortening is an unknown. ``move`` prescribes the
     shortening; ``lock`` keeps the present one, so that the force follows from external loads. At
-    first the shortening is prescribed as zero. The axis does not rotate with the body: its
-    rotations have to be small. Methods are local; set forces and shortenings equally on all ranks.
+    first the shortening is prescribed as zero. A bolt whose heads do not touch is first shortened
+    by ``move`` until they do: only contact resists the force. The axis does not rotate with the
+    body: its rotations have to be small. Methods are local; set forces and shortenings equally on
+    all ranks.
 
     Args:
         data: Mesh, tags and names.

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from mpi4py import MPI
 
@@ -30,12 +31,20 @@ def begin_step(contacts: Sequence[Interface]) -> None:
         contact.start_step()
 
 
+def needing_time(contact: Contact) -> list[Any]:
+    """Laws and conductances of a contact that need the length of the step (local)."""
+    law, fluxes = contact.pair.law, contact.pair.fluxes
+    heated = [flux for flux in fluxes if flux.heating == "friction"] if law.has_friction else []
+    return [law, *heated] if law.needs_time else heated
+
+
 def _check_time(contact: Contact) -> None:
-    """Raise an error for a step of zero length if the law needs the length (local)."""
+    """Raise an error for a step of zero length if a law or a source needs the length (local)."""
     now, before = contact.state.load_time, contact.state.accepted_instant.time
-    if contact.pair.law.needs_time and not now > before:
+    needing = needing_time(contact)
+    if needing and not now > before:
         raise MortarError(
-            f"{contact.pair.law!r} needs the length of the step, but the time {now:g} is not later "
+            f"{needing[0]!r} needs the length of the step, but the time {now:g} is not later "
             f"than {before:g}, that of the last accepted state: set problem.time before each "
             "solve, or use follow_path or Dynamics, which set it"
         )

@@ -92,7 +92,9 @@ class Solver:
             of_step: Measures of the step that led to the state, see ``Certificate``.
         """
         e = self._equations
-        certificate = certify(e.bulk, e.contacts, e.floating.labels, e.motions.residual())
+        certificate = certify(
+            e.bulk, e.contacts, e.floating.labels, e.floating.parts, e.motions.residual()
+        )
         tipping = tipping_bodies(e.floating, certificate.pairs)
         springs, crossings = e.springs.largest(), e.crossings.find()
         found = {"springs": springs, "crossings": crossings, "tipping": tipping, **of_step}

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.steps import needing_time
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.errors import as_text
 from fenics_mortar.utils.ranks import on_any_rank
@@ -39,7 +40,7 @@ class IdleLoads:
             num_steps: Number of accepted steps.
         """
         contacts, comm = self._problem.equations.contacts, self._problem.equations.comm
-        timed = any(isinstance(c, Contact) and c.pair.law.needs_time for c in contacts)
+        timed = any(isinstance(c, Contact) and needing_time(c) for c in contacts)
         if on_any_rank(comm, self._changed) or timed or num_steps < 2:
             return []
         return [

@@ -18,6 +18,7 @@ from fenics_mortar.bulk.bodies import (
 )
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.pretension import Pretension
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.surfaces import Surface
@@ -43,6 +44,8 @@ class BodyMotions:
         contacts: The contacts without ties.
         labels: Body of each local node, including ghosts, (local nodes,); bodies that are tied or
             have a rigid boundary in common are one.
+        parts, num_parts: As ``labels`` without joining, and their number.
+        has_sections: Whether forces tighten sections of bodies, see ``section``.
         num_bodies: Number of bodies.
         bodies: The floating bodies, after ``find`` and ``restrict``.
         aside: Labels of idle bodies that are set aside at present, see ``idle``.
@@ -55,8 +58,11 @@ class BodyMotions:
         self.contacts = [contact for contact in contacts if not isinstance(contact, Tie)]
         self._data: list[MeshData] = [contact.pair.data for contact in contacts]
         self._surface_labels: dict[int, Array] = {}
-        self.labels, count = label_bodies(bulk.V)
+        self.parts, count = label_bodies(bulk.V)
+        self.num_parts = count
+        self.labels = self.parts
         ties = [tie for tie in contacts if isinstance(tie, Tie)]
+        self.has_sections = any(isinstance(tie.pair, Pretension) for tie in ties)
         links = [self._links(tie) for tie in ties] + self.held.links(self.labels)
         self.labels, self.num_bodies = join_bodies(self.labels, count, links)
         self._surface_labels.clear()  # these labels do not include joining by ties

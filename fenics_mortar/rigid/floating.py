@@ -29,7 +29,8 @@ from fenics_mortar.rigid.springs import (
     slides,
     tangent_stiffness,
 )
-from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.arrays import Array, Flags, summed
+from fenics_mortar.utils.ranks import sum_over_ranks
 from fenics_mortar.utils.rounding import SOLVED
 
 
@@ -200,7 +201,7 @@ class FloatingBodies(BodyMotions):
             return []
         forces = springs.forces(self._place())
         contact = [self.contact_force(body) for body in self.bodies]
-        carried = [float(np.linalg.norm(self.resultant(body, forces))) for body in self.bodies]
+        carried = [self._carried(body, forces) for body in self.bodies]
         rounding = [self.rounding(body, sum(contact)) for body in self.bodies]
         return [
             (
@@ -212,6 +213,19 @@ class FloatingBodies(BodyMotions):
                 self.bodies, carried, contact, rounding, strict=True
             )
         ]
+
+    def _carried(self, body: FloatingBody, forces: Array) -> float:
+        """Force of springs on a body, or on a part of it beside a section that a force tightens.
+
+        The springs of both parts may pull against each other, with a resultant of zero.
+        """
+        whole = float(np.linalg.norm(self.resultant(body, forces)))
+        if not self.has_sections:
+            return whole
+        mine = self.parts[: self.bulk.space.num_nodes][self._nodes_of(body)]
+        sums = [summed(f, mine, self.num_parts) for f in forces[self.dofs_of(body)].T]
+        of_parts = sum_over_ranks(self.bulk.comm, np.stack(sums))
+        return max(whole, float(np.hypot(*of_parts).max()))
 
     def spring_energy(self) -> float:
         """Energy of the anchored springs [stress length^2]."""

@@ -142,14 +142,19 @@ class Certificate(Markdown):
 
 
 def certify(
-    bulk: Bulk, contacts: Sequence[Contact | Tie], labels: Indices, unbalanced: Array
+    bulk: Bulk,
+    contacts: Sequence[Contact | Tie],
+    labels: Indices,
+    parts: Indices,
+    unbalanced: Array,
 ) -> Certificate:
     """Measure the present state (collective).
 
     Args:
         bulk: The bodies, with ``r`` at the present state.
         contacts: The pairs, evaluated there.
-        labels: Body of each local node, shape (local nodes,).
+        labels: Body of each local node, tied ones joined, shape (local nodes,).
+        parts: As ``labels``, tied bodies not joined: springs may pull these against each other.
         unbalanced: Sums of all forces on the obstacles, equal on all ranks [stress length].
 
     Raises:
@@ -159,7 +164,7 @@ def certify(
     inverted, _ = bulk.inverted_cells()
     pairs = [_certify_pair(bulk, contact, labels, paired) for contact in contacts]
     raise_stored(bulk.comm, contacts)
-    balance = balance_of_bodies(bulk, contacts, labels, unbalanced)
+    balance = balance_of_bodies(bulk, contacts, parts, unbalanced)
     return agreed(
         bulk.comm,
         Certificate(pairs, balance, inverted, inverted_nodes=bulk.describe_inverted_nodes()),

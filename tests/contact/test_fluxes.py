@@ -61,6 +61,7 @@ def test_tangent_has_slope_two(degrees, heating, algorithm):
     problem = scene.problem([pair], algorithm=algorithm)
     for step in (1, 2):
         scene.set(top=-0.02 * step, shift=0.015 * step, hot=10.0)
+        problem.time = step
         report = problem.solve()
     assert report.num_iterations <= 6
     assert problem.check_tangent(print_table=False).slopes["whole"] == pytest.approx(2.0, abs=0.02)
@@ -85,6 +86,7 @@ def test_tangent_on_an_obstacle_has_slope_two(geometry, pushed):
             ball.push(y=-2.0 * step)
         else:
             ball.move(y=-0.02 * step)
+        problem.time = step
         problem.solve()
     assert problem.check_tangent(print_table=False).slopes["whole"] == pytest.approx(2.0, abs=0.02)
     flux = problem.contacts[0].fluxes[0]
@@ -379,6 +381,42 @@ def test_a_wrong_function_is_named(h, match):
         problem = scene.problem([pair])
         scene.set(top=-0.01, hot=1.0)
         problem.solve()
+
+
+def test_values_set_later_take_effect_or_are_refused():
+    heat = fm.Conductance(1, 1.0)
+    scene = stacked((4, 4), nu=0.0, alpha=0.0)
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[heat])
+    problem = scene.problem([pair])
+    scene.set(top=-0.03, hot=10.0)
+    for h in (1.0, [1.0, 2.0]):
+        heat.h = h
+        problem.solve()
+        resistance = 3.0 / 5.0 + 1.0 / np.sum(h)
+        flux = problem.contacts[0].fluxes[0]
+        assert flux.into_master == pytest.approx(10.0 / resistance, rel=1e-10)
+    for name, value in (
+        ("h", -1.0), ("h", []), ("share", 7.0), ("scale", -1.0), ("scale", np.nan),
+        ("heating", "rub"), ("temperature", "hot"), ("field", 0), ("capacity", 1.0),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=name):
+            setattr(heat, name, value)
+    assert heat.field == 1 and heat.h == [1.0, 2.0] and heat.scale == 1.0
+
+
+def test_heat_of_friction_needs_the_length_of_the_step():
+    """As laws of rates: no power of a step whose length is not given."""
+    scene = stacked((4, 4))
+    heat = fm.Conductance(1, 1.0, heating="friction")
+    pair = fm.ContactPair(
+        scene.data, "upper/bottom", "lower/top", law=fm.Coulomb(0.3), fluxes=[heat]
+    )
+    problem = scene.problem([pair])
+    scene.set(top=-0.01)
+    with pytest.raises(fm.MortarError, match="needs the length of the step"):
+        problem.solve()
+    problem.time = 0.1
+    problem.solve()
 
 
 # One after the other

@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 from refusal import refused
 from remote_scenes import joint
-from scenes import linear_elastic, neo_hookean, nodal
+from scenes import internal, linear_elastic, neo_hookean, nodal
+
+from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes.mapped_grids import Grid, block, mesh
 
 PRELOAD, EXTERNAL = 0.2, 0.15
 
@@ -39,6 +42,45 @@ def test_bolt_and_plates_share_an_external_load_as_two_springs():
     assert not problem.contacts[1].pressure.any()
 
 
+def test_force_that_nothing_resists_is_an_error():
+    """A bolt of two halves, with a head each, that is pushed apart: springs would carry it all."""
+    x, y = np.linspace(0.0, 3.0, 4), np.linspace(0.0, 3.0, 4)
+    half = np.stack(np.meshgrid(x, y, indexing="ij"), axis=2)
+
+    def part(sign):
+        shank, head = half[:2, :3] * [1.0, sign], half[:, 2:] * [1.0, sign]
+        return [grid if sign > 0 else grid[:, ::-1] for grid in (shank, head)]
+
+    (shank, head), (below, foot) = part(1.0), part(-1.0)
+    plate = block(4, 4, width=3.0, height=4.0, corner=(1.2, -2.0))
+    names = {"left": "axis"}
+    grids = [
+        Grid("shank", shank, names), Grid("head", head, names), Grid("below", below, names),
+        Grid("foot", foot, names), Grid("plate", plate),
+    ]  # fmt: skip
+    data = mesh(grids)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    residual = internal(u, linear_elastic(u, 100.0, 0.3))
+    bcs = [fm.dirichlet(V, data, "axis", 0.0, 0), fm.dirichlet(V, data, "plate/right", (0.0, 0.0))]
+    bolt = fm.Pretension(data, "shank/bottom", "below/top")
+    joints = [fm.TiedPair(data, "shank/top", "head/bottom", search_radius=0.1)]
+    joints += [fm.TiedPair(data, "below/bottom", "foot/top", search_radius=0.1)]
+    seats = [fm.ContactPair(data, "plate/top", "head/bottom")]
+    seats += [fm.ContactPair(data, "plate/bottom", "foot/top")]
+    problem = fm.ContactProblem(
+        residual, u, [bolt, *joints, *seats], bcs=bcs, petsc_options_prefix="loose_"
+    )
+    bolt.push(0.5)
+    problem.solve()
+    assert problem.contacts[3].total_force[1] == pytest.approx(-0.5, rel=1e-9)
+    shortening = bolt.shortening
+    bolt.push(-0.1)
+    with pytest.raises(fm.MortarError, match="can move along|springs carry"):
+        problem.solve()
+    assert shortening > 0.0
+
+
 def test_shortening_and_force_have_the_same_solution():
     """At finite strain: the force to a prescribed shortening is pushed."""
     problem, bolt, *_, report = tightened(neo_hookean)
@@ -66,6 +108,13 @@ def test_state_and_checkpoint_contain_the_shortening(tmp_path):
     other, own, lid, _ = joint(linear_elastic, fm.RigidBoundary)
     fm.load_state(other, tmp_path / "state")
     assert own.shortening == bolt.shortening and own.present_jump()[1] == -bolt.shortening
+    assert own.force == pytest.approx(PRELOAD, rel=1e-10)
+    state = problem.state()
+    bolt.push(0.5 * PRELOAD)
+    problem.solve()
+    problem.restore(state)
+    assert bolt.force == pytest.approx(PRELOAD, rel=1e-10)
+    bolt.push(PRELOAD)
     own.lock()
     lid.push(y=0.0)
     other.solve()
