@@ -360,8 +360,8 @@ def at_points(kind, folder):
     yield from results(problem, problem.solve())
     yield "reaction", grip.reaction
     yield "reaction by name", problem.reaction("upper/moved", about=(0.3, 1.8)).force
-    grip.push(y=1.1 * grip.reaction[1])
-    pull.push(x=0.1, y=-0.2, moment=0.01)
+    grip.push(y=1.02 * grip.reaction[1])
+    pull.push(x=0.01, y=-0.02, moment=0.001)
     yield from results(problem, problem.solve())
     yield "place", grip.place
     yield "mean motion", pull.place

@@ -44,10 +44,12 @@ def pressures_in_ring(columns, rows, fronts, a=1.0, b=2.0, E=200.0, nu=0.4999):
     bcs = [("ring/left", 0.0, 1), ("ring/right", 0.0, 0)]
     law = partial(plastic, E=E, nu=nu, **YIELD)
     problem = problem_of(data, fm.ContactPair(data, "ring/top", disk), law, bcs)
-    found = []
-    for c in fronts:
-        disk.set_shape("radius", a + K * c**2 * (1.0 + nu) / (E * a))
-        problem.solve()
+    found, before = [], 0.5
+    for front in fronts:
+        for c in np.linspace(before, front, 5)[1:]:  # small steps: the ring yields far
+            disk.set_shape("radius", a + K * c**2 * (1.0 + nu) / (E * a))
+            problem.solve()
+        before = front
         found.append(float(np.hypot(*problem.contacts[0].total_force)) / (np.sqrt(2.0) * a))
     return np.array(found)
 
