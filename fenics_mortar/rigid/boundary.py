@@ -26,18 +26,17 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.surfaces import extract_surface
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.la.system import LinearSystem
-from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.obstacles.rigid_motion import RigidMotion, describe_place
+from fenics_mortar.obstacles.rigid_motion import describe_place
 from fenics_mortar.rigid.bordered import Border
-from fenics_mortar.utils.arguments import check_kind
+from fenics_mortar.rigid.remote import BoundaryMotion
 from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.errors import check_same_texts, format_point, together
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import sum_over_ranks
 from fenics_mortar.utils.rounding import ROUNDING
 
 
-class RigidBoundary(RigidMotion):
+class RigidBoundary(BoundaryMotion):
     """A boundary of a deformable body that moves as a rigid one: a hub, a grip, an axle.
 
     ``move`` prescribes motions, ``push`` force and moment at the pivot, as of an obstacle. At first
@@ -78,27 +77,6 @@ class RigidBoundary(RigidMotion):
     """
 
     kind = "rigid boundary"
-
-    def __init__(
-        self,
-        data: MeshData,
-        boundary: Names,
-        *,
-        pivot: npt.ArrayLike,
-        name: str | None = None,
-    ) -> None:
-        check_kind("data", data, MeshData, "the MeshData of the mesh")
-        self.data = data
-        with together(data.mesh.comm, "RigidBoundary"):
-            super().__init__(joined_names(boundary) if name is None else name, pivot)
-            self.tags = data.boundary_tags(boundary)
-        here = {"boundary": self.tags, "pivot": self.pivot, "name": self.name}
-        check_same_texts(data.mesh.comm, "RigidBoundary", here)
-        data.boundary_facets(boundary)
-
-    def __repr__(self) -> str:
-        """The name."""
-        return f"RigidBoundary({self.name!r})"
 
     def bind(self, space: DisplacementSpace) -> BoundRigidBoundary:
         """The nodes of the boundary in a space (collective).

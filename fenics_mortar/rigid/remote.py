@@ -1,16 +1,65 @@
 # SPDX-License-Identifier: MIT
-"""What the equations need of a load or motion given at a point: a remote load."""
+"""Loads and motions given at a point: what users give, and what the equations need of them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any, Protocol
 
+import numpy.typing as npt
+
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.la.system import LinearSystem
+from fenics_mortar.mesh.data import MeshData, Names, joined_names
+from fenics_mortar.obstacles.rigid_motion import RigidMotion
 from fenics_mortar.rigid.bordered import Border
+from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.errors import MortarError, check_same_texts, together
+
+
+class BoundaryMotion(RigidMotion):
+    """Motion and loads given at a point of a boundary (the constructor is collective).
+
+    Args:
+        data: Mesh, tags and names.
+        boundary: Name or tag of the boundary, or a list of names.
+        pivot: The point, shape (2,) [length].
+        name: Name used in messages; by default that of the boundary.
+
+    Attributes:
+        data: The mesh, with tags and names.
+        tags: Tags of the boundary.
+        unloaded: Loads at first, nan where motions are prescribed.
+
+    Raises:
+        ValueError: If name or pivot is of another type, or the pivot is not finite.
+        MeshError: If a name or tag is unknown or has no facets.
+    """
+
+    unloaded = float("nan")
+
+    def __init__(
+        self,
+        data: MeshData,
+        boundary: Names,
+        *,
+        pivot: npt.ArrayLike,
+        name: str | None = None,
+    ) -> None:
+        check_kind("data", data, MeshData, "the MeshData of the mesh")
+        self.data, own = data, type(self).__name__
+        with together(data.mesh.comm, own):
+            super().__init__(joined_names(boundary) if name is None else name, pivot)
+            self.tags = data.boundary_tags(boundary)
+        here = {"boundary": self.tags, "pivot": self.pivot, "name": self.name}
+        check_same_texts(data.mesh.comm, own, here)
+        data.boundary_facets(boundary)
+        self.load[:] = self.unloaded
+
+    def __repr__(self) -> str:
+        """The name."""
+        return f"{type(self).__name__}({self.name!r})"
 
 
 class RemoteMotion(Protocol):

@@ -24,21 +24,19 @@ two columns and rows of the border, with (dangle, dr) as unknowns.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.interface.surfaces import extract_surface
 from fenics_mortar.la.system import LinearSystem
-from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.obstacles.rigid_motion import RigidMotion, describe_place
+from fenics_mortar.obstacles.rigid_motion import describe_place
 from fenics_mortar.rigid.bordered import Border
-from fenics_mortar.utils.arguments import check_kind
+from fenics_mortar.rigid.remote import BoundaryMotion
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same_texts, format_point, together
+from fenics_mortar.utils.errors import format_point
 
 
-class SpreadLoad(RigidMotion):
+class SpreadLoad(BoundaryMotion):
     """Force and moment at a point, spread over a boundary that stays free to deform.
 
     Nodal forces are those of a traction c + A x, weighted by nodal areas, with the given force and
@@ -76,25 +74,7 @@ class SpreadLoad(RigidMotion):
             problem.solve()
     """
 
-    kind = "spread load"
-
-    def __init__(
-        self,
-        data: MeshData,
-        boundary: Names,
-        *,
-        pivot: npt.ArrayLike,
-        name: str | None = None,
-    ) -> None:
-        check_kind("data", data, MeshData, "the MeshData of the mesh")
-        self.data = data
-        with together(data.mesh.comm, "SpreadLoad"):
-            super().__init__(joined_names(boundary) if name is None else name, pivot)
-            self.tags = data.boundary_tags(boundary)
-        here = {"boundary": self.tags, "pivot": self.pivot, "name": self.name}
-        check_same_texts(data.mesh.comm, "SpreadLoad", here)
-        data.boundary_facets(boundary)
-        self.load = np.zeros(3)
+    kind, unloaded = "spread load", 0.0
 
     def move(
         self, *, x: float | None = None, y: float | None = None, angle: float | None = None
@@ -108,10 +88,6 @@ class SpreadLoad(RigidMotion):
             f"spread load '{self.name}' has no prescribed motion: expected push(), or a "
             "RigidBoundary, whose motion can be prescribed"
         )
-
-    def __repr__(self) -> str:
-        """The name."""
-        return f"SpreadLoad({self.name!r})"
 
     def bind(self, space: DisplacementSpace) -> BoundSpreadLoad:
         """The nodes of the boundary in a space (collective).

@@ -156,15 +156,21 @@ def test_cracks_that_meet_in_a_junction(gradient):
     assert np.ptp(jumps, axis=0).max() < 1e-3 and np.abs(jumps).max() > 0.01
 
 
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("by, pairs", [
-    ("face", two(*FACES, law=MU)),
-    ("part", two(*PARTS, law=MU)),
-    ("part", one("w1", "w2", "w3", law=MU)),
+# With half of the load in a step, quadratic facets of parts do not converge on all machines.
+HALVES, QUARTERS = (0.5, 1.0), (0.25, 0.5, 0.75, 1.0)
+
+
+@pytest.mark.parametrize("by, pairs, degree, loads", [
+    ("face", two(*FACES, law=MU), 1, HALVES),
+    ("face", two(*FACES, law=MU), 2, HALVES),
+    ("part", two(*PARTS, law=MU), 1, HALVES),
+    ("part", two(*PARTS, law=MU), 2, QUARTERS),
+    ("part", one("w1", "w2", "w3", law=MU), 1, HALVES),
+    ("part", one("w1", "w2", "w3", law=MU), 2, HALVES),
 ])  # fmt: skip
-def test_junction_with_friction(by, pairs, degree):
+def test_junction_with_friction(by, pairs, degree, loads):
     """Nodes at the junction meet the others at the same place; their paths go through nothing."""
-    options = {"degree": degree, "loads": (0.25, 0.5, 0.75, 1.0), "material": neo_hookean}
+    options = {"degree": degree, "loads": loads, "material": neo_hookean}
     scene = strained(branched(8, by=by).data(), pairs, CLOSED_GRADIENT, **options)
     assert is_right(scene)
 
