@@ -51,10 +51,16 @@ class Limits:
         max_points: Largest number of points on a path, which limits the time of the check.
         bare: Covered length of a facet, of length 2 in the reference element, below which it is
             uncovered [1].
+        large_conductance: Conductance of a node over the conduction of the cells beside it above
+            which Newton's method may fail [1]: iterates change the flux by as many times.
+        lost_conductance: The same above which a state is wrong [1]: the reference force of the
+            solve, the largest of its iterations, exceeds the flux in the end by as many times.
         samples: Number of points on a segment at which gaps are evaluated.
     """
 
     tolerance: float = SOLVED
+    large_conductance: float = 1e6
+    lost_conductance: float = 1e10
     penetration: float = HALF_FACET
     unpaired: float = 0.01
     negligible: float = RIGID.negligible

@@ -326,6 +326,22 @@ def test_temperatures_may_be_shifted():
     assert found[1] == pytest.approx(found[0], rel=1e-11)
 
 
+@pytest.mark.parametrize("h, verdict", [(1e6, "ok"), (1e8, "remark"), (1e13, "violation")])
+def test_conductance_far_above_that_of_cells_is_told(h, verdict):
+    """1e8 is perfect conduction, exact to 1e-6; with 1e13 the flux would be wrong by 1 %."""
+    scene = stacked((5, 7), overhang=0.3)
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[fm.Conductance(1, h)])
+    problem = scene.problem([pair])
+    scene.set(top=-0.03, hot=10.0)
+    if verdict == "violation":
+        with pytest.raises(fm.MortarError):
+            problem.solve()
+        return
+    report = problem.solve()
+    assert report.certificate.pairs[0]["conductance of field 1"].verdict == verdict
+    assert problem.contacts[0].fluxes[0].into_master == pytest.approx(19.4093, rel=1e-5)
+
+
 # Bad input
 
 
