@@ -18,7 +18,7 @@ from mpi4py import MPI as _MPI  # noqa: F401
 from fenics_mortar import energies as energies
 from fenics_mortar import laws as laws
 from fenics_mortar.bulk.history import quadrature_function
-from fenics_mortar.bulk.velocity import Velocity
+from fenics_mortar.bulk.inertia import Velocity
 from fenics_mortar.contact.conductance import (
     Conductance,
     GapConductance,
@@ -34,9 +34,9 @@ from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.state import State
 from fenics_mortar.io.checkpoint import load_state, save_state
+from fenics_mortar.io.fields import contact_table
 from fenics_mortar.io.paraview import ResultsWriter
 from fenics_mortar.io.picture import plot
-from fenics_mortar.io.table import contact_table
 from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.mesh.dirichlet import dirichlet
 from fenics_mortar.mesh.from_arrays import mesh_from_arrays
@@ -44,25 +44,24 @@ from fenics_mortar.mesh.from_meshio import mesh_from_meshio
 from fenics_mortar.mesh.gmsh_reader import read_gmsh
 from fenics_mortar.models.elastic_obstacle import ElasticObstacle
 from fenics_mortar.models.model_check import ModelCheck
-from fenics_mortar.models.report import ModelReport
-from fenics_mortar.newton.options import NewtonOptions
+from fenics_mortar.models.model_error import ModelReport
+from fenics_mortar.newton.loop import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport
+from fenics_mortar.obstacles.balls import Circle, Sphere
 from fenics_mortar.obstacles.obstacle import Obstacle, SignedDistance
-from fenics_mortar.obstacles.shapes import Circle, Plane, Polygon, Spline
+from fenics_mortar.obstacles.shapes import Plane, Polygon, Spline
+from fenics_mortar.obstacles.space_shapes import Cone, Cylinder, Extruded, Revolved, Torus
 from fenics_mortar.path.dynamics import Dynamics
-from fenics_mortar.path.dynamics_report import DynamicsReport
-from fenics_mortar.path.options import SteppingOptions
-from fenics_mortar.path.report import PathReport
-from fenics_mortar.path.stepping import follow_path
+from fenics_mortar.path.report import DynamicsReport, PathReport
+from fenics_mortar.path.stepping import SteppingOptions, follow_path
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.boundary import RigidBoundary
 from fenics_mortar.rigid.spread import SpreadLoad
 from fenics_mortar.sensitivity.gradient import gradient
 from fenics_mortar.utils.compat import mixed_space, scalar_space, vector_space
 from fenics_mortar.utils.errors import MeshError, MortarError, NotConvergedError, SurfaceError
-from fenics_mortar.verify.certificate import Certificate
+from fenics_mortar.verify.certificate import Certificate, PairCertificate
 from fenics_mortar.verify.estimate import ErrorEstimate
-from fenics_mortar.verify.pair_certificate import PairCertificate
 from fenics_mortar.verify.tangent import TangentCheck
 
 __version__ = "0.1.0"  # single source: read by pyproject.toml
@@ -71,14 +70,17 @@ __all__ = [
     "Certificate",
     "Circle",
     "Conductance",
+    "Cone",
     "ContactPair",
     "ContactProblem",
     "Coulomb",
+    "Cylinder",
     "Discretization",
     "Dynamics",
     "DynamicsReport",
     "ElasticObstacle",
     "ErrorEstimate",
+    "Extruded",
     "Frictionless",
     "GapConductance",
     "Law",
@@ -101,8 +103,10 @@ __all__ = [
     "PressureConductance",
     "Pretension",
     "ResultsWriter",
+    "Revolved",
     "RigidBoundary",
     "SignedDistance",
+    "Sphere",
     "Spline",
     "SpreadLoad",
     "State",
@@ -110,6 +114,7 @@ __all__ = [
     "SurfaceError",
     "TangentCheck",
     "TiedPair",
+    "Torus",
     "Tresca",
     "Velocity",
     "contact_table",

@@ -27,9 +27,10 @@ from typing import Any
 
 import ufl
 
-from fenics_mortar.mesh.thickness import Geometry
+from fenics_mortar.mesh.space import Geometry
 from fenics_mortar.utils.arguments import check_choice
 from fenics_mortar.utils.compat import domain_of
+from fenics_mortar.utils.dimensions import refuse_in_space
 
 __all__ = [
     "deformation_gradient",
@@ -75,18 +76,22 @@ def displacement_gradient(u: Any, geometry: Geometry = "plane") -> Any:
 
     Args:
         u: Displacement, shape (d,) [length].
-        geometry: "plane", or "axisymmetric" about x = 0, as in ``fm.ContactProblem``.
+        geometry: "plane", also for bodies in space, or "axisymmetric" about x = 0, as in
+            ``fm.ContactProblem``.
 
     Returns:
         Shape (d, d); (3, 3) with the hoop component u_r / r of bodies of revolution [1].
 
     Raises:
         ValueError: For another geometry.
+        NotImplementedError: If a displacement in space is said to be axisymmetric.
     """
     check_choice("geometry", geometry, ("plane", "axisymmetric"))
     H = ufl.grad(u)
     if geometry == "plane":
         return H
+    if H.ufl_shape == (3, 3):
+        refuse_in_space("axisymmetric")
     r = ufl.SpatialCoordinate(domain_of(u))[0]
     return ufl.as_tensor([[H[0, 0], H[0, 1], 0], [H[1, 0], H[1, 1], 0], [0, 0, u[0] / r]])
 
@@ -131,7 +136,7 @@ def elastic_strain(u: Any, expansion: Any = 0.0, geometry: Geometry = "plane") -
     test function without expansion has the same shape.
 
     Args:
-        u: Displacement, or a test function, shape (2,) [length].
+        u: Displacement, or a test function, shape (d,) [length].
         expansion: The expansion, a scalar expression [1].
         geometry: As for ``displacement_gradient``.
 
@@ -152,7 +157,7 @@ def elastic_strain(u: Any, expansion: Any = 0.0, geometry: Geometry = "plane") -
             residual += k * ufl.inner(ufl.grad(T), ufl.grad(s)) * dx
     """
     e = strain(u, geometry)
-    if geometry == "plane":
+    if e.ufl_shape == (2, 2):
         e = ufl.as_tensor([[e[0, 0], e[0, 1], 0], [e[1, 0], e[1, 1], 0], [0, 0, 0]])
     return e - expansion * ufl.Identity(3)
 

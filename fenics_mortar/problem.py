@@ -26,8 +26,8 @@ from fenics_mortar.equations.undo import restored_if_interrupted, unchanged_if_r
 from fenics_mortar.la import options as solvers
 from fenics_mortar.la.choice import Algorithm
 from fenics_mortar.mesh.data import MeshData, Names
-from fenics_mortar.mesh.thickness import Geometry
-from fenics_mortar.newton.options import NewtonOptions
+from fenics_mortar.mesh.space import Geometry
+from fenics_mortar.newton.loop import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_number
@@ -66,7 +66,7 @@ class ContactProblem:
             of revolution about x = 0. Interface integrals are then weighted by 2 pi r: pressures
             are stresses, and forces act on the whole bodies; ``residual`` must contain 2 pi X[0] in
             its measures and the hoop strain. Radial components on the axis must be prescribed as 0.
-            A ``Circle`` about a point of the axis is a sphere. See ``mesh.thickness``.
+            A ``Circle`` about a point of the axis is a sphere. See ``mesh.space``.
         thickness: Out-of-plane thickness of plane bodies, by which interface integrals are
             weighted, as the measures of ``residual`` must be. A positive length, or a function of
             reference positions (n, 2); ``None`` means one, without a unit.
@@ -76,7 +76,7 @@ class ContactProblem:
         before_assembly: Function without arguments that sets functions of the forms which depend on
             ``u`` by other means than UFL; called before each assembly, needs ``jacobian``.
         model_check: An ``ModelCheck`` that estimates the model error after each solve
-            (``report.model_check``) and may start each solve on a cheaper model.
+            (``report.model_check``).
 
     Attributes:
         equations: All equations and their state, for research: bodies, contacts with surfaces and
@@ -176,9 +176,7 @@ class ContactProblem:
         for contact in self.equations.contacts:
             contact.change(load_time=float(time))
 
-    def solve(
-        self, *, accept_violations: bool = False, predict: bool = True, sensitivity: Any = None
-    ) -> NewtonReport:
+    def solve(self, *, accept_violations: bool = False, predict: bool = True) -> NewtonReport:
         """Solve for the present loads and prescribed values; update ``u`` and the multipliers.
 
         Collective.
@@ -188,8 +186,6 @@ class ContactProblem:
                 continue in their direction, see ``continuation``; it is the last state otherwise.
             accept_violations: Whether to return a state that violates its certificate instead of
                 raising an error; see ``report.certificate``.
-            sensitivity: A ``fm.sensitivity.Numerics``: ``report.sensitivity`` then has the
-                derivatives of a quantity with respect to numerical choices.
 
         Returns:
             The record of the Newton iterations.
@@ -211,20 +207,16 @@ class ContactProblem:
         setup.check_attributes(self, self._given)
         self.equations.bulk.input_data.check()
         remarks = self._inputs.check(
-            self.equations.newton, sensitivity, accept_violations=accept_violations, predict=predict
+            self.equations.newton, accept_violations=accept_violations, predict=predict
         )
         self.equations.floating.restrict()
         with restored_if_interrupted(self.equations):
             model_check = self.equations.model_check
-            report = None if model_check is None else model_check.solve_cheaper()
-            if report is None:
-                solve = partial(self._solver.solve, remarks, accept_violations=accept_violations)
-                predict &= model_check is None and not self.equations.newton.tentative
-                report = self._continuation.solve(solve, guess=predict)
+            solve = partial(self._solver.solve, remarks, accept_violations=accept_violations)
+            predict &= model_check is None and not self.equations.newton.tentative
+            report = self._continuation.solve(solve, guess=predict)
             if model_check is not None:
                 report.model_check = model_check.assess(self)
-            if sensitivity is not None:
-                report.sensitivity = sensitivity.of(self)
             return report
 
     def accept(self) -> None:

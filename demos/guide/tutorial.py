@@ -338,8 +338,7 @@ for depth in (0.002, 0.02, 0.1):
 # ```
 #
 # `print(found)` lists each assumption: linear kinematics, small sliding, a rigid obstacle, no
-# friction. With `hierarchy=True` a solve starts on the cheapest model and uses a richer one only
-# where the estimate demands it.
+# friction.
 #
 # ## The mesh
 #

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 from mpi4py import MPI
@@ -24,17 +25,38 @@ MINOR = 0.1
 
 
 @dataclass(frozen=True)
+class PartMotion:
+    """Translation of one side of a section of a body along an axis, against the other side.
+
+    Attributes:
+        name: Name of the section.
+        number: Position of its load among the remote loads with motions.
+        axis: Direction in which the side moves when the body is tightened, shape (2,) [1].
+        moves: Whether a part of the mesh moves, shape (parts,), bool.
+    """
+
+    name: str
+    number: int
+    axis: Array
+    moves: Flags
+
+
+@dataclass(frozen=True)
 class FloatingBody:
     """A body with rigid motions that neither Dirichlet conditions nor the bulk tangent resist.
 
+    Sections may separate it into parts, which then move against each other.
+
     Attributes:
         label: Number of the body.
-        centre: Mean reference position of its nodes, shape (2,) [length].
+        centre: Mean reference position of its nodes, shape (dim,) [length].
         size: Radius of gyration of its nodes [length].
-        motions: Orthonormal combinations of (translation x, translation y, rotation about the
-            centre times ``size``), shape (number of free motions, 3).
+        motions: Orthonormal combinations of the translations, of the rotations about the centre
+            times ``size``, one in the plane and three in space, and of the motion of each section,
+            shape (number of free motions, 3 + s) or, in space, (number, 6).
         stiffest: Largest diagonal entry of K in the body [stress].
         num_nodes: Number of its nodes on all ranks.
+        sections: The s sections that separate it.
     """
 
     label: int
@@ -43,10 +65,21 @@ class FloatingBody:
     motions: Array
     stiffest: float
     num_nodes: int
+    sections: Sequence[PartMotion] = ()
 
-    def displacement(self, X: Array) -> Array:
-        """Free motions at the points ``X`` (n, 2) [length], shape (motions, n, 2) [1] (local)."""
-        return np.einsum("fm,mnc->fnc", self.motions, rigid_motions(X, self.centre, self.size))
+    def displacement(self, X: Array, parts: Indices) -> Array:
+        """Free motions at points, shape (motions, n, dim) [1] (local).
+
+        Args:
+            X: The points, shape (n, dim) [length].
+            parts: Parts of the mesh in which they lie, shape (n,).
+        """
+        rigid = rigid_motions(X, self.centre, self.size)
+        return np.einsum("fm,mnc->fnc", self.motions, np.vstack([rigid, *self.of_parts(parts)]))
+
+    def of_parts(self, parts: Indices) -> list[Array]:
+        """Unit motion of each section at points in ``parts`` (n,), (1, n, 2) [1] each (local)."""
+        return [np.outer(motion.moves[parts], motion.axis)[None] for motion in self.sections]
 
     def without(self, responses: Array) -> FloatingBody:
         """This body with its motions of zero response; it may have none left (local).
@@ -65,9 +98,14 @@ class FloatingBody:
             distance: Vector from one point to the other, shape (2,) [length].
         """
         here, there = np.moveaxis(
-            self.displacement(self.centre + np.stack([0.0 * distance, distance])), 1, 0
+            rigid_motions(
+                self.centre + np.stack([0.0 * distance, distance]), self.centre, self.size
+            ),
+            1,
+            0,
         )
-        return self.without((there - here) * (self.size / np.linalg.norm(distance)))
+        turning = (there - here) * (self.size / np.linalg.norm(distance))
+        return self.without(self.motions[:, : len(turning)] @ turning)
 
     def describe(self, motion: Array, *, directed: bool = False) -> str:
         """Describe a free motion (local).
@@ -76,7 +114,14 @@ class FloatingBody:
             motion: Factors of ``motions``, shape (number of free motions,).
             directed: Whether the sign of a translation matters.
         """
-        x, y, rotation = np.round(motion @ self.motions / np.linalg.norm(motion), 4)
+        shares = np.round(motion @ self.motions / np.linalg.norm(motion), 4)
+        if len(self.centre) == 3:
+            return _describe_in_space(shares[:3] + 0.0, shares[3:] + 0.0)
+        (x, y, rotation), at_sections = shares[:3], shares[3:]
+        if np.abs(at_sections).max(initial=0.0) > MINOR:
+            most = int(np.abs(at_sections).argmax())
+            how = "be shortened" if at_sections[most] > 0.0 or not directed else "be pulled apart"
+            return f"{how} at section '{self.sections[most].name}'"
         x, y = (x, y) if directed or rotation or (x, y) > (0.0, 0.0) else (-x, -y)
         if abs(rotation) > MINOR:
             pole = self.centre + self.size / rotation * np.array([-y, x])
@@ -84,9 +129,28 @@ class FloatingBody:
         return f"move along {format_point((x + 0.0, y + 0.0))}"
 
 
+def _describe_in_space(translation: Array, rotation: Array) -> str:
+    """Describe a motion of size one in space by its larger parts (local)."""
+    parts = [
+        f"{verb} {format_point(vector)}"
+        for verb, vector in (("move along", translation), ("rotate about the axis", rotation))
+        if np.linalg.norm(vector) > MINOR
+    ]
+    return " and ".join(parts)
+
+
 def rigid_motions(X: Array, centre: Array, size: float) -> Array:
-    """Two translations and the rotation about ``centre`` over ``size``, shape (3, n, 2) [1]."""
+    """Translations and rotations about ``centre`` over ``size`` at ``X`` (n, dim) [1] (local).
+
+    Returns:
+        Shape (3, n, 2) in the plane: two translations and the rotation; (6, n, 3) in space: three
+        translations and the rotations about the three axes.
+    """
     r = (X - centre) / size
+    if X.shape[1] == 3:
+        axes = np.eye(3)
+        moved = np.repeat(axes[:, None], len(X), axis=1)
+        return np.concatenate([moved, np.cross(axes[:, None], r[None])])
     one, zero = np.ones(len(X)), np.zeros(len(X))
     rows = [(one, zero), (zero, one), (-r[:, 1], r[:, 0])]
     return np.array([np.stack(row, axis=1) for row in rows])
@@ -134,7 +198,12 @@ def join_bodies(labels: Indices, num_bodies: int, links: Sequence[Indices]) -> t
 
 
 def find_floating_bodies(
-    bulk: Bulk, labels: Indices, num_bodies: int, prescribed: Flags | None = None
+    bulk: Bulk,
+    labels: Indices,
+    num_bodies: int,
+    prescribed: Flags | None = None,
+    sections: Mapping[int, Sequence[PartMotion]] = MappingProxyType({}),
+    parts: Indices | None = None,
 ) -> list[FloatingBody]:
     """Find bodies with free rigid motions, with ``bulk.K`` as assembled (collective).
 
@@ -145,18 +214,24 @@ def find_floating_bodies(
         labels: Body of each local node, shape (local nodes,).
         num_bodies: Number of bodies.
         prescribed: Marks of the local dofs that resist, (local dofs,); by default the prescribed.
+        sections: Sections of bodies, by their labels.
+        parts: Part of the mesh of each local node, shape (local nodes,); needed with sections.
     """
     held = (bulk.prescribed if prescribed is None else prescribed)[: bulk.num_owned]
     dofs = bulk.space.owned_dofs
-    X = bulk.V.tabulate_dof_coordinates()[: len(dofs), :2]
+    X = bulk.V.tabulate_dof_coordinates()[: len(dofs), : bulk.space.dim]
     labels = labels[: len(dofs)]
+    parts = (labels if parts is None else parts)[: len(dofs)]
     diagonal = np.abs(bulk.K.getDiagonal().array_r)
     found = []
     for label in range(num_bodies):
         mine = labels == label
         body = centre_and_size(X[mine], bulk.comm)
-        motions = np.zeros((3, bulk.num_owned))
-        motions[:, dofs[mine]] = rigid_motions(X[mine], *body)
+        own = tuple(sections.get(label, ()))
+        count = len(rigid_motions(X[:0], *body)) + len(own)
+        basis = FloatingBody(label, *body, np.eye(count), TINY, 0, own)
+        motions = np.zeros((count, bulk.num_owned))
+        motions[:, dofs[mine]] = basis.displacement(X[mine], parts[mine])
         at_prescribed = np.where(held, motions, 0.0)
         stiffest = diagonal[dofs[mine]].max(initial=0.0)
         stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), TINY)
@@ -165,7 +240,7 @@ def find_floating_bodies(
         num_nodes = bulk.comm.allreduce(int(mine.sum()))
         free = directions[size < ROUNDING * np.sqrt(num_nodes)]
         if len(free):
-            found.append(FloatingBody(label, *body, free, stiffest, num_nodes))
+            found.append(replace(basis, motions=free, stiffest=stiffest, num_nodes=num_nodes))
     return found
 
 
@@ -188,7 +263,7 @@ def resistance(responses: Array, comm: MPI.Comm) -> tuple[Array, Array]:
 
 
 def centre_and_size(X: Array, comm: MPI.Comm) -> tuple[Array, float]:
-    """Mean and radius of gyration [length] of the points ``X`` (n, 2) of all ranks (collective)."""
+    """Mean and radius of gyration [length] of points (n, dim) of all ranks (collective)."""
     count = comm.allreduce(len(X))
     centre = comm.allreduce(X.sum(axis=0)) / count
     return centre, float(np.sqrt(comm.allreduce(((X - centre) ** 2).sum()) / count))

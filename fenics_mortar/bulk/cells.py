@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The cells of this rank: area ratios, deformation gradients, and points inside other bodies."""
+"""The reference cell, and the cells of this rank: area ratios, points inside other bodies."""
 
 from __future__ import annotations
 
@@ -9,14 +9,97 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 
-from fenics_mortar.bulk.form_points import areas_at, areas_or_nan
-from fenics_mortar.bulk.reference_cell import nodal_gradients
+import basix
+
+from fenics_mortar.kernels.cells import tabulate_areas
 from fenics_mortar.kernels.inside import find_inside
+from fenics_mortar.kernels.volumes import tabulate_volumes
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import count_points
 from fenics_mortar.utils.ranks import any_over_ranks, on_any_rank
+from fenics_mortar.utils.rounding import ROUNDING
+
+# Degree of Lagrange functions by the number of nodes of a cell.
+DEGREES = {3: 1, 4: 1, 6: 2, 9: 2, 10: 2, 8: 1, 27: 2}
+
+
+class ReferenceCell:
+    """A triangle or a square, its sides and quadrature points.
+
+    Attributes:
+        sides: Vertices of each side, shape (sides, 2).
+        edges: Vectors from the first to the second vertex of a side, shape (sides, 2).
+        normals: Outer normals with the length of the sides, shape (sides, 2).
+        s: Gauss points along a side, between 0 and 1, shape (q,).
+        side_weights: Their weights with sum 1, shape (q,).
+        side_points: Gauss points of all sides in the cell, shape (sides q, 2).
+        points, weights: Quadrature rule of the cell, shapes (p, 2) and (p,).
+        midpoint: Midpoint of the cell, shape (1, 2).
+        fill: Area of the unit square over that of the cell.
+    """
+
+    def __init__(self, name: str) -> None:
+        kind = getattr(basix.CellType, name)
+        corners = np.asarray(basix.geometry(kind))
+        self.sides: Indices = np.array(basix.topology(kind)[1], np.int64)
+        self.midpoint: Array = midpoint_of(name)
+        starts, ends = corners[self.sides[:, 0]], corners[self.sides[:, 1]]
+        self.edges: Array = ends - starts
+        normals = np.stack([self.edges[:, 1], -self.edges[:, 0]], axis=1)
+        outward = np.sign(np.einsum("kc,kc->k", normals, starts - self.midpoint))
+        self.normals: Array = outward[:, None] * normals
+        x, w = np.polynomial.legendre.leggauss(3)  # exact to degree 5
+        self.s, self.side_weights = (x + 1) / 2, w / 2
+        self.side_points: Array = (starts[:, None] + self.s[:, None] * self.edges[:, None]).reshape(
+            -1, 2
+        )
+        s, t = (a.ravel() for a in np.meshgrid(self.s, self.s, indexing="ij"))
+        weights = np.outer(self.side_weights, self.side_weights).ravel()
+        triangle = len(corners) == 3
+        self.fill = 2.0 if triangle else 1.0
+        self.points: Array = np.stack([s, t * (1 - s) if triangle else t], axis=1)
+        self.weights: Array = weights * (1 - s) if triangle else weights
+
+
+def midpoint_of(name: str) -> Array:
+    """Midpoint of a reference cell of the plane or of space, shape (1, dim) [1] (local)."""
+    corners = np.asarray(basix.geometry(getattr(basix.CellType, name)))
+    return np.asarray(corners.mean(axis=0, keepdims=True))
+
+
+def nodal_gradients(V: Any) -> Array:
+    """Return the gradients of the Lagrange functions of a cell of ``V`` at its own nodes.
+
+    Shape (nodes, functions, dim), in the reference cell [1] (local). All values are integers for
+    degree 1 and 2.
+    """
+    element = _lagrange(V)
+    return np.rint(_gradients(element, element.points))
+
+
+def gradients_at(V: Any, points: Array) -> Array:
+    """Gradients of the Lagrange functions of a cell of ``V`` at reference points (p, dim) (local).
+
+    Shape (p, functions, dim), in the reference cell [1].
+    """
+    return _gradients(_lagrange(V), points)
+
+
+def _lagrange(V: Any) -> Any:
+    """Basix's element of one component of ``V``."""
+    cell = getattr(basix.CellType, compat.cell_name(V.mesh))
+    degree = DEGREES[V.dofmap.dof_layout.num_dofs]
+    return basix.create_element(
+        basix.ElementFamily.P, cell, degree, basix.LagrangeVariant.gll_warped
+    )
+
+
+def _gradients(element: Any, points: Array) -> Array:
+    return np.ascontiguousarray(np.moveaxis(element.tabulate(1, points)[1:, :, :, 0], 0, -1))
+
 
 # Nodes of a cell along its outline, by the number of nodes: dolfinx orders corners, edges,
 # interior; those of quadrilaterals as a tensor product.
@@ -24,28 +107,32 @@ OUTLINE = {3: [0, 1, 2], 4: [0, 1, 3, 2], 6: [0, 5, 1, 3, 2, 4], 9: [0, 4, 1, 6,
 
 
 class Cells:
-    """The owned cells of a space of plane vectors, in the reference state.
+    """The owned cells of a space of vectors, in the reference state.
+
+    In space, areas are volumes.
 
     Args:
         V: Space of the displacement.
 
     Attributes:
-        X: Reference positions of the local nodes, ghosts included, shape (n, 2) [length].
+        X: Reference positions of the local nodes, ghosts included, shape (n, dim) [length].
     """
 
     def __init__(self, V: Any) -> None:
         self._comm: MPI.Comm = V.mesh.comm
-        self._nodes = compat.dofmap(V)[: V.mesh.topology.index_map(2).size_local]
-        self.X: Array = V.tabulate_dof_coordinates()[:, :2].copy()
+        dim = V.mesh.geometry.dim
+        self._nodes = compat.dofmap(V)[: V.mesh.topology.index_map(dim).size_local]
+        self.X: Array = V.tabulate_dof_coordinates()[:, :dim].copy()
         self._gradients = nodal_gradients(V)
-        self._outline = np.array(OUTLINE[len(self._gradients)])
+        self._outline = np.array(OUTLINE[len(self._gradients)] if dim == 2 else [])
+        self._num_corners = compat.num_corners(V.mesh)
         self._undeformed_areas = areas_or_nan(self.X, self._nodes, self._gradients)
 
     def area_ratios(self, x: Array) -> Array:
         """Deformed over undeformed area at the nodes of the cells, (cells, nodes) (local).
 
         Args:
-            x: Positions of the local nodes, shape (n, 2) [length].
+            x: Positions of the local nodes, shape (n, dim) [length].
 
         Returns:
             Ratios; nan at nodes where the undeformed cell has no area.
@@ -61,6 +148,10 @@ class Cells:
         now, before = (place[self._nodes, 0].mean(axis=1) for place in (x, self.X))
         return now / before - 1.0
 
+    def middles(self, x: Array) -> Array:
+        """Midpoints of the cells at positions ``x`` (n, dim), (cells, dim) [length] (local)."""
+        return np.asarray(x[self._nodes].mean(axis=1))
+
     def count(self, marks: Flags) -> tuple[int, str]:
         """Number of marked owned cells, shape (cells,), and the position of one (collective).
 
@@ -74,13 +165,18 @@ class Cells:
         """Number of undeformed cells without area, and the position of one (collective)."""
         return self.count(np.isnan(self._undeformed_areas).all(axis=1))
 
+    def twisted(self) -> tuple[int, str]:
+        """Number of undeformed cells with corners of both orientations, and where (collective)."""
+        corners = self._undeformed_areas[:, : self._num_corners]
+        return self.count((corners < 0.0).any(axis=1) & (corners > 0.0).any(axis=1))
+
     def deformation_gradients(self, x: Array) -> Array:
-        """F at positions ``x`` (n, 2), averaged over the nodes, shape (cells, 2, 2) [1] (local)."""
+        """F at positions ``x`` (n, dim), averaged over nodes, (cells, dim, dim) [1] (local)."""
         return np.einsum("eka,ekb->eab", x[self._nodes], self._shape_gradients)
 
     @cached_property
     def _shape_gradients(self) -> Array:
-        """d(shape functions)/dX, averaged over a cell's nodes, (cells, nodes, 2) [1 / length]."""
+        """d(shape functions)/dX, averaged over a cell's nodes, (cells, nodes, dim) [1 / length]."""
         jacobian = np.einsum("eka,nkb->enab", self.X[self._nodes], self._gradients)
         gradients = np.einsum("nkb,enba->ekna", self._gradients, np.linalg.inv(jacobian))
         return np.asarray(gradients.mean(axis=2))
@@ -88,7 +184,7 @@ class Cells:
     def inside_other_body(
         self, x: Array, points: Array, bodies: Indices | Array, labels: Indices
     ) -> Flags:
-        """Whether points lie inside a cell of another body than their own (collective).
+        """Whether points of the plane lie inside a cell of another body (collective).
 
         Args:
             x: Positions of the local nodes, shape (n, 2) [length].
@@ -103,3 +199,27 @@ class Cells:
         if len(points) and len(self._nodes):
             find_inside(x, self._nodes, labels, self._outline, points, bodies, inside)
         return any_over_ranks(self._comm, inside)
+
+
+def areas_at(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
+    """Determinant of dx/dxi at points of ``cells`` (m, k), shape (m, p) [length^dim] (local).
+
+    Args:
+        x: Positions of the local nodes, shape (n, dim) [length].
+        cells: Nodes of the cells, shape (m, k).
+        gradients: Gradients of the shape functions at the points, shape (p, k, dim) [1].
+    """
+    areas = np.empty((len(cells), len(gradients)))
+    tabulate = tabulate_areas if x.shape[1] == 2 else tabulate_volumes
+    tabulate(x, cells, gradients, areas)
+    return areas
+
+
+def areas_or_nan(X: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
+    """Areas of ``areas_at`` in the undeformed state, nan where there is none (local).
+
+    Units [length^dim].
+    """
+    areas = areas_at(X, cells, gradients)
+    extent = np.ptp(X[cells], axis=1).max(axis=1, initial=0.0)
+    return np.where(np.abs(areas) > ROUNDING * extent[:, None] ** X.shape[1], areas, np.nan)

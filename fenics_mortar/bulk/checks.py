@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Checks at the set-up of a problem: space, mesh, residual and pairs."""
+"""Checks at the set-up of a problem: space, mesh, forms and their tags, pairs."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 import ufl
 from dolfinx import fem
+from dolfinx import mesh as dmesh
 from ufl.coefficient import Coefficient
 from ufl.constantvalue import ScalarValue
 from ufl.corealg.traversal import unique_pre_traversal
@@ -21,14 +22,107 @@ from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.interface.corners import TURN
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.mesh.data import check_plane
+from fenics_mortar.mesh.data import MeshData, check_solid, check_tags
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError, MortarError, SurfaceError, format_point
+
+# Name of the measure, dimension of the mesh minus that of its entities, and description of these,
+# by UFL's type of integral.
+MEASURES = {
+    "cell": ("dx", 0, "cell"),
+    "exterior_facet": ("ds", 1, "facet of the boundary"),
+    "interior_facet": ("dS", 1, "facet inside the bodies"),
+}
+
+
+def check_subdomains(what: str, form: Any, mesh: dmesh.Mesh, named: Sequence[MeshData]) -> None:
+    """Reject integrals over tags of another mesh, or that no entity has (collective).
+
+    Args:
+        what: Description of the form, for the message.
+        form: The UFL form.
+        mesh: The mesh.
+        named: Meshes with names, which are listed in the message.
+
+    Raises:
+        MeshError: On all ranks.
+    """
+    for kind, (measure, codimension, entity) in MEASURES.items():
+        dim = mesh.topology.dim - codimension
+        integrals = [i for i in form.integrals() if i.integral_type() == kind]
+        numbers = sorted(set().union(*(_numbers(i.subdomain_id()) for i in integrals)))
+        given = (i.subdomain_data() for i in integrals)
+        tags: Any = next((data for data in given if data is not None), None)
+        if hasattr(tags, "find"):
+            check_tags(f"the tags of {measure} in the {what}", tags, mesh)
+            if tags.dim != dim:
+                raise MeshError(
+                    f"the tags of {measure} in the {what} are of dimension {tags.dim}; expected "
+                    f"tags of dimension {dim}"
+                )
+        if not numbers:
+            continue
+        where = f"the {what} has an integral over {measure}({{}})"
+        if tags is None:
+            name = "cell_tags" if codimension == 0 else "facet_tags"
+            raise MeshError(
+                f"{where.format(numbers[0])}, but this measure has no tags, and the integral would "
+                f"be zero: give it subdomain_data=data.{name}"
+            )
+        here = _tags_with_entities(tags, kind, mesh)
+        present = sorted(set().union(*mesh.comm.allgather(here)))
+        missing = [number for number in numbers if number not in present]
+        if missing:
+            raise MeshError(
+                f"{where.format(missing[0])}, but no {entity} has the tag {missing[0]}, and the "
+                f"integral would be zero; the tags there are {_listed(present, tags, named)}: "
+                "correct the tag, or leave out the integral"
+            )
+
+
+def _numbers(subdomain: Any) -> set[int]:
+    """Tags of an integral, without "everywhere" and "otherwise" (local)."""
+    several = subdomain if isinstance(subdomain, tuple) else (subdomain,)
+    return {int(number) for number in several if not isinstance(number, str)}
+
+
+def _tags_with_entities(tags: Any, kind: str, mesh: dmesh.Mesh) -> set[int]:
+    """Tags of the entities of this rank over which a form is integrated (local).
+
+    Later releases of dolfinx also take pairs of a tag and its entities.
+    """
+    if not hasattr(tags, "find"):
+        return {int(number) for number, entities in tags if len(entities)}
+    dim = mesh.topology.dim
+    if kind == "cell":
+        used: Indices = np.arange(mesh.topology.index_map(dim).size_local)
+    else:
+        mesh.topology.create_connectivity(dim - 1, dim)
+        used = dmesh.exterior_facet_indices(mesh.topology)
+        if kind == "interior_facet":
+            used = np.setdiff1d(np.arange(mesh.topology.index_map(dim - 1).size_local), used)
+    return {int(tag) for tag in np.unique(tags.values[np.isin(tags.indices, used)])}
+
+
+def _listed(present: Sequence[int], tags: Any, named: Sequence[MeshData]) -> str:
+    """The tags with entities, with their names if they have one (local)."""
+    name_of = {
+        tag: name
+        for data in named
+        for own, names in ((data.facet_tags, data.boundaries), (data.cell_tags, data.bodies))
+        if own is tags
+        for name, tag in names.items()
+    }
+    shown = [f"{tag} ('{name_of[tag]}')" if tag in name_of else f"{tag}" for tag in present]
+    return ", ".join(shown) or "none"
+
 
 # Names of UFL's integral types in messages.
 _DOMAINS = {"cell": "cells", "exterior_facet": "the boundary", "interior_facet": "inner facets"}
+# Nodes of cells of order 2.
+NODES_OF_ORDER_2 = {"triangle": 6, "quadrilateral": 9, "tetrahedron": 10, "hexahedron": 27}
 
 
 def check_space(V: Any, pairs: Sequence[ContactPair | TiedPair]) -> None:
@@ -36,22 +130,24 @@ def check_space(V: Any, pairs: Sequence[ContactPair | TiedPair]) -> None:
 
     Raises:
         MortarError: On all ranks.
+        NotImplementedError: On all ranks, for pairs in space.
     """
     mesh = V.mesh
     if compat.scalar_is_complex():
         raise MortarError(
             "PETSc has complex scalars; install the build with real scalars (petsc-real)"
         )
-    check_plane(mesh)
+    check_solid(mesh)
     _check_coordinates(mesh)
-    corners = compat.num_corners(mesh)
-    nodes = {1: corners, 2: {3: 6, 4: 9}[corners]}
+    corners, dim = compat.num_corners(mesh), mesh.geometry.dim
+    nodes = {1: corners, 2: NODES_OF_ORDER_2[compat.cell_name(mesh)]}
     layout = V.dofmap.dof_layout
     degrees = [degree for degree, count in nodes.items() if layout.num_dofs == count]
     at_vertices = len(layout.entity_dofs(0, 0)) == 1
-    if V.dofmap.index_map_bs != 2 or not at_vertices or not degrees:
+    if V.dofmap.index_map_bs != dim or not at_vertices or not degrees:
+        vectors = "plane vectors" if dim == 2 else "vectors"
         raise MortarError(
-            "the displacement is not in the Lagrange space of plane vectors of degree 1 or 2 (P1, "
+            f"the displacement is not in the Lagrange space of {vectors} of degree 1 or 2 (P1, "
             "Q1, P2 or Q2): use vector_space(mesh, 1) or vector_space(mesh, 2)"
         )
     if compat.geometry_dofmap(mesh).shape[1] not in (corners, nodes[degrees[0]]):
@@ -230,14 +326,20 @@ def _check_form(name: str, form: Any, count: int, u: Any, expected: str) -> None
 
 
 def check_cells(bulk: Bulk) -> None:
-    """Reject cells without area (collective).
+    """Reject cells without area or volume, and twisted ones in space (collective).
+
+    Twisted cells of the plane are found by ``mesh_overlap``.
 
     Raises:
         MeshError: On all ranks; the message has a position.
     """
     count, where = bulk.cells.flat()
     if count:
-        raise MeshError(f"{count} cells have no area, one at {where}")
+        size = "area" if bulk.space.dim == 2 else "volume"
+        raise MeshError(f"{count} cells have no {size}, one at {where}")
+    count, where = (0, "") if bulk.space.dim == 2 else bulk.cells.twisted()
+    if count:
+        raise MeshError(f"{count} cells are twisted, one at {where}; correct the mesh")
 
 
 def refuse_inertia(bulk: Bulk, what: str) -> None:

@@ -25,7 +25,7 @@ from ufl.algorithms.analysis import extract_type
 from ufl.algorithms.map_integrands import map_integrand_dags
 from ufl.corealg.multifunction import MultiFunction
 
-from fenics_mortar.bulk.reference_cell import ReferenceCell
+from fenics_mortar.bulk.cells import ReferenceCell
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices

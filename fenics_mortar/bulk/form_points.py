@@ -29,15 +29,22 @@ from ufl.algorithms.map_integrands import map_integrand_dags
 from ufl.constantvalue import Zero
 from ufl.corealg.multifunction import MultiFunction
 
+from fenics_mortar.bulk.cells import areas_at, areas_or_nan, gradients_at, nodal_gradients
 from fenics_mortar.bulk.fluxes import Given
-from fenics_mortar.bulk.reference_cell import gradients_at, nodal_gradients
-from fenics_mortar.kernels.cells import keep_area, tabulate_areas
+from fenics_mortar.kernels.cells import keep_area
+from fenics_mortar.kernels.volumes import keep_volume
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.ranks import largest_over_ranks
 from fenics_mortar.utils.rounding import ROUNDING
+
+# Skew matrices that represent all rotations: forms are linear in them, with simple coefficients.
+SPINS = {
+    2: np.array([[0.0, -1.0], [1.0, 0.0]]),
+    3: np.array([[0.0, -7.0, 3.0], [7.0, 0.0, -1.0], [-3.0, 1.0, 0.0]]),
+}
 
 
 class CellPoints(NamedTuple):
@@ -46,8 +53,9 @@ class CellPoints(NamedTuple):
     Attributes:
         cells: Local cells, shape (m,).
         nodes: Their nodes, shape (m, k).
-        gradients: Gradients of the shape functions at the points, shape (p, k, 2) [1].
-        undeformed: Determinants of dX/dxi, nan where a cell has no area, shape (m, p) [length^2].
+        gradients: Gradients of the shape functions at the points, shape (p, k, dim) [1].
+        undeformed: Determinants of dX/dxi, nan where a cell has no area or volume, shape (m, p)
+            [length^dim].
     """
 
     cells: Indices
@@ -73,8 +81,9 @@ class FormPoints:
     def __init__(self, residual: Any, u: Any, space: DisplacementSpace) -> None:
         """Find integrals and points (collective)."""
         V = space.V
-        nodes = compat.dofmap(V)[: V.mesh.topology.index_map(2).size_local]
-        X = V.tabulate_dof_coordinates()[:, :2].copy()
+        nodes = compat.dofmap(V)[: V.mesh.topology.index_map(space.dim).size_local]
+        X = V.tabulate_dof_coordinates()[:, : space.dim].copy()
+        self._keep_area = keep_area if space.dim == 2 else keep_volume
         groups = dict[Any, list[Indices]]()
         for integral in _with_finite_strains(residual, u, space):
             for rule, number in compat.quadrature_rules(residual, integral):
@@ -98,17 +107,19 @@ class FormPoints:
         those that have lost more than 1 - ``fraction`` of their undeformed area.
 
         Args:
-            before: Positions of the local nodes, shape (n, 2) [length].
-            after: Positions after the motion, shape (n, 2) [length].
-            fraction: Smallest area after over that before, which counts as zero if negative [1].
+            before: Positions of the local nodes, shape (n, dim) [length].
+            after: Positions after the motion, shape (n, dim) [length].
+            fraction: Smallest area, in space volume, after over that before, which counts as zero
+                if negative [1].
             linear: Whether nodes of cells with linear strains are examined.
         """
         for g in self._finite:
-            if not keep_area(before, after, g.nodes, g.gradients, g.undeformed, fraction, -np.inf):
+            at = g.nodes, g.gradients, g.undeformed
+            if not self._keep_area(before, after, *at, fraction, -np.inf):
                 return False
         for g in (self._nodes_of_finite, self._linear) if linear else (self._nodes_of_finite,):
             at = g.nodes, g.gradients, g.undeformed
-            if not keep_area(before, after, *at, fraction, fraction):
+            if not self._keep_area(before, after, *at, fraction, fraction):
                 return False
         return True
 
@@ -116,33 +127,13 @@ class FormPoints:
         """Whether det F <= 0 at a point of a cell, shape (owned cells,) (local).
 
         Args:
-            x: Positions of the local nodes, shape (n, 2) [length].
+            x: Positions of the local nodes, shape (n, dim) [length].
         """
         found = np.zeros(self._num_cells, bool)
         for group in self._finite:
             ratios = areas_at(x, group.nodes, group.gradients) / group.undeformed
             found[group.cells] |= (ratios <= 0.0).any(axis=1)
         return found
-
-
-def areas_at(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
-    """Determinant of dx/dxi at points of ``cells`` (m, k), shape (m, p) [length^2] (local).
-
-    Args:
-        x: Positions of the local nodes, shape (n, 2) [length].
-        cells: Nodes of the cells, shape (m, k).
-        gradients: Gradients of the shape functions at the points, shape (p, k, 2) [1].
-    """
-    areas = np.empty((len(cells), len(gradients)))
-    tabulate_areas(x, cells, gradients, areas)
-    return areas
-
-
-def areas_or_nan(X: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
-    """Areas of ``areas_at`` in the undeformed state, nan where there is none [length^2] (local)."""
-    areas = areas_at(X, cells, gradients)
-    extent = np.ptp(X[cells], axis=1).max(axis=1, initial=0.0)
-    return np.where(np.abs(areas) > ROUNDING * extent[:, None] ** 2, areas, np.nan)
 
 
 def _points(X: Array, nodes: Any, cells: Indices, gradients: Array) -> CellPoints:
@@ -158,8 +149,8 @@ def _with_finite_strains(residual: Any, u: Any, space: DisplacementSpace) -> lis
     first = 0
     if space.is_mixed:
         first = sum(int(np.prod(p.ufl_shape)) for p in ufl.split(trial)[: space.part])
-    rotation = np.zeros((*trial.ufl_shape, 2))
-    rotation[first, 1], rotation[first + 1, 0] = -1.0, 1.0
+    rotation = np.zeros((*trial.ufl_shape, space.dim))
+    rotation[first : first + space.dim] = SPINS[space.dim]
     turned = Given(trial, ufl.zero(*trial.ufl_shape), ufl.as_tensor(rotation.tolist()))
     found = []
     for integral in residual.integrals():

@@ -249,7 +249,8 @@ class _Update:
     def _check_finite(self, values: Array) -> None:
         """See ``evaluate``; values of shape (owned cells, points, components) (collective)."""
         wrong = self._cells[~np.isfinite(values).all(axis=(1, 2))]
-        nodes = self._mesh.geometry.x[compat.geometry_dofmap(self._mesh)[wrong], :2]
+        geometry = self._mesh.geometry
+        nodes = geometry.x[compat.geometry_dofmap(self._mesh)[wrong], : geometry.dim]
         count, where = count_points(self._mesh.comm, nodes.mean(axis=1))
         if count:
             raise MortarError(

@@ -20,13 +20,45 @@ import ufl
 from dolfinx import fem
 
 from fenics_mortar.bulk.massless import redistributed
-from fenics_mortar.bulk.velocity import Velocity
 from fenics_mortar.mesh.numbering import by_input_node, set_by_input_node
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING, TINY
+
+
+class Origin(fem.Function):
+    """Displacement at which a ``Velocity`` is zero; its type identifies it in a residual."""
+
+
+class Velocity:
+    """Velocity at the end of a time step, linear in the displacement u there; methods are local.
+
+    Its ``expression`` may be used in a residual like u, for instance Rayleigh's damping
+    ``alpha * rho * inner(v, w) * dx + beta * inner(stress(v), grad(w)) * dx``. Its derivative is
+    part of the tangent. The velocity is zero until ``Dynamics(..., velocity=...)`` sets it.
+
+    Args:
+        u: Displacement, alone or in a mixed function.
+
+    Attributes:
+        expression: factor (u - origin), a UFL expression [length / time].
+        u: The displacement, or the mixed function.
+        factor: Constant of dolfinx [1 / time].
+        origin: Function of the space of ``u``, its values have the shape (local dofs,) [length].
+    """
+
+    def __init__(self, u: Any) -> None:
+        self.u = u
+        self.factor = fem.Constant(u.function_space.mesh, 0.0)
+        self.origin = Origin(u.function_space, name="velocity_origin")
+        self.expression = self.factor * (u - self.origin)
+
+    def set(self, factor: float, origin: Array) -> None:
+        """Set ``factor`` [1 / time] and ``origin``, shape (local dofs,) [length] (local)."""
+        self.factor.value = factor
+        self.origin.x.array[:] = origin
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +73,7 @@ class Rates(Value):
         time: Time [time].
         begun: Whether the accelerations are known.
         energy_deficit: Energy lost by errors of the time steps and not returned yet, see
-            ``energy_return`` [stress length^2].
+            ``path.energy`` [stress length^2].
     """
 
     velocity: Array
@@ -202,7 +234,9 @@ class Inertia:
         return self._space.V.mesh.comm.allreduce(mine)
 
     def momentum(self, x: Array, velocity: Array) -> Array:
-        """Linear momentum and angular momentum about the origin at positions x, shape (3,).
+        """Linear momentum and angular momentum about the origin at positions x.
+
+        Shape (3,), in space (6,).
 
         Args:
             x: Positions, an array of all local dofs [length].
@@ -210,8 +244,11 @@ class Inertia:
         """
         dofs = self._space.owned_dofs
         p, x = self.times_mass(velocity)[dofs], x[dofs]
-        angular = float((x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]).sum())
-        return self._space.V.mesh.comm.allreduce(np.array([*p.sum(axis=0), angular]))
+        if self._space.dim == 2:
+            angular = [float((x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]).sum())]
+        else:
+            angular = np.cross(x, p).sum(axis=0)
+        return self._space.V.mesh.comm.allreduce(np.array([*p.sum(axis=0), *angular]))
 
     def acceleration_of(self, force: Array, prescribed: Flags) -> Array:
         """Acceleration due to forces on the bodies, zero at prescribed dofs.
@@ -228,14 +265,23 @@ class Inertia:
         if self._solver is None:
             self._solver = self._create_solver(prescribed)
         right, solution = self._input, self._output
-        right.array[:] = force
-        if self._P is not None:
-            self._P.multTranspose(right, solution)
-            solution.copy(right)
+        right.array[:] = self.carried(force)
         right.array[self._fixed(prescribed)] = 0.0
         self._solver.solve(right, solution)
+        return self.with_ghosts(solution.array_r)
+
+    def carried(self, force: Array) -> Array:
+        """Forces at the owned dofs as forces on nodes with mass, (owned dofs,) [stress length]."""
+        if self._P is None:
+            return force
+        self._input.array[:] = force
+        self._P.multTranspose(self._input, self._output)
+        return self._output.array_r.copy()
+
+    def with_ghosts(self, values: Array) -> Array:
+        """``values`` (owned dofs,) as an array of all local dofs [their unit]."""
         result = fem.Function(self._space.whole)
-        result.x.array[: self._space.num_owned] = solution.array_r
+        result.x.array[: self._space.num_owned] = values
         result.x.scatter_forward()
         return result.x.array.copy()
 

@@ -47,7 +47,7 @@ class InputData:
         self._loads = self._coefficients - {u, *history}
         self._prescribed = fem.Function(u.function_space)
         self._nodes = self._mesh.geometry.x.copy()
-        self._X = space.V.tabulate_dof_coordinates()[:, :2].copy()
+        self._X = space.V.tabulate_dof_coordinates()[:, : space.dim].copy()
 
     def check(self) -> None:
         """Reject values that are not finite or differ between ranks, and moved meshes (collective).
@@ -140,7 +140,7 @@ class InputData:
         far = self._comm.allreduce(float(np.abs(self._nodes).max(initial=0.0)), MPI.MAX)
         same = np.abs(self._mesh.geometry.x - self._nodes) <= ROUNDING * far
         moved = np.unique(np.nonzero(~same)[0])
-        count, where = count_points(self._comm, self._nodes[moved, :2])
+        count, where = count_points(self._comm, self._nodes[moved, : self._space.dim])
         if count:
             raise MortarError(
                 f"the mesh was moved after the problem was set up, one node was at {where}; move "
@@ -164,7 +164,7 @@ class InputData:
         points = [self._X[: space.num_nodes][marked]]
         if space.is_mixed:
             cells = compat.dofmap(space.whole)
-            middle = np.empty((self._u.x.array.size, 2))
+            middle = np.empty((self._u.x.array.size, space.dim))
             middle[cells] = self._X[compat.dofmap(space.V)].mean(axis=1)[:, None]
             points.append(middle[np.flatnonzero(others)])
         return count_points(self._comm, np.concatenate(points))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Check at the set-up of a problem that the mesh covers no point of the plane twice.
+"""Check at the set-up of a problem that the mesh covers no point of the plane or of space twice.
 
 A mesh of straight cells covers each point at most once if
 
@@ -12,6 +12,9 @@ A mesh of straight cells covers each point at most once if
   and a matrix without a hole.
 
 Partly overlapping bodies are accepted as interference, and so are paired surfaces of one body.
+
+In space folds and copies of facets are refused; whether the outside of a body crosses itself, or a
+body lies inside another one, is not looked for yet.
 """
 
 from __future__ import annotations
@@ -22,54 +25,54 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+import basix
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.bulk.bodies import label_bodies
 from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.contact.interface import Interface
+from fenics_mortar.interface.outline import Outline, extract_outline
+from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError, count_points, format_point
-from fenics_mortar.utils.lines import lines_cross, near, near_pairs
+from fenics_mortar.utils.lines import lines_cross, near_pairs
 from fenics_mortar.utils.rounding import SAME_PLACE
 
-
-class _Outline(NamedTuple):
-    """Facets of the outlines of all bodies, equal on all ranks.
-
-    ``start``, ``end``: ends, the body on the left, ``inner``: middle of its cell, each (n, 2);
-    ``body``: number of the body (n,).
-    """
-
-    start: Array
-    end: Array
-    inner: Array
-    body: Indices
+# Distance from a facet of points inside of its body, over its length [1]: above the rounding of
+# coordinates in files, below the thickness of cells.
+BESIDE = 1e-3
 
 
-def check_mesh_overlap(V: Any, contacts: Sequence[Interface]) -> None:
+def check_mesh_overlap(space: DisplacementSpace, contacts: Sequence[Interface]) -> None:
     """Reject a mesh that covers a point twice (collective; facets are compared to 1e-6).
 
     Args:
-        V: Space of the displacement.
+        space: The displacement's nodes and dofs.
         contacts: The pairs, whose surfaces may overlap.
 
     Raises:
         MeshError: On all ranks; the message has a position.
     """
-    mesh = V.mesh
-    mesh.topology.create_connectivity(1, 2)
+    mesh = space.V.mesh
+    dim = mesh.geometry.dim
+    mesh.topology.create_connectivity(dim - 1, dim)
     count = compat.num_corners(mesh)
     cells = compat.geometry_dofmap(mesh)[:, :count].astype(np.int64)
-    x = mesh.geometry.x[:, :2]
-    sides = _sides(mesh, x, cells, mesh.topology.index_map(2).size_local)
-    _refuse(mesh, "cells are twisted", _twisted(x, cells))
+    x = mesh.geometry.x[:, :dim]
+    sides = _sides(mesh, x, cells, mesh.topology.index_map(dim).size_local)
+    if dim == 2:
+        _refuse(mesh, "cells are twisted", _twisted(x, cells))
     _refuse(
         mesh,
         "facets have the cells of both sides on the same side: the mesh is folded there",
         _folded(mesh, sides),
     )
-    _check_outline(_outline(V, x, cells, sides), contacts)
+    if dim == 2:
+        labels, bodies = label_bodies(space.V)
+        _check_outline(extract_outline(space, labels, np.arange(bodies)), contacts)
+    else:
+        _check_copies(mesh, sides)
 
 
 def _refuse(mesh: Any, what: str, positions: Array) -> None:
@@ -94,14 +97,14 @@ def _twisted(x: Array, cells: Indices) -> Array:
 class _Sides(NamedTuple):
     """The facets of local cells, one row per cell and facet.
 
-    ``facet``: local number; ``ends``: positions of its ends, the one with the lower number
-    in the mesh input first, (n, 2, 2); ``side``: 1 if the cell lies on the left, else -1; ``cell``.
+    ``facet``: local number; ``ends``: positions of its ends (in space its corners), ascending by
+    their numbers in the mesh input, (n, corners, dim); ``side``: 1 if the cell lies on the left, in
+    space where ``_normals`` point, else -1.
     """
 
     facet: Indices
     ends: Array
     side: Array
-    cell: Indices
 
 
 def _sides(mesh: Any, x: Array, cells: Indices, owned: int) -> _Sides:
@@ -109,32 +112,41 @@ def _sides(mesh: Any, x: Array, cells: Indices, owned: int) -> _Sides:
     tdim = mesh.topology.dim
     mesh.topology.create_connectivity(tdim, tdim - 1)
     table = mesh.topology.connectivity(tdim, tdim - 1)
-    count = cells.shape[1]
-    facets = table.array[: owned * count].reshape(-1, count)
     # dolfinx: facet i of a triangle is opposite to corner i, those of a quadrilateral 01 02 13 23.
-    local = {3: [[1, 2], [0, 2], [0, 1]], 4: [[0, 1], [0, 2], [1, 3], [2, 3]]}[count]
-    nodes = cells[:owned][:, local].reshape(-1, 2)
+    local = np.array(basix.topology(getattr(basix.CellType, compat.cell_name(mesh)))[tdim - 1])
+    count = len(local)
+    facets = table.array[: owned * count].reshape(-1, count)
+    nodes = cells[:owned][:, local].reshape(-1, local.shape[1])
     given = np.asarray(mesh.geometry.input_global_indices)[nodes]
-    nodes = np.where((given[:, :1] < given[:, 1:]), nodes, nodes[:, ::-1])
+    nodes = np.take_along_axis(nodes, np.argsort(given, axis=1), axis=1)
     ends = x[nodes]
     middle = np.repeat(x[cells[:owned]].mean(axis=1), count, axis=0)
     along, inward = ends[:, 1] - ends[:, 0], middle - ends[:, 0]
-    side = np.sign(along[:, 0] * inward[:, 1] - along[:, 1] * inward[:, 0])
-    return _Sides(facets.ravel().astype(np.int64), ends, side, np.repeat(np.arange(owned), count))
+    if tdim == 3:
+        inward = middle - ends.mean(axis=1)
+        side = np.sign((_normals(ends) * inward).sum(axis=1))
+    else:
+        side = np.sign(along[:, 0] * inward[:, 1] - along[:, 1] * inward[:, 0])
+    return _Sides(facets.ravel().astype(np.int64), ends, side)
+
+
+def _normals(corners: Array) -> Array:
+    """Normals of facets in space by three of their corners (n, corners, 3), shape (n, 3)."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def _folded(mesh: Any, sides: _Sides) -> Array:
-    """Midpoints of the owned facets whose two cells lie on the same side, (n, 2) (collective).
+    """Midpoints of the owned facets whose two cells lie on the same side, (n, dim) (collective).
 
     Without ghost cells, a rank has only one cell of a facet between two ranks; such facets are
     gathered.
     """
-    index_map = mesh.topology.index_map(1)
+    index_map = mesh.topology.index_map(mesh.topology.dim - 1)
     sums, count = np.zeros((2, index_map.size_local + index_map.num_ghosts))
     np.add.at(sums, sides.facet, sides.side)
     np.add.at(count, sides.facet, 1.0)
     first = np.unique(sides.facet, return_index=True)[1]
-    middles = np.full((sums.size, 2), np.nan)
+    middles = np.full((sums.size, mesh.topology.dim), np.nan)
     middles[sides.facet[first]] = sides.ends[first].mean(axis=1)
     wrong = middles[(np.abs(sums) > 1.0) & (count > 1.0)]
     outer = dmesh.exterior_facet_indices(mesh.topology)
@@ -152,23 +164,32 @@ def _folded(mesh: Any, sides: _Sides) -> Array:
     return np.concatenate([wrong, middles[mine]])
 
 
-def _outline(V: Any, x: Array, cells: Indices, sides: _Sides) -> _Outline:
-    """The outlines of all bodies, on all ranks (collective)."""
-    mesh = V.mesh
-    labels, _ = label_bodies(V)
+def _check_copies(mesh: Any, sides: _Sides) -> None:
+    """Reject facets of the outside that coincide with the cells on the same side (collective)."""
+    from scipy.spatial import cKDTree  # not imported by problems in the plane
+
     outer = np.isin(sides.facet, dmesh.exterior_facet_indices(mesh.topology))
-    ends = np.where(sides.side[:, None, None] > 0.0, sides.ends, sides.ends[:, ::-1])[outer]
-    body = labels[compat.dofmap(V)[sides.cell[outer], 0]]
-    inner = x[cells[sides.cell[outer]]].mean(axis=1)
-    everywhere = mesh.comm.allgather((ends, inner, body))
-    ends, inner, body = (np.concatenate(arrays) for arrays in zip(*everywhere, strict=True))
-    return _Outline(ends[:, 0], ends[:, 1], inner, body)
+    corners, side = sides.ends[outer], sides.side[outer, None]
+    mine = corners.mean(axis=1), side * _normals(corners)
+    everywhere = mesh.comm.allgather(mine)
+    middles, normals = (np.concatenate(arrays) for arrays in zip(*everywhere, strict=True))
+    sizes = np.sqrt(np.linalg.norm(normals, axis=1))
+    pairs = cKDTree(middles).query_pairs(SAME_PLACE * float(sizes.max()), output_type="ndarray")
+    i, j = pairs[np.lexsort(pairs.T[::-1])].T
+    close = np.linalg.norm(middles[i] - middles[j], axis=1) <= SAME_PLACE * sizes[i]
+    copies = i[close & ((normals[i] * normals[j]).sum(axis=1) > 0.0)]
+    if copies.size:
+        raise MeshError(
+            f"the mesh fills a place twice: two facets of the outside coincide at "
+            f"{format_point(middles[copies[0]])}, with their bodies on the same side; remove the "
+            "copy"
+        )
 
 
-def _check_outline(outline: _Outline, contacts: Sequence[Interface]) -> None:
+def _check_outline(outline: Outline, contacts: Sequence[Interface]) -> None:
     """Reject outlines that cross themselves, coincide or enclose each other (local)."""
-    start, end, _, body = outline
-    pairs = near_pairs(start, end)
+    start, end = np.moveaxis(outline.X[outline.segments], 1, 0)
+    pairs, body = near_pairs(start, end), outline.segment_bodies
     middles, along = 0.5 * (start + end), end - start
     lengths = np.linalg.norm(along, axis=1)
     i, j = pairs.T
@@ -180,42 +201,36 @@ def _check_outline(outline: _Outline, contacts: Sequence[Interface]) -> None:
             f"the mesh covers an area twice: two facets of outlines coincide at "
             f"{format_point(where)}, with their bodies on the same side; remove the copy"
         )
-    paired = _on_surfaces(outline, contacts)
+    paired = np.zeros(len(start), bool)
+    for surface in (side for c in contacts for side in (c.slave, c.master) if side.num_nodes):
+        paired |= outline.are_of(surface)
     pairs = pairs[(body[i] == body[j]) & ~(paired[i] & paired[j])]
     crosses = lines_cross(start, end, pairs, SAME_PLACE)
-    after = _following(outline)
+    links = outline.neighbours()
     i, j = pairs.T
-    separate = (after[i] != j) & (after[j] != i) & ~crosses
+    separate = (links[0][i] != j) & (links[0][j] != i) & ~crosses
     touches = np.flatnonzero(separate)[lines_cross(start, end, pairs[separate], touching=True)]
-    crosses[touches] = _cross_at_nodes(outline, after, pairs[touches])
+    crosses[touches] = _cross_at_nodes(start, end, links, pairs[touches])
     if crosses.any():
         where = middles[pairs[np.argmax(crosses), 0]]
         raise MeshError(
             f"a body overlaps itself: its outline crosses itself at {format_point(where)}; correct "
             "the mesh"
         )
-    _check_nested(outline)
+    inside = middles + BESIDE * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    _check_nested(start, end, inside, body)
 
 
-def _following(outline: _Outline) -> Indices:
-    """Next facet of the same body along the outline, or the facet itself, (n,) (local)."""
-    keys = [
-        [(*x, body) for x, body in zip(ends.tolist(), outline.body.tolist(), strict=True)]
-        for ends in (outline.start, outline.end)
-    ]
-    first = {key: i for i, key in enumerate(keys[0])}
-    return np.array([first.get(key, i) for i, key in enumerate(keys[1])], np.int64)
-
-
-def _cross_at_nodes(outline: _Outline, after: Indices, pairs: Indices) -> npt.NDArray[np.bool_]:
+def _cross_at_nodes(
+    start: Array, end: Array, links: tuple[Indices, Indices], pairs: Indices
+) -> npt.NDArray[np.bool_]:
     """Whether the outline crosses itself at a node of one of two touching facets, (k,) (local).
 
     In this case the line through the facet and the previous or next one crosses the other facet, or
     the line through the other facet and its neighbour.
     """
-    start, end = outline.start, outline.end
-    before = np.arange(len(after))
-    before[after] = np.arange(len(after))
+    own = np.arange(len(start))
+    after, before = (np.where(beside < 0, own, beside) for beside in links)
     i, j = pairs.T
     found = np.zeros(len(pairs), bool)
     for one in ((i, i), (i, after[i]), (before[i], i)):
@@ -227,25 +242,15 @@ def _cross_at_nodes(outline: _Outline, after: Indices, pairs: Indices) -> npt.ND
     return found
 
 
-def _on_surfaces(outline: _Outline, contacts: Sequence[Interface]) -> npt.NDArray[np.bool_]:
-    """Whether facets of the outline belong to a surface of a pair, (n,) (local)."""
-    sides = [side for contact in contacts for side in (contact.slave, contact.master)]
-    known = [side.X[side.facets[:, [0, -1]]].mean(axis=1) for side in sides if len(side.facets)]
-    if not known or not len(outline.start):
-        return np.zeros(len(outline.start), bool)
-    middles = 0.5 * (outline.start + outline.end)
-    lengths = np.linalg.norm(outline.end - outline.start, axis=1)
-    positions, radius = np.concatenate(known), max(lengths.min(), SAME_PLACE * lengths.max())
-    i, j = near(middles, positions, float(radius))
-    close = np.linalg.norm(middles[i] - positions[j], axis=1) <= SAME_PLACE * lengths[i]
-    found = np.zeros(len(middles), bool)
-    found[i[close]] = True
-    return found
+def _check_nested(start: Array, end: Array, inside: Array, body: Indices) -> None:
+    """Reject a body inside another one that has no hole for it (local).
 
-
-def _check_nested(outline: _Outline) -> None:
-    """Reject a body inside another one that has no hole for it (local)."""
-    start, end, inside, body = outline
+    Args:
+        start: Start points of the facets, shape (n, 2) [length].
+        end: End points, shape (n, 2) [length].
+        inside: Points beside them, inside their bodies, shape (n, 2) [length].
+        body: Their bodies, shape (n,).
+    """
     bodies = np.unique(body)
     boxes = {b: (start[body == b].min(axis=0), start[body == b].max(axis=0)) for b in bodies}
     for inner in bodies:

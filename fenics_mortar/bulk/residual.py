@@ -31,9 +31,9 @@ from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError, call_together
 from fenics_mortar.utils.ranks import on_all_ranks
 
-# Smallest ratio of the area of each cell after a Newton step to that before it, at each point where
-# the form is evaluated [1]. The limit prevents inverted cells and does not affect converging
-# iterations.
+# Smallest ratio of the area, in space the volume, of each cell after a Newton step to that before
+# it, at each point where the form is evaluated [1]. The limit prevents inverted cells and does not
+# affect converging iterations.
 MIN_AREA_RATIO = 0.2
 # Fraction of a step below which it is not halved further [1]: ten halvings.
 MIN_FRACTION = 1e-3
@@ -257,7 +257,7 @@ class Bulk:
         return fraction
 
     def positions(self) -> Array:
-        """Current positions of the local nodes, ghosts included, shape (n, 2) [length] (local)."""
+        """Current positions of the local nodes, ghosts included, (n, dim) [length] (local)."""
         return self.cells.X + self.values[self.space.dofs]
 
     def set_units(self, stiffness: float) -> None:
@@ -283,7 +283,7 @@ class Bulk:
         return mine if self.comm.size == 1 else float(self.comm.allreduce(mine, MPI.MAX))
 
     def by_input_node(self) -> tuple[Indices, Array]:
-        """Identifiers (n, k) and values (n, 2) of all nodes, see ``numbering`` (collective)."""
+        """Identifiers (n, k) and values (n, dim) of all nodes, see ``numbering`` (collective)."""
         return numbering.by_input_node(self.space, self.u)
 
     def set_by_input_node(self, nodes: Indices, values: Array) -> None:
@@ -291,7 +291,7 @@ class Bulk:
 
         Args:
             nodes: Identifiers of all nodes, shape (n, k).
-            values: Values there, shape (n, 2) [length].
+            values: Values there, shape (n, dim) [length].
 
         Raises:
             MortarError: On all ranks, if the nodes belong to another mesh or degree.

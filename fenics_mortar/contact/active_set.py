@@ -36,7 +36,7 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, int]:
     if z is not state.z:
         f = f.after(state.replaced(z=z, force_decided=None))
     may_close = f.covered & ~f.interface.set_aside
-    law, active, new = f.interface.pair.law, np.empty(len(o.n), bool), np.empty((len(o.n), 2))
+    law, active, new = f.interface.pair.law, np.empty(len(o.n), bool), np.empty(o.n.shape)
     resets, moves = complementarity.update_sets(
         f.covered_gap, may_close, f.z_n, f.state.z, o.n, f.adhesion[0], f.attracted,
         bool(law.bridges_gap), float(state.c_n), f.interface.modulus, f.interface.foundation,

@@ -45,9 +45,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from fenics_mortar.interface.integrals import evaluate_normals
+from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.mortar import MortarOperators
-from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.interface.nodal_normals import evaluate_normals
 from fenics_mortar.kernels.arcs import tabulate_arcs
 from fenics_mortar.utils.arrays import Array, read_only_view
 
@@ -203,7 +203,7 @@ def rotation_past_obstacle(body: Array, angle: float) -> Rotations:
     return Rotations(np.where(rides, nearest, theta), body, doubt)
 
 
-def surface_rotation(surface: Surface, x_0: Array, x: Array) -> Array:
+def surface_rotation(surface: Curve, x_0: Array, x: Array) -> Array:
     """Rotations of the averaged normals of nodes moved from ``x_0`` to ``x``, (n,) [radian]."""
     ends = (evaluate_normals(surface, positions, "opposite")[0] for positions in (x_0, x))
     return normal_rotation(*ends)

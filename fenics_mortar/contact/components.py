@@ -34,8 +34,16 @@ class Components:
     def __init__(self, interface: Any) -> None:
         self._interface = interface
 
-    def set_units(self, units: Array, to_force: Array) -> None:
-        """Set the scales of all unknowns, (owned dofs,) each, see ``bulk.units`` (collective)."""
+    def set_units(self, units: Array, to_force: Array, diagonal: Array) -> None:
+        """Set the scales of all unknowns, see ``bulk.units`` (collective).
+
+        Args:
+            units: Amounts of the unknowns, shape (owned dofs,).
+            to_force: Factors of the equations, shape (owned dofs,).
+            diagonal: Diagonal of the tangent of the bodies, shape (owned dofs,).
+        """
+        for flux in self._interface.fluxes:
+            flux.set_conduction(to_force, np.abs(diagonal))
 
     @property
     def acts(self) -> Flags:

@@ -137,7 +137,8 @@ class Conductance:
         field: Number of the scalar field's sub-space in the mixed function; or the function of a
             field that the user solves for in a problem of its own, by the loads and derivatives
             ``problem.matrices.flux_loads`` and ``flux_derivative``.
-        h: Conductance [flux / field]: a number, which holds where contact is closed;
+        h: Conductance [flux / field]: a number, which holds where contact is closed, inf for
+            perfect conduction, to seven digits;
             ``PressureConductance`` or ``GapConductance``; a function of pressures and gaps, arrays
             of shape (slave nodes,), that returns h, dh/dp and dh/dg; or a list of these, which are
             added.
@@ -197,12 +198,13 @@ class Conductance:
         """Field and conductance."""
         return f"Conductance({self.field!r}, {self.h!r})"
 
-    def evaluate(self, pressure: Array, gap: Array) -> ConductanceValue:
+    def evaluate(self, pressure: Array, gap: Array, perfect: Any = np.inf) -> ConductanceValue:
         """Conductance of the slave nodes and its derivatives (local).
 
         Args:
             pressure: Contact pressure, zero where open, shape (slave nodes,) [stress].
             gap: Mean gap, zero where closed, shape (slave nodes,) [length].
+            perfect: Conductance of perfect conduction, scalar or (slave nodes,) [flux / field].
 
         Raises:
             MortarError: If a conductance is negative or not finite.
@@ -210,7 +212,7 @@ class Conductance:
         sums = np.zeros((3, pressure.size))
         for term in self._terms:
             for total, value in zip(sums, _three(term, pressure, gap), strict=True):
-                total += value
+                total += np.where(value == np.inf, perfect, value)
         bad = ~np.isfinite(sums).all(axis=0) | (sums[0] < 0.0)
         if bad.any():
             j = int(bad.argmax())
@@ -306,10 +308,10 @@ def _constant(h: Any) -> ClosedConductance:
     """A number as a conductance of closed contact.
 
     Raises:
-        ValueError: If it is not a finite number that is at least zero.
+        ValueError: If it is not a number that is at least zero.
     """
     expected = "a conductance: a number that is at least 0, or a function of pressure and gap"
-    check_number("h", h, expected, lambda value: 0.0 <= value < np.inf)
+    check_number("h", h, expected, lambda value: value >= 0.0)
     return ClosedConductance(float(h))
 
 

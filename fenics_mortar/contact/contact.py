@@ -25,6 +25,8 @@ system of units.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -42,7 +44,6 @@ from fenics_mortar.contact.interface import (
     settable,
 )
 from fenics_mortar.contact.law_calls import LawCalls, raise_stored
-from fenics_mortar.contact.law_fields import LawFields
 from fenics_mortar.contact.laws import Frictionless, Nodal
 from fenics_mortar.contact.multiplier_nodes import (
     MultiplierNodes,
@@ -55,8 +56,12 @@ from fenics_mortar.contact.partners import find_partners
 from fenics_mortar.contact.rows import ContactRows
 from fenics_mortar.contact.sides import points_per_segment
 from fenics_mortar.contact.slip import Measure
-from fenics_mortar.interface.integrals import evaluate_normals
-from fenics_mortar.interface.mortar import Linearization, MortarOperators, minus_offset
+from fenics_mortar.contact.space_fields import kind_of
+from fenics_mortar.contact.space_partners import find_obstacle_partners, find_space_partners
+from fenics_mortar.contact.space_rows import SpaceRows
+from fenics_mortar.interface.linearization import Linearization
+from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.interface.nodal_normals import evaluate_normals
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
@@ -75,13 +80,16 @@ class Contact(Interface):
     Attributes:
         evaluation: Evaluation of the operators.
         arm: Length by which angles of the obstacle are multiplied [length].
-        master_free: 1 where a component of a master node is not prescribed, else 0, (nodes, 2).
+        master_free: 1 where a component of a master node is not prescribed, else 0, (nodes, dim).
         law_calls: Calls of the pair's law, with checks of the results.
         parameters: Parameters of the law that vary in space, by name, (slave nodes,) each.
         follows_law: Whether the contact law applies to a node: false if a component is prescribed,
-            shape (slave nodes,), bool.
-        plane_normals: Normals of slave nodes on symmetry planes, nan elsewhere, (slave nodes, 2).
-        master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, 2).
+            unless it is guided, shape (slave nodes,), bool.
+        is_guided: Whether a node in space can slide in one direction of a symmetry plane, shape
+            (slave nodes,), bool.
+        guides: Normals of the planes of guided nodes, zero elsewhere, shape (slave nodes, dim).
+        plane_normals: Normals of slave nodes on symmetry planes, nan elsewhere, (slave nodes, dim).
+        master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, dim).
         set_aside: Nodes of bodies that are set aside in a solve, see ``rigid.idle``, shape (slave
             nodes,), bool.
         offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length]. May be set.
@@ -116,7 +124,7 @@ class Contact(Interface):
                 functions of the contact over to their neighbours, if there are any.
         """
         super().__init__(pair, space, prescribed, welds)
-        self.rows = ContactRows(self)
+        self.rows = ContactRows(self) if self.slave.dim == 2 else SpaceRows(self)
         choice = pair.discretization
         normals, _ = evaluate_normals(self.slave, self.slave.X, choice.normals)
         self._multiplier_nodes = MultiplierNodes(
@@ -131,7 +139,7 @@ class Contact(Interface):
             self._multiplier_nodes.possible &= free_of_ties
         self.may_carry = self._multiplier_nodes.possible
         self.plane_normals = self._multiplier_nodes.plane_normals
-        self.follows_law: Flags = self.free.all(axis=1)
+        self._find_guides()
         self.oblique = self._multiplier_nodes.oblique
         if self.master is self.slave:
             self.may_carry[starts_of_holes(self.slave)] = False
@@ -143,10 +151,12 @@ class Contact(Interface):
         on_surface = self.obstacle is None
         radius = min(self.slave.extent, self.master.extent) if on_surface else np.inf
         points = points_per_segment(pair, self.slave, self.master)
-        self.options = choice.options(points, pair.search_radius or radius)
+        options = choice.options(points, pair.search_radius or radius)
+        self.options = replace(options, basis=self.basis)
         sides, small = (self.slave, self.master), pair.sliding == "small"
+        planes = self.plane_normals if self.slave.dim == 2 else self._projectors()
         self.evaluation = OperatorEvaluation(
-            sides, self.obstacle, self.arm, self.plane_normals, self.options, small=small
+            sides, self.obstacle, self.arm, planes, self.options, small=small
         )
         self._parameters = Parameters(space, self.slave)
         self.law_calls = LawCalls(pair.slave_name)
@@ -161,6 +171,30 @@ class Contact(Interface):
         raise_stored(self.slave.comm, [self])
         self.all_fluxes = [Flux(conductance, space, self) for conductance in pair.fluxes]
         self.fluxes = [flux for flux in self.all_fluxes if not flux.is_separate]
+
+    def _find_guides(self) -> None:
+        """Find nodes to which the law applies, and directions in which those on planes are held.
+
+        Where one component in space is prescribed, the law applies along the symmetry plane.
+        """
+        num_free = self.free.sum(axis=1)
+        on_plane = np.isfinite(self.plane_normals[:, 0])
+        self.is_guided: Flags = on_plane & (num_free == 2.0) & (self.slave.dim == 3)
+        self.guides: Array = np.where(self.is_guided[:, None], 1.0 - self.free, 0.0)
+        self.follows_law: Flags = (num_free == self.slave.dim) | self.is_guided
+
+    def _projectors(self) -> Array:
+        """Matrices that remove the prescribed components of normals on symmetry planes."""
+        on_plane = np.isfinite(self.plane_normals[:, 0])
+        kept = np.where(on_plane[:, None], self.free, 1.0)
+        return kept[:, :, None] * np.eye(self.slave.dim)
+
+    @cached_property
+    def _mirrored(self) -> tuple[Flags, Flags]:
+        """Components of slave and master nodes across symmetry planes, shapes (nodes, dim)."""
+        planes = (self.plane_normals, self.free), (self.master_planes, self.master_free)
+        slave, master = (np.isfinite(n[:, :1]) & (free == 0.0) for n, free in planes)
+        return slave, master
 
     def leave_out(self, nodes: Flags) -> None:
         """Leave slave nodes (slave nodes,), bool, out of contact, see ``set_aside`` (local)."""
@@ -178,16 +212,21 @@ class Contact(Interface):
             self.change(reference=reference)
         offset = self._state.offset
         if offset.any():
-            operators = minus_offset(operators, offset)
+            operators = operators.minus_offset(offset)
         self.set_operators(operators)  # also if they are cached: the law may have changed
-        if self.pair.discretization.slip == "operators":
+        if self.slip_measure == "operators" or self.pair.discretization.slip == "operators":
             _ = self.operators.vectors  # collective: evaluated on all ranks
         for flux in self.fluxes:
             flux.evaluate(u)
 
-    @property
+    @cached_property
     def slip_measure(self) -> Measure:
-        """The pair's measure of slip; always "partners" on obstacles and with small sliding."""
+        """The pair's measure of slip.
+
+        Always "partners" on obstacles and with small sliding, else "operators" in space.
+        """
+        if self.slave.dim == 3 and self.obstacle is None:
+            return "operators"
         one = self.obstacle is not None or self.pair.sliding == "small"
         return "partners" if one else self.pair.discretization.slip
 
@@ -213,7 +252,7 @@ class Contact(Interface):
         self.change(reference=reference, multiplier_nodes=multiplier_nodes)
 
     @property
-    def partner_operators(self) -> MortarOperators:
+    def partner_operators(self) -> Any:
         """Operators at the positions that define the partners; undeformed if sliding is small."""
         if self.pair.sliding == "small" and self._state.reference is not None:
             return self._state.reference.operators
@@ -269,24 +308,38 @@ class Contact(Interface):
         Args:
             slid: Nodes that keep their present slip, shape (slave nodes,), bool.
         """
-        slip = np.zeros(len(self.z)) if slid is None else np.where(slid, self.slip, 0.0)
-        accepted_partners = find_partners(
-            self.operators,
-            self.covered,
-            self.slip_measure,
-            least=self.least_coverage,
-            master_planes=self.rotating_planes,
-            between=self.pair.law.has_friction,
-        )
+        accepted_partners = self._find_partners()
+        slip = accepted_partners.counted
+        if slid is not None:
+            slip = np.zeros_like(slip)
+            slip[slid] = self.now.counted_slip[slid]
         now = self.now
+        shear = now.counted_shear.copy()
+        shear[~self.active] = 0.0
         accepted_partners = replace(
             accepted_partners,
             counted=slip,
-            shear=np.where(self.active, now.z_tau, 0.0),
+            shear=shear,
             pressure=np.where(self.active, now.z_n, 0.0),
             gap=np.where(self.covered, now.mean_gap, np.inf),
         )
         self.change(accepted_partners=accepted_partners)
+
+    def _find_partners(self) -> Any:
+        """Partners at the last evaluated state (collective)."""
+        mirrored = None if self.pair.sliding == "small" else self._mirrored
+        if self.slave.dim == 3 and self.obstacle is not None:
+            return find_obstacle_partners(
+                self.now.on_obstacle, self.least_coverage, mirrored=mirrored
+            )
+        if self.slave.dim == 3:
+            return find_space_partners(
+                self.operators, self.covered, self.least_coverage, mirrored=mirrored
+            )
+        return find_partners(
+            self.operators, self.covered, self.slip_measure, least=self.least_coverage,
+            master_planes=self.rotating_planes, between=self.pair.law.has_friction,
+        )  # fmt: skip
 
     def start_step(self) -> None:
         """Count slip and memory from the accepted state (local)."""
@@ -300,7 +353,7 @@ class Contact(Interface):
         """
         law, instant = self.pair.law, self._state.accepted_instant
         self.parameters = self._parameters.sample(law) if law.fields else {}
-        self._kind = LawFields if law.needs_nodal_state else ContactFields
+        self._kind = kind_of(law, self.slave.dim)
         if instant is None or instant.begins(law):
             instant = first_instant(law, self.slave, 0.0 if instant is None else instant.time)
             self.change(accepted_instant=instant, start_instant=instant)

@@ -9,7 +9,7 @@ import numpy as np
 
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.interface_fields import InterfaceFields
-from fenics_mortar.interface.mortar import Block
+from fenics_mortar.interface.linearization import Block
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.ranks import sum_over_ranks
 
@@ -22,8 +22,8 @@ def change_along(
     Args:
         f: Fields of the pair.
         blocks: Blocks of this rank.
-        on_slave: Displacements of the slave nodes, shape (n, 2) [length].
-        on_master: Displacements of the master nodes, shape (n, 2) [length].
+        on_slave: Displacements of the slave nodes, shape (n, dim) [length].
+        on_master: Displacements of the master nodes, shape (n, dim) [length].
 
     Returns:
         Shape (slave nodes,), equal on all ranks.
@@ -47,10 +47,12 @@ def gap_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
 
 
 def slip_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
-    """Slip of the nodes along their partners (local); see ``change_along``."""
+    """Slip of the nodes along their partners (local); see ``change_along``.
+
+    In space the components along two tangents, shape (slave nodes, 2).
+    """
     partners = f.state.partners
-    relative = partners.D @ on_slave - partners.M @ on_master
-    return np.asarray(np.einsum("ja,ja->j", f.operators.tau, relative))
+    return f.along_tangents(partners.D @ on_slave - partners.M @ on_master)
 
 
 def opening_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:

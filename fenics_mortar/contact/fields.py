@@ -34,6 +34,8 @@ class ContactInterface(InterfaceConstants, Protocol):
     law_calls: LawCalls
     parameters: dict[str, Array]
     follows_law: Flags
+    is_guided: Flags
+    guides: Array
     plane_normals: Array
     set_aside: Flags
 
@@ -128,6 +130,11 @@ class ContactFields(InterfaceFields):
         on_plane = np.isfinite(self.interface.plane_normals[:, 0])
         return np.where(on_plane, 0.0, self.state.partners.slip(self.operators))
 
+    @property
+    def counted_slip(self) -> Array:
+        """Slip that a step may keep, (slave nodes,) [length]; in space its vectors."""
+        return self.slip
+
     @field(*LAW_ATTRIBUTES)
     def nodal(self) -> Nodal:
         """Arguments of the contact law, arrays (slave nodes,); see ``Nodal``."""
@@ -182,7 +189,7 @@ class ContactFields(InterfaceFields):
         if not state.redundant.any():
             return row
         k = node.stiffness
-        shear = (node.z_tau - state.partners.shear) / ELASTIC
+        shear = self.shear_of_stick / ELASTIC
         elastic = Row(shear - k * self.slip, zero, -k, zero, zero + 1.0 / ELASTIC)
         return Row(*(np.where(state.redundant, a, b) for a, b in zip(elastic, row, strict=True)))
 
@@ -200,6 +207,28 @@ class ContactFields(InterfaceFields):
             by_gap = np.where(self.decreases_fast, 0.0, by_gap)
         opening = Row(self.z_n + pull, by_gap, none, none + 1.0, none)
         return self.at_gaps(self.tangential_row), opening
+
+    @property
+    def counted_shear(self) -> Array:
+        """Shear from which redundant sticks start, (nodes,) [stress]; in space its vectors."""
+        return self.z_tau
+
+    @property
+    def shear_of_stick(self) -> Array:
+        """Shear of redundant sticks less that at the accepted state, (slave nodes,) [stress]."""
+        return self.nodal.z_tau - self.state.partners.shear
+
+    @property
+    def tangents(self) -> tuple[Array, ...]:
+        """Tangents that laws do not turn, one or two in space, (slave nodes, dim) each [1]."""
+        return (self.operators.tau,)
+
+    def along_tangents(self, vectors: Array) -> Array:
+        """Components of vectors (slave nodes, dim) along ``tangents``.
+
+        Shape (slave nodes,), in space (slave nodes, 2) [unit of the vectors].
+        """
+        return np.asarray(np.einsum("ja,ja->j", self.operators.tau, vectors))
 
     def at_gaps(self, row: Row) -> Row:
         """A row of the law with its whole derivative by the mean gap: slip depends on it."""

@@ -12,7 +12,8 @@ from fenics_mortar.contact.conductance import Conductance
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.nodal import Row, with_gap_of_slip
 from fenics_mortar.contact.rows import row_by_displacements, row_by_multipliers, scaled
-from fenics_mortar.interface.mortar import Block, MortarOperators
+from fenics_mortar.interface.linearization import Block
+from fenics_mortar.interface.plane_mortar import PlaneOperators
 from fenics_mortar.interface.traces import Trace
 from fenics_mortar.utils.arrays import Array
 
@@ -24,11 +25,21 @@ class FluxValues:
         law: The conductance.
         f: Fields of the contact.
         T, T_master: The field at the nodes of both sides.
+        perfect: Conductance of perfect conduction, shape (slave nodes,) [flux / field].
+        largest: Bound of the total conduction in derivatives at fixed jumps [flux length].
     """
 
-    def __init__(self, law: Conductance, f: ContactFields, T: Array, T_master: Array) -> None:
+    def __init__(
+        self,
+        law: Conductance,
+        f: ContactFields,
+        T: Array,
+        T_master: Array,
+        perfect: Array,
+        largest: float,
+    ) -> None:
         self._law, self.f, self.T, self.T_master = law, f, T, T_master
-        self.o: MortarOperators = f.operators
+        self.o: PlaneOperators = f.operators
         self.on = f.covered
         self._per_weight = np.where(self.on, 1.0 / np.where(self.on, self.o.weight, 1.0), 0.0)
         D, M = self.o.matrices
@@ -39,8 +50,10 @@ class FluxValues:
         self.h = law.evaluate(
             np.where(closed, np.maximum(f.z_n, 0.0), 0.0),
             np.where(closed, 0.0, np.maximum(f.mean_gap, 0.0)),
+            perfect,
         )
         self.conduction = np.where(self.on, self.h.h * self.jump, 0.0)
+        self._largest = largest
 
     @cached_property
     def _heating(self) -> Row:
@@ -63,6 +76,18 @@ class FluxValues:
         """Source, power per area, (slave nodes,) [flux]."""
         return np.asarray(self._heating.residual)
 
+    @cached_property
+    def _admitted(self) -> float:
+        """Fraction of the conduction that derivatives take as flux, 1 at a solution [1]."""
+        total = float(self.o.weight @ np.abs(self.conduction))
+        return min(1.0, self._largest / total) if total > 0.0 else 1.0
+
+    @property
+    def expected(self) -> tuple[Array, Array]:
+        """Fluxes that leave the slave and enter the master in derivatives of D and M [flux]."""
+        beyond = (self._admitted - 1.0) * self.conduction
+        return self.on_slave + beyond, self.on_master + beyond
+
     @property
     def on_slave(self) -> Array:
         """Flux that leaves the slave, (slave nodes,) [flux]."""
@@ -78,8 +103,9 @@ class FluxValues:
         """Derivatives of both fluxes at fixed jumps [flux]: rows, and by multipliers (n, 2)."""
         closed, heating = self.f.state.active, self._heating
         pressed = closed & (self.f.z_n > 0.0)
-        by_gap = np.where(self.on & ~closed & (self.f.mean_gap > 0.0), self.jump, 0.0)
-        by_pressure = np.where(self.on & pressed, self.jump * self.h.by_pressure, 0.0)
+        jump = self._admitted * self.jump
+        by_gap = np.where(self.on & ~closed & (self.f.mean_gap > 0.0), jump, 0.0)
+        by_pressure = np.where(self.on & pressed, jump * self.h.by_pressure, 0.0)
         own = Row(self.conduction, by_gap * self.h.by_gap, 0.0, by_pressure)
         share = self._law.share
         rows = [

@@ -15,6 +15,11 @@ On a rigid obstacle its given value replaces the master's, and the master's load
 
 The loads depend on displacements and T, and by p and P on the multipliers. Sources: Hueber &
 Wohlmuth (2009); Seitz, Wall & Popp (2018).
+
+In an iterate whose D, M and T do not fit, jumps are of second order, and with a large h their
+fluxes may exceed those of the bodies by many orders. The flux in derivatives of D, M and h is then
+reduced to the size of the latter, see ``expect``, as if it were an unknown: iterations do not
+depend on h, up to perfect conduction. At a solution derivatives are exact.
 """
 
 from __future__ import annotations
@@ -32,10 +37,20 @@ from fenics_mortar.contact.conductance import Conductance
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.flux_values import FluxValues
 from fenics_mortar.contact.rows import row_by_motions
-from fenics_mortar.interface.mortar import Block, MortarOperators
+from fenics_mortar.interface.linearization import Block
+from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.traces import Trace, trace_of
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
+from fenics_mortar.utils.rounding import TINY
+
+# Conduction over the fluxes of ``Flux.expect`` above which derivatives take less [1]. At a solution
+# the ratio is at most 1, unless fluxes of two pairs cancel at nodes.
+BEYOND_FLUXES = 10.0
+# Conductance of perfect conduction over the conduction of the cells beside it [1]: it decides on
+# seven digits of the flux, and leaves nine for rounding of the jump.
+PERFECT = 1e7
 
 
 @dataclass(frozen=True)
@@ -72,6 +87,8 @@ class Flux:
         is_separate: Whether the field is solved for in another problem.
         traces: Traces of the field on the slave and, unless it is an obstacle, on the master.
         dofs: All dofs of the traces, shape (d,), replicated.
+        perfect: Conductance of perfect conduction, shape (slave nodes,) [flux / field]; inf for a
+            separate field.
 
     Raises:
         ValueError: On all ranks, if the space has no such field, or an obstacle no temperature.
@@ -95,6 +112,8 @@ class Flux:
         if isinstance(law.field, fem.Function):
             self._owned = law.field.function_space.dofmap.index_map.local_range
         self._values: tuple[Array, Array] = np.zeros(contact.slave.num_nodes), np.zeros(0)
+        self._largest, self._to_force = np.inf, 1.0
+        self.perfect = np.full(contact.slave.num_nodes, np.inf)
 
     def evaluate(self, u: Array) -> None:
         """Gather the field, from all unknowns ``u``, shape (local dofs,), unless separate.
@@ -104,7 +123,51 @@ class Flux:
         field: Any = self.law.field
         values = [trace.gather(field.x.array if self.is_separate else u) for trace in self.traces]
         master = values[1] if len(values) > 1 else np.zeros(0)
-        self._values = values[0], master
+        self._values, self._largest = (values[0], master), np.inf
+
+    def set_conduction(self, to_force: Array, own: Array) -> None:
+        """Set the conductance of perfect conduction (collective).
+
+        Args:
+            to_force: Factors that turn loads into forces, shape (owned dofs,).
+            own: Load of a dof by a unit of its own field, shape (owned dofs,).
+        """
+        mine, comm = self.conducting_dofs, self._contact.slave.comm
+        self._to_force = float(largest_over_ranks(comm, to_force[mine].max(initial=0.0)))
+        conduction, areas = np.zeros(self.dofs.size), self._contact.slave.nodal_areas
+        at = np.searchsorted(self.dofs, mine + self._owned[0])
+        conduction[at] = own[mine]
+        at_nodes = self._interpolation(self.traces[0]) @ sum_over_ranks(comm, conduction)
+        self.perfect = PERFECT * np.where(areas > 0.0, at_nodes / np.maximum(areas, TINY), 0.0)
+
+    def expect(self, r: Array) -> None:
+        """Bound the conduction in derivatives by fluxes of the bodies (collective).
+
+        Those of the residual ``r`` (owned dofs,) of the bodies at the last evaluated state, and
+        those that jumps would cause in the cells beside them.
+        """
+        slave, jump = self._contact.slave, self.at(self._contact.now).jump
+        fluxes = sum_over_ranks(slave.comm, [np.abs(r[self.conducting_dofs]).sum()])[0]
+        in_cells = (self.perfect / PERFECT * slave.nodal_areas) @ np.abs(jump)
+        self._largest = BEYOND_FLUXES * (fluxes + in_cells)
+
+    @property
+    def conducting_dofs(self) -> Indices:
+        """Local numbers of the owned dofs, shape (k,) (local)."""
+        first, end = self._owned
+        return self.dofs[(self.dofs >= first) & (self.dofs < end)] - first
+
+    def over_cells(self) -> float:
+        """Largest conductance of a node over the conduction of the cells beside it [1] (local)."""
+        on = self.perfect > 0.0
+        h = self.at(self._contact.now).h.h[on]
+        return float((PERFECT * h / self.perfect[on]).max(initial=0.0))
+
+    def rounding(self) -> float:
+        """Size of the loads whose difference is a jump, as a force [stress length] (local)."""
+        now = self.at(self._contact.now)
+        largest = max(float(np.abs(values).max(initial=0.0)) for values in self._values)
+        return self._to_force * float((now.o.weight * now.h.h).max(initial=0.0)) * largest
 
     def refresh(self) -> None:
         """Gather a separate field again, which may have changed since (collective)."""
@@ -115,7 +178,7 @@ class Flux:
 
     def at(self, f: ContactFields) -> FluxValues:
         """Values and derivatives by nodal quantities at the fields of the contact (collective)."""
-        return FluxValues(self.law, f, *self._values)
+        return FluxValues(self.law, f, *self._values, self.perfect, self._largest)
 
     def nodal(self) -> NodalFlux:
         """The flux at the present state (collective)."""
@@ -226,10 +289,11 @@ class Flux:
     def _of_matrices(self, now: FluxValues) -> Iterator[Block]:
         """Blocks of d(D^T q)/dd and -d(M^T q)/dd at fixed fluxes."""
         numbers = np.arange(len(now.o.x))[:, None]
-        yield self.traces[0].rows(now.o.slave_force_derivative(now.on_slave[:, None], numbers))
+        on_slave, on_master = now.expected
+        yield self.traces[0].rows(now.o.slave_force_derivative(on_slave[:, None], numbers))
         if len(self.traces) > 1:
             nodes = np.arange(len(now.o.m))[:, None]
-            yield self.traces[1].rows(now.o.master_force_derivative(now.on_master[:, None], nodes))
+            yield self.traces[1].rows(now.o.master_force_derivative(on_master[:, None], nodes))
 
     def _loads(
         self, now: FluxValues, slave: _Numbered, master: _Numbered

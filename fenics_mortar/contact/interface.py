@@ -15,11 +15,11 @@ from fenics_mortar.contact.interface_fields import InterfaceFields
 from fenics_mortar.contact.rows import InterfaceRows
 from fenics_mortar.contact.sides import at_tips, substitutes_of, surfaces_of
 from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
-from fenics_mortar.interface.options import AT_VERTICES
+from fenics_mortar.interface.linearization import Block, Linearization
+from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.interface.options import AT_VERTICES, Basis, basis_on
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -54,9 +54,11 @@ class Interface(ABC):
         pair: The pair.
         slave, master: The surfaces; one object if a surface may touch itself.
         obstacle: The rigid master, or ``None``.
+        basis: Basis of the multipliers on the slave, see ``options.basis_on``.
         shared: Whether a slave node is also a node of the other face, at the tip of a crack, shape
             (slave nodes,), bool.
-        free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
+        free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes,
+            dim).
         stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress],
             times the thickness.
         modulus: ``stiffness`` over the mean thickness at each slave node, (slave nodes,) [stress].
@@ -72,8 +74,9 @@ class Interface(ABC):
         all_fluxes: These, and those of fields that are solved for in other problems.
         state: The present state.
         now: Fields at the last evaluated displacement and the present state.
-        z: Multipliers, shape (slave nodes, c); c is 2, on a tie 2 and the number of tied fields.
-        z_u: Its first two components, those of the displacement, shape (slave nodes, 2) [stress].
+        z: Multipliers, shape (slave nodes, c); c is dim, on a tie dim and the number of tied
+            fields.
+        z_u: Its components of the displacement, shape (slave nodes, dim) [stress].
         c_n: Present weight of the gap in the complementarity function [1]. May be set.
         offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length].
     """
@@ -112,8 +115,8 @@ class Interface(ABC):
             welds: Pairs of nodes to be merged, shape (k, 2); see ``Surface.welded``.
         """
         self.pair = pair
-        self.slave: Surface
-        self.master: Surface
+        self.slave: Any
+        self.master: Any
         self.slave, self.master = surfaces_of(pair, space, welds)
         self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
         count = self.slave.num_nodes
@@ -125,13 +128,14 @@ class Interface(ABC):
         self.set_stiffness(np.ones(count))
         self.may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
-        self.at_vertices: bool = pair.discretization.basis in AT_VERTICES
+        self.basis: Basis = basis_on(self.slave, pair.discretization.basis)
+        self.at_vertices: bool = self.basis in AT_VERTICES
         self.all_fluxes: list[Any] = NO_FLUXES
         self.fluxes, self.components = NO_FLUXES, Components(self)
         self.substitutes = substitutes_of(self.slave, at_vertices=self.at_vertices)
         none = np.zeros(count, bool)
         self._state = InterfaceState(
-            z=np.zeros((count, 2)), active=none, branch=np.zeros(count, np.int64),
+            z=np.zeros((count, self.slave.dim)), active=none, branch=np.zeros(count, np.int64),
             multiplier_nodes=self.may_carry, redundant=none, offset=np.zeros(count),
         )  # fmt: skip
 
@@ -167,7 +171,7 @@ class Interface(ABC):
 
     @property
     @abstractmethod
-    def partner_operators(self) -> MortarOperators:
+    def partner_operators(self) -> Any:
         """Operators at the positions that define the partners."""
 
     @abstractmethod
@@ -249,14 +253,15 @@ class Interface(ABC):
         """
         blocks, count = [], self.z.shape[1]
         for dofs, j, values in self.force_entries():
-            columns = (count * j[:, None] + np.arange(2)).reshape(-1, 1)
+            dim = dofs.shape[1]
+            columns = (count * j[:, None] + np.arange(dim)).reshape(-1, 1)
             blocks.append(
-                Block(dofs.reshape(-1, 1), columns, np.repeat(values, 2).reshape(-1, 1, 1))
+                Block(dofs.reshape(-1, 1), columns, np.repeat(values, dim).reshape(-1, 1, 1))
             )
         return blocks
 
     def force_entries(self) -> Iterator[tuple[Indices, Indices, Array]]:
-        """Dofs (p, 2), nodes of acting multipliers (p,), D and -M (p,) [length] of each side."""
+        """Dofs (p, dim), nodes of acting multipliers (p,), D and -M (p,) [length] of each side."""
         for side, (j, k, values) in zip(
             (self.slave, self.master), acting_entries(self.operators, self.acts), strict=True
         ):

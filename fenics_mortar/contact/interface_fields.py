@@ -16,7 +16,6 @@ from typing import Any, NamedTuple, Protocol, Self
 import numpy as np
 
 from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import complementarity
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -74,6 +73,16 @@ class Parts(NamedTuple):
     z_tau: Array
 
 
+def normal_parts(n: Array, vectors: Array) -> Array:
+    """Parts of ``vectors`` (n, dim) along the normals, shape (n,) [their unit] (local)."""
+    return np.asarray(np.einsum("ja,ja->j", n, vectors))
+
+
+def tangential(vectors: Array, n: Array) -> Array:
+    """Parts of ``vectors`` (n, dim) across the normals [their unit] (local)."""
+    return vectors - normal_parts(n, vectors)[:, None] * n
+
+
 class InterfaceFields:
     """Fields of all interfaces.
 
@@ -85,7 +94,7 @@ class InterfaceFields:
     Attributes:
         closing_gap: Gap that contact closes, nan at uncovered nodes, (slave nodes,) [length].
         z_n, z_tau: See ``Parts``.
-        z_u: Multipliers of the displacement, shape (slave nodes, 2) [stress].
+        z_u: Multipliers of the displacement, shape (slave nodes, dim) [stress].
     """
 
     closing_gap: Any = property(attrgetter("gap"))
@@ -93,8 +102,9 @@ class InterfaceFields:
     z_tau: Any = property(attrgetter("parts.z_tau"))
     z_u: Any = property(attrgetter("state.z"))
 
-    def __init__(self, interface: Any, state: InterfaceState, operators: MortarOperators) -> None:
-        self.interface, self.state, self.operators = interface, state, operators
+    def __init__(self, interface: Any, state: InterfaceState, operators: Any) -> None:
+        self.interface, self.state = interface, state
+        self.operators: Any = operators
         self.nodal_lengths: Array = interface.slave.nodal_lengths
         self.nodal_areas: Array = interface.slave.nodal_areas
 
@@ -144,7 +154,9 @@ class InterfaceFields:
 
     @field("z")
     def parts(self) -> Parts:
-        """Normal and tangential part of the multipliers."""
+        """Normal and tangential part of the multipliers; in space the latter is its size."""
+        if self.operators.slave.dim == 3:
+            return Parts(normal_parts(self.operators.n, self.z_u), self.shear_size)
         parts = Parts(*np.empty((2, len(self.state.z))))
         complementarity.split_multipliers(self.operators.n, self.z_u, *parts)
         return parts
@@ -176,17 +188,34 @@ class InterfaceFields:
 
     @property
     def shear_force(self) -> Array:
-        """Tangential force w_j z_tau of every slave node, (slave nodes,) [stress length]."""
+        """Tangential force w_j z_tau of every slave node, (slave nodes,) [stress length].
+
+        In space along the direction of ``z_tau``.
+        """
         return self.operators.weight * self.z_tau
 
     @property
     def shear(self) -> Array:
-        """The multipliers without the pressure, shape (slave nodes, 2) [stress]."""
+        """The multipliers without the pressure, shape (slave nodes, dim) [stress]."""
+        if self.operators.slave.dim == 3:
+            return tangential(self.z_u, self.operators.n)
         return self.operators.tau * self.z_tau[:, None]
 
     @property
+    def shear_size(self) -> Array:
+        """Size of the shear, shape (slave nodes,) [stress]."""
+        if self.operators.slave.dim == 3:
+            return np.asarray(np.linalg.norm(self.shear, axis=1))
+        return np.abs(self.z_tau)
+
+    @property
+    def slip_in_space(self) -> Array:
+        """Slip since the last accepted step as vectors, (slave nodes, dim) [length]."""
+        return np.zeros_like(self.z_u)
+
+    @property
     def total_force(self) -> Array:
-        """Total force that acts on the slave body, shape (2,) [stress length]."""
+        """Total force that acts on the slave body, shape (dim,) [stress length]."""
         return -self.operators.weight @ self.z_u
 
     def fill_inside(self, values: Array) -> Array:
@@ -199,6 +228,6 @@ class InterfaceFields:
         if alone.size:
             values[alone] = values[others]
         if self.interface.at_vertices:
-            facets = self.interface.slave.facets
-            values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
+            inner, ends, weights = self.interface.slave.between_corners
+            values[inner] = (values[ends] * weights).sum(axis=1)
         return values

@@ -78,6 +78,10 @@ __all__ = [
     "row_of",
 ]
 
+# Friction limit over the pressure [1] below which the distance from a kink is relative to the
+# pressure: errors of the shear after convergence are fractions of the whole traction.
+SMALL_LIMIT = 1e-2
+
 
 class Friction(Law):
     """Base class of laws with a friction limit b: a node sticks while |z_tau| < b, else it slides.
@@ -122,7 +126,7 @@ class Friction(Law):
         """Stick (0) or direction of sliding (+-1), either if the limit is 0; see ``Law.branch``."""
         w, limit = node.z_tau + self.c_t * node.stiffness * node.slip, self.limit(node)[0]
         now = np.where(np.abs(w) > limit, np.sign(w), STICK).astype(np.int64)
-        kink = np.abs(np.abs(w) - limit) <= KINK * limit
+        kink = np.abs(np.abs(w) - limit) <= KINK * np.maximum(limit, SMALL_LIMIT * np.abs(node.z_n))
         free = np.where(before == STICK, 1, before)
         return np.where(limit == 0.0, free, np.where(kink, before, now))
 

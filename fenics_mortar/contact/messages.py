@@ -10,13 +10,18 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.kernels.pairing import BEHIND
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import format_point
+from fenics_mortar.utils.ranks import on_any_rank
 from fenics_mortar.utils.rounding import SAME_PLACE
+
+# Points of each segment at which surfaces may overlap [1].
+POINTS = np.linspace(-1.0, 1.0, 9)
 
 
 def describe_start(contact: Interface) -> str:
     """Message on an overlap or on missing partners of the present state; "" if not needed.
 
-    An interference that the user prescribed is no overlap.
+    An interference that the user prescribed is no overlap, nor is the mean gap of a node that
+    touches a curve, negative since dual functions have negative parts. Collective.
     """
     if not isinstance(contact, Contact):
         return ""
@@ -31,6 +36,8 @@ def describe_start(contact: Interface) -> str:
     j = int(np.argmax(not_prescribed / contact.slave.nodal_lengths))
     if not_prescribed[j] <= SAME_PLACE * contact.slave.nodal_lengths[j]:
         return ""
+    if not _overlaps(contact):
+        return ""
     return (
         f"'{contact.slave.name}' and '{contact.master.name}' overlap by up to {overlap[j]:.3g} at "
         f"{format_point(contact.operators.x[j])} before the first solve, treated as interference; "
@@ -38,6 +45,18 @@ def describe_start(contact: Interface) -> str:
         + ", up to half a facet"
         * (contact.pair.initial_gap is not None)
     )
+
+
+def _overlaps(contact: Contact) -> bool:
+    """Whether a point of a facet overlaps by more than the user prescribed (collective)."""
+    o, s = contact.operators, contact.intersections()
+    if contact.slave.dim == 3 and contact.obstacle is None:
+        gaps = o.smallest_gaps(contact.offset)[0][:, None]
+    else:
+        gaps = o.sample_gaps(o.x + contact.offset[:, None] * o.n, s, POINTS)
+    admitted = _interference(contact) + SAME_PLACE * contact.slave.nodal_lengths
+    deep = gaps < -admitted[s.slave].max(axis=1, initial=0.0)[:, None]
+    return on_any_rank(contact.slave.comm, bool(deep.any()))
 
 
 def _interference(contact: Contact) -> Array:

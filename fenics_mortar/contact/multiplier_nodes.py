@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Selection of the slave nodes of a contact that carry a multiplier.
 
-A node with one prescribed component whose normal is approximately along the free one lies on a
-symmetry plane; its normal is set to the free component. Oblique normals are unchanged. A node
+A node with prescribed components whose normal is approximately along the free ones lies on a
+symmetry plane; its normal is set to its part along these. Oblique normals are unchanged. A node
 prescribed along its normal, or in both components, carries no multiplier. Neither does the tip of a
 crack, a node of both faces: its gap is zero.
 
@@ -28,12 +28,14 @@ neighbour, has no effect: for s > 0 the functions span the original space.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.surfaces import MIN_SHARE, Surface
+from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.kernels.multiplier_nodes import choose
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 # Cosine of the angle between the normal of a slave node with one prescribed component and the free
 # component [1]. Above the first value (20 degrees) the node is on a symmetry plane; below the
@@ -48,15 +50,29 @@ UNDECIDED = 0.1
 
 
 def normals_on_planes(normals: Array, free: Array) -> Array:
-    """Normals of nodes on symmetry planes, nan elsewhere, shape (nodes, 2) [1].
+    """Normals of nodes on symmetry planes, nan elsewhere, shape (nodes, dim) [1].
 
     Args:
-        normals: Normals of the undeformed surface, shape (nodes, 2).
-        free: 1 where a component of a node is not prescribed, else 0, shape (nodes, 2).
+        normals: Normals of the undeformed surface, shape (nodes, dim).
+        free: 1 where a component of a node is not prescribed, else 0, shape (nodes, dim).
     """
-    half_prescribed = free.sum(axis=1) == 1.0
-    on_plane = half_prescribed & (np.abs(normals * free).max(axis=1) > PLANE_COSINE)
-    return np.where(on_plane[:, None], np.sign(normals) * free, np.nan)
+    inside = _cosines(normals, free)
+    on_plane = _is_partly_prescribed(free) & (inside > PLANE_COSINE)
+    if normals.shape[1] == 2:
+        return np.where(on_plane[:, None], np.sign(normals) * free, np.nan)
+    scale = np.where(on_plane, inside, 1.0)[:, None]
+    return np.where(on_plane[:, None], normals * free / scale, np.nan)
+
+
+def _is_partly_prescribed(free: Array) -> Flags:
+    """Whether some components of a node are prescribed, and others are not, (nodes,)."""
+    count = free.sum(axis=1)
+    return (count > 0.0) & (count < free.shape[1])
+
+
+def _cosines(normals: Array, free: Array) -> Array:
+    """Lengths of the parts of normals along the free components, (nodes,) [1]."""
+    return np.asarray(np.sqrt(((normals * free) ** 2).sum(axis=1)))
 
 
 class MultiplierNodes:
@@ -64,27 +80,32 @@ class MultiplierNodes:
 
     Args:
         slave: The slave surface.
-        normals: Normals of the undeformed surface, shape (slave nodes, 2).
-        free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
+        normals: Normals of the undeformed surface, shape (slave nodes, dim).
+        free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, dim).
         at_vertices: Whether nodes inside facets have no multipliers.
 
     Attributes:
         possible: Whether a node carries a multiplier if it is covered, shape (slave nodes,), bool.
-        oblique: Whether a node's one prescribed component is neither along nor across its normal,
+        oblique: Whether a node's prescribed components are neither along nor across its normal,
             shape (slave nodes,), bool.
-        plane_normals: Normals on symmetry planes, nan elsewhere, shape (slave nodes, 2).
+        plane_normals: Normals on symmetry planes, nan elsewhere, shape (slave nodes, dim).
     """
 
-    def __init__(self, slave: Surface, normals: Array, free: Array, *, at_vertices: bool) -> None:
+    def __init__(self, slave: Any, normals: Array, free: Array, *, at_vertices: bool) -> None:
         self.plane_normals = normals_on_planes(normals, free)
-        on_plane, half_prescribed = np.isfinite(self.plane_normals[:, 0]), free.sum(axis=1) == 1.0
-        cosine = np.abs(normals * free).max(axis=1)
-        self.oblique = half_prescribed & ~on_plane & (cosine > OBLIQUE_COSINE)
-        self.possible = (free.sum(axis=1) == 2.0) | on_plane | self.oblique
+        on_plane, partly = np.isfinite(self.plane_normals[:, 0]), _is_partly_prescribed(free)
+        self.oblique = partly & ~on_plane & (_cosines(normals, free) > OBLIQUE_COSINE)
+        self.possible = free.all(axis=1) | on_plane | self.oblique
         if at_vertices:
             self.possible &= ~slave.inner
-        step = slave.degree if at_vertices else 1
-        neighbours = slave.along(np.arange(slave.num_nodes), range(-step, step + 1, 2 * step))
+        # Between two neighbours on a curve both have to be strong; in space the edge of the cover
+        # runs along the neighbours, and one is enough.
+        self._all_strong = slave.dim == 2
+        if slave.dim == 2:
+            step = slave.degree if at_vertices else 1
+            neighbours = slave.along(np.arange(slave.num_nodes), range(-step, step + 1, 2 * step))
+        else:
+            neighbours = slave.neighbours
         self._neighbours: Indices = np.ascontiguousarray(neighbours.T)
         self._changes: Indices = np.zeros(slave.num_nodes, np.int64)
 
@@ -130,6 +151,6 @@ class MultiplierNodes:
         new, helped = np.empty((2, cover.size), bool)
         changed = choose(
             cover, self.possible, self._neighbours, MIN_SHARE, present, self._changes, MAX_CHANGES,
-            new, helped,
+            self._all_strong, new, helped,
         )  # fmt: skip
         return new, helped, changed

@@ -13,14 +13,16 @@ import numpy as np
 
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.behind import BodiesBehind
-from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
-from fenics_mortar.interface.mortar import LINEARIZATIONS, Linearization, MortarOperators
+from fenics_mortar.interface.integrals import evaluate_mortar
+from fenics_mortar.interface.linearization import LINEARIZATIONS, Linearization
+from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.interface.nodal_normals import evaluate_normals
 from fenics_mortar.interface.on_obstacle import evaluate_obstacle
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
-from fenics_mortar.interface.segments import Segments, find_segments
+from fenics_mortar.interface.segments import find_segments
 from fenics_mortar.interface.sight import Sight
-from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.interface.space_integrals import evaluate_space
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags
 
@@ -56,14 +58,15 @@ class OperatorEvaluation:
         sides: Slave and master.
         obstacle: The rigid master, or ``None``.
         arm: Length by which angles of the obstacle are multiplied [length].
-        planes: Normals of slave nodes on symmetry planes, nan elsewhere, shape (slave nodes, 2).
+        planes: Normals of slave nodes on symmetry planes, nan elsewhere, shape (slave nodes, 2); in
+            space matrices that remove components of normals, shape (slave nodes, 3, 3).
         options: Basis, quadrature, search.
         small: Whether sliding is small.
     """
 
     def __init__(
         self,
-        sides: tuple[Surface, Surface],
+        sides: tuple[Any, Any],
         obstacle: Obstacle | None,
         arm: float,
         planes: Array,
@@ -82,9 +85,9 @@ class OperatorEvaluation:
     def limit_sight(self, outline: Outline) -> None:
         """Limit the distance of partners behind the slave by the thickness of the bodies (local).
 
-        Without effect on obstacles.
+        Without effect on obstacles and in space.
         """
-        if self.obstacle is None:
+        if self.obstacle is None and self.slave.dim == 2:
             normals, _ = evaluate_normals(self.slave, self.slave.X, self.options.weighting)
             self.sight = Sight(outline, self.slave, self.master, normals)
             self._recent.clear()
@@ -165,13 +168,13 @@ class OperatorEvaluation:
         finally:
             self.obstacle.place = now
 
-    def intersections(self, o: MortarOperators) -> Segments:
+    def intersections(self, o: MortarOperators) -> Any:
         """Intersections of this rank's slave facets with the master, for any integration (local).
 
         Args:
             o: Operators at the positions that define the partners.
         """
-        if self.options.integration == "segments" or self.obstacle is not None:
+        if self.options.integration == "segments" or self.obstacle is not None or o.slave.dim == 3:
             return o.segments
         return find_segments(
             self.slave, self.master, o.x, o.n, o.m, facets=o.segments.facets,
@@ -185,7 +188,7 @@ class OperatorEvaluation:
             behind, *moved = self.sight.behind_at(u)
         else:
             behind, moved = None, [0.0 * side.X if u is None else side.gather(u) for side in sides]
-        x, m = (side.X + change for side, change in zip(sides, moved, strict=True))
+        x, m = [side.X + change for side, change in zip(sides, moved, strict=True)]
         return behind, x, m
 
     def _integrate(
@@ -195,13 +198,18 @@ class OperatorEvaluation:
         multiplier_nodes: Flags,
         linearization: Linearization,
         behind: BodiesBehind | None,
-        searched: MortarOperators | None = None,
+        searched: Any = None,
     ) -> MortarOperators:
         """Operators with slave nodes at ``x`` and master nodes at ``m`` (collective).
 
         ``searched``: see ``evaluate_mortar``.
         """
         self.behind = behind
+        if self.slave.dim == 3 and self.obstacle is None:
+            return evaluate_space(
+                self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,
+                linearization, searched,
+            )  # fmt: skip
         if self.obstacle is None:
             return evaluate_mortar(
                 self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,

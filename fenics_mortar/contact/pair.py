@@ -111,7 +111,9 @@ class ContactPair:
                     "expected ContactPair(data, name of a boundary, obstacle)"
                 )
             self.slave_tags = data.boundary_tags(slave)
-            if not (master is None or isinstance(master, Obstacle)):
+            if isinstance(master, Obstacle):
+                _check_dimension(master, data.mesh.geometry.dim)
+            elif master is not None:
                 data.boundary_tags(master)
         check_same_texts(data.mesh.comm, "ContactPair", vars(self))
         for names in (slave, master):
@@ -170,3 +172,18 @@ class ContactPair:
         if self.master is None:
             return f"ContactPair({self.slave_name!r})"
         return f"ContactPair({self.slave_name!r}, {self.master_name!r})"
+
+
+def _check_dimension(obstacle: Obstacle, dim: int) -> None:
+    """Reject obstacles in space for meshes of the plane, and others (local)."""
+    if obstacle.dim == dim:
+        return
+    expected = {
+        2: "one in the plane, as Circle, or SignedDistance with a pivot of two numbers",
+        3: "one in space, as Sphere, Extruded or Revolved, or SignedDistance with a pivot of three "
+        "numbers",
+    }
+    raise ValueError(
+        f"obstacle '{obstacle.name}' has {obstacle.dim} coordinates, the mesh {dim}: expected "
+        f"{expected[dim]}"
+    )

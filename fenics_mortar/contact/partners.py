@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
@@ -19,7 +21,7 @@ Entries = tuple[Indices, Indices, Array]
 
 
 def find_partners(
-    o: MortarOperators,
+    o: Any,
     faces: npt.NDArray[np.bool_],
     measure: Measure = "partners",
     *,

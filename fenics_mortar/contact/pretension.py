@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.mesh.data import MeshData, Names
-from fenics_mortar.obstacles.points import check_finite, check_vector
+from fenics_mortar.obstacles.rigid_motion import check_finite, check_vector
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import together
 
@@ -20,6 +20,7 @@ class SectionMotion:
 
     Attributes:
         kind: What moves, used in messages.
+        dim: Number of coordinates.
         name: Name used in messages.
         pivot: Without effect, shape (2,) [length].
         place: Shortening, and zeros, shape (3,) [length].
@@ -28,7 +29,7 @@ class SectionMotion:
         reaction: Force in the section after the last solve, and zeros, shape (3,) [stress length].
     """
 
-    kind = "section"
+    kind, dim = "section", 2
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -43,10 +44,10 @@ class Pretension(TiedPair):
     shortening along the axis, by which they overlap, as if so much material were removed. ``push``
     prescribes the force in the section, and the shortening is an unknown. ``move`` prescribes the
     shortening; ``lock`` keeps the present one, so that the force follows from external loads. At
-    first the shortening is prescribed as zero. A bolt whose heads do not touch is first shortened
-    by ``move`` until they do: only contact resists the force. The axis does not rotate with the
-    body: its rotations have to be small. Methods are local; set forces and shortenings equally on
-    all ranks.
+    first the shortening is prescribed as zero. A bolt whose heads do not touch is shortened until
+    they do, as bodies supported by contact alone are moved. The axis does not rotate with the body:
+    its rotations have to be small. Methods are local; set forces and shortenings equally on all
+    ranks.
 
     Args:
         data: Mesh, tags and names.

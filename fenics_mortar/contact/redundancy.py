@@ -16,6 +16,8 @@ constraints, and the shear is constant: among all admissible shears it is the on
 last. If the stick is no longer redundant, for example if one flank of a groove moves, u is a true
 slip, and the node soon slides.
 
+In space a node sticks along two tangents; it is redundant if one of both sticks is.
+
 Dependence is found from the rows (D_jk n, -M_jl n) and (D_jk tau, -M_jl tau) at the last accepted
 state. A row whose slave node belongs to no other pair cannot be part of a vanishing sum. Only rows
 of shared slave nodes are therefore compared, a few per corner. The curves of a surface that may
@@ -45,9 +47,9 @@ class _Entries(NamedTuple):
     """Entries of the rows of gaps and sticks of a pair.
 
     Attributes:
-        row: Number of the row, 2 j for the gap of slave node j, 2 j + 1 for its stick.
+        row: Number of the row, dim j for the gap of slave node j, the next ones for its sticks.
         node: Global number of the node.
-        value: Coefficients of its two components, shape (entries, 2) [1].
+        value: Coefficients of its components, shape (entries, dim) [1].
         own: Whether the entry is of D, not of M.
     """
 
@@ -86,17 +88,20 @@ class Redundancy:
         parts = [self._entries(contact) for contact in self._contacts]
         pair = np.repeat(np.arange(len(parts)), [part.row.size for part in parts])
         row, node, value, own = (np.concatenate(fields) for fields in zip(*parts, strict=True))
-        curve = [of[part.row // 2] for of, part in zip(self._curves, parts, strict=True)]
+        dim = value.shape[1]
+        curve = [of[part.row // dim] for of, part in zip(self._curves, parts, strict=True)]
         kept = repeating(pair + len(parts) * np.concatenate(curve), row, node, own)
         if not kept.any():
             return
         pair, row, node, value = pair[kept], row[kept], node[kept], value[kept]
-        rows, index = np.unique(np.stack([row % 2, pair, row // 2]), axis=1, return_inverse=True)
+        rows, index = np.unique(
+            np.stack([row % dim, pair, row // dim]), axis=1, return_inverse=True
+        )
         nodes, column = np.unique(node, return_inverse=True)
-        matrix = np.zeros((rows.shape[1], nodes.size, 2))
+        matrix = np.zeros((rows.shape[1], nodes.size, dim))
         np.add.at(matrix, (index.ravel(), column.ravel()), value)
         sticks, pair, slave_node = rows
-        redundant = dependent(matrix.reshape(len(matrix), -1)) & (sticks == 1)
+        redundant = dependent(matrix.reshape(len(matrix), -1)) & (sticks > 0)
         for i in np.unique(pair[redundant]):
             marks = self._contacts[i].redundant.copy()
             marks[slave_node[redundant & (pair == i)]] = True
@@ -141,9 +146,10 @@ def _occurrences(contact: Contact) -> Indices:
 
 
 def _directed_entries(contact: Contact) -> Iterator[_Entries]:
-    """Entries of D and M at the last accepted state, along the present n and tau."""
+    """Entries of D and M at the last accepted state, along the present n and tangents."""
     o, partners = contact.operators, contact.partners
-    for kind, on, direction in ((0, contact.active, o.n), (1, contact.sticking, o.tau)):
+    sticks = [(contact.sticking, tangent) for tangent in contact.now.tangents]
+    for kind, (on, direction) in enumerate([(contact.active, o.n), *sticks]):
         for surface, matrix, free, sign in (
             (contact.slave, partners.D, contact.free, 1.0),
             (contact.master, partners.M, contact.master_free, -1.0),
@@ -153,7 +159,8 @@ def _directed_entries(contact: Contact) -> Iterator[_Entries]:
             j, k, c = entries.row[mine], entries.col[mine], sign * entries.data[mine]
             value = c[:, None] * direction[j] * free[k]
             own = np.full(j.size, sign > 0.0)
-            yield _Entries(2 * j.astype(np.int64) + kind, surface.nodes[k], value, own)
+            row = o.n.shape[1] * j.astype(np.int64) + kind
+            yield _Entries(row, surface.nodes[k], value, own)
 
 
 def repeating(

@@ -18,7 +18,7 @@ import numpy as np
 
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.nodal import Row
-from fenics_mortar.interface.mortar import Block
+from fenics_mortar.interface.linearization import Block
 from fenics_mortar.kernels.blocks import expand_rows, linearize_law
 from fenics_mortar.kernels.complementarity import measure_rows, tabulate_frame
 from fenics_mortar.utils.arrays import Array
@@ -109,8 +109,8 @@ class ContactRows(InterfaceRows):
             blocks.append(Block(rows, o.normal_columns()[j], change[j]))
             if slips:
                 along = -weight * row.by_slip[:, None]
-                blocks += [_normal_rows(block, along) for block in f.state.partners.derivative(o)]
-        return Rows([*_gap_rows(f, normal, by_gap), *blocks], A_z, rhs, frame)
+                blocks += [normal_rows(block, along) for block in f.state.partners.derivative(o)]
+        return Rows([*gap_rows(f, normal, by_gap), *blocks], A_z, rhs, frame)
 
     def measure(self) -> tuple[float, float]:
         """See ``InterfaceRows``."""
@@ -212,22 +212,23 @@ def scaled(block: Block, factors: Array) -> Block:
     return block._replace(values=block.values * factors[block.rows][:, :, None])
 
 
-def _gap_rows(f: ContactFields, normal: Array, scaled_tau: Array) -> list[Block]:
-    """Rows ``normal`` (slave nodes, 2) dg - ``scaled_tau`` d(g / w)."""
+def gap_rows(f: ContactFields, normal: Array, scaled_tau: Array) -> list[Block]:
+    """Rows ``normal`` (slave nodes, dim) dg - ``scaled_tau`` d(g / w) (local)."""
     o = f.operators
     if not scaled_tau.any():
-        return [_normal_rows(block, normal) for block in o.gap_derivative()]
+        return [normal_rows(block, normal) for block in o.gap_derivative()]
     per_weight = np.where(f.covered, 1.0 / np.where(f.covered, o.weight, 1.0), 0.0)
     along = scaled_tau * per_weight[:, None]
-    blocks = [_normal_rows(block, normal - along) for block in o.gap_derivative()]
+    blocks = [normal_rows(block, normal - along) for block in o.gap_derivative()]
     mean = along * (o.gap * per_weight)[:, None]
-    return blocks + [_normal_rows(block, mean) for block in o.weight_derivative()]
+    return blocks + [normal_rows(block, mean) for block in o.weight_derivative()]
 
 
-def _normal_rows(block: Block, direction: Array) -> Block:
-    """Expand nodal rows to two rows per node along ``direction`` (slave nodes, 2)."""
+def normal_rows(block: Block, direction: Array) -> Block:
+    """Expand nodal rows to the components of ``direction`` (slave nodes, dim) (local)."""
     count, size = block.rows.shape
-    rows = np.empty((count, 2 * size), np.int64)
-    values = np.empty((count, 2 * size, block.columns.shape[1]))
+    dim = direction.shape[1]
+    rows = np.empty((count, dim * size), np.int64)
+    values = np.empty((count, dim * size, block.columns.shape[1]))
     expand_rows(direction, *map(np.ascontiguousarray, (block.rows, block.values)), rows, values)
     return Block(rows, block.columns, values)

@@ -7,17 +7,26 @@ from typing import Any
 
 import numpy as np
 
+from fenics_mortar.contact.discretization import PRESETS, Discretization
 from fenics_mortar.interface.curves import TURN, turn_between
+from fenics_mortar.interface.extraction import extract_surface
+from fenics_mortar.interface.faces import Faces
 from fenics_mortar.interface.measures import POINTS
 from fenics_mortar.interface.on_obstacle import surface_without_nodes
-from fenics_mortar.interface.surfaces import Surface, extract_surface
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.kernels.space.rules import ALLOWED, FINE, FINE_QUADRATIC, LINEAR, QUADRATIC
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
+# Distance of the middles of a quadrilateral's diagonals over the root of its area [1], above which
+# 7 points are too few: where edges of both sides almost coincide their common point moves fast, the
+# error of the quadrature with it, and Newton's method does not settle below that error.
+DISTORTED = 0.05
 
-def surfaces_of(pair: Any, space: DisplacementSpace, welds: Indices) -> tuple[Surface, Surface]:
+
+def surfaces_of(pair: Any, space: DisplacementSpace, welds: Indices) -> tuple[Any, Any]:
     """Slave and master of a pair (collective).
 
     Both are the same object if the surface may touch itself. The surface of an obstacle has no
@@ -37,7 +46,8 @@ def surfaces_of(pair: Any, space: DisplacementSpace, welds: Indices) -> tuple[Su
     if pair.master is None:
         return slave, slave
     if isinstance(pair.master, Obstacle):
-        master = surface_without_nodes(slave, pair.master_name)
+        without_nodes = surface_without_nodes if slave.dim == 2 else Faces.without_nodes
+        master = without_nodes(slave, pair.master_name)
     else:
         on_master = pair.data.boundary_tags(pair.master)
         master = extract_surface(space, tags, on_master, pair.master_name)
@@ -46,10 +56,17 @@ def surfaces_of(pair: Any, space: DisplacementSpace, welds: Indices) -> tuple[Su
     return slave, master
 
 
-def _check_shared_nodes(slave: Surface, master: Surface) -> None:
+def _check_shared_nodes(slave: Any, master: Any) -> None:
     """Check that only tips of cracks are shared, where both surfaces end and fold back (local)."""
     j, turns = turns_at_shared(slave, master)
     wrong = np.flatnonzero(~(turns < TURN))
+    if slave.dim == 3 and wrong.size:
+        raise SurfaceError(
+            f"slave '{slave.name}' and master '{master.name}' share {wrong.size} nodes, one at "
+            f"{format_point(slave.X[j[wrong[0]]])}; expected surfaces of bodies that are not "
+            "joined in the mesh: `fragment` and `removeDuplicateNodes` join them, and cracks in "
+            "space are not supported"
+        )
     if wrong.size:
         reason = (
             "bodies are joined by nodes that both have, as after `fragment` or "
@@ -65,7 +82,7 @@ def _check_shared_nodes(slave: Surface, master: Surface) -> None:
         )
 
 
-def turns_at_shared(slave: Surface, master: Surface) -> tuple[Indices, Array]:
+def turns_at_shared(slave: Any, master: Any) -> tuple[Indices, Array]:
     """Nodes of the slave that are in both surfaces, and turns of the outline there (local).
 
     Returns:
@@ -75,6 +92,8 @@ def turns_at_shared(slave: Surface, master: Surface) -> tuple[Indices, Array]:
     j, l = equal_pairs(slave.nodes, master.nodes)
     j, l = (k[(j != l) | (slave is not master)] for k in (j, l))
     turns = np.full(j.size, np.nan)
+    if slave.dim == 3:
+        return j, turns
     for before, i, after, k in ((slave, j, master, l), (master, l, slave, j)):
         ends = np.flatnonzero((before.following[i] < 0) & (after.previous[k] < 0))
         i, k = i[ends], k[ends]
@@ -97,7 +116,7 @@ def equal_pairs(a: Indices, b: Indices) -> tuple[Indices, Indices]:
     return np.repeat(np.arange(a.size), counts), order[at]
 
 
-def at_tips(slave: Surface, master: Surface) -> Flags:
+def at_tips(slave: Any, master: Any) -> Flags:
     """Whether a slave node is also one of the other face, at the tip of a crack, (slave nodes,).
 
     It has no gap, and therefore no multiplier.
@@ -108,15 +127,17 @@ def at_tips(slave: Surface, master: Surface) -> Flags:
     return found
 
 
-def substitutes_of(slave: Surface, *, at_vertices: bool) -> tuple[Indices, Indices]:
+def substitutes_of(slave: Any, *, at_vertices: bool) -> tuple[Indices, Indices]:
     """Nodes without weight, and the next nodes that may have a multiplier, each (k,)."""
+    if slave.dim == 3:
+        return np.empty(0, np.int64), np.empty(0, np.int64)
     alone, step = np.flatnonzero(slave.weightless), slave.degree if at_vertices else 1
     before, after = slave.along(alone, range(-step, step + 1, 2 * step)).T
     return alone, np.where(after >= 0, after, before)
 
 
 def points_per_segment(pair: Any, slave: Surface, master: Surface) -> int:
-    """Gauss points per segment, with "elements" per facet.
+    """Gauss points per segment, with "elements" per facet, in space per triangle of common parts.
 
     Error of a uniform pressure with "elements", independent of the mesh: 0.1 % with 5 points on
     facets with two nodes; 5 % with 5 and 0.4 % with 10 points on facets with three. With fewer
@@ -125,6 +146,8 @@ def points_per_segment(pair: Any, slave: Surface, master: Surface) -> int:
     Raises:
         ValueError: If the points of the pair are fewer than the nodes of a facet.
     """
+    if slave.dim == 3:
+        return _points_in_space(pair.discretization, slave, master)
     choice, degree = pair.discretization, slave.degree
     points = choice.points
     if points is None:
@@ -133,5 +156,26 @@ def points_per_segment(pair: Any, slave: Surface, master: Surface) -> int:
     if points <= degree:
         raise ValueError(
             f"points={points}: expected at least one per node of a facet, {degree + 1}"
+        )
+    return int(points)
+
+
+def _points_in_space(choice: Discretization, slave: Any, master: Any) -> int:
+    """Points of the rule of a triangle, see ``Discretization`` (local).
+
+    Raises:
+        ValueError: If there is no rule with the chosen number for these facets.
+    """
+    points = choice.points
+    allowed = [n for n in ALLOWED if n >= slave.facets.shape[1]]
+    if points is None:
+        distorted = max(slave.distortion, master.distortion) > DISTORTED
+        few, many = (LINEAR, FINE) if slave.degree == 1 else (QUADRATIC, FINE_QUADRATIC)
+        as_others = choice == PRESETS["other_codes"]
+        return many if distorted and not as_others else few
+    if points not in allowed:
+        raise ValueError(
+            f"points={points}: expected one of {', '.join(map(str, allowed))}, the points of the "
+            f"rules of a triangle, at least one per node of a facet of '{slave.name}'"
         )
     return int(points)

@@ -71,11 +71,13 @@ from fenics_mortar.contact.arcs import (
     rotation_past_obstacle,
     surface_rotation,
 )
+from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.facing import Facing
-from fenics_mortar.interface.integrals import evaluate_normals, share_of
-from fenics_mortar.interface.mortar import Block, MortarOperators
+from fenics_mortar.interface.integrals import share_of
+from fenics_mortar.interface.linearization import Block
+from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.interface.nodal_normals import evaluate_normals
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
 
@@ -148,7 +150,7 @@ class Pairing:
             self._recent = weakref.ref(o), find(o)
         return self._recent[1]
 
-    def coupled(self, master: Surface, *, turns: bool) -> tuple[Indices, Indices]:
+    def coupled(self, master: Curve, *, turns: bool) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them, each (k,), found once (local).
 
         Args:

@@ -5,7 +5,7 @@ With D and M of the reference configuration, the slave's displacement follows th
 
     sum_k D[j, k] u_k - sum_l M[j, l] u_l = 0    for every multiplier node j,
 
-in both components; for further fields see ``tied_field``. If a jump is prescribed, u_l is the sum
+in all components; for further fields see ``tied_field``. If a jump is prescribed, u_l is the sum
 of the displacement of the master and the jump; if the sides are at a distance, as those of a
 periodic cell, X_m below is the position translated onto the slave. The constraint is linear. With
 linear bulk the matrix of the whole system is constant, and elimination of the slave by
@@ -31,6 +31,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact.interface import NO_WELDS, Interface, read_only, settable
@@ -38,13 +39,14 @@ from fenics_mortar.contact.sides import points_per_segment
 from fenics_mortar.contact.tied_components import TiedComponents
 from fenics_mortar.contact.tied_field import TiedField, rows_of
 from fenics_mortar.contact.tied_pair import TiedPair
-from fenics_mortar.contact.tied_rows import TiedFields, TiedOperators, TiedRows
-from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
-from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
+from fenics_mortar.contact.tied_rows import TiedCurves, TiedFaces, TiedFields, TiedRows
+from fenics_mortar.interface.integrals import evaluate_mortar
+from fenics_mortar.interface.linearization import Block, Linearization
+from fenics_mortar.interface.nodal_normals import evaluate_normals
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
-from fenics_mortar.interface.segments import Segments
-from fenics_mortar.interface.surfaces import MIN_SHARE, Surface
+from fenics_mortar.interface.space_integrals import evaluate_space
+from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, format_point
@@ -61,7 +63,7 @@ class Tie(Interface):
     Attributes:
         D: Slave matrix, rows of multiplier nodes only, (slave nodes, slave nodes) [length].
         M: Master matrix, rows of multiplier nodes only, (slave nodes, master nodes) [length].
-        jump: D u_s - M (u_m + jump) at the last evaluated displacement, shape (slave nodes, 2)
+        jump: D u_s - M (u_m + jump) at the last evaluated displacement, shape (slave nodes, dim)
             [length^2].
         fluxes: The tied fields.
         open_ends: Slave nodes whose multiplier yielded to that of another pair, (slave nodes,).
@@ -84,20 +86,21 @@ class Tie(Interface):
         self.rows, self.arm = TiedRows(self), 0.0
         self._yielded = np.zeros(self.slave.num_nodes, bool)
         self.open_ends = np.zeros(self.slave.num_nodes, bool)
-        longest = max(float(side.lengths.max()) for side in (self.slave, self.master))
+        longest = max(float(side.facet_sizes.max()) for side in (self.slave, self.master))
         choice = pair.discretization
         points = points_per_segment(pair, self.slave, self.master)
         self.options = MortarOptions(
-            choice.basis, "opposite", "basis", choice.integration, points,
+            self.basis, "opposite", "basis", choice.integration, points,
             pair.search_radius or HALF_FACET * longest, float(np.cos(np.radians(choice.max_angle))),
         )  # fmt: skip
-        multiplier_nodes = (self.free.sum(axis=1) == 2.0) & ~(self.slave.weightless | self.shared)
+        multiplier_nodes = self.free.all(axis=1) & ~(self.slave.weightless | self.shared)
         if self.at_vertices:
             multiplier_nodes &= ~self.slave.inner
-        z = np.zeros((self.slave.num_nodes, 2 + len(pair.fields)))
+        dim = self.slave.dim
+        z = np.zeros((self.slave.num_nodes, dim + len(pair.fields)))
         self.change(multiplier_nodes=multiplier_nodes, z=z)
         self.all_fluxes = self.fluxes = [
-            TiedField(field, c, self, space, prescribed) for c, field in enumerate(pair.fields, 2)
+            TiedField(field, c, self, space, prescribed) for c, field in enumerate(pair.fields, dim)
         ]
         self.components = TiedComponents(self)
         self._check_multiplier_nodes(~self.multiplier_nodes)
@@ -111,12 +114,13 @@ class Tie(Interface):
             for end in ("min", "max")
         )
         size = high - low
-        if np.abs(size[0] - size[1]).max() > HALF_FACET * float(self.slave.lengths.max()):
+        if np.abs(size[0] - size[1]).max() > HALF_FACET * float(self.slave.facet_sizes.max()):
             return ""
         period = translation + 0.5 * (low[0] + high[0] - low[1] - high[1])
         rounding = SUM_ROUNDING * float(np.abs([low, high]).max())
-        x, y = np.where(np.abs(period) > rounding, period, 0.0)
-        return f", or, for the two sides of a periodic cell, take translation=({x:.6g}, {y:.6g})"
+        period = np.where(np.abs(period) > rounding, period, 0.0)
+        vector = ", ".join(f"{x:.6g}" for x in period)
+        return f", or, for the two sides of a periodic cell, take translation=({vector})"
 
     def yield_at(self, nodes: Flags) -> None:
         """Remove multipliers as ``drop``; the joint may open at these nodes (collective)."""
@@ -158,29 +162,25 @@ class Tie(Interface):
             SurfaceError: On all ranks, if no slave node has a partner.
         """
         slave, master = self.slave, self.master
-        no_normals, nothing = np.full((slave.num_nodes, 2), np.nan), Linearization(False, False)
-        o = evaluate_mortar(
-            slave,
-            master,
-            slave.X,
-            master.X,
-            self.multiplier_nodes,
-            no_normals,
-            self.options,
+        no_planes, nothing = np.full((slave.num_nodes, 2), np.nan), Linearization(False, False)
+        evaluate: Any = evaluate_mortar
+        if slave.dim == 3:
+            no_planes, evaluate = np.tile(np.eye(3), (slave.num_nodes, 1, 1)), evaluate_space
+        o = evaluate(
+            slave, master, slave.X, master.X, self.multiplier_nodes, no_planes, self.options,
             nothing,
-        )
+        )  # fmt: skip
         if not (o.cover > 0.0).any():
             raise SurfaceError(
                 f"{self._names} are farther apart than {self.options.radius:.3g} everywhere: "
                 f"increase search_radius{self._periodic(self.pair.translation)}"
             )
-        constant = {name: np.zeros_like(getattr(o, name)) for name in ("dD", "dM", "dgap", "gap")}
-        values = (
-            {field.name: getattr(o, field.name) for field in fields(o)}
-            | constant
-            | {"linearization": Linearization(False, False, frozen=True)}
-        )
-        self.set_operators(TiedOperators(**values, weighted_jump=np.zeros(self.z.shape)))
+        values = {field.name: getattr(o, field.name) for field in fields(o)}
+        for name in {"dD", "dM", "dgap", "gap"} & values.keys():
+            values[name] = np.zeros_like(values[name])
+        values["linearization"] = Linearization(False, False, frozen=True)
+        kind: Any = TiedCurves if slave.dim == 2 else TiedFaces
+        self.set_operators(kind(**values, weighted_jump=np.zeros(self.z.shape)))
         self.may_carry = self.multiplier_nodes & (o.diagonal > 0.0)
         self.change(active=self.may_carry)
         self.D, self.M = (rows_of(self.active, matrix) for matrix in o.matrices)
@@ -203,8 +203,11 @@ class Tie(Interface):
         return np.concatenate([own, *of_fields]).tolist()
 
     def welds(self) -> Indices:
-        """Coinciding ends of slave and master: global nodes, shape (k, 2); none at a distance."""
-        if self.pair.translation.any():
+        """Coinciding ends of slave and master: global nodes, shape (k, 2).
+
+        None at a distance, and none in space.
+        """
+        if self.pair.translation.any() or self.slave.dim == 3:
             return NO_WELDS
         ends = [np.flatnonzero((side.previous < 0) | (side.following < 0)) for side in self._sides]
         gaps = self.slave.X[ends[0], None] - self.master.X[ends[1]]
@@ -213,7 +216,7 @@ class Tie(Interface):
         return np.stack([self.slave.nodes[ends[0][j]], self.master.nodes[ends[1][l]]], axis=1)
 
     @property
-    def _sides(self) -> tuple[Surface, Surface]:
+    def _sides(self) -> tuple[Any, Any]:
         return self.slave, self.master
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
@@ -231,25 +234,45 @@ class Tie(Interface):
         )
 
     @property
-    def partner_operators(self) -> MortarOperators:
+    def partner_operators(self) -> Any:
         """Operators with the nodes at their reference positions."""
         n, _ = evaluate_normals(self.slave, self.slave.X, self.options.weighting)
         return replace(self.operators, x=self.slave.X, m=self.master.X, n=n)
 
-    def intersections(self) -> Segments:
+    def intersections(self) -> Any:
         """Intersections of this rank's slave facets with the master."""
         return self.operators.segments
 
     def close_gap(self, space: DisplacementSpace) -> bool:
         """Move active nodes such that D X_s = M X_m (collective); return whether any node moved."""
         on, slave = self.active_nodes, self.slave
+        if slave.dim == 3 and self.at_vertices:
+            return self._close_at_corners(space)
         idle = np.where(self.active[:, None], 0.0, slave.X)
         rhs = (self.M @ self.master.X - self.D @ idle)[on]
-        X = spsolve(self.D[on][:, on].tocsc(), rhs).reshape(-1, 2)
-        size = slave.extent + np.abs(slave.X).max()
-        if np.abs(X - slave.X[on]).max() <= LAST_DIGITS * size:
+        X = spsolve(self.D[on][:, on].tocsc(), rhs).reshape(-1, self.slave.dim)
+        return self._move(space, on, X)
+
+    def _close_at_corners(self, space: DisplacementSpace) -> bool:
+        """As ``close_gap``, with corners that take the other nodes of their facets along."""
+        inner, corners, weights = self.slave.between_corners
+        on, count = self.active_nodes, self.slave.num_nodes
+        first = np.unique(inner, return_index=True)[1]
+        i = np.concatenate([np.repeat(inner[first], corners.shape[1]), on])
+        k = np.concatenate([corners[first].ravel(), on])
+        v = np.concatenate([weights[first].ravel(), np.ones(on.size)])
+        take = coo_array((v, (i, k)), shape=(count, count)).tocsr()[:, on]
+        gap = (self.M @ self.master.X - self.D @ self.slave.X)[on]
+        change = spsolve(csc_array((self.D @ take)[on]), gap).reshape(-1, self.slave.dim)
+        X = self.slave.X + take @ change
+        return self._move(space, np.arange(count), X)
+
+    def _move(self, space: DisplacementSpace, nodes: Indices, X: Array) -> bool:
+        """Move slave nodes to ``X`` (k, dim); return whether they are not there (collective)."""
+        size = self.slave.extent + np.abs(self.slave.X).max()
+        if np.abs(X - self.slave.X[nodes]).max() <= LAST_DIGITS * size:
             return False
-        space.move_nodes(slave.nodes[on], X)
+        space.move_nodes(self.slave.nodes[nodes], X)
         return True
 
     def update_reference(self, space: DisplacementSpace) -> None:

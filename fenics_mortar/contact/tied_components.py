@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Components of a tie's multipliers: two of the displacement, one of each tied field.
+"""Components of a tie's multipliers: those of the displacement, one of each tied field.
 
 A displacement of one causes forces of the stiffness k, and so do an amount ``unit`` of the field
 and its residual times ``to_force``. With fluxes scaled by k / (D to_force) and rows of jumps
@@ -41,25 +41,25 @@ class TiedComponents(Components):
         """Read the operators of displacement and fields, after each integration (local)."""
         tie = self._interface
         o, shape = tie.operators, tie.z.shape
-        areas, active = tie.slave.nodal_areas, tie.active
+        areas, active, dim = tie.slave.nodal_areas, tie.active, tie.slave.dim
         self._dofs, self._acts = np.empty(shape, np.int64), np.zeros(shape, bool)
         self.diagonal, self.weight = np.empty(shape), np.full(shape, np.inf)
         self._free = np.ones(shape)
-        self._dofs[:, :2], self._dofs[:, 2:] = tie.slave.dofs, tie.slave.dofs[:, :1]
-        self._acts[:, :2] = active[:, None]
+        self._dofs[:, :dim], self._dofs[:, dim:] = tie.slave.dofs, tie.slave.dofs[:, :1]
+        self._acts[:, :dim] = active[:, None]
         self.diagonal[:] = areas[:, None]
-        self.diagonal[active, :2] = o.diagonal[active, None]
-        self.weight[active, :2] = o.weight[active, None]
-        for c, field in enumerate(tie.fluxes, 2):
+        self.diagonal[active, :dim] = o.diagonal[active, None]
+        self.weight[active, :dim] = o.weight[active, None]
+        for c, field in enumerate(tie.fluxes, dim):
             on, of_field = field.carriers, field.operators
             self._dofs[field.at, c] = field.traces[0].dofs[:, 0]
             self._acts[on, c] = True
             self.diagonal[on, c] = of_field.diagonal[field.active]
             self.weight[on, c] = of_field.weight[field.active]
 
-    def set_units(self, units: Array, to_force: Array) -> None:
+    def set_units(self, units: Array, to_force: Array, diagonal: Array) -> None:
         """See ``Components``."""
-        for c, field in enumerate(self._interface.fluxes, 2):
+        for c, field in enumerate(self._interface.fluxes, self._interface.slave.dim):
             self.units[field.at, c] = field.traces[0].gather(units)
             self.to_force[field.at, c] = field.traces[0].gather(to_force)
 

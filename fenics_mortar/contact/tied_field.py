@@ -24,8 +24,9 @@ from scipy.sparse import csr_array, diags
 from fenics_mortar.contact.fluxes import NodalFlux
 from fenics_mortar.contact.interface import acting_entries
 from fenics_mortar.interface.integrals import evaluate_mortar
-from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
-from fenics_mortar.interface.surfaces import MIN_SHARE, Surface
+from fenics_mortar.interface.linearization import Block, Linearization
+from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.interface.traces import Trace, trace_of
 from fenics_mortar.interface.vertices import surface_of_vertices
 from fenics_mortar.mesh.space import DisplacementSpace
@@ -33,6 +34,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError
 
 NO_ROWS: Indices = np.empty((0, 1), np.int64)
+NO_DOFS: Indices = np.empty(0, np.int64)
 
 
 class TiedField:
@@ -78,7 +80,7 @@ class TiedField:
         self._block: Block
 
     @property
-    def slave(self) -> Surface:
+    def slave(self) -> Any:
         """The slave, with straight facets for a field of degree 1 (local)."""
         return self.traces[0].surface
 
@@ -121,7 +123,7 @@ class TiedField:
         self.D, self.M = (rows_of(self.active, matrix) for matrix in o.matrices)
         self._block = self._load_block()
 
-    def _evaluated(self, nodes: Flags) -> MortarOperators:
+    def _evaluated(self, nodes: Flags) -> Any:
         """Operators with these multiplier nodes; those of the displacement if they are equal."""
         tie = self._tie
         if self.slave is tie.slave and np.array_equal(nodes, tie.multiplier_nodes):
@@ -198,6 +200,15 @@ class TiedField:
 
     def add_newton_loads(self, target: Array) -> None:
         """Nothing: the loads are linear in the multipliers."""
+
+    conducting_dofs = NO_DOFS  # of finite conductances
+
+    def expect(self, r: Array) -> None:
+        """Do nothing: fluxes in derivatives are multipliers (local)."""
+
+    def rounding(self) -> float:
+        """Zero [stress length]: fluxes are multipliers (local)."""
+        return 0.0
 
     @property
     def conducts(self) -> Flags:

@@ -14,7 +14,7 @@ from dolfinx import fem
 from fenics_mortar.contact.discretization import Discretization, as_discretization
 from fenics_mortar.contact.pair import check_search_radius
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
-from fenics_mortar.obstacles.points import check_vector
+from fenics_mortar.obstacles.rigid_motion import check_vector
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_same_texts, together
@@ -43,9 +43,9 @@ class TiedPair:
         search_radius: Largest distance of partners along the slave normal [length]; half the
             longest facet of both sides by default. Nodes without partner are not tied. With a
             translation, the distance from the translated master.
-        translation: Vector from the master to the slave in the mesh, shape (2,) [length]; zero for
-            a joint. Tied left and right sides of a cell are periodic boundaries.
-        jump: u_s - u_m, shape (2,) [length]: numbers, or a constant whose value may change between
+        translation: Vector from the master to the slave in the mesh, (dim,) [length]; zero for a
+            joint. Tied left and right sides of a cell are periodic boundaries.
+        jump: u_s - u_m, (dim,) [length]: numbers, or a constant whose value may change between
             solves. With a macroscopic deformation gradient F it is (F - 1) translation.
         fields: Numbers of the sub-spaces of a mixed function whose scalar fields T are tied too,
             D T_s = D T_m in weak form, without ``jump``: continuous Lagrange elements of degree 1
@@ -87,8 +87,8 @@ class TiedPair:
         *,
         gap: Gap = "removed",
         search_radius: float | None = None,
-        translation: npt.ArrayLike = (0.0, 0.0),
-        jump: fem.Constant | npt.ArrayLike = (0.0, 0.0),
+        translation: npt.ArrayLike | None = None,
+        jump: fem.Constant | npt.ArrayLike | None = None,
         fields: Sequence[int] = (),
         discretization: str | Discretization = "default",
     ) -> None:
@@ -99,10 +99,13 @@ class TiedPair:
         self.gap, self.search_radius = gap, search_radius
         with together(data.mesh.comm, "TiedPair"):
             self.discretization = as_discretization(discretization)
-            self.translation: Array = check_vector("translation", translation)
-            self.jump: Any = jump
+            self._dim = data.mesh.geometry.dim
+            zero = np.zeros(self._dim)
+            given = zero if translation is None else translation
+            self.translation: Array = check_vector("translation", given, self._dim)
+            self.jump: Any = zero if jump is None else jump
             if not isinstance(jump, fem.Constant):
-                self.jump = check_vector("jump", jump)
+                self.jump = check_vector("jump", self.jump, self._dim)
             self.fields = _numbers(fields)
             self.check()
             self.slave_tags = data.boundary_tags(slave)
@@ -125,12 +128,12 @@ class TiedPair:
         self.present_jump()
 
     def present_jump(self) -> Array:
-        """Present value of ``jump``, shape (2,) [length] (local).
+        """Present value of ``jump``, shape (dim,) [length] (local).
 
         Raises:
-            ValueError: If it does not consist of two finite numbers.
+            ValueError: If it does not consist of one finite number for each coordinate.
         """
-        return check_vector("jump", np.array(getattr(self.jump, "value", self.jump)))
+        return check_vector("jump", np.array(getattr(self.jump, "value", self.jump)), self._dim)
 
     def __repr__(self) -> str:
         """The two sides."""

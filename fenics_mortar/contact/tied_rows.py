@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Operators, fields and rows of a tied pair.
 
-The row of a multiplier node is the jump of the displacement, D u_s - M u_m, in both components; a
+The row of a multiplier node is the jump of the displacement, D u_s - M u_m, in all components; a
 prescribed jump is included in u_m. Rows of tied fields are their jumps, see ``tied_field``.
 """
 
@@ -13,12 +13,14 @@ import numpy as np
 
 from fenics_mortar.contact.interface_fields import InterfaceFields, field
 from fenics_mortar.contact.rows import Frame, InterfaceRows, Rows
-from fenics_mortar.interface.mortar import Block, MortarOperators
+from fenics_mortar.interface.linearization import Block
+from fenics_mortar.interface.plane_mortar import PlaneOperators
+from fenics_mortar.interface.space_mortar import SpaceOperators
 from fenics_mortar.utils.arrays import Array
 
 
-@dataclass(frozen=True)
-class TiedOperators(MortarOperators):
+@dataclass(frozen=True, kw_only=True)
+class TiedCurves(PlaneOperators):
     """D and M of the reference configuration; positions and normals are the current ones.
 
     Attributes:
@@ -33,11 +35,25 @@ class TiedOperators(MortarOperators):
         return []
 
 
+@dataclass(frozen=True, kw_only=True)
+class TiedFaces(SpaceOperators):
+    """As ``TiedCurves``, in space."""
+
+    weighted_jump: Array
+
+    def gap_derivative(self) -> list[Block]:
+        """Empty: there is no weighted gap."""
+        return []
+
+
+TiedOperators = TiedCurves | TiedFaces
+
+
 class TiedFields(InterfaceFields):
     """Fields of a tie.
 
     Attributes:
-        jump: D u_s - M u_m at the evaluated displacement, shape (slave nodes, 2) [length^2].
+        jump: D u_s - M u_m at the evaluated displacement, shape (slave nodes, dim) [length^2].
     """
 
     operators: TiedOperators
@@ -49,13 +65,13 @@ class TiedFields(InterfaceFields):
 
     @property
     def jump(self) -> Array:
-        """D u_s - M u_m, shape (slave nodes, 2) [length^2]."""
-        return self.jumps[:, :2]
+        """D u_s - M u_m, shape (slave nodes, dim) [length^2]."""
+        return self.jumps[:, : self.operators.slave.dim]
 
     @field("z")
     def z_u(self) -> Array:
-        """Multipliers of the displacement, shape (slave nodes, 2) [stress]."""
-        return np.ascontiguousarray(self.state.z[:, :2])
+        """Multipliers of the displacement, shape (slave nodes, dim) [stress]."""
+        return np.ascontiguousarray(self.state.z[:, : self.operators.slave.dim])
 
     @property
     def gap(self) -> Array:
@@ -93,8 +109,8 @@ class TiedRows(InterfaceRows):
         return float((rows**2).sum()), float(gaps.max(initial=0.0))
 
     def followed(self) -> Array:
-        """See ``InterfaceRows``; both directions are constrained."""
-        return np.tile(np.eye(2), (len(self._interface.z), 1, 1))
+        """See ``InterfaceRows``; all directions are constrained."""
+        return np.tile(np.eye(self._interface.slave.dim), (len(self._interface.z), 1, 1))
 
     def frame(self) -> Frame:
         """See ``InterfaceRows``."""

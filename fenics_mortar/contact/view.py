@@ -20,7 +20,8 @@ class PairView:
     """Results on a contact or tied pair of a problem, ``problem.contacts[i]``; properties only.
 
     Forces and pressures are those on the slave. The outward normal of the slave is n, its tangent
-    tau = (-n_y, n_x); slip and shear are positive along tau.
+    tau = (-n_y, n_x); slip and shear are positive along tau. In space these are tangential vectors,
+    lengths of nodes are the roots of their areas, and all integrals are over areas.
 
     All arrays are copies, equal on all ranks. Nodal arrays follow the slave nodes along the
     surface, at the present multipliers and the last evaluated displacement; after a solve this is
@@ -73,13 +74,13 @@ class PairView:
 
             first, end = V.dofmap.index_map.local_range
             mine = (first <= contact.nodes) & (contact.nodes < end)
-            values = u.x.array.reshape(-1, 2)[contact.nodes[mine] - first]
+            values = u.x.array.reshape(-1, dim)[contact.nodes[mine] - first]
         """
         return self._interface.slave.nodes.copy()
 
     @property
     def positions(self) -> Array:
-        """Present positions of the slave nodes, shape (slave nodes, 2) [length].
+        """Present positions of the slave nodes, shape (slave nodes, dim) [length].
 
         Before the first solve these are the positions in the mesh.
         """
@@ -87,7 +88,7 @@ class PairView:
 
     @property
     def normals(self) -> Array:
-        """Outward unit normals of the slave nodes, shape (slave nodes, 2) [1]."""
+        """Outward unit normals of the slave nodes, shape (slave nodes, dim) [1]."""
         return self._interface.operators.n.copy()
 
     @property
@@ -97,7 +98,7 @@ class PairView:
 
     @property
     def tractions(self) -> Array:
-        """Multipliers z, minus the tractions on the slave, shape (slave nodes, 2) [stress]."""
+        """Multipliers z, minus the tractions on the slave, shape (slave nodes, dim) [stress]."""
         return self._interface.z_u.copy()
 
     @property
@@ -107,11 +108,13 @@ class PairView:
 
     @property
     def shear(self) -> Array:
-        """Multiplier z_tau along tau, shape (slave nodes,) [stress].
+        """Multiplier z_tau along tau, shape (slave nodes,) [stress]; in space (slave nodes, 3).
 
-        It has the sign of the slip: the shear traction on the slave is -z_tau.
+        It has the sign of the slip: the shear traction on the slave is -z_tau. In space it is the
+        tangential part of the multiplier, a vector.
         """
-        return self._interface.z_tau.copy()
+        now = self._interface.now
+        return np.array(now.shear if self._interface.slave.dim == 3 else now.z_tau)
 
     @property
     def gap(self) -> Array:
@@ -120,11 +123,12 @@ class PairView:
 
     @property
     def slip(self) -> Array:
-        """Slip of the last step along tau, shape (slave nodes,) [length].
+        """Slip of the last step along tau, (slave nodes,) [length]; in space (slave nodes, 3).
 
         Slip of the slave relative to the master since the accepted state before the last solve.
         """
-        return self._interface.slip.copy()
+        now = self._interface.now
+        return np.array(now.slip_in_space if self._interface.slave.dim == 3 else now.slip)
 
     @property
     def active(self) -> Flags:
@@ -144,7 +148,7 @@ class PairView:
 
     @property
     def forces(self) -> Array:
-        """Contact forces on the slave nodes, shape (slave nodes, 2) [stress length].
+        """Contact forces on the slave nodes, shape (slave nodes, dim) [stress length].
 
         With a thickness, as for bodies of revolution, forces on the whole bodies [force].
 
@@ -154,7 +158,7 @@ class PairView:
 
     @property
     def total_force(self) -> Array:
-        """Total contact force on the slave body, shape (2,) [stress length]."""
+        """Total contact force on the slave body, shape (dim,) [stress length]."""
         return self._interface.total_force
 
     @property

@@ -13,6 +13,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.messages import describe_overlap
+from fenics_mortar.equations.isolated_fields import describe_isolated
 from fenics_mortar.equations.set_record import SetsOfPairs
 from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
@@ -86,6 +87,7 @@ def diagnose(
         free = floating.describe(floating.loose()), motions.describe(force)
         first = ", ".join(filter(None, free)) or _describe_limits(contacts)
         first = first or _describe_twice(contacts) or _describe_peeling(contacts, recent)
+        first = first or describe_isolated(bulk, contacts, floating)
     at_nodes = bulk.describe_inverted_nodes()
     return "; ".join(filter(None, (first, at_nodes, *map(describe_overlap, contacts))))
 
@@ -141,7 +143,7 @@ def describe_idle(bulk: Bulk, floating: FloatingBodies, force: float) -> str:
     if not size or force > ASSEMBLY_ROUNDING * bulk.stiffness * size:
         return ""
     F = bulk.cells.deformation_gradients(bulk.positions())
-    strain = np.abs(np.einsum("cki,ckj->cij", F, F) - np.eye(2)).max(initial=0.0)
+    strain = np.abs(np.einsum("cki,ckj->cij", F, F) - np.eye(bulk.space.dim)).max(initial=0.0)
     if bulk.comm.allreduce(bool(bulk.prescribed.any() or strain > ROUNDING), MPI.LOR):
         return ""
     return (

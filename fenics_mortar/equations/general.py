@@ -3,7 +3,7 @@
 
 Residual of the bodies, contact laws and balance of driven motions form one system. Its state
 consists of displacement, multipliers, active sets and places. The class implements the protocols of
-``newton.loop``, ``newton.damping`` and ``rigid.proximal``; linear system, initial guess and model
+``newton.loop``, ``newton.loop`` and ``rigid.proximal``; linear system, initial guess and model
 are chosen by ``problem`` and ``solver``.
 """
 
@@ -34,19 +34,19 @@ from fenics_mortar.equations.residual import Residual
 from fenics_mortar.equations.set_record import SetRecord
 from fenics_mortar.equations.springs import CombinedSprings
 from fenics_mortar.equations.state import State, check_state
-from fenics_mortar.interface.mortar import Linearization
+from fenics_mortar.interface.linearization import Linearization
 from fenics_mortar.la.system import LinearSystem
-from fenics_mortar.newton.loop import Status, Step, forcing
-from fenics_mortar.newton.options import NewtonOptions
+from fenics_mortar.newton.loop import NewtonOptions, Status, Step, forcing
 from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.held import HeldBodies
 from fenics_mortar.rigid.idle import IdleBodies
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, norms
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import together
 from fenics_mortar.utils.rounding import TINY
 from fenics_mortar.verify.crossing import Crossings
+from fenics_mortar.verify.space_crossing import SpaceCrossings
 
 
 class ContactEquations:
@@ -99,7 +99,8 @@ class ContactEquations:
         self.idle = IdleBodies(self.floating)
         self._set_stiffness()
         self.floating.find()
-        self.crossings = Crossings(bulk, contacts, self.floating)
+        find_crossed = Crossings if bulk.space.dim == 2 else SpaceCrossings
+        self.crossings = find_crossed(bulk, contacts, self.floating)
         self.last_converged = self.interrupted = False
         self.evaluated: tuple[State, Status] | None = None
         self.residual = Residual(bulk, contacts, self.floating, self.motions, self.stiffest)
@@ -111,7 +112,9 @@ class ContactEquations:
         self.remedies = Remedies(
             self.floating, self.residual, self._set_record, self._adopt_linearized_sets
         )
-        self._shortest_facet = min((float(c.slave.lengths.min()) for c in contacts), default=0.0)
+        self._shortest_facet = min(
+            (float(c.slave.facet_sizes.min()) for c in contacts), default=0.0
+        )
         self._loose: list[FloatingBody] = []
         self.model_check: Any = None
         self.reduced_tangent: Callable[[], Tangent | None] = lambda: None
@@ -131,7 +134,7 @@ class ContactEquations:
         self.bulk.set_units(self.stiffest)
         for contact in self.contacts:
             contact.set_stiffness(np.abs(contact.slave.gather(diagonal)).mean(axis=1))
-            contact.components.set_units(self.bulk.units, self.bulk.to_force)
+            contact.components.set_units(self.bulk.units, self.bulk.to_force, diagonal)
 
     # Evaluation
 
@@ -161,6 +164,9 @@ class ContactEquations:
                 contact.begin()
             self.idle.begin()
         changed = self.evaluate_contacts(start=start)
+        if start and self.floating.bodies and self.bulk.space.dim == 3:
+            self.floating.start_with_stick()
+            self._redundancy.mark()
         if self.floating.bodies and not start and self.idle.review():
             changed += 1 + self.evaluate_contacts(start=False)
         residual = self.residual.measure()
@@ -234,6 +240,9 @@ class ContactEquations:
             self.floating.add_springs(self._loose, self.residual.driving(), self.residual.force)
         for load in self.motions.remote:
             load.take_bulk_rows()
+        for contact in self.contacts:
+            for flux in contact.fluxes:
+                flux.expect(self.bulk.r.array_r)
         self.system.assemble()
         raise_stored(self.comm, self.contacts)
 
@@ -361,5 +370,5 @@ class ContactEquations:
         """Largest motion of a surface since a state, over its shortest facet [1]."""
         change = (self.bulk.values - before.u)[: self.bulk.num_owned]
         sides = [side for c in self.contacts for side in (c.slave, c.master) if side.num_nodes]
-        motions = [np.hypot(*side.gather(change).T).max() / side.lengths.min() for side in sides]
+        motions = [norms(side.gather(change)).max() / side.facet_sizes.min() for side in sides]
         return float(max(motions, default=0.0))

@@ -15,10 +15,9 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.axis import AxisConditions, remark_on_radius
+from fenics_mortar.bulk.axis import AxisConditions, remark_on_radius, remark_on_thickness
 from fenics_mortar.bulk.checks import have_common_facet
 from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.bulk.thickness_factor import remark_on_thickness
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law import Law, check_names
 from fenics_mortar.contact.laws import BUILT_IN
@@ -26,8 +25,8 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.tied_remarks import remarks_on_ties
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.motion_inputs import MotionInputs
-from fenics_mortar.interface.integrals import evaluate_normals
-from fenics_mortar.newton.options import NewtonOptions
+from fenics_mortar.interface.nodal_normals import evaluate_normals
+from fenics_mortar.newton.loop import NewtonOptions
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import (
     check_flag,
@@ -67,12 +66,11 @@ class Inputs:
         self._first = [remark_on_radius(bulk.residual, bulk.u, bulk.space)]
         self._first += remarks_on_ties(contacts, bulk.space)
 
-    def check(self, newton: Any, sensitivity: Any = None, **flags: Any) -> list[str]:
+    def check(self, newton: Any, **flags: Any) -> list[str]:
         """Reject invalid values; return remarks on questionable ones (collective).
 
         Args:
             newton: Options of the next solve.
-            sensitivity: Request for sensitivities after the solve, or ``None``.
             flags: Options of the next solve, true or false.
 
         Raises:
@@ -84,13 +82,10 @@ class Inputs:
             check_kind("newton", newton, NewtonOptions, "an instance of NewtonOptions")
             for name, flag in flags.items():
                 check_flag(name, flag)
-            if sensitivity is not None and not callable(getattr(sensitivity, "of", None)):
-                raise ValueError(f"sensitivity={sensitivity!r}: expected a fm.sensitivity.Numerics")
             self._motions.check()
             for contact, as_bound in zip(self._contacts, self._as_bound, strict=True):
                 _check_contact(contact, as_bound)
-        is_given = np.array(float(sensitivity is not None))
-        check_same(comm, [*self._numbers(), ("whether sensitivity is given", is_given)])
+        check_same(comm, list(self._numbers()))
         for contact in self._contacts:
             name = f"offset of '{contact.slave.name}'"
             check_lengths(name, contact.offset, contact.slave.num_nodes)
@@ -227,7 +222,7 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
             )
     count = contact.slave.num_nodes
     for name, shape, kind in (
-        ("z", (count, 2 + len(getattr(pair, "fields", ()))), float),
+        ("z", (count, contact.slave.dim + len(getattr(pair, "fields", ()))), float),
         ("active", (count,), bool),
         ("multiplier_nodes", (count,), bool),
         ("branch", (count,), int),

@@ -45,7 +45,8 @@ class LinearBulk:
                 "linear_bulk=False"
             )
         linear = general.bulk.is_linear if requested is None else requested
-        self._given = self._possible = linear and bool(general.contacts)
+        is_plane = general.bulk.space.dim == 2  # not available in space yet
+        self._given = self._possible = linear and is_plane and bool(general.contacts)
         self._data: list[Array] = []
         self._equations: ReducedEquations | None = None
         self._num_iterations = 0

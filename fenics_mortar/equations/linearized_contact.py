@@ -64,8 +64,11 @@ class LinearizedContact:
 
         If bodies float, one law has to have friction: without friction a round body on facets may
         have no equilibrium nearby, and with the sets of the linearized problem it would roll on.
-        The compliance of the bodies does not include driven motions of remote loads.
+        The compliance of the bodies does not include driven motions of remote loads. In space the
+        friction cone is no polyhedron.
         """
+        if any(contact.slave.dim == 3 for contact in self._contacts):
+            return False
         if self._obstacles.driven[len(self._obstacles.obstacles) :].any():
             return False
         touching = [_may_touch(contact) for contact in self._contacts]

@@ -15,6 +15,7 @@ from fenics_mortar.rigid.motions import RigidMotions
 from fenics_mortar.rigid.spread import SpreadLoad
 from fenics_mortar.utils.arguments import check_no_effect, parameters_of
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.dimensions import refuse_in_space
 from fenics_mortar.utils.errors import MortarError, NotFiniteError, format_point
 
 
@@ -40,7 +41,7 @@ class MotionInputs:
 
     def remember(self) -> None:
         """Remember the pivots, and by how much the movers have turned (local)."""
-        self._turned = [(m.pivot.copy(), float(m.place[2])) for m in self._given]
+        self._turned = [(m.pivot.copy(), _angle_of(m)) for m in self._given]
 
     def check(self) -> None:
         """Reject invalid values (local).
@@ -85,10 +86,12 @@ def check_numbers(mover: RigidMotion) -> None:
 
     Raises:
         MortarError: If a value has another shape or type, or is not finite.
+        NotImplementedError: If forces drive a motion in space.
         ValueError: If a dimension of a shape of the package was set as an attribute.
     """
     name = f"{mover.kind} '{mover.name}'"
-    for what, size in (("place", 3), ("load", 3), ("pivot", 2)):
+    count = 3 if mover.dim == 2 else 6
+    for what, size in (("place", count), ("load", count), ("pivot", mover.dim)):
         given = np.asarray(getattr(mover, what))
         fixed = ", or nan for prescribed motions" if what == "load" else ""
         expected = f"expected {size} finite numbers{fixed}"
@@ -97,6 +100,8 @@ def check_numbers(mover: RigidMotion) -> None:
             raise MortarError(f"{what} of {name} is {given!r}: {expected}")
         if not np.isfinite(allowed).all():
             raise NotFiniteError(f"{what} of {name} is {given}: {expected}")
+    if mover.dim == 3 and np.isfinite(mover.load).any():
+        refuse_in_space("driven", name)
     if isinstance(mover, Obstacle) and type(mover).__module__.startswith(
         Obstacle.__module__.rpartition(".")[0]
     ):
@@ -106,10 +111,16 @@ def check_numbers(mover: RigidMotion) -> None:
         check_no_effect(name, mover, of_shape, cure)
 
 
+def _angle_of(mover: RigidMotion) -> float:
+    """The angle by which a mover has turned [radian] (local)."""
+    turn = mover.place[mover.dim :]
+    return float(turn[0] if mover.dim == 2 else np.linalg.norm(turn))
+
+
 def _check_pivot(mover: RigidMotion, pivot: Array, angle: float) -> None:
     """Reject a new pivot of what had turned by ``angle`` about ``pivot`` (local)."""
-    if np.isfinite(mover.load[2]):  # driven: turned by the last solve
-        angle = float(mover.place[2])
+    if np.isfinite(mover.load[mover.dim]):  # driven: turned by the last solve
+        angle = _angle_of(mover)
     if angle != 0.0 and (np.asarray(mover.pivot) != pivot).any():
         raise MortarError(
             f"pivot of {mover.kind} '{mover.name}' was changed from {format_point(pivot)} to "

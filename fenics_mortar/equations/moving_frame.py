@@ -31,7 +31,7 @@ from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.state import State
 from fenics_mortar.equations.triangles import Triangles, triangulate
-from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import HALF_FACET
 
@@ -41,7 +41,7 @@ class _Side(NamedTuple):
 
     contact: int
     is_slave: bool
-    surface: Surface
+    surface: Curve
     body: int
 
 
@@ -66,7 +66,8 @@ class MovingFrame:
 
     def __init__(self, problem: ContactEquations) -> None:
         self._problem, self._sides = problem, list[_Side]()
-        for number, contact in enumerate(problem.contacts):
+        plane = problem.bulk.space.dim == 2  # in space states are extrapolated linearly
+        for number, contact in enumerate(problem.contacts if plane else ()):
             for surface in (contact.slave, contact.master):
                 bodies = np.unique(problem.floating.labels_of(surface))
                 if isinstance(contact, Contact) and bodies.size == 1:
@@ -132,9 +133,9 @@ class MovingFrame:
 
     def facet(self, body: int) -> float:
         """Shortest facet of the surfaces of a body [length] (local)."""
-        return min(float(s.surface.lengths.min()) for s in self._sides if s.body == body)
+        return min(float(s.surface.facet_sizes.min()) for s in self._sides if s.body == body)
 
-    def slaves(self) -> list[tuple[int, Surface, int]]:
+    def slaves(self) -> list[tuple[int, Curve, int]]:
         """Number of the pair, slave surface and body of each contact on one body (local)."""
         return [(s.contact, s.surface, s.body) for s in self._sides if s.is_slave]
 
@@ -176,7 +177,7 @@ class MovingFrame:
         return self._bodies[number]
 
 
-def _shifted(surface: Surface, states: tuple[Array, Array], s: Array, ratio: float) -> Array:
+def _shifted(surface: Curve, states: tuple[Array, Array], s: Array, ratio: float) -> Array:
     """Extrapolate the shifted multipliers of two states, shape (slave nodes, 2) (local)."""
     v, w = (
         carried_along(surface, z, t * s) for z, t in zip(states, (ratio, 1.0 + ratio), strict=True)
@@ -184,7 +185,7 @@ def _shifted(surface: Surface, states: tuple[Array, Array], s: Array, ratio: flo
     return v + ratio * (v - w)
 
 
-def carried_along(surface: Surface, values: Array, s: Array) -> Array:
+def carried_along(surface: Curve, values: Array, s: Array) -> Array:
     """Nodal values of a surface, carried along it by a motion (local).
 
     Args:

@@ -29,10 +29,11 @@ class Reaction(NamedTuple):
     report then says, are no support.
 
     Attributes:
-        force: Force, shape (2,) [stress length]; with a thickness [force].
+        force: Force, shape (2,) [stress length]; with a thickness [force]. In space (3,) [force].
         moment: Moment about ``about``, counterclockwise [stress length^2]; with a thickness
-            [force length]. Levers are those of the present positions.
-        about: The point of reference, shape (2,) [length].
+            [force length]. In space a vector, shape (3,) [force length]. Levers are those of the
+            present positions.
+        about: The point of reference, shape (dim,) [length].
 
     Note:
         On bodies of revolution the radial component is the sum around the axis, as that of
@@ -40,14 +41,14 @@ class Reaction(NamedTuple):
     """
 
     force: Array
-    moment: float
+    moment: float | Array
     about: Array
 
 
 def named_boundary(
     bulk: Bulk, given: list[MeshData], names: Names, about: npt.ArrayLike | None
 ) -> tuple[MeshData, Array]:
-    """Mesh with some names of boundaries, and the point of reference (2,) [length] (collective).
+    """Mesh with some names of boundaries, and point of reference (dim,) [length] (collective).
 
     Args:
         bulk: The bodies.
@@ -60,7 +61,7 @@ def named_boundary(
         ValueError: On all ranks, if ``about`` is not a point.
     """
     with together(bulk.comm, "reaction"):
-        point = _point(about)
+        point = _point(about, bulk.space.dim)
         if not given:
             raise MeshError("without pairs there are no names of boundaries; expected data=")
         if any(data.mesh is not bulk.V.mesh for data in given):
@@ -80,7 +81,7 @@ def reaction_of(bulk: Bulk, forces: Array, data: MeshData, names: Names, about: 
         forces: Bulk residual plus contact forces, shape (owned dofs,) [stress length].
         data: Mesh with the names.
         names: Names or tags of the boundaries; a node of several of them counts once.
-        about: The point of reference, shape (2,) [length].
+        about: The point of reference, shape (dim,) [length].
 
     Raises:
         MeshError: On all ranks, if a boundary has no facets, or if no dof there is prescribed.
@@ -95,20 +96,25 @@ def reaction_of(bulk: Bulk, forces: Array, data: MeshData, names: Names, about: 
         )
     on_nodes = np.where(prescribed, forces[dofs], 0.0)
     arms = bulk.positions()[nodes] - about
+    if bulk.space.dim == 3:
+        sums = np.stack([on_nodes.sum(axis=0), np.cross(arms, on_nodes).sum(axis=0)])
+        force, moment = sum_over_ranks(bulk.comm, sums)
+        return Reaction(force, moment, about)
     moments = arms[:, 0] * on_nodes[:, 1] - arms[:, 1] * on_nodes[:, 0]
     moment = 0.0 if bulk.space.is_axisymmetric else float(moments.sum())
-    *force, moment = sum_over_ranks(bulk.comm, [*on_nodes.sum(axis=0), moment])
-    return Reaction(np.array(force), float(moment), about)
+    x, y, moment = sum_over_ranks(bulk.comm, [*on_nodes.sum(axis=0), moment])
+    return Reaction(np.array([x, y]), float(moment), about)
 
 
-def _point(about: Any) -> Array:
-    """The point of reference (2,) [length], the origin for ``None`` (local)."""
+def _point(about: Any, dim: int) -> Array:
+    """The point of reference (dim,) [length], the origin for ``None`` (local)."""
     try:
-        point = np.zeros(2) if about is None else np.array(about, np.float64)
+        point = np.zeros(dim) if about is None else np.array(about, np.float64)
     except (TypeError, ValueError):
         point = np.empty(0)
-    if point.shape != (2,) or not np.isfinite(point).all():
-        raise ValueError(f"about={about!r}: expected a point (x, y), or None for the origin")
+    if point.shape != (dim,) or not np.isfinite(point).all():
+        x = "(x, y)" if dim == 2 else "(x, y, z)"
+        raise ValueError(f"about={about!r}: expected a point {x}, or None for the origin")
     return point
 
 
@@ -119,8 +125,9 @@ def _is_named(data: MeshData, name: Any) -> bool:
 
 def _nodes(bulk: Bulk, facets: npt.NDArray[np.int32]) -> Indices:
     """Nodes of the displacement owned by this rank on facets, shape (k,) (collective)."""
-    bulk.V.mesh.topology.create_connectivity(1, 2)
-    nodes = np.asarray(fem.locate_dofs_topological(bulk.V, 1, facets), np.int64)
+    dim = bulk.space.dim
+    bulk.V.mesh.topology.create_connectivity(dim - 1, dim)
+    nodes = np.asarray(fem.locate_dofs_topological(bulk.V, dim - 1, facets), np.int64)
     return nodes[nodes < bulk.space.num_nodes]
 
 

@@ -34,7 +34,7 @@ from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.reduced_dense import ContactMatrices, solve_dense
 from fenics_mortar.equations.reduced_tangent import ReducedTangent
-from fenics_mortar.interface.mortar import Block
+from fenics_mortar.interface.linearization import Block
 from fenics_mortar.la.compliance import Compliance
 from fenics_mortar.la.contact_dofs import ContactDofs
 from fenics_mortar.la.sparse import flatten
@@ -109,7 +109,7 @@ class ReducedEquations:
             for side in (contact.slave, contact.master):
                 u = step[self._dofs.number(side.dofs)]
                 change = np.hypot(*(u[side.facets[:, -1]] - u[side.facets[:, 0]]).T)
-                if (change > EQUATIONS.distortion * side.lengths).any():
+                if (change > EQUATIONS.distortion * side.facet_sizes).any():
                     return True
         return False
 

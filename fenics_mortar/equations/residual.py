@@ -38,8 +38,8 @@ class Residual:
     Attributes:
         total: Sum of bulk residual and contact forces, (owned dofs,) [stress length].
         distance: Distance to the prescribed values, (prescribed dofs,) [length].
-        force: Reference force: the largest norm of contact forces, reactions and inertia
-            [stress length].
+        force: Reference force: the largest norm of contact forces, reactions and inertia. Fluxes
+            of conductances are at most those of the bodies [stress length].
         gap: Largest mean gap of an active node over the node's length [1].
         attainable: ``roundoff`` at that state [stress length].
     """
@@ -60,6 +60,9 @@ class Residual:
     ) -> None:
         self._bulk, self._contacts = bulk, contacts
         self._floating, self._motions, self._stiffest = floating, motions, stiffest
+        self._conducts = np.zeros(bulk.num_owned, bool)
+        for flux in (flux for contact in contacts for flux in contact.fluxes):
+            self._conducts[flux.conducting_dofs] = True
         self._per_distance = stiffest / bulk.units[bulk.prescribed_dofs]
         self.begin()
 
@@ -83,8 +86,9 @@ class Residual:
         self.distance = self._prescribed - bulk.values[prescribed]
         self.total = np.empty(bulk.num_owned)
         free, contact, reactions = add_forces(
-            bulk.r.array_r, self.contact_force(), bulk.to_force, bulk.prescribed, self.total
-        )
+            bulk.r.array_r, self.contact_force(), bulk.to_force, bulk.prescribed, self._conducts,
+            self.total,
+        )  # fmt: skip
         moves, inertia = self._per_distance * self.distance, 0.0
         if bulk.inertia is not None:
             inertia = (bulk.inertia.forces(bulk.u.x.array) ** 2).sum()

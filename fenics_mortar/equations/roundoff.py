@@ -29,7 +29,8 @@ def roundoff_of(
     for c in contacts:
         steepest = max(stiffness, c.now.steepness)
         largest = float(np.abs(c.slave.X).max())
-        roundoff += steepest * math.sqrt(c.slave.num_nodes) * largest
+        loads = sum([flux.rounding() for flux in c.fluxes])
+        roundoff += (steepest * largest + loads) * math.sqrt(c.slave.num_nodes)
     return 4.0 * EPSILON * roundoff
 
 

@@ -11,26 +11,31 @@ from typing import Any
 from dolfinx import fem
 
 from fenics_mortar.bulk.axis import check_axis, check_radius
-from fenics_mortar.bulk.checks import check_cells, check_slave_nodes, check_space, refuse_inertia
+from fenics_mortar.bulk.checks import (
+    check_cells,
+    check_slave_nodes,
+    check_space,
+    check_subdomains,
+    refuse_inertia,
+)
 from fenics_mortar.bulk.form_points import check_rules
 from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
-from fenics_mortar.bulk.subdomains import check_subdomains
 from fenics_mortar.contact.binding import bind
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.equations.arguments import check_arguments, check_options
 from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.equations.in_space import check_given_in_space, check_pairs_in_space
 from fenics_mortar.equations.inputs import check_roles
 from fenics_mortar.equations.line_of_sight import set_outlines
 from fenics_mortar.equations.solver import Solver
-from fenics_mortar.interface.mortar import LINEARIZATIONS
+from fenics_mortar.interface.linearization import LINEARIZATIONS
 from fenics_mortar.la.choice import Algorithm, system_of
 from fenics_mortar.la.options import SolverName
-from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.mesh.thickness import Geometry, thickness_of
-from fenics_mortar.newton.options import NewtonOptions
+from fenics_mortar.mesh.space import DisplacementSpace, Geometry, thickness_of
+from fenics_mortar.newton.loop import NewtonOptions
 from fenics_mortar.rigid.remote import check_remote
 from fenics_mortar.rigid.section import sections_of
 from fenics_mortar.utils import compat, petsc
@@ -52,6 +57,7 @@ def check_given(
     Raises:
         ValueError: On all ranks, if an argument has a value that is not allowed.
         MortarError: On all ranks, if arguments differ between ranks.
+        NotImplementedError: On all ranks, if an argument needs the plane.
     """
     names = ("residual", "u", "bcs", "jacobian", "history", "before_assembly")
     forms = {name: given[name] for name in names}
@@ -70,6 +76,7 @@ def check_given(
             raise ValueError(f"model_check does not support {beyond[0]}")
         signature = given["residual"].signature()
         options["residual"] = f"a form with the signature {signature[:8]}"
+    check_given_in_space(given, model_check)
     options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
     lists = ("bcs", "remote", "history")
     counts = {"pairs": len(pairs), **{name: len(given[name]) for name in lists}}
@@ -117,6 +124,7 @@ def equations_of(
     weight = thickness_of(geometry, thickness)
     space = DisplacementSpace(u.function_space, displacement, weight)
     check_space(space.V, pairs)
+    check_pairs_in_space(pairs)
     for name, form in (("residual", residual), ("jacobian", jacobian)):
         if form is not None:
             check_subdomains(name, form, space.V.mesh, [pair.data for pair in pairs])
@@ -138,9 +146,11 @@ def equations_of(
     check_slave_nodes(contacts)
     check_roles(contacts)
     check_cells(bulk)
-    check_mesh_overlap(space.V, contacts)
+    check_mesh_overlap(space, contacts)
     bulk.input_data.check()
     equations = ContactEquations(bulk, contacts, LINEARIZATIONS[linearization], newton, loads)
+    if space.dim == 3:  # lines of sight are not looked at yet
+        return equations
     outline, labels = equations.crossings.outline, equations.floating.labels
     set_outlines(contacts, outline, outline.gather(bulk.space.spread(labels)))
     return equations

@@ -17,8 +17,7 @@ from fenics_mortar.equations.diagnosis import describe_idle
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linear_bulk import LinearBulk
 from fenics_mortar.la.system import LinearSystem
-from fenics_mortar.newton.damping import Damped
-from fenics_mortar.newton.loop import solve
+from fenics_mortar.newton.loop import Damped, solve
 from fenics_mortar.newton.report import NewtonReport, merge_repeated
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.proximal import solve_with_springs, solve_with_weak_springs
@@ -93,7 +92,12 @@ class Solver:
         """
         e = self._equations
         certificate = certify(
-            e.bulk, e.contacts, e.floating.labels, e.floating.parts, e.motions.residual()
+            e.bulk,
+            e.contacts,
+            e.floating.labels,
+            e.floating.parts,
+            e.motions.residual(),
+            e.crossings.nodes_inside(),
         )
         tipping = tipping_bodies(e.floating, certificate.pairs)
         springs, crossings = e.springs.largest(), e.crossings.find()

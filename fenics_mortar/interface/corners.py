@@ -19,8 +19,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.curves import TURN
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 # Master facets are equally near to a corner if their distances differ by less than this fraction of
@@ -29,7 +29,7 @@ EQUALLY_NEAR = 0.1
 
 
 def links_at_corners(
-    surface: Surface, x: Array, master: Surface, m: Array
+    surface: Curve, x: Array, master: Curve, m: Array
 ) -> tuple[tuple[Indices, Indices], npt.NDArray[np.bool_]]:
     """Links along a slave, cut at corners that take the normal of one facet (local).
 
@@ -53,13 +53,13 @@ def links_at_corners(
     return one_sided(surface, corners, facets)
 
 
-def corners_of(surface: Surface) -> Indices:
+def corners_of(surface: Curve) -> Indices:
     """Nodes at which the outline of a body turns left by more than ``TURN``, shape (k,) (local)."""
     return np.flatnonzero(surface.turns > TURN)
 
 
 def choose_facets(
-    surface: Surface, corners: Indices, x: Array, master: Array, candidates: Flags | None = None
+    surface: Curve, corners: Indices, x: Array, master: Array, candidates: Flags | None = None
 ) -> Indices:
     """Facet whose normal is used at each corner: -1 before it, 1 after it, 0 both (local).
 
@@ -103,7 +103,7 @@ def _facing(point: Array, n: Array, radius: float, master: Array) -> Array:
 
 
 def one_sided(
-    surface: Surface, corners: Indices, facets: Indices
+    surface: Curve, corners: Indices, facets: Indices
 ) -> tuple[tuple[Indices, Indices], npt.NDArray[np.bool_]]:
     """Links along the curve, cut at corners, and facets that have no partner (local).
 

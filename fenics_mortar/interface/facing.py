@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.interface.curve_surface import Curve
+from fenics_mortar.interface.plane_mortar import PlaneOperators
 from fenics_mortar.interface.segments import Segments, gauss_rule
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.shapes import lagrange
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
@@ -105,7 +105,7 @@ def points_of(segments: Segments, rule: Rule = GAUSS) -> Points:
     return points_between(facet, segments.slave, segments.ends, rule)
 
 
-def points_behind(o: MortarOperators, segments: Segments) -> Points:
+def points_behind(o: PlaneOperators, segments: Segments) -> Points:
     """Gauss points on the parts of master facets that face the segments, at ``o`` (local)."""
     on_master = face(o, segments, ENDS).on_master
     ends = np.sort(on_master @ np.linspace(-1.0, 1.0, on_master.shape[2]), axis=1)
@@ -115,7 +115,7 @@ def points_behind(o: MortarOperators, segments: Segments) -> Points:
     return points_between(facet, segments.master, np.clip(ends, -1.0, 1.0))
 
 
-def face(o: MortarOperators, segments: Segments, rule: Rule = GAUSS) -> Facing:
+def face(o: PlaneOperators, segments: Segments, rule: Rule = GAUSS) -> Facing:
     """Quadrature points of segments and their partners at the state of ``o`` (local)."""
     here, gap = points_of(segments, rule), o.sample_gaps(o.x, segments, rule[0])
     y = here.of(o.x) + gap[..., None] * here.direction(o.n)
@@ -127,7 +127,7 @@ def face(o: MortarOperators, segments: Segments, rule: Rule = GAUSS) -> Facing:
 
 
 def nearest_facets(
-    x: Array, m: Array, surface: Surface, candidates: Flags | None = None
+    x: Array, m: Array, surface: Curve, candidates: Flags | None = None
 ) -> tuple[Indices, Array]:
     """Facet nearest to each point, and coordinate along its chord (local).
 

@@ -11,37 +11,17 @@ import numpy as np
 
 from fenics_mortar.interface.behind import BodiesBehind
 from fenics_mortar.interface.corners import links_at_corners
-from fenics_mortar.interface.mortar import Linearization, MortarOperators
-from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
+from fenics_mortar.interface.curve_surface import Curve
+from fenics_mortar.interface.linearization import Linearization
+from fenics_mortar.interface.nodal_normals import evaluate_normals
+from fenics_mortar.interface.options import MortarOptions
+from fenics_mortar.interface.plane_mortar import PlaneOperators
 from fenics_mortar.interface.segments import Segments, find_segments
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels import normals, segments
+from fenics_mortar.kernels import segments
 from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view, summed
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.ranks import sum_over_ranks
-
-
-def evaluate_normals(
-    surface: Surface,
-    x: Array,
-    weighting: Weighting,
-    links: tuple[Indices, Indices] | None = None,
-) -> tuple[Array, Array]:
-    """Averaged unit normals of nodes, and their derivatives (local).
-
-    Args:
-        surface: The surface.
-        x: Current positions of its n nodes, shape (n, 2) [length].
-        weighting: Weights of the facet normals at a node.
-        links: Nodes before and after each node, (n,) each, if not those of the surface.
-
-    Returns:
-        Normals (n, 2) and derivatives (n, 2, 4 K - 2) [1 / length]; see ``kernels.normals``.
-    """
-    n, dn = np.empty_like(x), np.zeros((len(x), 2, 4 * surface.degree + 2))
-    links = (surface.previous, surface.following) if links is None else links
-    normals.tabulate_normals(x, *links, surface.inner, WEIGHTINGS[weighting], n, dn)
-    return n, dn
 
 
 def share_of(items: Indices, comm: MPI.Comm) -> Indices:
@@ -52,8 +32,8 @@ def share_of(items: Indices, comm: MPI.Comm) -> Indices:
 
 @clock("integrals")
 def evaluate_mortar(
-    slave: Surface,
-    master: Surface,
+    slave: Curve,
+    master: Curve,
     x: Array,
     m: Array,
     multiplier_nodes: Flags,
@@ -61,8 +41,8 @@ def evaluate_mortar(
     options: MortarOptions,
     linearization: Linearization,
     behind: BodiesBehind | None = None,
-    searched: MortarOperators | None = None,
-) -> MortarOperators:
+    searched: PlaneOperators | None = None,
+) -> PlaneOperators:
     """Evaluate the mortar operators at current positions (collective).
 
     Args:
@@ -113,12 +93,14 @@ def evaluate_mortar(
     D, dD, M, dM, gap, dgap, cover = _integrate(
         slave, s, (x, n, dn, m), multiplier_nodes, options, linearization.segments
     )
-    nodal = sum_over_facets(slave, slave.facets[share], D, gap, cover)
+    diagonal, gap, cover, weight = sum_over_facets(slave, slave.facets[share], D, gap, cover)
     count = len(s.slave)
     num_segments = count if slave.comm.size == 1 else slave.comm.allreduce(count)
-    return MortarOperators(
-        slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
-    )
+    return PlaneOperators(
+        slave=slave, master=master, x=x, m=m, n=n, dn=dn, segments=s, D=D, M=M, dD=dD, dM=dM,
+        dgap=dgap, diagonal=diagonal, gap=gap, cover=cover, weight=weight,
+        num_segments=num_segments, linearization=linearization,
+    )  # fmt: skip
 
 
 def sum_over_facets(
@@ -156,7 +138,7 @@ def integrate_segments(
     options: tuple[int, int, bool],
     thickness: tuple[Array, float] | None,
 ) -> tuple[Array, ...]:
-    """D, dD, M, dM, g, dg and cover of f facets, as in ``MortarOperators`` (local).
+    """D, dD, M, dM, g, dg and cover of f facets, as in ``PlaneOperators`` (local).
 
     Args:
         s: The segments.
@@ -182,7 +164,7 @@ def integrate_segments(
 
 
 def _integrate(
-    slave: Surface,
+    slave: Curve,
     s: Segments,
     geometry: tuple[Array, Array, Array, Array],
     multiplier_nodes: Flags,

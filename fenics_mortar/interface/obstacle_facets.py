@@ -3,11 +3,16 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from fenics_mortar.interface.options import MortarOptions
+from fenics_mortar.interface.segments import facet_rule
 from fenics_mortar.kernels import facets
 from fenics_mortar.kernels.shapes import lagrange
+from fenics_mortar.kernels.space.rules import LINEAR, QUADRATIC, triangle_rule
+from fenics_mortar.kernels.space.shapes import reference_nodes, tabulate_shapes
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array
 
@@ -21,33 +26,32 @@ def integrate_facets(
     options: MortarOptions,
     thickness: tuple[Array, float] | None = None,
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Integrals over f whole facets of K nodes, with C = 2 K columns, its dofs (local).
+    """Integrals over f whole facets of K nodes, with C = dim K columns, its dofs (local).
 
     Args:
         obstacle: The other side.
         arm: Length by which angles are multiplied [length].
-        x: Current positions of the nodes, shape (f, K, 2) [length].
+        x: Current positions of the nodes, shape (f, K, dim) [length].
         weights: H, shape (f, K, K).
-        rule: Points and weights on [-1, 1], each (q,).
+        rule: Points on [-1, 1], (q,), in space on the reference facet, (q, 2), and weights (q,).
         options: Discretization, for basis and weights of the gap.
         thickness: Thickness at the nodes, shape (f, K) [length], and its derivative with respect to
             their first coordinate [1]; one by default.
 
     Returns:
         D (f, K, K) [length], dD (f, K, K, C) [1], g (f, K) [length^2], dg (f, K, C) [length], dg by
-        the motions (f, K, 3) [length], d (f, K) [length].
+        the m motions (f, K, m) [length], d (f, K) [length]; in space of areas instead of lengths.
     """
     count, size, _ = x.shape
-    T = np.stack(shapes_at(rule[0], size)).transpose(2, 0, 1)
+    T = tabulate(rule[0], size)
     values, rows = _points(obstacle, arm, x, rule, T, thickness)
     kind, columns = rows.dtype, rows.shape[3]
     D, g, d = np.zeros((count, size, size), kind), *np.zeros((2, count, size), kind)
     dD, dg = np.empty((count, size**2, columns), kind), np.empty((count, size, columns), kind)
-    facets.integrate_whole_facets(
-        (values, rows, np.ascontiguousarray(T)), weights, options.kinds, (D, g, d), (dD, dg)
-    )
-    dD = dD[..., :-3].reshape(count, size, size, columns - 3)
-    return D, dD, g, np.ascontiguousarray(dg[..., :-3]), dg[..., -3:], d
+    facets.integrate_whole_facets((values, rows, T), weights, options.kinds, (D, g, d), (dD, dg))
+    own = size * x.shape[2]
+    dD = dD[..., :own].reshape(count, size, size, own)
+    return D, dD, g, np.ascontiguousarray(dg[..., :own]), dg[..., own:], d
 
 
 def _points(
@@ -60,35 +64,62 @@ def _points(
 ) -> tuple[Array, Array]:
     """W and g at points of facets, (f, q, 2), and derivatives (local).
 
-    The latter, of xi, W, eta and g as of two surfaces, (f, q, 4, 2 K + 3), have the nodes and the
-    motions as columns; xi and eta are constant. ``T`` (q, 2, K): shape functions; other arguments:
-    see ``integrate_facets``.
+    The latter, of xi, W, eta and g as of two surfaces, (f, q, s, dim K + m), have the nodes and the
+    m motions as columns; xi and eta are constant. ``T`` (q, dim, K): shape functions; other
+    arguments: see ``integrate_facets``.
     """
-    (N, dN), size = T.transpose(1, 2, 0), x.shape[1]
-    tangent, at = np.einsum("kp,ekc->epc", dN, x), np.einsum("kp,ekc->epc", N, x)
-    J = np.sqrt((tangent**2).sum(axis=2))
+    N, size, dim = T[:, 0].T, x.shape[1], x.shape[2]
+    at = np.einsum("kp,ekc->epc", N, x)
+    J, slopes = measures(x, T)
     W = rule[1] * J
-    phi, gradient, _ = obstacle.evaluate(at.reshape(-1, 2))
-    rows = np.zeros((*J.shape, 4, 2 * size + 3), np.result_type(x, phi))
-    by_nodes = rows[..., :-3].reshape(*J.shape, 4, size, 2)
-    V = obstacle.motions(at.reshape(-1, 2), arm).reshape(*J.shape, 3, 2)
+    phi, gradient, _ = obstacle.evaluate(at.reshape(-1, dim))
+    V = obstacle.motions(at.reshape(-1, dim), arm).reshape(*J.shape, obstacle.place.size, dim)
+    shape = *J.shape, 2 * dim, dim * size + V.shape[2]
+    rows = np.zeros(shape, np.result_type(x, phi))
+    by_nodes = rows[..., : dim * size].reshape(*J.shape, 2 * dim, size, dim)
     gradient = gradient.reshape(at.shape)
-    dW = np.einsum("p,epc,kp->epkc", rule[1], tangent / J[:, :, None], dN)
+    dW = sum(
+        np.einsum("p,epc,kp->epkc", rule[1], slope, T[:, 1 + a].T) for a, slope in enumerate(slopes)
+    )
     if thickness is not None:
         theta = thickness[0] @ N
         dW = dW * theta[:, :, None, None]
         dW[..., 0] += thickness[1] * W[:, :, None] * N.T
         W = W * theta
-    by_nodes[:, :, 1] = dW
-    by_nodes[:, :, 3] = np.einsum("epc,kp->epkc", gradient, N)
-    rows[..., 3, -3:] = -np.einsum("epc,epmc->epm", gradient, V)
+    by_nodes[:, :, dim - 1] = dW
+    by_nodes[:, :, -1] = np.einsum("epc,kp->epkc", gradient, N)
+    rows[..., -1, dim * size :] = -np.einsum("epc,epmc->epm", gradient, V)
     values = np.stack([W, phi.reshape(J.shape)], axis=2).astype(rows.dtype)
     return values, rows
 
 
+def measures(x: Array, T: Array) -> tuple[Array, list[Array]]:
+    """Lengths or areas J of points over those of the reference facet, and derivatives (local).
+
+    Args:
+        x: Positions of the nodes, shape (f, K, dim) [length].
+        T: See ``tabulate``.
+
+    Returns:
+        J, shape (f, q), and its derivatives by the tangents a_1, and in space a_2, (f, q, dim)
+        each: a_1 / J, in space a_2 x n and n x a_1 with the normal n = a_1 x a_2 / J.
+    """
+    tangents = [np.einsum("kp,ekc->epc", T[:, 1 + a].T, x) for a in range(T.shape[1] - 1)]
+    if len(tangents) == 1:
+        J = np.sqrt((tangents[0] ** 2).sum(axis=2))
+        return J, [tangents[0] / J[:, :, None]]
+    normal = np.cross(*tangents)
+    J = np.sqrt((normal**2).sum(axis=2))
+    normal = normal / J[:, :, None]
+    return J, [np.cross(tangents[1], normal), np.cross(normal, tangents[0])]
+
+
 def points_of(x: Array, points: Array) -> Array:
-    """Positions of points -1 ... 1, (q,), on facets ``x`` (f, K, 2): (f, q, 2) [length] (local)."""
-    return np.einsum("kp,ekc->epc", shapes_at(points, x.shape[1])[0], x)
+    """Positions of points of facets ``x`` (f, K, dim): (f, q, dim) [length] (local).
+
+    ``points``: as those of the rule of ``integrate_facets``.
+    """
+    return np.einsum("kp,ekc->epc", tabulate(points, x.shape[1])[:, 0].T, x)
 
 
 def gaps_along(
@@ -114,14 +145,14 @@ def gaps_along(
     Returns:
         Shape (m, f, K) [length^2].
     """
-    (N, dN), (count, size, _), number = shapes_at(rule[0], x.shape[1]), x.shape, len(distances)
+    (count, size, _), number = x.shape, len(distances)
+    T = tabulate(rule[0], size)
     values = np.zeros((count, rule[0].size, 2))
-    values[..., 0] = rule[1] * np.linalg.norm(np.einsum("kp,ekc->epc", dN, x), axis=2)
+    values[..., 0] = rule[1] * measures(x, T)[0]
     if thickness is not None:
-        values[..., 0] *= thickness[0] @ N
+        values[..., 0] *= thickness[0] @ T[:, 0].T
     rows = np.zeros((count, rule[0].size, 4, number))
     rows[:, :, 3] = np.moveaxis(distances, 0, 2)
-    T = np.ascontiguousarray(np.stack([N, dN]).transpose(2, 0, 1))
     D, g, d = np.zeros((count, size, size)), *np.zeros((2, count, size))
     dD, dg = np.empty((count, size**2, number)), np.empty((count, size, number))
     facets.integrate_whole_facets((values, rows, T), weights, options.kinds, (D, g, d), (dD, dg))
@@ -132,3 +163,51 @@ def shapes_at(points: Array, size: int) -> tuple[Array, Array]:
     """Shape functions of facets of ``size`` nodes and derivatives, each (size, points) [1]."""
     N, dN = lagrange(points, size - 1)
     return N.T, dN.T
+
+
+def tabulate(points: Array, size: int) -> Array:
+    """Shape functions of facets of ``size`` nodes, and their derivatives (local).
+
+    Args:
+        points: Points on [-1, 1], shape (q,), in space on the reference facet, (q, 2).
+        size: K, the number of nodes.
+
+    Returns:
+        Shape (q, dim, K) [1].
+    """
+    if points.ndim == 1:
+        return np.ascontiguousarray(np.stack(shapes_at(points, size)).transpose(2, 0, 1))
+    T = np.empty((len(points), 3, size))
+    for point, values in zip(points, T, strict=True):
+        tabulate_shapes(point[0], point[1], values)
+    return T
+
+
+def whole_rule(options: MortarOptions, degree: int, size: int) -> tuple[Array, Array]:
+    """Points and weights of whole facets of ``size`` nodes; see ``integrate_facets`` (local)."""
+    if size == degree + 1:  # in the plane
+        return facet_rule(options.integration, size, options.points)
+    return _face_rule(size, options.points)
+
+
+def sample_points(size: int) -> Array:
+    """Nodes of a reference facet in space, and points of a rule, shape (q, 2) [1] (local)."""
+    rule = _face_rule(size, LINEAR if size < 6 else QUADRATIC)
+    return np.concatenate([reference_nodes(size), rule[0]])
+
+
+@cache
+def _face_rule(size: int, points: int) -> tuple[Array, Array]:
+    """Points (q, 2) and weights (q,) of a reference facet in space with ``size`` nodes.
+
+    Args:
+        size: Number of nodes.
+        points: Points of the rule of a triangle; on quadrilaterals there are products of Gauss
+            rules with at least as many points.
+    """
+    if size in (3, 6):
+        bary, weights = triangle_rule(points)
+        return np.ascontiguousarray(bary[:, 1:]), 0.5 * weights
+    gauss, weights = np.polynomial.legendre.leggauss(int(np.ceil(np.sqrt(points))))
+    a, b = np.meshgrid(gauss, gauss, indexing="ij")
+    return np.stack([a.ravel(), b.ravel()], axis=1), np.outer(weights, weights).ravel()

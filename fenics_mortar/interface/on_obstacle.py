@@ -2,7 +2,8 @@
 """Mortar operators of a slave surface on a rigid obstacle, with their derivatives.
 
 The slave is integrated facet by facet, on Gauss points or nodes, with the multiplier functions of
-fully covered facets and the out-of-plane thickness. For phi, V, arm see ``obstacles.obstacle``.
+fully covered facets and the out-of-plane thickness. For phi, V, arm, and the numbers d of
+coordinates and m of motions see ``obstacles.obstacle``. In space integrals are over areas.
 
 ==========  ==========================================================================
 symbol      meaning
@@ -21,36 +22,48 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 
-from fenics_mortar.interface.integrals import hand_over, share_of, sum_over_facets
-from fenics_mortar.interface.mortar import Linearization, MortarOperators
-from fenics_mortar.interface.obstacle_facets import integrate_facets, points_of
-from fenics_mortar.interface.options import MortarOptions
-from fenics_mortar.interface.segments import Segments, facet_rule
+from fenics_mortar.interface import integrals, space_mortar
+from fenics_mortar.interface.curve_surface import Curve
+from fenics_mortar.interface.faces import Faces, covers
+from fenics_mortar.interface.integrals import share_of, sum_over_facets
+from fenics_mortar.interface.linearization import Linearization
+from fenics_mortar.interface.obstacle_facets import (
+    integrate_facets,
+    points_of,
+    sample_points,
+    whole_rule,
+)
+from fenics_mortar.interface.obstacle_normals import facing_facets, obstacle_normals
+from fenics_mortar.interface.options import AT_VERTICES, MortarOptions
+from fenics_mortar.interface.plane_mortar import PlaneOperators
+from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.obstacles.rotations import TURNS
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 
-@dataclass(frozen=True)
-class ObstacleOperators(MortarOperators):
+@dataclass(frozen=True, kw_only=True)
+class ObstacleOperators(PlaneOperators):
     """Operators of a slave surface and an obstacle: segments are facets, the master has no nodes.
+
+    In space ``dn`` has the columns of the node itself alone.
 
     Attributes:
         obstacle: The obstacle, at the place of the evaluation.
         arm: Length by which angles are multiplied [length].
         phi: Signed distance of the slave nodes, shape (slave nodes,) [length].
-        V: Motions at the slave nodes, shape (slave nodes, 3, 2).
-        dn_dq: Derivative of the normals with respect to the motions, shape (slave nodes, 2, 3)
+        V: Motions at the slave nodes, shape (slave nodes, m, d).
+        dn_dq: Derivative of the normals with respect to the motions, shape (slave nodes, d, m)
             [1 / length].
-        dgap_dq: Derivative of the weighted gap with respect to the motions, shape (slave nodes, 3)
+        dgap_dq: Derivative of the weighted gap with respect to the motions, shape (slave nodes, m)
             [length].
     """
 
@@ -63,8 +76,12 @@ class ObstacleOperators(MortarOperators):
 
     @cached_property
     def columns(self) -> Indices:
-        """Displacement dofs of the nodes of each facet, shape (f, 2 K)."""
-        return self.slave.dofs_of(self.facet_nodes)
+        """Displacement dofs of the nodes of each facet, shape (f, d K)."""
+        return np.asarray(self.slave.dofs_of(self.facet_nodes))
+
+    def normal_columns(self) -> Indices:
+        """See ``MortarOperators``."""
+        return super().normal_columns() if self.slave.dim == 2 else np.asarray(self.slave.dofs)
 
     def freeze(self) -> Self:
         """Copy with constant D and n; the gap keeps its derivative with respect to the motions."""
@@ -74,91 +91,152 @@ class ObstacleOperators(MortarOperators):
         """Frozen operators after small motions of the nodes and of the obstacle (collective).
 
         Args:
-            x: New positions of the slave nodes, shape (slave nodes, 2) [length].
-            m: Positions of master nodes, shape (0, 2).
-            dq: Change of the motions, shape (3,) [length].
+            x: New positions of the slave nodes, shape (slave nodes, d) [length].
+            m: Positions of master nodes, shape (0, d).
+            dq: Change of the motions, shape (m,) [length].
         """
-        dq = np.zeros(3) if dq is None else dq
+        dq = np.zeros(self.V.shape[1]) if dq is None else dq
         moved = super().after_small_motion(x, m)
         change = np.einsum("kmc,m->kc", self.V, dq) - (x - self.x)
         phi = self.phi + np.einsum("kc,kc->k", self.n, change)
         return replace(moved, gap=moved.gap + self.dgap_dq @ dq, phi=phi)
 
     def motion_force(self, z: Array) -> Array:
-        """f_q for multipliers ``z`` (slave nodes, 2): shape (3,) [stress length] (collective)."""
+        """f_q for multipliers ``z`` (slave nodes, d): shape (m,) [stress length] (collective)."""
         return -np.einsum("kc,kmc->m", self.force(z)[0], self.V)
 
     def motion_force_derivatives(self, z: Array) -> tuple[Array, Array, Array]:
         """Derivatives of f_q with respect to slave nodes, multipliers and q (collective).
 
         Args:
-            z: Multipliers, shape (slave nodes, 2) [stress].
+            z: Multipliers, shape (slave nodes, d) [stress].
 
         Returns:
-            Arrays (3, slave nodes, 2) [stress], (3, slave nodes, 2) [length] and (3, 3) [stress]. D
+            Arrays (m, slave nodes, d) [stress], (m, slave nodes, d) [length] and (m, m) [stress]. D
             depends on the nodes, V on nodes and motions.
         """
-        nodes = self.facet_nodes
-        sums = np.zeros((3, self.slave.num_nodes, 3, 2))
+        nodes, (_, count, dim) = self.facet_nodes, self.V.shape
+        sums = np.zeros((3, self.slave.num_nodes, count, dim))
         change = -np.einsum("ejkq,ejc,ekmc->emq", self.dD, z[nodes], self.V[nodes])
-        change = np.swapaxes(change.reshape(len(nodes), 3, nodes.shape[1], 2), 1, 2)
+        change = np.swapaxes(change.reshape(len(nodes), count, nodes.shape[1], dim), 1, 2)
         np.add.at(sums[0], nodes, change)
         np.add.at(sums[1], nodes, -np.einsum("ejk,ekmc->ejmc", self.D, self.V[nodes]))
         np.add.at(sums[2, :, 0], nodes, np.einsum("ejk,ejc->ekc", self.D, z[nodes]))
         sums = sum_over_ranks(self.slave.comm, sums)
         by_nodes, by_multipliers, forces = sums[0], sums[1], sums[2, :, 0]
-        turned = forces[:, ::-1] * [1.0, -1.0] / self.arm
-        by_nodes[:, 2] -= turned
-        by_motions = np.zeros((3, 3))
-        by_motions[2, :2] = turned.sum(axis=0)
+        turned = -np.einsum("iab,kb->kia", TURNS[dim], forces) / self.arm
+        by_nodes[:, dim:] -= turned
+        by_motions = np.zeros((count, count))
+        by_motions[dim:, :dim] = turned.sum(axis=0)
         moves = 0.0 if self.linearization.frozen else 1.0
         E_d, M_q = np.swapaxes(by_nodes, 0, 1), np.swapaxes(by_multipliers, 0, 1)
         return moves * E_d, M_q, moves * by_motions
 
     def reaction(self, z: Array) -> tuple[Array, Array]:
-        """Nearest points of the obstacle and forces there, each (slave nodes, 2) (collective).
+        """Nearest points of the obstacle and forces there, each (slave nodes, d) (collective).
 
         Units [length] and [stress length].
         """
         return self.nearest_points(), -self.force(z)[0]
 
     def nearest_points(self) -> Array:
-        """Points of the obstacle nearest to the slave nodes, shape (slave nodes, 2) [length]."""
+        """Points of the obstacle nearest to the slave nodes, shape (slave nodes, d) [length]."""
         return self.x + self.phi[:, None] * self.n
 
-    def sample_gaps(self, x: Array, s: Segments, points: Array) -> Array:
+    def sample_gaps(self, x: Array, s: Any, points: Array) -> Array:
         """Signed distances at points of each facet of this share (collective).
 
         Args:
-            x: Positions of the slave nodes, shape (slave nodes, 2) [length].
+            x: Positions of the slave nodes, shape (slave nodes, d) [length].
             s: Segments, one per facet.
-            points: Coordinates on the facets, -1 ... 1, shape (q,).
+            points: Coordinates on the facets, -1 ... 1, shape (q,), in space (q, 2).
 
         Returns:
             phi, shape (f, q) [length].
         """
         at = points_of(x[s.slave], points)
         distance = f"the distance of '{self.obstacle.name}'"
-        evaluate = partial(self.obstacle.evaluate, at.reshape(-1, 2))
+        evaluate = partial(self.obstacle.evaluate, at.reshape(-1, at.shape[2]))
         return call_together(self.slave.comm, distance, evaluate)[0].reshape(at.shape[:2])
 
+    def smallest_gaps(self, offset: Array) -> tuple[Array, Array]:
+        """Smallest distance of each facet in space at nodes and points, and its place (collective).
 
-def surface_without_nodes(slave: Surface, name: str) -> Surface:
+        Args:
+            offset: Subtracted from the distances, shape (slave nodes,) [length].
+
+        Returns:
+            Distances (f,) and places on the slave (f, 3), both [length].
+        """
+        s, x = self.segments, self.x + offset[:, None] * self.n
+        points = sample_points(s.slave.shape[1])
+        gaps = self.sample_gaps(x, s, points)
+        deepest = np.arange(len(gaps)), gaps.argmin(axis=1)
+        return gaps[deepest], points_of(x[s.slave], points)[deepest]
+
+
+def surface_without_nodes(slave: Curve, name: str) -> Curve:
     """Master surface without nodes, for a pair with an obstacle (local)."""
-    none, dofs, facets = np.empty(0, np.int64), np.empty((0, 2), np.int64), slave.facets[:0]
-    nodes = none, none, none, none, none
-    return Surface(name, slave.X[:0], facets, *nodes, dofs, dofs, slave.comm)
+    none, dofs = np.empty(0, np.int64), np.empty((0, slave.dim), np.int64)
+    return replace(
+        slave,
+        name=name,
+        X=slave.X[:0],
+        facets=slave.facets[:0],
+        nodes=none,
+        owners=none,
+        owned=none,
+        previous=none,
+        following=none,
+        dofs=dofs,
+        local_dofs=dofs,
+        thickness=None,
+        roles=None,
+    )
+
+
+@dataclass(frozen=True)
+class WholeFacets:
+    """Facets in space that face an obstacle, each of them one segment without master nodes.
+
+    Attributes:
+        facets: Numbers of the facets, shape (f,).
+        slave: Their nodes, shape (f, K).
+    """
+
+    facets: Indices
+    slave: Indices
+
+    @property
+    def num_segments(self) -> int:
+        """Number of facets."""
+        return len(self.slave)
+
+    @property
+    def master(self) -> Indices:
+        """No nodes, shape (f, 0)."""
+        return np.empty((len(self.slave), 0), np.int64)
+
+    @property
+    def owner(self) -> Indices:
+        """Position in ``facets`` of the facet of each segment, shape (f,)."""
+        return np.arange(len(self.slave))
+
+    @property
+    def pairs(self) -> Indices:
+        """No pairs of segments, shape (0, 2)."""
+        return np.empty((0, 2), np.int64)
 
 
 @clock("integrals")
 def evaluate_obstacle(
-    slave: Surface,
-    master: Surface,
+    slave: Curve | Faces,
+    master: Curve | Faces,
     obstacle: Obstacle,
     arm: float,
     x: Array,
-    multiplier_nodes: npt.NDArray[np.bool_],
-    prescribed_normals: Array,
+    multiplier_nodes: Flags,
+    planes: Array,
     options: MortarOptions,
     linearization: Linearization,
 ) -> ObstacleOperators:
@@ -169,10 +247,10 @@ def evaluate_obstacle(
         master: Surface without nodes.
         obstacle: The other side.
         arm: Length by which angles are multiplied [length].
-        x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
+        x: Current positions of the slave nodes, shape (slave nodes, d) [length].
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
-        prescribed_normals: Normals that replace the obstacle's, shape (slave nodes, 2); nan where
-            none is prescribed.
+        planes: Normals that replace the obstacle's, nan where none does, shape (slave nodes, 2); in
+            space matrices that remove components of normals, shape (slave nodes, 3, 3).
         options: Discretization.
         linearization: Derivatives to evaluate; the others are zero.
 
@@ -180,79 +258,52 @@ def evaluate_obstacle(
         The operators.
     """
     distance = f"the distance of '{obstacle.name}'"  # each rank evaluates other points
-    rule = facet_rule(options.integration, slave.degree + 1, options.points)
+    size, dim = slave.facets.shape[1], slave.dim
+    rule = whole_rule(options, slave.degree, size)
 
     def of_share():
-        normals = obstacle_normals(obstacle, arm, x, slave.degree)
+        normals = obstacle_normals(obstacle, arm, x, slave.degree, None if dim == 2 else planes)
         facets = share_of(np.flatnonzero(multiplier_nodes[slave.facets].any(axis=1)), slave.comm)
-        facets = facets[_faces(obstacle, x[slave.facets[facets]], rule[0], options)]
+        facets = facets[facing_facets(obstacle, x[slave.facets[facets]], rule[0], options)]
         nodes = slave.facets[facets]
-        weights = hand_over(multiplier_nodes[nodes])
+        weights = _hand_over(multiplier_nodes[nodes], dim, options)
         thickness = facet_thickness(slave, x, nodes)
         of_facets = integrate_facets(obstacle, arm, x[nodes], weights, rule, options, thickness)
         return normals, facets, of_facets
 
-    normals, facets, integrals = call_together(slave.comm, distance, of_share)
+    normals, facets, of_facets = call_together(slave.comm, distance, of_share)
     phi, n, dn, dn_dq = normals
-    given = np.isfinite(prescribed_normals[:, 0])
-    n[given], dn[given], dn_dq[given] = prescribed_normals[given], 0.0, 0.0
+    if dim == 2:
+        given = np.isfinite(planes[:, 0])
+        n[given], dn[given], dn_dq[given] = planes[given], 0.0, 0.0
     if not linearization.normals:
         dn, dn_dq = np.zeros_like(dn), np.zeros_like(dn_dq)
-    D, dD, gap, dgap, by_motions, cover = integrals
+    D, dD, gap, dgap, by_motions, cover = of_facets
+    cover = cover if dim == 2 else covers(cover)
     nodes, V = slave.facets[facets], obstacle.motions(x, arm)
     if linearization.frozen:
         by_motions = np.einsum("ejk,ejc,ekmc->ejm", D, n[nodes], V[nodes])
-    nodal = sum_over_facets(slave, nodes, D, gap, cover)
-    dgap_dq = np.zeros((len(x), 3))
+    diagonal, gap, cover, weight = sum_over_facets(slave, nodes, D, gap, cover)
+    dgap_dq = np.zeros(V.shape[:2])
     np.add.at(dgap_dq, nodes, by_motions)
     dgap_dq = sum_over_ranks(slave.comm, dgap_dq)
     count, size, columns = dgap.shape
+    in_plane = dim == 2
+    segments = _as_segments(facets, nodes, rule) if in_plane else WholeFacets(facets, nodes)
     return ObstacleOperators(
-        slave, master, x, master.X, n, dn, _as_segments(facets, nodes, rule), D,
-        np.zeros((count, size, 0)), dD, np.zeros((0, size, 0, columns)), dgap, *nodal,
-        slave.comm.allreduce(count), linearization, obstacle, arm, phi, V, dn_dq, dgap_dq,
+        slave=slave, master=master, x=x, m=master.X, n=n, dn=dn,
+        segments=segments, D=D, M=np.zeros((count, size, 0)), dD=dD,
+        dM=np.zeros((0, size, 0, columns)), dgap=dgap, diagonal=diagonal, gap=gap, cover=cover,
+        weight=weight, num_segments=slave.comm.allreduce(count), linearization=linearization,
+        obstacle=obstacle, arm=arm, phi=phi, V=V, dn_dq=dn_dq, dgap_dq=dgap_dq,
     )  # fmt: skip
 
 
-def obstacle_normals(
-    obstacle: Obstacle, arm: float, x: Array, degree: int
-) -> tuple[Array, Array, Array, Array]:
-    """Signed distance and normals of the slave nodes, with derivatives of the normals (local).
-
-    Args:
-        obstacle: The obstacle.
-        arm: Length by which angles are multiplied [length].
-        x: Current positions of the slave nodes, shape (n, 2) [length].
-        degree: Degree of the facets.
-
-    Returns:
-        phi (n,) [length], normals (n, 2), and their derivatives with respect to nodes,
-        (n, 2, 4 degree + 2), as ``MortarOperators.dn``, and by motions, (n, 2, 3), both
-        [1 / length].
-    """
-    phi, gradient, hessian = obstacle.evaluate(x)
-    size = np.sqrt((gradient**2).sum(axis=1))[:, None]
-    n = -gradient / size
-    across = (np.eye(2) - np.einsum("ja,jb->jab", n, n)) / size[:, :, None]
-    change = -hessian @ np.swapaxes(obstacle.motions(x, arm), 1, 2)
-    change[:, 0, 2] -= gradient[:, 1] / arm
-    change[:, 1, 2] += gradient[:, 0] / arm
-    dn = np.zeros((len(x), 2, 4 * degree + 2), n.dtype)
-    dn[:, :, 2 * degree : 2 * degree + 2] = -across @ hessian
-    return phi, n, dn, -across @ change
-
-
-def _faces(
-    obstacle: Obstacle, x: Array, points: Array, options: MortarOptions
-) -> npt.NDArray[np.bool_]:
-    """Whether facets at ``x`` (f, K, 2) face the obstacle within the search radius, (f,)."""
-    at = points_of(x, points)
-    phi, gradient, _ = obstacle.evaluate(at.reshape(-1, 2))
-    near = np.abs(phi).reshape(at.shape[:2]).min(axis=1, initial=np.inf) <= options.radius
-    chord, towards = x[:, -1] - x[:, 0], -gradient.reshape(at.shape).sum(axis=1)
-    normal = np.stack([chord[:, 1], -chord[:, 0]], axis=1)
-    sizes = np.linalg.norm(normal, axis=1) * np.linalg.norm(towards, axis=1)
-    return near & ((normal * towards).sum(axis=1) >= options.min_cosine * sizes)
+def _hand_over(carries: Flags, dim: int, options: MortarOptions) -> Array:
+    """H of facets in the plane or in space, by whether nodes carry multipliers, (f, K, K)."""
+    if dim == 2:
+        return integrals.hand_over(carries)
+    return space_mortar.hand_over(carries, at_corners=options.basis in AT_VERTICES)
 
 
 def facet_thickness(slave: Surface, x: Array, nodes: Indices) -> tuple[Array, float] | None:

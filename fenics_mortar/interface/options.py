@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 from fenics_mortar.interface.segments import Integration
 from fenics_mortar.kernels import basis, normals
@@ -27,6 +27,15 @@ GAP_WEIGHTS = {
     "standard": basis.BY_STANDARD,
 }
 WEIGHTINGS = {"opposite": normals.OPPOSITE, "unit": normals.UNIT, "own": normals.OWN}
+
+
+def basis_on(surface: Any, basis: Basis) -> Basis:
+    """Basis of the multipliers on a surface (local).
+
+    Triangles with six nodes have "linear" functions at their corners: there the integral of the
+    quadratic function is zero, and a dual one does not exist.
+    """
+    return "linear" if surface.dim == 3 and surface.facets.shape[1] == 6 else basis
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.interface.surfaces import Surface, replicate
+from fenics_mortar.interface.curve_surface import Curve
+from fenics_mortar.interface.surfaces import replicate
 from fenics_mortar.interface.tagged_facets import facet_nodes
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Indices
@@ -102,21 +103,21 @@ class Outline:
         order = np.argsort(self.nodes)
         return order[np.searchsorted(self.nodes[order], nodes)]
 
-    def segments_of(self, surface: Surface) -> Indices:
+    def segments_of(self, surface: Curve) -> Indices:
         """End nodes of the segments of a surface's facets, facet by facet, shape (k, 2)."""
         at = self.indices_of(surface.nodes)[surface.facets]
         return np.stack([at[:, :-1].ravel(), at[:, 1:].ravel()], axis=1)
 
-    def are_of(self, surface: Surface) -> npt.NDArray[np.bool_]:
+    def are_of(self, surface: Curve) -> npt.NDArray[np.bool_]:
         """Whether each segment belongs to a surface, shape (m,), bool."""
         key = np.array([len(self.X), 1])
         return np.isin(self.segments @ key, self.segments_of(surface) @ key)
 
-    def bodies_of(self, surface: Surface) -> Indices:
+    def bodies_of(self, surface: Curve) -> Indices:
         """Body of each facet of a surface, shape (f,)."""
         return self.bodies[self.indices_of(surface.nodes)[surface.facets[:, 0]]]
 
-    def without(self, surface: Surface, nodes: Indices) -> Outline:
+    def without(self, surface: Curve, nodes: Indices) -> Outline:
         """The outlines without the tied facets of a surface (local).
 
         Args:

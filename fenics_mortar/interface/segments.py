@@ -24,8 +24,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from fenics_mortar.interface.behind import BodiesBehind, nothing_behind
+from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.measures import POINTS
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import search
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
@@ -83,8 +83,8 @@ class Segments:
 
 @clock("search")
 def find_segments(
-    slave: Surface,
-    master: Surface,
+    slave: Curve,
+    master: Curve,
     x: Array,
     n: Array,
     m: Array,

@@ -23,9 +23,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.curves import FOLD
 from fenics_mortar.interface.roles import Roles
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import SAME_PLACE
 
@@ -34,7 +34,7 @@ from fenics_mortar.utils.rounding import SAME_PLACE
 DIGITS = round(-np.log10(SAME_PLACE))
 
 
-def in_contact_with_itself(surface: Surface, may_carry: Flags) -> Surface:
+def in_contact_with_itself(surface: Curve, may_carry: Flags) -> Curve:
     """Copy of a surface with the roles of its facets (local).
 
     Args:
@@ -61,7 +61,7 @@ def in_contact_with_itself(surface: Surface, may_carry: Flags) -> Surface:
     return replace(surface, roles=Roles(keys, arcs, ends_at_junctions(surface)))
 
 
-def ends_at_junctions(surface: Surface) -> Indices:
+def ends_at_junctions(surface: Curve) -> Indices:
     """Junction of cracks at both ends of each facet and crack that leaves it, (f, 2, 2) (local).
 
     -1 where there is none. Faces are those of one crack if they fold back on each other at the
@@ -81,7 +81,7 @@ def ends_at_junctions(surface: Surface) -> Indices:
     return found
 
 
-def facets_by_curve(surface: Surface) -> list[Indices]:
+def facets_by_curve(surface: Curve) -> list[Indices]:
     """Numbers of the facets of each curve, in order along it, shape (facets,) each (local)."""
     begins = np.full(surface.num_nodes, -1)
     begins[surface.facets[:, 0]] = np.arange(len(surface.facets))
@@ -98,7 +98,7 @@ def facets_by_curve(surface: Surface) -> list[Indices]:
     return curves
 
 
-def starts_of_holes(surface: Surface) -> Indices:
+def starts_of_holes(surface: Curve) -> Indices:
     """First nodes of closed curves around empty holes, shape (k,) (local).
 
     At the start of such a curve roles change within a face that may touch the opposite face. With

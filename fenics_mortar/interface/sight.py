@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 
 from fenics_mortar.interface.behind import BodiesBehind
+from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.outline import Outline
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.sight import tabulate_lengths
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import ROUNDING
@@ -38,7 +38,7 @@ class Sight:
         outline: Outlines of the bodies of the two surfaces.
     """
 
-    def __init__(self, outline: Outline, slave: Surface, master: Surface, normals: Array) -> None:
+    def __init__(self, outline: Outline, slave: Curve, master: Curve, normals: Array) -> None:
         bodies = [outline.bodies_of(side) for side in (slave, master)]
         self.outline = outline = outline.of_bodies(np.unique(np.concatenate(bodies)))
         self._slave_bodies, self._master_bodies = bodies

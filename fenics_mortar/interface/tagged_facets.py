@@ -17,12 +17,46 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import SurfaceError, count_points
 
 
+def tagged_facets(
+    mesh: Any, facet_tags: Any, tags: Sequence[int], name: str
+) -> npt.NDArray[np.int32]:
+    """Local facets of some tags that this rank owns, shape (m,) (collective).
+
+    A facet is included if any rank tags it, whether that rank owns the facet or not.
+
+    Args:
+        mesh: The mesh.
+        facet_tags: Its facet tags.
+        tags: The tags.
+        name: Name of the surface, used in messages.
+
+    Raises:
+        SurfaceError: On all ranks, if a facet is not on the boundary of the mesh.
+    """
+    dim = mesh.topology.dim
+    mesh.topology.create_connectivity(dim - 1, dim)
+    mesh.topology.create_connectivity(dim, dim - 1)
+    facet_map = mesh.topology.index_map(dim - 1)
+    begin, end = facet_map.local_range
+    tagged = np.concatenate([facet_tags.find(tag) for tag in tags])
+    tagged = facet_map.local_to_global(tagged.astype(np.int32))
+    tagged = np.unique(np.concatenate(mesh.comm.allgather(tagged)))
+    tagged = (tagged[(tagged >= begin) & (tagged < end)] - begin).astype(np.int32)
+    inside = np.setdiff1d(tagged, dmesh.exterior_facet_indices(mesh.topology)).astype(np.int32)
+    midpoints = dmesh.compute_midpoints(mesh, dim - 1, inside)[:, :dim]
+    count, where = count_points(mesh.comm, midpoints)
+    if count:
+        raise SurfaceError(
+            f"surface '{name}': {count} of its facets are not on the boundary of the mesh, "
+            f"one at {where}; expected facets of the outline of one body"
+        )
+    return tagged
+
+
 def local_facets(
     V: Any, facet_tags: Any, tags: Sequence[int], name: str
 ) -> tuple[Indices, Array, Indices]:
     """Facets of some tags that this rank owns (collective).
-
-    A facet is included if any rank tags it, whether that rank owns the facet or not.
 
     Args:
         V: Space of the displacement.
@@ -37,23 +71,7 @@ def local_facets(
     Raises:
         SurfaceError: On all ranks, if a facet is not on the boundary of the mesh.
     """
-    mesh = V.mesh
-    mesh.topology.create_connectivity(1, 2)
-    mesh.topology.create_connectivity(2, 1)
-    facet_map = mesh.topology.index_map(1)
-    begin, end = facet_map.local_range
-    tagged = np.concatenate([facet_tags.find(tag) for tag in tags])
-    tagged = facet_map.local_to_global(tagged.astype(np.int32))
-    tagged = np.unique(np.concatenate(mesh.comm.allgather(tagged)))
-    tagged = (tagged[(tagged >= begin) & (tagged < end)] - begin).astype(np.int32)
-    inside = np.setdiff1d(tagged, dmesh.exterior_facet_indices(mesh.topology)).astype(np.int32)
-    count, where = count_points(mesh.comm, dmesh.compute_midpoints(mesh, 1, inside)[:, :2])
-    if count:
-        raise SurfaceError(
-            f"surface '{name}': {count} of its facets are not on the boundary of the mesh, "
-            f"one at {where}; expected facets of the outline of one body"
-        )
-    ends = facet_nodes(V, tagged)
+    ends = facet_nodes(V, tagged_facets(V.mesh, facet_tags, tags, name))
     names = input_nodes(V)
     given = np.where((names[:, 1:] < 0).all(axis=1), names[:, 0], -1)
     to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.utils.arrays import Indices
 
 
-def surface_of_vertices(surface: Surface) -> tuple[Surface, Indices]:
+def surface_of_vertices(surface: Curve) -> tuple[Curve, Indices]:
     """The surface without the inner nodes of its facets (local).
 
     Returns:

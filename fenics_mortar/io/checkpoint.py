@@ -3,7 +3,7 @@
 
 In addition to the state, with the history functions of the bodies, these are data of earlier
 solves: the weight of gaps after a cycle of active sets, offsets, the positions of obstacles for
-which the operators of small sliding were evaluated, and the present model of the hierarchy.
+which the operators of small sliding were evaluated, and the slip counted by a model check.
 Partners of slave nodes follow from the state. A run continued from a checkpoint equals the
 uninterrupted one, except for the initial guess of its first step: ``follow_path`` extrapolates its
 own steps only.

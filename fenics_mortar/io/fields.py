@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What files and pictures contain: values at the nodes, in the cells and on the slave surfaces.
+"""What files, tables and pictures contain: values of bodies and surfaces, outlines of obstacles.
 
 Lagrange functions are interpolated to the nodes of the displacement. Other UFL expressions are
 evaluated at the midpoints of the cells, or averaged over them if they contain functions that exist
@@ -19,15 +19,18 @@ from dolfinx import fem
 from ufl.algorithms import extract_arguments, extract_coefficients
 from ufl.domain import extract_domains
 
-from fenics_mortar.bulk.reference_cell import DEGREES, ReferenceCell
+from fenics_mortar.bulk.cells import DEGREES, midpoint_of
+from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.utils.files import try_together
+from fenics_mortar.utils.files import MarkdownText, markdown_table, try_together
+from fenics_mortar.utils.ranks import largest_over_ranks
 
 
 def check_problem(problem: Any) -> None:
@@ -52,7 +55,9 @@ def check_name(name: Any) -> None:
 
 def owned_cells(problem: ContactProblem) -> Indices:
     """Nodes of the owned cells, shape (cells, nodes), in the order of dolfinx (local)."""
-    num_cells = problem.equations.bulk.V.mesh.topology.index_map(2).size_local
+    num_cells = problem.equations.bulk.V.mesh.topology.index_map(
+        problem.equations.bulk.space.dim
+    ).size_local
     return compat.dofmap(problem.equations.bulk.V)[:num_cells].astype(np.int64)
 
 
@@ -77,11 +82,19 @@ def surface_fields(contact: Contact | Tie, u: Array) -> dict[str, Array]:
     return friction | {
         "displacement": contact.slave.gather(u),
         "contact_pressure": contact.pressure,
-        "tangential_traction": np.einsum("jc,jc->j", o.tau, contact.z_u),
+        "tangential_traction": _tangential(contact),
         "gap": contact.gap,
         "status": contact.active.astype(np.int32),
         "normal": o.n,
     }
+
+
+def _tangential(contact: Contact | Tie) -> Array:
+    """Tangential traction [stress]: along tau in the plane, (n,), a vector in space, (n, 3)."""
+    o, z = contact.operators, contact.z_u
+    if z.shape[1] == 2:
+        return np.asarray(np.einsum("jc,jc->j", o.tau, z))
+    return np.asarray(z - (z * o.n).sum(axis=1)[:, None] * o.n)
 
 
 class CellField:
@@ -119,9 +132,10 @@ class CellField:
         degree = _degree_of_points(expression)
         if degree is not None:
             return _cell_means(V.mesh, expression, degree)
-        midpoint = ReferenceCell(compat.cell_name(V.mesh)).midpoint
+        midpoint = midpoint_of(compat.cell_name(V.mesh))
         compiled = compat.create_expression(given, midpoint)
-        cells = np.arange(V.mesh.topology.index_map(2).size_local, dtype=np.int32)
+        owned = V.mesh.topology.index_map(V.mesh.topology.dim).size_local
+        cells = np.arange(owned, dtype=np.int32)
         return partial(compat.evaluate_expression, compiled, V.mesh, cells)
 
     def evaluate(self) -> Array:
@@ -144,7 +158,7 @@ def _degree_of_points(expression: Any) -> int | None:
 def _cell_means(mesh: Any, expression: Any, degree: int) -> Callable[[], Array]:
     """Function that returns the L2 projection onto constants on each cell (collective)."""
     V = compat.scalar_space(mesh, 0, "DG")
-    cells = compat.dofmap(V)[: mesh.topology.index_map(2).size_local, 0]
+    cells = compat.dofmap(V)[: mesh.topology.index_map(mesh.topology.dim).size_local, 0]
     metadata = {"quadrature_degree": degree, "quadrature_scheme": "default"}
     test, measure = ufl.TestFunction(V), ufl.Measure("dx", domain=mesh, metadata=metadata)
     components = [expression[i] if i else expression for i in np.ndindex(expression.ufl_shape)]
@@ -162,7 +176,7 @@ class NodalField:
 
     Args:
         problem: The problem on whose mesh the function is defined.
-        function: A scalar or plane vector function for which ``has_nodes`` is true.
+        function: A scalar or vector function for which ``has_nodes`` is true.
     """
 
     def __init__(self, problem: ContactProblem, function: fem.Function) -> None:
@@ -172,30 +186,30 @@ class NodalField:
         self._own = fem.Function(self._space)
         degree = DEGREES[V.dofmap.dof_layout.num_dofs]
         space = compat.scalar_space if self._is_scalar else compat.vector_space
-        self._at_nodes = fem.Function(space(V.mesh, degree))
+        self._at_nodes, self._dim = fem.Function(space(V.mesh, degree)), V.mesh.geometry.dim
         cells = owned_cells(problem)
         first = np.unique(cells, return_index=True)[1]
         self._dofs = compat.dofmap(self._at_nodes.function_space)[: len(cells)].ravel()[first]
 
     def evaluate(self) -> Array:
-        """Values [unit of the field] at the nodes of owned cells, shape (nodes,) or (nodes, 2).
+        """Values [unit of the field] at the nodes of owned cells, (nodes,) or (nodes, dim).
 
         Nodes are in the order of the dofs of the displacement (local).
         """
         self._own.x.array[:] = self._function.x.array[self._parent_dofs]
         self._at_nodes.interpolate(self._own)
         values = self._at_nodes.x.array
-        return values[self._dofs] if self._is_scalar else values.reshape(-1, 2)[self._dofs]
+        return values[self._dofs] if self._is_scalar else values.reshape(-1, self._dim)[self._dofs]
 
 
 def has_nodes(problem: ContactProblem, field: Any) -> bool:
     """Whether a field has values at nodes (collective).
 
-    This holds for scalar and plane vector functions of Lagrange spaces on the mesh of the problem,
+    This holds for scalar and vector functions of Lagrange spaces on the mesh of the problem,
     with a degree up to that of the displacement, and for such parts of mixed functions.
     """
     V = problem.equations.bulk.V
-    if not isinstance(field, fem.Function) or field.ufl_shape not in ((), (2,)):
+    if not isinstance(field, fem.Function) or field.ufl_shape not in ((), (V.mesh.geometry.dim,)):
         return False
     if field.function_space.mesh is not V.mesh:
         return False
@@ -212,3 +226,105 @@ def _space_of(function: fem.Function) -> tuple[fem.FunctionSpace, slice | Indice
         return space, slice(None)
     collapsed, dofs = space.collapse()
     return collapsed, np.asarray(dofs, dtype=np.int64)
+
+
+# Number of points per direction of the grid on which outlines of obstacles are searched: its cells
+# are narrower than the lines of a picture.
+GRID = 400
+
+
+def bounding_box(bulk: Bulk) -> tuple[Array, Array]:
+    """Lower and upper corner of a box around deformed bodies, (dim,) [length] (collective)."""
+    x = bulk.positions()
+    ends = np.concatenate([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
+    ends = largest_over_ranks(bulk.comm, ends)
+    dim = x.shape[1]
+    return with_margin(-ends[:dim], ends[dim:])
+
+
+def with_margin(low: Array, high: Array) -> tuple[Array, Array]:
+    """A box with a margin of 15 % of its longer side, where obstacles are drawn (local).
+
+    Args:
+        low: Lower corner of a box, shape (2,) [length].
+        high: Upper corner, shape (2,) [length].
+    """
+    margin = 0.15 * (high - low).max()
+    return low - margin, high + margin
+
+
+def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices, Array]:
+    """Outline phi = 0 of an obstacle in a box, as line segments (local).
+
+    For an obstacle outside the box it is a line of zero length at the pivot, since files without
+    points are unreadable.
+
+    Args:
+        obstacle: The obstacle.
+        low: Lower corner of the box, shape (2,) [length].
+        high: Upper corner, shape (2,) [length].
+
+    Returns:
+        Points in the obstacle's frame (n, 2) [length], ends of the segments (m, 2), and
+        displacements of the points (n, 2) [length].
+    """
+    lines = _zeros(obstacle, low, high) or [np.tile(obstacle.pivot + obstacle.place[:2], (2, 1))]
+    points = np.concatenate(lines)
+    first = np.setdiff1d(np.arange(len(points)), np.cumsum([len(line) for line in lines]) - 1)
+    own = obstacle.to_own_frame(points)
+    return own, np.stack([first, first + 1], axis=1), points - own
+
+
+def _zeros(obstacle: Obstacle, low: Array, high: Array) -> list[Array]:
+    """Polylines phi = 0 in a box, each (n, 2) [length] (local)."""
+    from matplotlib.figure import Figure
+
+    x, y, points = grid(low, high)
+    phi = obstacle.evaluate(points)[0].reshape(GRID, GRID)
+    if not phi.min() < 0.0 < phi.max():
+        return []
+    lines = Figure().add_subplot().contour(x, y, phi, [0.0]).allsegs[0]
+    for _ in range(2):  # Newton steps from the chords of the grid to the curve
+        fields = [obstacle.evaluate(line) for line in lines]
+        lines = [
+            line - (phi / (gradient**2).sum(axis=1))[:, None] * gradient
+            for line, (phi, gradient, _) in zip(lines, fields, strict=True)
+        ]
+    return lines
+
+
+def grid(low: Array, high: Array) -> tuple[Array, Array, Array]:
+    """Grid in the box from ``low`` to ``high``, each (2,) [length] (local).
+
+    Returns:
+        Coordinates x and y, each (GRID,), and points (GRID^2, 2) [length].
+    """
+    x, y = (np.linspace(a, b, GRID) for a, b in zip(low, high, strict=True))
+    return x, y, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def contact_table(problem: ContactProblem) -> MarkdownText:
+    """Markdown table of forces, active nodes, pressure and gap of each pair (collective).
+
+    Forces act on the bodies [stress length], or on whole bodies of revolution [force]. The pressure
+    is the largest nodal value [stress]; the last column is the smallest mean gap of a slave node
+    over its length [1].
+
+    Raises:
+        ValueError: If ``problem`` is not a ``ContactProblem``.
+    """
+    check_problem(problem)
+    head = "pair|force on slave|force on master|sum|active|max pressure|min gap/length".split("|")
+    rows = []
+    for contact in evaluated_contacts(problem):
+        o, z = contact.operators, contact.z_u
+        forces = [-force.sum(axis=0) for force in (o.force(z)[0], o.reaction(z)[1])]
+        gap = (contact.gap / contact.slave.nodal_lengths)[contact.covered]
+        cells = [f"{contact.slave.name} - {contact.master.name}"]
+        sums = [force + 0.0 for force in (*forces, forces[0] + forces[1])]  # -0.0 becomes 0.0
+        cells += [f"({', '.join(f'{value:.4e}' for value in force)})" for force in sums]
+        cells += [f"{contact.active.sum()} of {contact.slave.num_nodes}"]
+        gap_text = f"{gap.min() + 0.0:.2e}" if gap.size else "-"
+        cells += [f"{contact.pressure.max() + 0.0:.4e}", gap_text]
+        rows.append(cells)
+    return MarkdownText(markdown_table(head, rows, left=(0,)))

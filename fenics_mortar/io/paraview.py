@@ -20,14 +20,16 @@ import numpy as np
 from fenics_mortar.io.fields import (
     CellField,
     NodalField,
+    bounding_box,
     check_name,
     check_problem,
     evaluated_contacts,
     has_nodes,
+    outline,
     owned_cells,
     surface_fields,
 )
-from fenics_mortar.io.outlines import bounding_box, outline
+from fenics_mortar.mesh.kinds import KINDS
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_kind, check_number
@@ -42,6 +44,15 @@ CELLS = {
     4: ("quad", [0, 1, 3, 2]),
     6: ("triangle6", [0, 1, 2, 5, 3, 4]),
     9: ("quad9", [0, 1, 3, 2, 4, 6, 7, 5, 8]),
+}
+# The same of solids, and of their facets, whose nodes are in the order of VTK.
+SOLIDS = {
+    number: (name, np.argsort(KINDS[3, number].order).tolist())
+    for number, name in ((4, "tetra"), (10, "tetra10"), (8, "hexahedron"), (27, "hexahedron27"))
+}
+FACES = {
+    number: (name, list(range(number)))
+    for number, name in ((3, "triangle"), (4, "quad"), (6, "triangle6"), (9, "quad9"))
 }
 
 
@@ -60,10 +71,10 @@ class ResultsWriter:
     Each step has the blocks "bodies", "surfaces" (the slaves) and "obstacles" in the folder
     ``<path>``. Bodies have the displacement [length] and Lagrange functions among ``fields`` at
     their nodes, of degree 2 also at the midpoints of edges, and other fields at the midpoints of
-    their cells. A slave surface has at its nodes the displacement [length], the
-    contact pressure [stress], the tangential traction tau . z [stress], the mean gap [length], nan
-    without partner, the slip of the last step [length], the status (0 open, 1 active), whether it
-    sticks (0, 1) and the normal. Obstacles are outlines in a box around the bodies, with their
+    their cells. A slave surface has at its nodes the displacement [length], the contact pressure
+    [stress], the tangential traction tau . z, in space a vector [stress], the mean gap [length],
+    nan without partner, the slip of the last step [length], the status (0 open, 1 active), whether
+    it sticks (0, 1) and the normal. Obstacles are outlines in a box around the bodies, with their
     displacement [length]. Positions are those of the reference state: warp by displacement.
 
     Args:
@@ -114,6 +125,7 @@ class ResultsWriter:
                 self._fields[name] = CellField(problem, field, name)
         cells = owned_cells(problem)
         self._nodes, numbers = np.unique(cells, return_inverse=True)
+        self._dim: int = problem.equations.bulk.space.dim
         self._X = problem.equations.bulk.V.tabulate_dof_coordinates()[self._nodes]
         self._cells = numbers.reshape(cells.shape)
         ranks = np.flatnonzero(self._comm.allgather(len(cells) > 0)).tolist()
@@ -141,11 +153,12 @@ class ResultsWriter:
         cell_data = {name: field.evaluate() for name, field in self._fields.items()}
         data = {"displacement": u[dofs[self._nodes]]}
         data |= {name: field.evaluate() for name, field in self._nodal.items()}
-        bodies = partial(_piece, self._X, self._cells, CELLS, data, cell_data)
+        kinds, facet_kinds = (CELLS, FACETS) if self._dim == 2 else (SOLIDS, FACES)
+        bodies = partial(_piece, self._X, self._cells, kinds, data, cell_data)
         pieces = [bodies for block in self._blocks if block.group == "bodies"]
         for contact in evaluated_contacts(problem):
             X, facets = contact.slave.X, contact.slave.facets
-            pieces.append(partial(_piece, X, facets, FACETS, surface_fields(contact, u)))
+            pieces.append(partial(_piece, X, facets, facet_kinds, surface_fields(contact, u)))
         box = bounding_box(problem.equations.bulk)
         for obstacle in problem.equations.motions.obstacles:
             pieces.append(partial(_outline_piece, obstacle, *box))

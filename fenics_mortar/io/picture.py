@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,13 +14,17 @@ from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.io.fields import (
+    GRID,
     CellField,
     check_name,
     check_problem,
     evaluated_contacts,
+    grid,
     owned_cells,
+    with_margin,
 )
-from fenics_mortar.io.outlines import GRID, grid, with_margin
+from fenics_mortar.io.picture_in_space import drawing_of_solids
+from fenics_mortar.io.style import BODIES, GREY, INK, PRESSURE, Style, colours, pressure_label
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_kind, check_number
@@ -27,12 +32,8 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import together
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
 
-INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
-SEQUENTIAL, DIVERGING = "YlGnBu", "RdBu_r"
-# A field has both signs if the largest value of one sign is at least this fraction of the largest
-# of the other sign [1]: smaller values may be discretization errors, and half of the colours would
-# not be used.
-SIGNED = 0.2
+# Function that draws into axes, or into those of a new figure, and returns them.
+Draw = Callable[[Any], Any]
 
 
 def plot(
@@ -50,7 +51,8 @@ def plot(
 ) -> None:
     """Draw the deformed bodies and the pressure on the slave surfaces (collective).
 
-    The axes have equal scales. Fields of both signs have a diverging map with white at zero.
+    The axes have equal scales. Fields of both signs have a diverging map with white at zero. Of
+    solids the outer facets are drawn, and the places of the largest pressures.
 
     Args:
         problem: The problem to draw.
@@ -66,8 +68,8 @@ def plot(
         limits: Smallest and largest value of the colours [unit of ``stress``]; by default those of
             the field, symmetric about zero if it has both signs.
         cmap: Colour map of matplotlib, or its name.
-        ax: Axes of matplotlib on the first rank, instead of a new figure; other ranks may pass
-            ``None``. Without ``path`` no file is written.
+        ax: Axes of matplotlib on the first rank, instead of a new figure, for solids those of a
+            "3d" projection; other ranks may pass ``None``. Without ``path`` no file is written.
 
     Raises:
         MortarError: On all ranks, if the expression cannot be evaluated or the file not be written.
@@ -85,36 +87,13 @@ def plot(
     if comm.bcast(path is not None):
         file = without_suffix(comm, "" if path is None else path, ".png")
         make_folder(comm, file.parent)
-    cells = owned_cells(problem)
-    x = problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2]
-    x = x + scale * problem.equations.bulk.u.x.array[problem.equations.bulk.space.dofs]
-    nodes = problem.equations.bulk.V.dofmap.index_map.local_to_global(
-        cells.ravel().astype(np.int32)
-    ).reshape(cells.shape)
-    values = np.zeros(len(cells)) if field is None else field.evaluate()
-    branches: Any = comm.gather((nodes, x[cells], values))
-    contacts = evaluated_contacts(problem)
+    values = None if field is None else field.evaluate()
+    style = Style(label, title, scale, units, limits, cmap)
+    prepare = _drawing if problem.equations.bulk.space.dim == 2 else drawing_of_solids
+    drawing: Draw = prepare(problem, values, style)
 
     def draw() -> None:
-        nodes, polygons, values = (np.concatenate(parts) for parts in zip(*branches, strict=True))
-        low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
-        axes = _new_axes(high - low) if ax is None else ax
-        axes.set_aspect("equal")
-        axes.set_title(title or "")
-        bodies = _draw_bodies(axes, nodes, polygons, None if field is None else values)
-        if field is not None:
-            bodies.set(**_colours(values, limits, cmap))
-            inset = axes.inset_axes((1.03, 0.0, 0.025, 1.0))
-            bar = axes.figure.colorbar(bodies, cax=inset, label=label)
-            bar.outline.set_visible(False)
-        _draw_obstacles(axes, problem.equations.motions.obstacles, *with_margin(low, high))
-        open_pairs = [c for c in contacts if not isinstance(c, Tie)]
-        height = 0.1 * float(np.sqrt(np.prod(high - low)))
-        _draw_pressure(axes, open_pairs, scale, height, "" if units is None else f" {units[1]}")
-        if scale != 1.0:
-            axes.plot([], [], " ", color=INK, label=f"displacement x {scale:g}")
-        names = ("r", "z") if problem.equations.bulk.space.is_axisymmetric else ("x", "y")
-        _finish_axes(axes, names, units)
+        axes = drawing(ax)
         if file is not None:
             draw_to = partial(axes.figure.savefig, dpi=200, bbox_inches="tight")
             write_whole(file.with_name(f"{file.name}.png"), draw_to)
@@ -122,6 +101,46 @@ def plot(
     try_together(
         comm, comm.rank == 0, draw, "cannot draw" if file is None else f"cannot draw '{file}.png'"
     )
+
+
+def _drawing(problem: ContactProblem, values: Array | None, style: Style) -> Draw:
+    """Function that draws plane bodies on the first rank (collective).
+
+    Args:
+        problem: The problem.
+        values: Values of a field in the owned cells, shape (cells,), or ``None``.
+        style: Style of the picture.
+    """
+    cells, bulk = owned_cells(problem), problem.equations.bulk
+    x = bulk.V.tabulate_dof_coordinates()[:, :2]
+    x = x + style.scale * bulk.u.x.array[bulk.space.dofs]
+    nodes = bulk.V.dofmap.index_map.local_to_global(cells.ravel().astype(np.int32))
+    given = np.zeros(len(cells)) if values is None else values
+    branches: Any = bulk.comm.gather((nodes.reshape(cells.shape), x[cells], given))
+    contacts = evaluated_contacts(problem)
+
+    def draw(ax: Any) -> Any:
+        nodes, polygons, given = (np.concatenate(parts) for parts in zip(*branches, strict=True))
+        low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
+        axes = _new_axes(high - low) if ax is None else ax
+        axes.set_aspect("equal")
+        axes.set_title(style.title or "")
+        bodies = _draw_bodies(axes, nodes, polygons, None if values is None else given)
+        if values is not None:
+            bodies.set(**colours(given, style))
+            inset = axes.inset_axes((1.03, 0.0, 0.025, 1.0))
+            bar = axes.figure.colorbar(bodies, cax=inset, label=style.label)
+            bar.outline.set_visible(False)
+        _draw_obstacles(axes, problem.equations.motions.obstacles, *with_margin(low, high))
+        open_pairs = [c for c in contacts if not isinstance(c, Tie)]
+        _draw_pressure(axes, open_pairs, style, 0.1 * float(np.sqrt(np.prod(high - low))))
+        if style.scale != 1.0:
+            axes.plot([], [], " ", color=INK, label=f"displacement x {style.scale:g}")
+        names = ("r", "z") if bulk.space.is_axisymmetric else ("x", "y")
+        _finish_axes(axes, names, style.units)
+        return axes
+
+    return draw
 
 
 def _check(path: Any, scale: Any, units: Any, limits: Any, ax: Any, *, first: bool) -> None:
@@ -150,19 +169,6 @@ def _new_axes(size: Array) -> Any:
     width, height = 6.0 * size / size.max()
     figure = Figure((max(width, 3.0) + 1.6, max(height, 1.5) + 0.9), layout="constrained")
     return figure.add_subplot()
-
-
-def _colours(values: Array, limits: Any, cmap: Any) -> dict[str, Any]:
-    """Colour map and norm of a field, diverging about zero if it has both signs."""
-    from matplotlib.colors import Normalize, TwoSlopeNorm
-
-    low, high = (values.min(), values.max()) if limits is None else limits
-    smaller, larger = sorted((abs(low), abs(high)))
-    if not (low < 0.0 < high and smaller > SIGNED * larger):
-        return {"norm": Normalize(low, high), "cmap": cmap or SEQUENTIAL}
-    if limits is None:
-        low, high = -larger, larger
-    return {"norm": TwoSlopeNorm(0.0, low, high), "cmap": cmap or DIVERGING}
 
 
 def _finish_axes(axes: Any, names: tuple[str, str], units: tuple[str, str] | None) -> None:
@@ -194,7 +200,7 @@ def _draw_bodies(axes: Any, nodes: Indices, polygons: Array, values: Array | Non
 
     around = OUTLINE[nodes.shape[1]]
     nodes, polygons = nodes[:, around], polygons[:, around]
-    cells = PolyCollection(polygons, facecolors="#dfe6ea")
+    cells = PolyCollection(polygons, facecolors=BODIES)
     cells.set(array=values, edgecolors=(0.1, 0.1, 0.1, 0.35))
     cells.set(linewidths=min(0.35, 12.0 / np.sqrt(len(nodes))))
     edges = np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2).reshape(-1, 2)
@@ -215,19 +221,16 @@ def _draw_obstacles(axes: Any, obstacles: list[Obstacle], low: Array, high: Arra
             axes.contour(x, y, phi, [0.0], colors=[INK], linewidths=0.8)
 
 
-def _draw_pressure(
-    axes: Any, contacts: list[Contact], scale: float, height: float, unit: str
-) -> None:
+def _draw_pressure(axes: Any, contacts: list[Contact], style: Style, height: float) -> None:
     """Draw the pressure along the outer normals of the slave surfaces, and its maximum."""
     from matplotlib.collections import LineCollection, PolyCollection
 
     largest = max((contact.pressure.max() for contact in contacts), default=0.0)
-    slaves = [contact.slave.name for contact in contacts]
     for contact in contacts:
         pressure, o = contact.pressure, contact.operators
         if not pressure.max() > 0.0:
             continue
-        foot = contact.slave.X + scale * (o.x - contact.slave.X)
+        foot = contact.slave.X + style.scale * (o.x - contact.slave.X)
         tip = foot + height / largest * pressure[:, None] * o.n
         facets = contact.slave.facets[(pressure[contact.slave.facets] != 0.0).any(axis=1)]
         areas = np.concatenate([foot[facets], tip[facets][:, ::-1]], axis=1)
@@ -236,9 +239,5 @@ def _draw_pressure(
         thin = min(0.5, 16.0 / len(stems))
         for lines, thickness in ((stems, thin), (tip[facets], 1.2), (foot[facets], 1.2)):
             axes.add_collection(LineCollection(lines, colors=PRESSURE, linewidths=thickness))
-        top = int(pressure.argmax())
-        name = contact.slave.name
-        if slaves.count(name) > 1:
-            name += f" by {contact.pair.master_name}"
-        label = f"pressure on {name}, maximum {pressure[top]:.4g}{unit}"
-        axes.plot(*tip[top], "o", markersize=4, color=PRESSURE, label=label)
+        label = pressure_label(contacts, contact, style)
+        axes.plot(*tip[pressure.argmax()], "o", markersize=4, color=PRESSURE, label=label)

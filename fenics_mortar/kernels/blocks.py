@@ -8,22 +8,23 @@ from fenics_mortar.kernels import kernel
 
 @kernel
 def expand_rows(directions, nodes, values, rows, expanded):
-    """Expand one row per node to two rows along a direction.
+    """Expand one row per node to one for each component of a direction.
 
     Args:
-        directions: Direction at each node, shape (n, 2).
+        directions: Direction at each node, shape (n, dim).
         nodes: Nodes of the rows, shape (b, r).
         values: Blocks, shape (b, r, c).
-        rows: Numbers 2 j + component, shape (b, 2 r); filled.
-        expanded: Blocks, shape (b, 2 r, c); filled.
+        rows: Numbers dim j + component, shape (b, dim r); filled.
+        expanded: Blocks, shape (b, dim r, c); filled.
     """
+    dim = directions.shape[1]
     for b in range(values.shape[0]):
         for r in range(values.shape[1]):
             j = nodes[b, r]
-            for a in range(2):
-                rows[b, 2 * r + a] = 2 * j + a
+            for a in range(dim):
+                rows[b, dim * r + a] = dim * j + a
                 for q in range(values.shape[2]):
-                    expanded[b, 2 * r + a, q] = directions[j, a] * values[b, r, q]
+                    expanded[b, dim * r + a, q] = directions[j, a] * values[b, r, q]
 
 
 @kernel
@@ -102,25 +103,25 @@ def gather_forces(
     Args:
         D: Slave matrices of facets, shape (f, K, K) [length].
         facets: Slave nodes of the facets, shape (f, K).
-        slave_rows: Rows of the slave nodes' dofs, shape (slave nodes, 2).
-        M: Master matrices of segments, shape (n, K, K) [length].
+        slave_rows: Rows of the slave nodes' dofs, shape (slave nodes, dim).
+        M: Master matrices of segments, shape (n, K, K') [length].
         slave: Slave nodes of the segments, shape (n, K).
-        master: Master nodes of the segments, shape (n, K).
-        master_rows: Rows of the master nodes' dofs, shape (master nodes, 2).
-        Z: Diagonal of Z, zero where no multiplier acts, shape (slave nodes, 2) [1 / length].
-        A_z: Shape (slave nodes, 2, 2) [length].
+        master: Master nodes of the segments, shape (n, K').
+        master_rows: Rows of the master nodes' dofs, shape (master nodes, dim).
+        Z: Diagonal of Z, zero where no multiplier acts, shape (slave nodes, dim) [1 / length].
+        A_z: Shape (slave nodes, dim, dim) [length].
         owned: Slave nodes owned by this rank, shape (k,).
         acts: Whether a multiplier acts, shape (slave nodes,), bool.
-        dofs: Numbers of the multipliers' components, shape (slave nodes, 2) or more.
-        i: Rows of the entries, shape (2 D.size + 2 M.size + 4 k,); filled.
+        dofs: Numbers of the multipliers' components, shape (slave nodes, dim) or more.
+        i: Rows of the entries, shape (dim (D.size + M.size + dim k),); filled.
         j: Columns of the entries, of that shape; filled.
         v: Values of the entries, of that shape; filled.
     """
-    count = 0
+    count, dim = 0, slave_rows.shape[1]
     for e in range(D.shape[0]):
         for p in range(D.shape[1]):
             for k in range(D.shape[2]):
-                for c in range(2):
+                for c in range(dim):
                     value = D[e, p, k] * Z[facets[e, p], c]
                     if value != 0.0:
                         i[count] = slave_rows[facets[e, k], c]
@@ -130,7 +131,7 @@ def gather_forces(
     for s in range(M.shape[0]):
         for p in range(M.shape[1]):
             for l in range(M.shape[2]):
-                for c in range(2):
+                for c in range(dim):
                     value = M[s, p, l] * Z[slave[s, p], c]
                     if value != 0.0:
                         i[count] = master_rows[master[s, l], c]
@@ -139,8 +140,8 @@ def gather_forces(
                         count += 1
     for p in owned:
         if acts[p]:
-            for a in range(2):
-                for c in range(2):
+            for a in range(dim):
+                for c in range(dim):
                     i[count], j[count] = slave_rows[p, a], dofs[p, c]
                     v[count] = -A_z[p, a, c] * Z[p, c]
                     count += 1

@@ -69,14 +69,15 @@ def update_sets(
         digits: Rounding [1].
         before: Last active set, shape (n,), bool.
         active: Shape (n,), bool; filled.
-        new: Multipliers: z of active nodes, else -a n and possibly z_tau tau, (n, 2); filled.
+        new: Multipliers: z of active nodes, else -a n and possibly the shear, (n, dim); filled.
 
     Returns:
         Whether the active set changes, and whether multipliers do.
     """
     largest, resets, moves = 0.0, False, False
     for j in range(x.shape[0]):
-        largest = max(largest, abs(x[j, 0]), abs(x[j, 1]))
+        for c in range(x.shape[1]):
+            largest = max(largest, abs(x[j, c]))
     for j in range(gap.shape[0]):
         push = 0.0 if attracted[j] else z_n[j] + a[j]
         closes = push - c_n * foundation[j] * gap[j] > 0.0
@@ -84,12 +85,12 @@ def update_sets(
             closes = before[j]
         active[j] = covered[j] and (closes or gap[j] <= touching * lengths[j])
         resets = resets or active[j] != before[j]
-        shear = 0.0
-        if attracted[j] and keeps_shear:
-            shear = n[j, 0] * z[j, 1] - n[j, 1] * z[j, 0]
-        new[j, 0] = z[j, 0] if active[j] else -a[j] * n[j, 0] - shear * n[j, 1]
-        new[j, 1] = z[j, 1] if active[j] else -a[j] * n[j, 1] + shear * n[j, 0]
-        moves = moves or new[j, 0] != z[j, 0] or new[j, 1] != z[j, 1]
+        for c in range(z.shape[1]):
+            shear = 0.0
+            if attracted[j] and keeps_shear:
+                shear = z[j, c] - z_n[j] * n[j, c]
+            new[j, c] = z[j, c] if active[j] else shear - a[j] * n[j, c]
+            moves = moves or new[j, c] != z[j, c]
     return resets, moves
 
 

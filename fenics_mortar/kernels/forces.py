@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Contact forces on nodes, and the balance of forces at the dofs."""
 
+import numpy as np
+
 from fenics_mortar.kernels import kernel
 
 
@@ -31,7 +33,7 @@ def add_contact_forces(D, M, z, facets, slave, master, on_slave, on_master):
 
 
 @kernel
-def add_forces(bulk, contact, to_force, prescribed, total):
+def add_forces(bulk, contact, to_force, prescribed, bounded, total):
     """Add the forces of bulk and contact, and sum the squares of forces.
 
     Args:
@@ -39,6 +41,7 @@ def add_forces(bulk, contact, to_force, prescribed, total):
         contact: Contact forces, shape (n,) [stress length].
         to_force: Factors that turn residuals into forces, shape (n,).
         prescribed: Whether a dof has a prescribed value, shape (n,) or longer, bool.
+        bounded: Whether contact forces are at most those of the bulk in the sums, shape (n,), bool.
         total: The sum, shape (n,) [stress length]; filled.
 
     Returns:
@@ -49,9 +52,10 @@ def add_forces(bulk, contact, to_force, prescribed, total):
     for i in range(total.shape[0]):
         total[i] = bulk[i] + contact[i]
         square = (to_force[i] * total[i]) ** 2
-        on_contact += (to_force[i] * contact[i]) ** 2
+        limit = (to_force[i] * bulk[i]) ** 2 if bounded[i] else np.inf
+        on_contact += min((to_force[i] * contact[i]) ** 2, limit)
         if prescribed[i]:
-            reactions += square
+            reactions += min(square, limit)
         else:
             free += square
     return free, on_contact, reactions

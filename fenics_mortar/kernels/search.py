@@ -54,7 +54,8 @@ def query_strip(boxes, controls, nodes, radius, hits):
     length = abs(tx) + abs(ty)
     strip[:2] -= ROUNDING * length
     strip[2:] += ROUNDING * length
-    along = tx, ty, low - ROUNDING * length * length, high + ROUNDING * length * length
+    margin = ROUNDING * length * length
+    along = np.array([[tx, ty, low - margin, high + margin]])
     return hits[: query_tree(boxes, strip, along, hits)]
 
 

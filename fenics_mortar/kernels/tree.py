@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""A tree of boxes over facets, to find those that may intersect a box or a strip.
+"""A tree of boxes over facets, to find those that may intersect a box, a strip or a prism.
 
 The boxes of the facets, in the given order, are the leaves of a complete binary tree in heap layout
 (children of node i: 2i and 2i + 1, root 1). A query costs O(log N + hits) if neighbours in the
 order are neighbours in space.
 
-A query consists of a box (xmin, ymin, xmax, ymax) and, for a strip, of the range ``along`` its
-direction: (tx, ty, low, high) contains the points x with low <= x . (tx, ty) <= high.
+A box has 2 d numbers, (xmin, ymin, xmax, ymax) in the plane, in space those of x, y and z. A query
+consists of a box and, for a strip or a prism, of ranges ``along`` its directions: each row
+(t, low, high), with d + 2 numbers, contains the points x with low <= x . t <= high.
 """
 
 import numpy as np
@@ -16,43 +17,55 @@ from fenics_mortar.kernels import kernel
 
 @kernel
 def build_tree(x, facets):
-    """Boxes (2 P, 4) over ``facets`` (m, K) with control points ``x`` (n, 2); P >= m leaves.
+    """Boxes (2 P, 2 d) over ``facets`` (m, K) with control points ``x`` (n, d); P >= m leaves.
 
-    Each row is (xmin, ymin, xmax, ymax); row 0 is unused, leaf f is row P + f.
+    Row 0 is unused, leaf f is row P + f.
     """
-    leaves = 1
+    leaves, dim = 1, x.shape[1]
     while leaves < facets.shape[0]:
         leaves *= 2
-    boxes = np.empty((2 * leaves, 4))
+    boxes = np.empty((2 * leaves, 2 * dim))
     for i in range(2 * leaves):
-        boxes[i, 0] = boxes[i, 1] = np.inf
-        boxes[i, 2] = boxes[i, 3] = -np.inf
+        for d in range(dim):
+            boxes[i, d], boxes[i, dim + d] = np.inf, -np.inf
     for f in range(facets.shape[0]):
         for node in facets[f]:
-            for d in range(2):
+            for d in range(dim):
                 boxes[leaves + f, d] = min(boxes[leaves + f, d], x[node, d])
-                boxes[leaves + f, 2 + d] = max(boxes[leaves + f, 2 + d], x[node, d])
+                boxes[leaves + f, dim + d] = max(boxes[leaves + f, dim + d], x[node, d])
     for i in range(leaves - 1, 0, -1):
-        for d in range(2):
+        for d in range(dim):
             boxes[i, d] = min(boxes[2 * i, d], boxes[2 * i + 1, d])
-            boxes[i, 2 + d] = max(boxes[2 * i, 2 + d], boxes[2 * i + 1, 2 + d])
+            boxes[i, dim + d] = max(boxes[2 * i, dim + d], boxes[2 * i + 1, dim + d])
     return boxes
 
 
 @kernel
 def are_disjoint(one, other):
-    """Whether two boxes (4,) are disjoint, or contain nan."""
-    x = one[0] <= other[2] and one[2] >= other[0]
-    return not (x and one[1] <= other[3] and one[3] >= other[1])
+    """Whether two boxes (2 d,) are disjoint, or contain nan."""
+    dim = one.size // 2
+    x = one[0] <= other[dim] and one[dim] >= other[0]
+    y = one[1] <= other[dim + 1] and one[dim + 1] >= other[1]
+    if dim == 3 and not (one[2] <= other[5] and one[5] >= other[2]):
+        return True
+    return not (x and y)
 
 
 @kernel
-def is_outside_strip(box, along):
-    """Whether ``box`` (4,) lies outside of the range ``along`` = (tx, ty, low, high)."""
-    tx, ty, low, high = along
-    middle = 0.5 * ((box[0] + box[2]) * tx + (box[1] + box[3]) * ty)
-    half = 0.5 * ((box[2] - box[0]) * abs(tx) + (box[3] - box[1]) * abs(ty))
-    return middle - half > high or middle + half < low
+def is_outside_ranges(box, along):
+    """Whether ``box`` (2 d,) lies outside of one of the ranges ``along`` (r, d + 2)."""
+    dim = box.size // 2
+    for r in range(along.shape[0]):
+        tx, ty = along[r, 0], along[r, 1]
+        middle = (box[0] + box[dim]) * tx + (box[1] + box[dim + 1]) * ty
+        half = (box[dim] - box[0]) * abs(tx) + (box[dim + 1] - box[1]) * abs(ty)
+        if dim == 3:
+            middle += (box[2] + box[5]) * along[r, 2]
+            half += (box[5] - box[2]) * abs(along[r, 2])
+        middle, half = 0.5 * middle, 0.5 * half
+        if middle - half > along[r, dim + 1] or middle + half < along[r, dim]:
+            return True
+    return False
 
 
 @kernel
@@ -63,9 +76,9 @@ def query_tree(boxes, box, along, hits):
     ancestor that is a right child.
 
     Args:
-        boxes: The tree, shape (2 P, 4).
-        box: Box of the query, shape (4,).
-        along: Range (tx, ty, low, high) of a strip, or None.
+        boxes: The tree, shape (2 P, 2 d).
+        box: Box of the query, shape (2 d,).
+        along: Ranges of a strip or prism, shape (r, d + 2), or None.
         hits: Facets, shape (P,); filled.
     """
     leaves = boxes.shape[0] // 2
@@ -73,7 +86,7 @@ def query_tree(boxes, box, along, hits):
     while True:
         meets = not are_disjoint(boxes[i], box)
         if along is not None:
-            meets = meets and not is_outside_strip(boxes[i], along)
+            meets = meets and not is_outside_ranges(boxes[i], along)
         if meets and i < leaves:
             i = 2 * i + 1
             continue

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from fenics_mortar.bulk.bodies import centre_and_size, label_bodies, rigid_motions
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import ROUNDING, SMALL_ANGLE
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -26,11 +26,19 @@ OWN_MOTIONS = 4
 
 
 def turned_axes(bulk: Bulk, contacts: Sequence[Interface]) -> Array:
-    """Axes of the owned nodes, in rows of their first dofs, shape (num_owned, 2, 2) [1] (local).
+    """Axes of the owned nodes, in rows of their first dofs, (num_owned, dim, dim) [1] (local).
 
-    Columns are the axes. Nodes with one prescribed component keep the axes of the mesh.
+    Columns are the axes. Nodes with some prescribed components keep the axes of the mesh.
     """
     dofs = bulk.space.owned_dofs
+    if bulk.space.dim == 3:
+        from scipy.spatial.transform import Rotation  # 50 ms, for solids only
+
+        turns = _turns_in_space(contacts, bulk.positions()[: len(dofs)])
+        turns[bulk.prescribed[dofs].any(axis=1)] = 0.0
+        axes = np.empty((bulk.num_owned, 3, 3))
+        axes[dofs[:, 0]] = Rotation.from_rotvec(turns).as_matrix()
+        return axes
     t = _tangents(contacts, bulk.positions()[: len(dofs)])
     t[bulk.prescribed[dofs].sum(axis=1) == 1] = 1.0
     axes = np.empty((bulk.num_owned, 2, 2))
@@ -56,6 +64,40 @@ def _tangents(contacts: Sequence[Interface], x: Array) -> ComplexArray:
     return mean / np.abs(mean)
 
 
+def _turns_in_space(contacts: Sequence[Interface], x: Array) -> Array:
+    """Rotation vectors (n, 3) of the axes at the positions x (n, 3) [radian].
+
+    Means, weighted as in the plane, of the smallest rotations of an axis of the mesh to the normals
+    of each contact.
+    """
+    turns, weights = np.zeros(x.shape), np.full(len(x), 1e-300)
+    for contact in contacts:
+        j, axis = sliding_in_space(contact)
+        if not j.size:
+            continue
+        n = contact.operators.n[j]
+        e = np.eye(3)[axis] * np.sign(n[:, axis].sum())
+        across = np.cross(e, n)
+        sine = np.linalg.norm(across, axis=1)
+        angles = np.arctan2(sine, n @ e)
+        turned = across * (angles / np.maximum(sine, 1e-100))[:, None]
+        if angles.max() < SMALL_ANGLE:
+            turned = np.zeros_like(turned)
+        for point, turn in zip(contact.operators.x[j], turned, strict=True):
+            weight = 1.0 / np.maximum(((x - point) ** 2).sum(axis=1), 1e-100) ** 2
+            turns += weight[:, None] * turn
+            weights += weight
+    return np.asarray(turns / weights[:, None])
+
+
+def sliding_in_space(contact: Interface) -> tuple[Indices, int]:
+    """At most ``TANGENTS`` active, untied nodes, and the mesh axis nearest to their mean normal."""
+    F = contact.rows.followed()
+    j = np.flatnonzero(contact.active & (np.einsum("jab,jba->j", F, F) < 1.5))
+    j = j[np.linspace(0.0, max(j.size - 1, 0), min(j.size, TANGENTS)).astype(int)]
+    return j, int(np.abs(contact.operators.n[j].sum(axis=0)).argmax())
+
+
 def quarter_turns(tangents: ComplexArray) -> int:
     """Number of quarter turns from the first axis of the mesh to the mean tangent of a contact."""
     return round(np.angle(tangents.sum()) / (np.pi / 2.0))
@@ -67,6 +109,15 @@ def sliding_nodes(contact: Interface) -> tuple[ComplexArray, ComplexArray]:
     j = np.flatnonzero(contact.active & (np.einsum("jab,jba->j", F, F) < 1.5))
     j = j[np.linspace(0.0, max(j.size - 1, 0), min(j.size, TANGENTS)).astype(int)]
     return o.x[j] @ [1.0, 1.0j], o.tau[j] @ [1.0, 1.0j]
+
+
+def tangential_axes(contact: Interface) -> list[int]:
+    """Numbers of the nodal axes that are tangents of a contact; none if no node slides."""
+    if contact.slave.dim == 3:
+        j, normal = sliding_in_space(contact)
+        return [axis for axis in range(3) if axis != normal] if j.size else []
+    _, tangents = sliding_nodes(contact)
+    return [quarter_turns(tangents) % 2] if tangents.size else []
 
 
 def rigid_motions_along(axes: Array, bulk: Bulk, B: PETSc.Mat) -> PETSc.NullSpace:

@@ -71,6 +71,7 @@ def system_of(
         system.solver.given = set(options or {})
         system.solver.may_factor = small or solver == "auto"
         system.solver.reason, system.reason = reason, why
+        system.solver.reuses_mumps = bulk.space.dim == 3
         return system
 
     return create

@@ -40,7 +40,7 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.rows import Rows
-from fenics_mortar.interface.mortar import Block
+from fenics_mortar.interface.linearization import Block
 from fenics_mortar.kernels.blocks import gather_forces
 from fenics_mortar.la.coupling import zero_block
 from fenics_mortar.la.elimination import Elimination
@@ -156,7 +156,8 @@ class CondensedSystem(LinearSystem):
     def _R_entries(self, pair_rows: Sequence[Rows], inverses: Sequence[Array]) -> Entries:
         """R = -B^T Z - A_z Z in rows of contact nodes; columns are numbers of components."""
         operators = [contact.operators for contact in self.contacts]
-        size = 2 * self.num_z_dofs + sum(2 * (o.D.size + o.M.size) for o in operators)
+        dim = max((o.x.shape[1] for o in operators), default=0)
+        size = dim * (self.num_z_dofs + sum(o.D.size + o.M.size for o in operators))
         i, j = np.empty((2, size), PETSc.IntType)
         v, end = np.empty(size), 0
         for (contact, z_dofs, owned, _), (on_slave, on_master), o, rows, Z in zip(
@@ -187,7 +188,7 @@ class CondensedSystem(LinearSystem):
             patterns = [coupling.force_pattern()]
             patterns += [coupling.flux_force_pattern(flux) for flux in contact.fluxes]
             for rows, multipliers in patterns:
-                yield zero_block(rows, z_dofs[multipliers, :2])
+                yield zero_block(rows, z_dofs[multipliers, : contact.slave.dim])
 
     # Solution
 
@@ -293,7 +294,7 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
     """Reason why D is not diagonal, or ``None`` if it is (local)."""
     for contact in contacts:
         names = f"the pair '{contact.slave.name}' - '{contact.master.name}'"
-        basis = contact.pair.discretization.basis
+        basis = contact.basis
         if basis not in ("dual", "vertices"):
             return f"{names} has basis '{basis}', so D is not diagonal"
         if contact.oblique.any():

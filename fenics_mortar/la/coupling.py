@@ -14,13 +14,15 @@ rotations.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.contact.tied_field import NO_ROWS, TiedField
-from fenics_mortar.interface.mortar import Block, MortarOperators
+from fenics_mortar.interface.linearization import Block
+from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.kernels.coupling import are_known
 from fenics_mortar.utils.arrays import Flags, Indices
 
@@ -49,7 +51,7 @@ class Coupling:
 
     def contains(
         self,
-        o: MortarOperators,
+        o: Any,
         faced: tuple[Indices, Indices],
         acting: Flags,
     ) -> bool:

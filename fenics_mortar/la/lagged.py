@@ -17,7 +17,7 @@ REASON = PETSc.KSP.ConvergedReason
 
 
 class LaggedFactors:
-    """GMRES preconditioned by factors of an earlier matrix; for one rank.
+    """GMRES preconditioned by factors of an earlier matrix.
 
     Args:
         pc: The factors, which remain unchanged.

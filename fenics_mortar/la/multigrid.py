@@ -54,18 +54,17 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.interface.mortar import Block
+from fenics_mortar.interface.linearization import Block
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.axes import (
-    quarter_turns,
     rigid_motions_along,
-    sliding_nodes,
+    tangential_axes,
     turned_axes,
 )
 from fenics_mortar.la.replacement import Replacement
 from fenics_mortar.la.sparse import BlockMatrix, SomeRows, is_symmetric
 from fenics_mortar.la.strip import Strip, dofs_near
-from fenics_mortar.la.touching import TouchingTangent
+from fenics_mortar.la.touching import TouchingTangent, touching_in_space
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.ranks import any_over_ranks, sum_over_ranks
@@ -186,9 +185,12 @@ class ContactPreconditioner:
         first, _ = A.getOwnershipRange()
         dofs = PETSc.IS().createStride(self._bulk.num_owned, first, 1, comm=self._bulk.comm)
         tangent = A if self._condensed else A.createSubMatrix(dofs, dofs)
-        tangents = self._axes[self._bulk.space.owned_dofs[:, 0], :, 0]
+        axes = self._axes[self._bulk.space.owned_dofs[:, 0]]
         transforms = self._motion.mat, self._equations.mat
-        B = self._tangent.assemble(tangent, self._near, *transforms, tangents)
+        if self._bulk.space.dim == 3:
+            B = touching_in_space(tangent, self._near, *transforms, self._R.mat)
+        else:
+            B = self._tangent.assemble(tangent, self._near, *transforms, axes[:, :, 0])
         if tangent is not A:
             tangent.destroy()
         return B
@@ -196,9 +198,8 @@ class ContactPreconditioner:
     def _separate_sliding_bodies(self, B: PETSc.Mat) -> None:
         """Drop the coupling of tangential motions of the bodies of a contact, see above."""
         for contact, slave in zip(self._contacts, self._slaves, strict=True):
-            _, tangents = sliding_nodes(contact)
-            if tangents.size:
-                axis, free = quarter_turns(tangents) % 2, _slide(contact)
+            free = _slide(contact)
+            for axis in tangential_axes(contact):
                 master = contact.master.local_dofs[free, axis] + self._bulk.first
                 # at the tip of a crack cells on the slave have nodes of the master
                 slave = slave[~np.isin(slave[:, axis], master)]
@@ -257,21 +258,21 @@ class ContactPreconditioner:
         self._R.assemble([Block(globals_, globals_, self._axes[dofs[:, 0]])])
 
     def _active(self, contact: Interface) -> tuple[Indices, Array, Array]:
-        """Local dofs (a, 2), constrained directions (a, 2, 2) and stiffness (a,) of owned nodes."""
+        """Local dofs (a, dim), constrained directions and stiffness (a,) of owned nodes."""
         on = contact.acts[contact.slave.owned]
         j = contact.slave.owned[on]
         return contact.slave.local_dofs[on], contact.rows.followed()[j], contact.stiffness[j]
 
     def _all_tied(self, nodes: list[tuple[Indices, Array, Array]]) -> bool:
-        """Whether all active nodes are constrained in both directions."""
-        mine = all(np.allclose(F @ F, np.eye(2)) for _, F, _ in nodes)
+        """Whether all active nodes are constrained in all directions."""
+        mine = all(np.allclose(F @ F, np.eye(F.shape[2])) for _, F, _ in nodes)
         return self._bulk.comm.allreduce(mine, MPI.LAND)
 
     def _follow(self, nodes: list[tuple[Indices, Array, Array]]) -> None:
         """Set T - 1 and L^T - 1: motions of constrained nodes, rows that receive their forces."""
         first = self._bulk.first
         own = [Block(dofs + first, dofs + first, -F @ F) for dofs, F, _ in nodes]
-        gathered = np.eye(2) if self._condensed else np.zeros((2, 2))
+        gathered = np.eye(self._bulk.space.dim) * self._condensed
         motion, equations = own.copy(), own.copy()
         for slave, other, share, followed in self._partners():
             motion.append(Block(slave, other, share * followed))
@@ -288,7 +289,7 @@ class ContactPreconditioner:
             yield Block(dofs, dofs, IDLE_STIFFNESS * k[:, None, None] * idle)
 
     def _partners(self) -> Iterator[tuple[Indices, Indices, Array, Array]]:
-        """Dofs (p, 2) of active slave nodes and of others, M_jl / D_jj (p, 1, 1), F F.
+        """Dofs (p, dim) of active slave nodes and of others, M_jl / D_jj (p, 1, 1), F F.
 
         Entries of D between active nodes are treated as if they were on its diagonal.
         """
@@ -311,7 +312,7 @@ def _digits(reduction: float) -> float:
 
 
 def _nodes_near(bulk: Bulk, surface: Surface) -> Indices:
-    """Global dofs (n, 2) of the owned nodes of a surface and of the cells on it."""
+    """Global dofs (n, dim) of the owned nodes of a surface and of the cells on it."""
     dofs = bulk.space.owned_dofs
     return dofs[np.isin(dofs[:, 0], dofs_near(bulk, [surface], 1))] + bulk.first
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.interface.mortar import Block
+from fenics_mortar.interface.linearization import Block
 from fenics_mortar.la.coupling import zero_block
 from fenics_mortar.la.sparse import BlockMatrix, add_blocks
 from fenics_mortar.la.system import LinearSystem
@@ -79,18 +79,18 @@ class SaddleSystem(LinearSystem):
     def _zero_blocks(self) -> Iterator[Part]:
         """Zeros for possible entries of K_c, B^T and C; A_z has a fixed pattern."""
         for (contact, z_dofs), coupling in zip(self.numbered(), self._couplings, strict=True):
-            own = contact.slave.owned
+            own, dim = contact.slave.owned, contact.slave.dim
             dofs, multipliers = coupling.force_pattern()
             dofs = np.concatenate([dofs, contact.slave.dofs[own]]).reshape(-1, 1)
-            numbers = z_dofs[np.append(multipliers, own), :2].reshape(-1, 1)
+            numbers = z_dofs[np.append(multipliers, own), :dim].reshape(-1, 1)
             nodes, coupled = coupling.law_pattern()
             yield DOF, DOF, [coupling.derivative_pattern()]
             yield DOF, MULTIPLIER, [zero_block(dofs, numbers)]
             for flux in contact.fluxes:
                 yield DOF, DOF, [coupling.flux_pattern(flux)]
                 rows, carriers = coupling.flux_force_pattern(flux)
-                yield DOF, MULTIPLIER, [zero_block(rows, z_dofs[carriers, :2])]
-            yield MULTIPLIER, DOF, [zero_block(z_dofs[nodes, :2], coupled)]
+                yield DOF, MULTIPLIER, [zero_block(rows, z_dofs[carriers, :dim])]
+            yield MULTIPLIER, DOF, [zero_block(z_dofs[nodes, :dim], coupled)]
 
     def blocks(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:
         """K + K_c, B^T, C and A_z, the last three for scaled multipliers zeta (collective)."""

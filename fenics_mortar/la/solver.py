@@ -65,6 +65,8 @@ class LinearSolver:
         same_step: Whether the next matrix belongs to a further iteration of the same load step.
         may_factor: Whether MUMPS is used permanently after a failure of an iterative solver, or of
             one without pivoting.
+        reuses_mumps: Whether factors by MUMPS, too, serve further iterations of a load step: in
+            space a factorization takes ten to a hundred times as long as a solution.
         remark: Message on such a change of the solver or on unused options; else "".
         reason: Why this solver was chosen, as text; "" if unknown.
         given: Names of PETSc options given by the user, without the prefix.
@@ -82,7 +84,7 @@ class LinearSolver:
     ) -> None:
         self._comm, self._prefix, self._make_preconditioner = comm, prefix, preconditioner
         self.forcing, self.may_factor, self.remark, self.reason = 0.0, False, "", ""
-        self.same_step = False
+        self.same_step = self.reuses_mumps = False
         self.count_anew()
         self.given: set[str] = set()
         self._used: set[str] = set()
@@ -207,7 +209,8 @@ class LinearSolver:
 
     def _may_lag(self, matrix: PETSc.Mat) -> bool:
         """Whether to try the factors of an earlier matrix (local)."""
-        kept = self.same_step and not self._reads_options and not self._pivots
+        kept = self.same_step and not self._reads_options
+        kept = kept and (self.reuses_mumps or not self._pivots)
         return kept and self.forcing > 0.0 and matrix.getSize()[0] >= MIN_LAGGED
 
     def _solve_with_last_factors(self, matrix: PETSc.Mat, values: Array) -> Array | None:

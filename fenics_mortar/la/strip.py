@@ -25,8 +25,9 @@ from fenics_mortar.la.options import STRIP_FACTORS, STRIP_PIVOTS, WITHOUT_PIVOTI
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.ranks import on_all_ranks
 
-# Layers of cells of the strip on either side of a contact surface.
-LAYERS = 2
+# Layers of cells of the strip on either side of a contact surface, in the plane and in space, where
+# the factors of a layer have long rows.
+LAYERS = {2: 2, 3: 1}
 
 
 class Strip:
@@ -49,7 +50,7 @@ class Strip:
         self._prefix, self._prescribed, self._comm = prefix, bulk.prescribed_dofs, bulk.comm
         rows = np.arange(bulk.num_owned, bulk.num_owned + multipliers)
         surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
-        self.dofs = dofs_near(bulk, surfaces, LAYERS)
+        self.dofs = dofs_near(bulk, surfaces, LAYERS[bulk.space.dim])
         self._rows = np.append(self.dofs, rows)
         self.num_rows = bulk.comm.allreduce(self._rows.size)
         self._solved = np.union1d(self._rows, self._prescribed)

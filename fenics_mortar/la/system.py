@@ -33,8 +33,9 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.rows import Frame, Rows
-from fenics_mortar.interface.mortar import Block
+from fenics_mortar.interface.linearization import Block
 from fenics_mortar.la.coupling import MARGIN, MAX_MARGIN, Coupling
+from fenics_mortar.la.face_coupling import FaceCoupling
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.solver import LinearSolver
 from fenics_mortar.utils.arrays import Array, Indices
@@ -248,7 +249,10 @@ class LinearSystem(ABC):
                 fits, self._margins[i] = False, min(2 * self._margins[i], MAX_MARGIN)
         if on_all_ranks(self.comm, fits):
             return False
-        self._couplings = [Coupling(*state, m) for state, m in zip(now, self._margins, strict=True)]
+        self._couplings = [
+            (Coupling if state[0].slave.dim == 2 else FaceCoupling)(*state, margin)
+            for state, margin in zip(now, self._margins, strict=True)
+        ]
         self._pattern = self.bulk.num_patterns
         return True
 

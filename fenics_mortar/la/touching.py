@@ -12,7 +12,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.bulk.local_csr import CSR, from_local_csr, local_csr
+from fenics_mortar.bulk.node_blocks import CSR, from_local_csr, local_csr
 from fenics_mortar.kernels.node_axes import count_blocks, turn_to_axes
 from fenics_mortar.la.sparse import SomeRows
 from fenics_mortar.utils.arrays import Array, Indices
@@ -55,6 +55,29 @@ class TouchingTangent:
         B = from_local_csr(A.comm.tompi4py(), of_own, of_others)
         B.setBlockSize(2)
         return B
+
+
+def touching_in_space(
+    A: PETSc.Mat, near: SomeRows, motion: PETSc.Mat, equations: PETSc.Mat, R: PETSc.Mat
+) -> PETSc.Mat:
+    """R^T L A T R with three dofs per node (collective); see ``TouchingTangent.assemble``.
+
+    Args:
+        A: See there, as the next three.
+        near: The dofs near contact.
+        motion: T - 1.
+        equations: L^T - 1.
+        R: Nodal axes [1].
+    """
+    csr, size = _change_by_contact(A, near, motion, equations), A.getLocalSize()[0]
+    change = PETSc.Mat().createAIJ(((size, None), (size, None)), csr=csr, comm=A.comm)
+    B = A.copy()
+    B.axpy(1.0, change, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    turned = B.ptap(R)
+    for matrix in (change, B):
+        matrix.destroy()
+    turned.setBlockSize(3)
+    return turned
 
 
 class Memory:

@@ -21,24 +21,10 @@ from fenics_mortar.contact.laws import (
     magnitude,
     row_of,
 )
-from fenics_mortar.laws.cohesive import Cohesive, MixedCohesive
+from fenics_mortar.laws.layers import Cohesive, MixedCohesive, SoftLayer, Worn
 from fenics_mortar.laws.rates import RateAndState, Stribeck
-from fenics_mortar.laws.surfaces import SoftLayer, Worn
 
 __all__ = [
-    "Cohesive",
-    "Coulomb",
-    "Friction",
-    "Frictionless",
-    "Law",
-    "MixedCohesive",
-    "Nodal",
-    "RateAndState",
-    "Row",
-    "SoftLayer",
-    "Stribeck",
-    "Tresca",
-    "Worn",
-    "magnitude",
-    "row_of",
-]
+    "Cohesive", "Coulomb", "Friction", "Frictionless", "Law", "MixedCohesive", "Nodal",
+    "RateAndState", "Row", "SoftLayer", "Stribeck", "Tresca", "Worn", "magnitude", "row_of",
+]  # fmt: skip

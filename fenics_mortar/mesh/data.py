@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A plane mesh with named bodies and boundaries."""
+"""A mesh with named bodies and boundaries."""
 
 from __future__ import annotations
 
@@ -20,13 +20,17 @@ from fenics_mortar.utils.errors import MeshError, raise_together
 
 # A name or tag of a boundary, or several of them.
 Names = str | int | Sequence[str | int]
-# Names of the entities of a plane mesh by dimension, in messages.
-ENTITIES = ("vertices", "facets", "cells")
+# Names of the entities of a mesh by dimension of mesh and entity, in messages.
+ENTITIES = {
+    1: ("vertices", "cells"),
+    2: ("vertices", "facets", "cells"),
+    3: ("vertices", "edges", "facets", "cells"),
+}
 
 
 @dataclass(frozen=True)
 class MeshData:
-    """A plane mesh with tagged bodies and boundaries.
+    """A mesh of the plane or of space with tagged bodies and boundaries.
 
     Created by :func:`read_gmsh`, :func:`mesh_from_arrays`, or by hand from any dolfinx mesh and its
     tags. Names are optional: a boundary may also be given by its integer tag.
@@ -121,10 +125,10 @@ class MeshData:
                 :func:`read_gmsh` tags minus one.
 
         Returns:
-            Blocked dofs, shape (k,): the values of a plane vector ``u`` are
-            ``u.x.array.reshape(-1, 2)[dofs]``. -1 for nodes that are not on this rank or not nodes
-            of ``V``, such as middles of edges in a space of degree 1. Ghosts are included; owned
-            dofs are below ``V.dofmap.index_map.size_local``.
+            Blocked dofs, shape (k,): the values of a vector ``u`` are
+            ``u.x.array.reshape(-1, dim)[dofs]``. -1 for nodes that are not on this rank or not
+            nodes of ``V``, such as middles of edges in a space of degree 1. Ghosts are included;
+            owned dofs are below ``V.dofmap.index_map.size_local``.
 
         Raises:
             ValueError: If ``V`` has no dofs at the vertices, or is mixed.
@@ -140,8 +144,8 @@ class MeshData:
             nodes: Numbers of nodes as in ``node_dofs``, equal on all ranks, shape (k,).
 
         Returns:
-            Values [unit of u], shape (k, 2) for plane vectors and (k, 1) for scalars; nan where
-            the space has no such node.
+            Values [unit of u], shape (k, dim) for vectors and (k, 1) for scalars; nan where the
+            space has no such node.
 
         Raises:
             ValueError: If the space of ``u`` has no dofs at the vertices, or is mixed.
@@ -167,12 +171,13 @@ class MeshData:
 
         Raises:
             MeshError: If a name is unknown, a boundary has no facets on any rank, or the tags do
-                not belong to facets of a plane mesh.
+                not belong to facets.
         """
-        check_plane(self.mesh)
-        if self.facet_tags is None or self.facet_tags.dim != 1:
+        check_solid(self.mesh)
+        dim = self.mesh.topology.dim - 1
+        if self.facet_tags is None or self.facet_tags.dim != dim:
             given = "missing" if self.facet_tags is None else f"of dimension {self.facet_tags.dim}"
-            raise MeshError(f"facet_tags are {given}; expected tags of dimension 1")
+            raise MeshError(f"facet_tags are {given}; expected tags of dimension {dim}")
         names = as_list(names)
         if len(names) == 0:
             raise MeshError(f"no boundary is given; the mesh has {self._tagged()}")
@@ -212,16 +217,16 @@ def _tag(kind: str, name: str | int, tags: dict[str, int]) -> int:
     return tags[name]
 
 
-def check_plane(mesh: dmesh.Mesh) -> None:
-    """Raise an error for meshes that are not plane (local, equal on all ranks).
+def check_solid(mesh: dmesh.Mesh) -> None:
+    """Raise an error for meshes of shells, of beams or on a line (local, equal on all ranks).
 
     Raises:
-        MeshError: If cells or space are not of dimension 2.
+        MeshError: If cells and space are not both of dimension 2 or 3.
     """
-    if mesh.topology.dim != 2 or mesh.geometry.dim != 2:
+    if mesh.topology.dim != mesh.geometry.dim or mesh.topology.dim not in (2, 3):
         raise MeshError(
             f"the mesh has cells of dimension {mesh.topology.dim} in space of dimension "
-            f"{mesh.geometry.dim}; expected plane bodies: 2 in 2"
+            f"{mesh.geometry.dim}; expected plane bodies, 2 in 2, or solids, 3 in 3"
         )
 
 
@@ -257,8 +262,9 @@ def check_tags(what: str, tags: Any, mesh: dmesh.Mesh) -> None:
         indices = np.asarray(tags.indices)
         wrong = indices[(indices < 0) | (indices >= count)]
         if wrong.size:
+            entities = ENTITIES[mesh.topology.dim][tags.dim]
             error = MeshError(
-                f"{what} have entity {wrong[0]}, but there are {count} {ENTITIES[tags.dim]} on "
+                f"{what} have entity {wrong[0]}, but there are {count} {entities} on "
                 f"rank {mesh.comm.rank}: they were made for another mesh"
             )
     raise_together(mesh.comm, error)

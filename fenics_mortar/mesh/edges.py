@@ -17,28 +17,10 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.mesh.kinds import KINDS, codes_of, facets_of
 from fenics_mortar.utils.arrays import Array, Flags, Indices, values_at
 from fenics_mortar.utils.errors import MeshError, format_point
 from fenics_mortar.utils.rounding import MAX_STEPS, ROUNDING, SAME_PLACE
-
-# Cell, degree, number of corners, and the nodes in the order of basix, by number of nodes.
-KINDS: dict[int, tuple[str, int, int, list[int]]] = {
-    3: ("triangle", 1, 3, [0, 1, 2]),
-    4: ("quadrilateral", 1, 4, [0, 1, 3, 2]),
-    6: ("triangle", 2, 3, [0, 1, 2, 4, 5, 3]),
-    9: ("quadrilateral", 2, 4, [0, 1, 3, 2, 4, 7, 5, 6, 8]),
-}
-
-
-def edges_of(cells: Indices) -> Indices:
-    """Ends of the edges of cells (m, k) with c corners, in order, shape (m, c, 2) (local)."""
-    corners = cells[:, : KINDS[cells.shape[1]][2]]
-    return np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1)
-
-
-def codes_of(ends: Indices, num_points: int) -> Indices:
-    """One number for each pair of nodes (f, 2) in any order, shape (f,)."""
-    return ends.min(axis=1) * num_points + ends.max(axis=1)
 
 
 def check_hanging_nodes(
@@ -82,8 +64,9 @@ class _Outline:
     def __init__(
         self, x: Array, cells: Indices, facets: Indices, tags: npt.NDArray[np.int32]
     ) -> None:
-        corners = KINDS[cells.shape[1]][2]
-        around, ends = cells[:, :corners], edges_of(cells).reshape(-1, 2)
+        kind = KINDS[2, cells.shape[1]]
+        corners = kind.corners
+        around, ends = cells[:, :corners], facets_of(cells, kind).reshape(-1, 2)
         codes = codes_of(ends, len(x))
         codes, first, count = np.unique(codes, return_index=True, return_counts=True)
         codes, once = codes[count == 1], first[count == 1]

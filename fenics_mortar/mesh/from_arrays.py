@@ -19,12 +19,21 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.mesh.data import MeshData
-from fenics_mortar.mesh.edges import KINDS, check_hanging_nodes, codes_of, edges_of
+from fenics_mortar.mesh.edges import check_hanging_nodes
+from fenics_mortar.mesh.hanging import check_hanging_nodes_in_space
+from fenics_mortar.mesh.kinds import KINDS, Kind, codes_of, facets_of
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Indices, values_at
 from fenics_mortar.utils.errors import MeshError, check_same_texts, format_point, together
 from fenics_mortar.utils.rounding import ROUNDING
+
+# Shapes of the array of cells by the dimension of the points, and what to do with a plane mesh.
+EXPECTED = {
+    2: "(m, 3) or (m, 6) for triangles, (m, 4) or (m, 9) for quadrilaterals",
+    3: "(m, 4) or (m, 10) for tetrahedra, (m, 8) or (m, 27) for hexahedra",
+}
+PLANE_IN_SPACE = " (z of the points varies: for a mesh of the x-y plane give (n, 2))"
 
 
 def mesh_from_arrays(
@@ -43,16 +52,19 @@ def mesh_from_arrays(
     another cell, are refused: the body would not be joined there.
 
     Args:
-        points: Positions of the nodes, shape (n, 2) [length]; (n, 3) if the last column is
-            constant. Nodes without cells are ignored.
-        cells: Numbers of the nodes of each cell, from 0 on, shape (m, k): triangles of 3 or 6 nodes
-            or quadrilaterals of 4 or 9, the corners one after the other, then the middles of the
-            edges from the first corner on, then the centre, as in gmsh, meshio and VTK.
+        points: Positions of the nodes, shape (n, 2) or (n, 3) [length]. Meshes with a constant last
+            column of three are plane. Nodes without cells are ignored.
+        cells: Numbers of the nodes of each cell, from 0 on, shape (m, k), in the order of VTK and
+            meshio. In the plane triangles of 3 or 6 nodes or quadrilaterals of 4 or 9: the corners
+            one after the other, then the middles of the edges from the first corner on, then the
+            centre. In space tetrahedra of 4 or 10 nodes or hexahedra of 8 or 27: the corners of the
+            base, the apex or the corners above, then the middles of the edges, of the base first,
+            then the centres of the faces, then the centre.
         bodies: Cells of each body by name: numbers, or flags of shape (m,). Each cell belongs to
             one body.
-        boundaries: Facets of each boundary by name: numbers of their two end nodes in any order,
-            shape (f, 2); further columns, as middles of edges, are ignored. A facet belongs to one
-            boundary at most.
+        boundaries: Facets of each boundary by name: numbers of their corners in any order, shape
+            (f, 2) in the plane, (f, 3) or (f, 4) in space; further columns, as middles of edges,
+            are ignored. A facet belongs to one boundary at most.
         comm: Communicator of the mesh.
         rank: The rank whose arrays are used; others may pass ``None``.
 
@@ -104,14 +116,15 @@ def check_rank(what: str, comm: Any, rank: Any) -> None:
 def distributed(comm: MPI.Comm, rank: int, mine: CheckedArrays | None) -> MeshData:
     """Create the distributed mesh from the arrays of rank ``rank`` (collective)."""
     tagged = comm.bcast(mine and mine.tagged, root=rank)
-    name, degree, _, order = KINDS[tagged.num_nodes]
-    x = np.empty((0, 2)) if mine is None else mine.points
-    nodes = np.empty((0, tagged.num_nodes), np.int64) if mine is None else mine.cells[:, order]
-    mesh = compat.create_mesh(comm, nodes, x, name, degree)
-    mesh.topology.create_entities(1)
+    kind = tagged.kind
+    x = np.empty((0, kind.dim)) if mine is None else mine.points
+    none = np.empty((0, tagged.num_nodes), np.int64)
+    nodes = none if mine is None else mine.cells[:, kind.order]
+    mesh = compat.create_mesh(comm, nodes, x, kind.name, kind.degree)
+    mesh.topology.create_entities(kind.dim - 1)
     input_cells = np.asarray(mesh.topology.original_cell_index, np.int64)  # ghosts included
-    cell_tags = _tags(mesh, 2, tagged.body_of_cell[input_cells])
-    facet_tags = _tags(mesh, 1, _tags_of_facets(mesh, tagged))
+    cell_tags = _tags(mesh, kind.dim, tagged.body_of_cell[input_cells])
+    facet_tags = _tags(mesh, kind.dim - 1, _tags_of_facets(mesh, tagged))
     return MeshData(mesh, cell_tags, facet_tags, tagged.bodies, tagged.boundaries)
 
 
@@ -120,13 +133,15 @@ class Tagged:
     """Names, tags and facets, which all ranks need.
 
     Attributes:
+        dim: Dimension of the cells.
         num_nodes: Nodes of a cell.
         bodies, boundaries: Tags by name.
         body_of_cell: Tag of each cell, shape (m,).
-        facets: Ends of the facets of all boundaries, ascending, shape (f, 2).
+        facets: Corners of the facets of all boundaries, ascending, shape (f, corners).
         tags: Their tags, shape (f,).
     """
 
+    dim: int
     num_nodes: int
     bodies: dict[str, int]
     boundaries: dict[str, int]
@@ -134,10 +149,15 @@ class Tagged:
     facets: Indices
     tags: npt.NDArray[np.int32]
 
+    @property
+    def kind(self) -> Kind:
+        """Kind of the cells."""
+        return KINDS[self.dim, self.num_nodes]
+
 
 @dataclass(frozen=True)
 class CheckedArrays:
-    """Checked arrays: positions (n, 2) [length], cells (m, k) as given, and the rest."""
+    """Checked arrays: positions (n, dim) [length], cells (m, k) as given, and the rest."""
 
     points: Array
     cells: Indices
@@ -151,35 +171,72 @@ def checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> CheckedArr
         MeshError: If they are not a valid mesh.
     """
     x, nodes = _points(points), _numbers("cells", cells)
-    if nodes.ndim != 2 or nodes.shape[1] not in KINDS or not len(nodes):
-        expected = "(m, 3) or (m, 6) for triangles, (m, 4) or (m, 9) for quadrilaterals"
-        raise MeshError(f"cells have shape {nodes.shape}; expected {expected}, with m > 0")
+    dim = x.shape[1]
+    if nodes.ndim != 2 or (dim, nodes.shape[1]) not in KINDS or not len(nodes):
+        raise MeshError(
+            f"cells have shape {nodes.shape}; expected {EXPECTED[dim]}, with m > 0"
+            + PLANE_IN_SPACE * (dim == 3 and nodes.ndim == 2 and (2, nodes.shape[1]) in KINDS)
+        )
+    kind = KINDS[dim, nodes.shape[1]]
     _check_cells(x, nodes)
     body_of_cell = _body_of_cell(bodies, x, nodes)
-    facets, tags = _facets(boundaries, x, nodes)
-    check_hanging_nodes(x, nodes, facets, tags)
+    facets, tags = _facets(boundaries, x, nodes, kind)
+    check_joined(x, nodes, facets, tags)
     tag_of_body, tag_of_boundary = (
         {name: tag for tag, name in enumerate(some, 1)} for some in (bodies, boundaries)
     )
     num_nodes = nodes.shape[1]
-    tagged = Tagged(num_nodes, tag_of_body, tag_of_boundary, body_of_cell, facets, tags)
+    tagged = Tagged(dim, num_nodes, tag_of_body, tag_of_boundary, body_of_cell, facets, tags)
     return CheckedArrays(x, nodes, tagged)
 
 
+def check_joined(x: Array, cells: Indices, facets: Indices, tags: npt.NDArray[np.int32]) -> None:
+    """Reject nodes inside an edge of another cell (local).
+
+    Args:
+        x: Positions of the nodes, shape (n, dim) [length].
+        cells: Nodes of the cells, shape (m, k).
+        facets: Corners of the facets of all boundaries, ascending, shape (f, corners).
+        tags: Tags of these boundaries, shape (f,).
+
+    Raises:
+        MeshError: The message has the first node, its position, and the edge.
+    """
+    check = check_hanging_nodes if x.shape[1] == 2 else check_hanging_nodes_in_space
+    check(x, cells, facets, tags)
+
+
+def check_dimension(x: Array, dim: int) -> None:
+    """Reject points (n, 2 or 3) that are not plane, or plane, for cells of a dimension (local).
+
+    Raises:
+        MeshError: If they do not fit.
+    """
+    if dim == 2 and not _are_flat(x):
+        raise MeshError(f"z varies by {np.ptp(x[:, 2]):.3g}; expected a mesh of the x-y plane")
+    if dim == 3 and _are_flat(x):
+        raise MeshError("the cells are solids, but all points have the same z")
+
+
+def _are_flat(x: Array) -> bool:
+    """Whether points (n, 2 or 3) [length] have one z, apart from rounding (local)."""
+    if x.shape[1] == 2 or not len(x):
+        return True
+    return bool(np.ptp(x[:, 2]) <= ROUNDING * np.ptp(x, axis=0).max())
+
+
 def _points(points: Any) -> Array:
-    """Positions (n, 2) of the nodes [length] (local)."""
+    """Positions of the nodes [length], (n, 2) if they lie in the plane, else (n, 3) (local)."""
     try:
         x = np.array(points, np.float64)
     except (TypeError, ValueError) as error:
         raise MeshError(f"points are not an array of numbers: {error}") from None
     if x.ndim != 2 or x.shape[1] not in (2, 3):
-        raise MeshError(f"points have shape {x.shape}; expected (n, 2)")
+        raise MeshError(f"points have shape {x.shape}; expected (n, 2) or (n, 3)")
     if not np.isfinite(x).all():
         bad = np.flatnonzero(~np.isfinite(x).all(axis=1))
         raise MeshError(f"coordinates of {bad.size} points are not finite, e.g. of point {bad[0]}")
-    if x.shape[1] == 3 and len(x) and np.ptp(x[:, 2]) > ROUNDING * np.ptp(x, axis=0).max():
-        raise MeshError(f"z varies by {np.ptp(x[:, 2]):.3g}; expected a mesh of the x-y plane")
-    return x[:, :2].copy()
+    return x[:, :2].copy() if _are_flat(x) else x
 
 
 def _numbers(what: str, given: Any) -> Indices:
@@ -243,44 +300,56 @@ def _body_of_cell(bodies: Any, x: Array, cells: Indices) -> npt.NDArray[np.int32
     return tags
 
 
-def _facets(boundaries: Any, x: Array, cells: Indices) -> tuple[Indices, npt.NDArray[np.int32]]:
-    """Facets of all boundaries, ends ascending (f, 2), and their tags (f,) (local)."""
-    edges = codes_of(edges_of(cells).reshape(-1, 2), len(x))
-    parts, tags = [np.empty((0, 2), np.int64)], [np.empty(0, np.int32)]
+def _facets(
+    boundaries: Any, x: Array, cells: Indices, kind: Kind
+) -> tuple[Indices, npt.NDArray[np.int32]]:
+    """Facets of all boundaries, corners ascending (f, corners), and their tags (f,) (local)."""
+    corners = len(kind.facets[0])
+    what = "two ends" if kind.dim == 2 else f"{corners} corners"
+    known = codes_of(facets_of(cells, kind).reshape(-1, corners), len(x))
+    parts, tags = [np.empty((0, corners), np.int64)], [np.empty(0, np.int32)]
     named = _named("boundaries", boundaries)
     for tag, (name, given) in enumerate(named, 1):
         ends = _numbers(f"facets of boundary {name!r}", given)
-        if ends.ndim != 2 or ends.shape[1] < 2 or not len(ends):
-            expected = "(f, 2): the numbers of the two ends of each facet, with f > 0"
+        if ends.ndim != 2 or ends.shape[1] < corners or not len(ends):
+            expected = f"(f, {corners}): the numbers of the {what} of each facet, with f > 0"
             raise MeshError(f"boundary {name!r} has shape {ends.shape}; expected {expected}")
-        ends = np.sort(ends[:, :2], axis=1)
-        wrong = ends[~np.isin(codes_of(ends, len(x)), edges) | (ends[:, 0] < 0)]
+        ends = np.sort(ends[:, :corners], axis=1)
+        wrong = ends[~np.isin(codes_of(ends, len(x)), known) | (ends[:, 0] < 0)]
         if len(wrong):
+            sides = "edges" if kind.dim == 2 else "faces"
             raise MeshError(
-                f"boundary {name!r}: {len(wrong)} facets are not edges of cells, one from node "
-                f"{wrong[0, 0]} to node {wrong[0, 1]}"
+                f"boundary {name!r}: {len(wrong)} facets are not {sides} of cells, one "
+                f"{_described(wrong[0])}"
             )
         parts.append(np.unique(ends, axis=0))
         tags.append(np.full(len(parts[-1]), tag, np.int32))
     facets, tag_of = np.concatenate(parts), np.concatenate(tags)
     _, first, count = np.unique(codes_of(facets, len(x)), return_index=True, return_counts=True)
     if (count > 1).any():
-        a, b = facets[first[count.argmax()]]
-        names = [named[t - 1][0] for t in tag_of[(facets == (a, b)).all(axis=1)]]
-        raise MeshError(f"the facet from node {a} to node {b} is in the boundaries {names}")
+        facet = facets[first[count.argmax()]]
+        names = [named[t - 1][0] for t in tag_of[(facets == facet).all(axis=1)]]
+        raise MeshError(f"the facet {_described(facet)} is in the boundaries {names}")
     return facets, tag_of
+
+
+def _described(facet: Indices) -> str:
+    """A facet by the numbers of its corners."""
+    if len(facet) == 2:
+        return f"from node {facet[0]} to node {facet[1]}"
+    return f"of the nodes {', '.join(map(str, facet.tolist()))}"
 
 
 def _tags_of_facets(mesh: dmesh.Mesh, tagged: Tagged) -> npt.NDArray[np.int32]:
     """Tag of each local facet, 0 without boundary (local)."""
-    topology = mesh.topology
-    topology.create_connectivity(1, 0)
-    corners = KINDS[tagged.num_nodes][2]
-    vertices = topology.connectivity(2, 0).array
+    topology, kind = mesh.topology, tagged.kind
+    topology.create_connectivity(kind.dim - 1, 0)
+    vertices = topology.connectivity(kind.dim, 0).array
     number_of = np.zeros(vertices.max(initial=-1) + 1, np.int64)
     numbers = np.asarray(mesh.geometry.input_global_indices, np.int64)
-    number_of[vertices] = numbers[compat.geometry_dofmap(mesh)[:, :corners]].ravel()
-    ends = number_of[topology.connectivity(1, 0).array].reshape(-1, 2)
+    number_of[vertices] = numbers[compat.geometry_dofmap(mesh)[:, : kind.corners]].ravel()
+    ends = number_of[topology.connectivity(kind.dim - 1, 0).array]
+    ends = ends.reshape(-1, len(kind.facets[0]))
     num_points = 1 + max(ends.max(initial=0), tagged.facets.max(initial=0))
     codes, known = codes_of(ends, num_points), codes_of(tagged.facets, num_points)
     return np.asarray(values_at(codes, known, tagged.tags, 0))

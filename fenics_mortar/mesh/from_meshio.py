@@ -16,14 +16,26 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.mesh.centres import with_centres
 from fenics_mortar.mesh.data import MeshData, as_list
-from fenics_mortar.mesh.edges import KINDS, codes_of, edges_of
-from fenics_mortar.mesh.from_arrays import CheckedArrays, check_rank, checked, distributed
+from fenics_mortar.mesh.from_arrays import (
+    CheckedArrays,
+    check_dimension,
+    check_rank,
+    checked,
+    distributed,
+)
+from fenics_mortar.mesh.kinds import KINDS, Kind, codes_of, facets_of
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError, together
 
-# Types of cells in meshio, with their numbers of nodes.
-CELLS = {"triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8, "quad9": 9}
+# Types of cells in meshio by dimension, with their numbers of nodes.
+CELLS = {
+    2: {"triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8, "quad9": 9},
+    3: {"tetra": 4, "tetra10": 10, "hexahedron": 8, "hexahedron20": 20, "hexahedron27": 27},
+}
+# How their names begin by dimension, and names of the cells of a body and of a boundary.
+FAMILIES = {0: ("vertex",), 1: ("line",), 2: ("triangle", "quad")}
 # Name of the body if no cell is in a set or has a tag.
 BODY = "body"
 # Arrays of tags that programs write, in the order of preference: gmsh, Medit, MED (Salome).
@@ -45,15 +57,17 @@ def mesh_from_meshio(
 ) -> MeshData:
     """Create a mesh with named bodies and boundaries from a mesh of meshio (collective).
 
-    Bodies are sets of cells and boundaries sets of lines in ``cell_sets``, such as gmsh's physical
-    groups and Abaqus's element sets. Cells and lines in no set are named by their tag in
+    Bodies are sets of cells and boundaries sets of their lines (in space of their triangles or
+    quadrilaterals) in ``cell_sets``, such as gmsh's physical
+    groups and Abaqus's element sets. Cells and facets in no set are named by their tag in
     ``cell_data``: with its name in ``field_data`` (gmsh) or ``cell_tags`` (MED), else the number as
     a text, such as "7". Sets of points (Abaqus's node sets) are boundaries, too: the facets on the
     outline that have all nodes in the set. If no cell has a set or tag, there is one body, "body".
 
     Args:
         mesh: The mesh of meshio, with cells of one type: triangle, triangle6, quad, quad9 or quad8;
-            the last become quad9 of the same shape. Only used on rank ``rank``.
+            tetra, tetra10, hexahedron, hexahedron27 or hexahedron20. Those of 8 and 20 nodes of
+            order 2 become quad9 and hexahedron27 of the same shape. Only used on rank ``rank``.
         bodies: Names of the sets that are bodies; default: all. Each cell belongs to one body:
             choose if sets overlap, such as "steel" and "all".
         boundaries: Names of the sets that are boundaries, likewise.
@@ -68,7 +82,7 @@ def mesh_from_meshio(
         are rows of ``mesh.points``; points without cells are ignored.
 
     Raises:
-        MeshError: On all ranks, if the mesh is not plane or not valid, with the names of all sets.
+        MeshError: On all ranks, if the mesh is not valid, with the names of all sets.
         ValueError: If ``comm`` is not a communicator or ``rank`` not an integer.
 
     Example:
@@ -94,20 +108,23 @@ def _arrays(mesh: Any, bodies: Any, boundaries: Any, tags: str | None) -> Checke
     """
     if not (hasattr(mesh, "points") and hasattr(mesh, "cell_sets")):
         raise MeshError(f"mesh is {mesh!r}; expected a mesh of meshio, such as meshio.read(path)")
-    flat, lines, columns = _parts(mesh)
-    points, cells = _with_centres(np.array(mesh.points, np.float64), flat.nodes(columns))
-    ends, key = lines.nodes(2), _key_of_tags(mesh, tags)
-    given = flat.sets(key) or {BODY: _NamedSet(np.arange(len(cells)), None)}
-    curves = lines.sets(key)
+    dim, whole, sides, columns = _parts(mesh)
+    points, cells = with_centres(np.array(mesh.points, np.float64), whole.nodes(columns), dim)
+    points = _on_cells(points, cells)
+    check_dimension(points, dim)
+    kind = KINDS[dim, cells.shape[1]]
+    ends, key = sides.nodes(len(kind.facets[0])), _key_of_tags(mesh, tags)
+    given = whole.sets(key) or {BODY: _NamedSet(np.arange(len(cells)), None)}
+    curves = sides.sets(key)
     facets = {name: ends[curve.members] for name, curve in curves.items()}
     for name, nodes in mesh.point_sets.items():
-        within = _facets_within(cells, np.ravel(nodes), len(points))
+        within = _facets_within(cells, kind, np.ravel(nodes), len(points))
         if len(within):
             facets.setdefault(name, within)
     try:
         named = {name: given[name].members for name in _chosen("body", bodies, given)}
         named_facets = {n: facets[n] for n in _chosen("boundary", boundaries, facets)}
-        arrays = checked(_on_cells(points, cells), cells, named, named_facets)
+        arrays = checked(points, cells, named, named_facets)
     except MeshError as error:
         raise MeshError(
             f"{error}; the mesh of meshio has the bodies {sorted(given)} and the boundaries "
@@ -125,33 +142,25 @@ def _arrays(mesh: Any, bodies: Any, boundaries: Any, tags: str | None) -> Checke
     return replace(arrays, tagged=tagged)
 
 
-def _parts(mesh: Any) -> tuple[_Part, _Part, int]:
-    """All cells, all lines, and the number of nodes of a cell (local).
+def _parts(mesh: Any) -> tuple[int, _Part, _Part, int]:
+    """Dimension of the cells, all cells, all facets, and the number of nodes of a cell (local).
 
     Raises:
         MeshError: If there are no cells, several types of cells, or other types.
     """
     types = [block.type for block in mesh.cells]
-    of_cells = {name for name in types if name in CELLS}
-    on_lines = {name for name in types if name.startswith("line")}
-    if len(of_cells) != 1 or set(types) - of_cells - on_lines - {"vertex"}:
-        expected = f"cells of one of the types {', '.join(CELLS)}, beside lines and vertices"
+    dim = 3 if any(name in CELLS[3] for name in types) else 2
+    of_cells = {name for name in types if name in CELLS[dim]}
+    lower = {d: {n for n in types if n.startswith(FAMILIES[d])} for d in range(dim)}
+    if len(of_cells) != 1 or set(types) - of_cells - set().union(*lower.values()):
+        beside = "lines and vertices" if dim == 2 else "cells of lower dimension"
+        expected = f"cells of one of the types {', '.join(CELLS[dim])}, beside {beside}"
         raise MeshError(f"the mesh of meshio has {sorted(set(types))}; expected {expected}")
-    flat, lines = (
-        _Part(mesh, dim, [i for i, name in enumerate(types) if name in some])
-        for dim, some in ((2, of_cells), (1, on_lines))
+    whole, sides = (
+        _Part(mesh, d, [i for i, name in enumerate(types) if name in some], is_body=d == dim)
+        for d, some in ((dim, of_cells), (dim - 1, lower[dim - 1]))
     )
-    return flat, lines, CELLS[of_cells.pop()]
-
-
-def _with_centres(points: Array, cells: Indices) -> tuple[Array, Indices]:
-    """Points and cells; cells of 8 nodes have a ninth, so that their shape is the same (local)."""
-    if cells.shape[1] != 8:
-        return points, cells
-    corners, middles = points[cells[:, :4]], points[cells[:, 4:]]
-    centres = 0.5 * middles.sum(axis=1) - 0.25 * corners.sum(axis=1)
-    numbers = len(points) + np.arange(len(cells))
-    return np.concatenate([points, centres]), np.column_stack([cells, numbers])
+    return dim, whole, sides, CELLS[dim][of_cells.pop()]
 
 
 def _on_cells(points: Array, cells: Indices) -> Array:
@@ -160,15 +169,14 @@ def _on_cells(points: Array, cells: Indices) -> Array:
     return np.where(used[:, None], points, points[used.argmax()])
 
 
-def _facets_within(cells: Indices, nodes: Indices, num_points: int) -> Indices:
-    """Ends of the facets on the outline that have all nodes in a set, shape (f, 2) (local)."""
-    edges, corners = edges_of(cells), KINDS[cells.shape[1]][2]
-    codes = codes_of(edges.reshape(-1, 2), num_points)
+def _facets_within(cells: Indices, kind: Kind, nodes: Indices, num_points: int) -> Indices:
+    """Corners of the facets on the outline with all nodes in a set, (f, corners) (local)."""
+    facets = facets_of(cells, kind)
+    codes = codes_of(facets.reshape(-1, facets.shape[2]), num_points)
     _, number, counts = np.unique(codes, return_inverse=True, return_counts=True)
-    within = (counts[number] == 1).reshape(-1, corners) & np.isin(edges, nodes).all(axis=2)
-    if cells.shape[1] > corners:
-        within &= np.isin(cells[:, corners : 2 * corners], nodes)
-    return edges[within]
+    within = (counts[number] == 1).reshape(facets.shape[:2])
+    within &= np.isin(cells[:, kind.facet_nodes], nodes).all(axis=2)
+    return facets[within]
 
 
 def _chosen(kind: str, names: Any, known: Any) -> list[str]:
@@ -198,10 +206,11 @@ class _Part:
         mesh: The mesh of meshio.
         dim: The dimension.
         blocks: Numbers of the blocks.
+        is_body: Whether these are the cells of bodies, not of boundaries.
     """
 
-    def __init__(self, mesh: Any, dim: int, blocks: list[int]) -> None:
-        self._mesh, self._dim = mesh, dim
+    def __init__(self, mesh: Any, dim: int, blocks: list[int], *, is_body: bool) -> None:
+        self._mesh, self._dim, self._is_body = mesh, dim, is_body
         sizes = [len(mesh.cells[i].data) for i in blocks]
         self._first = dict(zip(blocks, np.cumsum([0, *sizes])[:-1], strict=True))
         self._size = sum(sizes)
@@ -228,7 +237,7 @@ class _Part:
         others = np.ones(self._size, bool)
         for known in found.values():
             others[known.members] = False
-        if self._dim == 1 or key in ZERO_IS_NONE:
+        if not self._is_body or key in ZERO_IS_NONE:
             others &= tags != 0
         for tag in np.unique(tags[others]):
             for name in self._names(int(tag)):

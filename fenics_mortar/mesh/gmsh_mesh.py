@@ -14,17 +14,24 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.mesh.edges import check_hanging_nodes
-from fenics_mortar.mesh.from_arrays import CheckedArrays, Tagged
+from fenics_mortar.mesh.from_arrays import CheckedArrays, Tagged, check_joined
+from fenics_mortar.mesh.kinds import KINDS
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError
 
-# Name and number of nodes of gmsh's element types in the plane, up to order 2.
+# Name and number of nodes of gmsh's element types up to order 2.
 TYPES = {
     15: ("Point", 1), 1: ("Line 2", 2), 8: ("Line 3", 3),
     2: ("Triangle 3", 3), 9: ("Triangle 6", 6),
     3: ("Quadrilateral 4", 4), 16: ("Quadrilateral 8", 8), 10: ("Quadrilateral 9", 9),
+    4: ("Tetrahedron 4", 4), 11: ("Tetrahedron 10", 10),
+    5: ("Hexahedron 8", 8), 17: ("Hexahedron 20", 20), 12: ("Hexahedron 27", 27),
+    6: ("Prism 6", 6), 7: ("Pyramid 5", 5),
 }  # fmt: skip
+# Nodes of gmsh's solids of order 2 in the order of ``kinds``, by their number.
+TETRAHEDRON = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
+HEXAHEDRON = [*range(8), 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15, 22, 23, 21, 24, 20, 25, 26]
+ORDERS = {10: TETRAHEDRON, 27: HEXAHEDRON}
 # Types in binary files: size_t, int and double.
 SIZE, INT, DOUBLE = "<u8", "<i4", "<f8"
 
@@ -71,6 +78,11 @@ class GmshMesh:
         mesh.tags, mesh.x = np.asarray(tags, np.int64), np.reshape(x, (-1, 3))
         return mesh
 
+    @property
+    def dim(self) -> int:
+        """3 if there are solid elements, else 2."""
+        return 3 if self.elements(3) else 2
+
     def entities(self, dim: int) -> list[int]:
         """Tags of all entities of a dimension."""
         return sorted(tag for d, tag in {*self.groups, *self.blocks} if d == dim)
@@ -99,17 +111,21 @@ class GmshMesh:
         return np.concatenate(nodes), np.concatenate(tags)
 
     def given(self, bodies: dict[str, int], boundaries: dict[str, int]) -> CheckedArrays:
-        """The mesh as arrays with names of its groups; needs nodes numbered from 1 without gaps.
+        """The mesh as arrays with names of its groups, after ``renumber_nodes``.
 
         Raises:
             MeshError: If a node lies inside an edge of another cell.
         """
-        cells, body_of_cell = self.tagged_elements(2)
-        facets, tags = self.tagged_elements(1)
-        ends = np.sort(facets[:, :2], axis=1)
-        tagged = Tagged(cells.shape[1], bodies, boundaries, body_of_cell, ends, tags)
-        x = self.x[np.argsort(self.tags), :2]
-        check_hanging_nodes(x, cells, ends, tags)
+        dim = self.dim
+        cells, body_of_cell = self.tagged_elements(dim)
+        if dim == 3 and cells.shape[1] in ORDERS:
+            cells = cells[:, ORDERS[cells.shape[1]]]
+        corners = len(KINDS[dim, cells.shape[1]].facets[0])
+        facets, tags = self.tagged_elements(dim - 1)
+        ends = np.sort(facets[:, :corners], axis=1) if tags.size else np.empty((0, corners), int)
+        tagged = Tagged(dim, cells.shape[1], bodies, boundaries, body_of_cell, ends, tags)
+        x = self.x[np.argsort(self.tags), :dim]
+        check_joined(x, cells, ends, tags)
         return CheckedArrays(x, cells, tagged)
 
     def renumber_nodes(self) -> None:
@@ -121,7 +137,7 @@ class GmshMesh:
 
 
 def read_msh(path: Path) -> GmshMesh | None:
-    """Read a file; ``None`` if it is of another format, or has volumes or elements of order 3.
+    """Read a file; ``None`` if it is of another format, or has elements of order 3.
 
     Raises:
         MeshError: If the file is damaged.

@@ -25,7 +25,7 @@ def by_input_node(space: DisplacementSpace, u: Any) -> tuple[Indices, Array]:
 
     Returns:
         Identifiers of the nodes, see ``input_nodes``, shape (n, k), in ascending order, and their
-        values, shape (n, 2); in a mixed space each dof counts as a node, shape (n, 1).
+        values, shape (n, dim); in a mixed space each dof counts as a node, shape (n, 1).
     """
     comm, size = space.V.mesh.comm, space.block_size
     owned = space.num_owned // size
@@ -139,7 +139,7 @@ def mesh_by_input_node(mesh: Any) -> tuple[Indices, Array]:
 
     Returns:
         Input numbers of the nodes of all cells, ascending in a cell and by cells, shape (cells,
-        nodes per cell), and coordinates of all nodes in this numbering, shape (nodes, 2) [length].
+        nodes per cell), and coordinates of all nodes in this numbering, (nodes, dim) [length].
     """
     geometry, num_cells = mesh.geometry, mesh.topology.index_map(mesh.topology.dim).size_local
     numbers = np.asarray(geometry.input_global_indices, np.int64)
@@ -147,7 +147,7 @@ def mesh_by_input_node(mesh: Any) -> tuple[Indices, Array]:
     cells = np.sort(numbers[compat.geometry_dofmap(mesh)[:num_cells]], axis=1)
     cells = np.concatenate(mesh.comm.allgather(cells))
     names = np.concatenate(mesh.comm.allgather(numbers[:owned]))
-    x = np.concatenate(mesh.comm.allgather(geometry.x[:owned, :2]))
+    x = np.concatenate(mesh.comm.allgather(geometry.x[:owned, : geometry.dim]))
     return cells[np.lexsort(cells.T[::-1])], x[np.argsort(names)]
 
 

@@ -29,15 +29,14 @@ from fenics_mortar.bulk.bodies import find_floating_bodies, label_bodies
 from fenics_mortar.bulk.checks import check_residual, check_space
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.interface.curve_surface import Curve
+from fenics_mortar.interface.extraction import extract_surface
 from fenics_mortar.interface.facing import nearest_facets, points_of
 from fenics_mortar.interface.segments import gauss_rule
-from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.la.factored import factored_bulk
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.models.deviations import all_contacts
-from fenics_mortar.models.model_error import estimate_wider
-from fenics_mortar.models.report import Assumption
+from fenics_mortar.models.model_error import Assumption, all_contacts, estimate_wider
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_kind
@@ -153,7 +152,7 @@ class _Touching:
         surface: Contact surface of the obstacle's mesh.
     """
 
-    def __init__(self, contact: Contact, obstacle: Obstacle, surface: Surface) -> None:
+    def __init__(self, contact: Contact, obstacle: Obstacle, surface: Curve) -> None:
         self._contact, self._obstacle, o = contact, obstacle, contact.operators
         self._points = points_of(o.segments, gauss_rule(POINTS_ON_FACET))
         self._measure = self._points.measure(o.x)

@@ -4,7 +4,7 @@
 The estimates of ``model_error`` use one Newton step of a richer model at the solution of the
 present one.
 
-Indicators are the ``deviations`` from the assumptions. The body that an obstacle represents may be
+Indicators are the deviations from the assumptions. The body that an obstacle represents may be
 meshed alone, see ``elastic_obstacle``: the displacement of its surface under the tractions widens
 the gaps in the richer model. The error of the facets of that mesh, compared with the curve, is
 reported separately; if it is larger, refine that mesh first. Without a mesh only a rule is
@@ -18,8 +18,6 @@ If surfaces may have friction, all nodes in contact stick in the richer model. T
 is the shear over the pressure; where it exceeds the available friction, nodes slide in the
 following steps. Slip is counted from first contact, over all solves of the check: the slip of the
 last step alone would cause only a fraction of the shear.
-
-With a hierarchy, each solve starts with a cheaper model, see ``hierarchy``.
 """
 
 from __future__ import annotations
@@ -35,21 +33,22 @@ import ufl
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import Coulomb, Law, Stick
-from fenics_mortar.models.deviations import (
+from fenics_mortar.models.elastic_obstacle import ElasticObstacle, rigid_obstacle
+from fenics_mortar.models.model_error import (
+    ENERGY,
     LINEAR,
+    QUANTITIES,
     SMALL,
+    Assumption,
+    ModelReport,
     all_contacts,
     describe,
+    estimate,
     shear_demand,
     sliding_little,
 )
-from fenics_mortar.models.elastic_obstacle import ElasticObstacle, rigid_obstacle
-from fenics_mortar.models.hierarchy import ModelHierarchy
-from fenics_mortar.models.model_error import ENERGY, QUANTITIES, estimate
-from fenics_mortar.models.report import Assumption, ModelReport
-from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils.arguments import check_choice, check_flag, check_kind, check_number
+from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_same_texts
 
@@ -67,9 +66,6 @@ class ModelCheck:
         elastic_obstacles: Elastic bodies that obstacles represent; they replace the ratio.
         discretisation: Relative error of the mesh [1], if known.
         friction: Largest possible coefficient of friction of surfaces modelled as frictionless [1].
-        hierarchy: Whether solves start with a cheaper model, and use the problem's own model only
-            if the estimated error of the quantity exceeds both the tolerance and the error of the
-            mesh: ``discretisation``, or, for energy norms, ``estimate()`` of the problem.
 
     Raises:
         ValueError: If an argument is of another type or not allowed.
@@ -89,7 +85,6 @@ class ModelCheck:
         elastic_obstacles: Sequence[ElasticObstacle] = (),
         discretisation: float | None = None,
         friction: float | None = None,
-        hierarchy: bool = False,
     ) -> None:
         check_choice("quantity", quantity, QUANTITIES)
         numbers = {"tolerance": tolerance, "stiffness_ratio": stiffness_ratio, "friction": friction}
@@ -105,86 +100,55 @@ class ModelCheck:
             check_kind("elastic_obstacles", elastic, ElasticObstacle, expected)
         if finite_strain is not None:
             check_kind("finite_strain", finite_strain, ufl.Form, "a UFL form of the residual")
-        check_flag("hierarchy", hierarchy)
         self._tolerance, self._quantity = tolerance, quantity
         self._finite_strain, self._stiffness_ratio = finite_strain, stiffness_ratio
         self._discretisation, self._friction = discretisation, friction
-        self._has_hierarchy = hierarchy
         self._elastic = {elastic.obstacle: elastic for elastic in elastic_obstacles}
         self._richer: dict[str, ContactProblem] = {}
-        self._hierarchy: ModelHierarchy | None = None
         self._slips: dict[Contact, Array] = {}
 
     def prepare(self, problem: ContactProblem) -> None:
-        """Set up the cheaper models of a problem, if there is a hierarchy (collective).
+        """Compare the options on all ranks (collective).
 
         Raises:
             MortarError: On all ranks, if options differ between them.
         """
         given = {
             "tolerance": self._tolerance, "quantity": self._quantity,
-            "hierarchy": self._has_hierarchy, "stiffness_ratio": self._stiffness_ratio,
+            "stiffness_ratio": self._stiffness_ratio,
             "friction": self._friction, "discretisation": self._discretisation,
             "elastic_obstacles": len(self._elastic),
             "finite_strain": self._finite_strain is not None,
         }  # fmt: skip
         check_same_texts(problem.equations.comm, "ModelCheck", given)
-        if self._has_hierarchy:
-            self._hierarchy = ModelHierarchy(
-                problem, self._tolerance, self._quantity, self._discretisation
-            )
-
-    def solve_cheaper(self) -> NewtonReport | None:
-        """Solve by the cheapest sufficient model, see ``hierarchy``, if any (collective).
-
-        Returns:
-            Its report; ``None`` if the problem's own model has to be solved.
-        """
-        return self._hierarchy.solve() if self._hierarchy else None
 
     def snapshot(self) -> Callable[[], None]:
         """Return a function that restores the present data of the check (local)."""
         slips = self._slips.copy()
-        models = vars(self._hierarchy).copy() if self._hierarchy else {}
 
         def restore() -> None:
             self._slips = slips
-            if self._hierarchy:
-                vars(self._hierarchy).update(models)
 
         return restore
 
     def saved_data(self, problem: ContactProblem) -> dict[str, Array]:
-        """Data of ``problem`` on which later solves depend, for a checkpoint (local).
+        """Accumulated slip of each pair of ``problem`` for a checkpoint (local).
 
-        Returns:
-            Accumulated slip of each pair, shape (slave nodes,) [length], and the model in use.
+        Shape (slave nodes,) each [length].
         """
         slips = [self._slips.get(contact, np.empty(0)) for contact in all_contacts(problem)]
-        return {f"slips{i}": slip for i, slip in enumerate(slips)} | (
-            self._hierarchy.saved_data() if self._hierarchy else {}
-        )
+        return {f"slips{i}": slip for i, slip in enumerate(slips)}
 
     def restore_data(self, problem: ContactProblem, data: Mapping[str, Array]) -> None:
         """Restore ``data`` as far as present (collective); see ``saved_data`` for shapes."""
         for i, contact in enumerate(all_contacts(problem)):
             if data.get(f"slips{i}", np.empty(0)).shape == (contact.slave.num_nodes,):
                 self._slips[contact] = data[f"slips{i}"]
-        if self._hierarchy and "hierarchy" in data:
-            self._hierarchy.restore_data(data)
 
     def assess(self, problem: ContactProblem) -> ModelReport:
         """Estimate the errors of the present solution; its state is restored (collective)."""
-        hierarchy, mesh_error = self._hierarchy, self._discretisation
-        used = hierarchy.used if hierarchy else None
-        found = [*filter(None, [used]), *self._assumptions(problem)]
-        if hierarchy:
-            mesh_error = hierarchy.mesh_error
-        if hierarchy and hierarchy.model and used:  # forces and gaps are those of its operators
-            theirs = hierarchy.model.equations.contacts
-            for contact, other in zip(problem.equations.contacts, theirs, strict=True):
-                contact.set_operators(other.operators)
-        return ModelReport(found, self._tolerance, self._quantity, mesh_error)
+        found = list(self._assumptions(problem))
+        return ModelReport(found, self._tolerance, self._quantity, self._discretisation)
 
     def _assumptions(self, problem: ContactProblem) -> Iterator[Assumption]:
         richer: dict[str, dict[str, Any]] = {}

@@ -8,6 +8,11 @@ quantity. If the remaining residual is larger than in a nearly linear problem, t
 apart, and a few more steps follow, until the remaining residual, as a fraction of the correction,
 cannot change any quantity by half. All quantities are checked, since a peak pressure may be
 accurate while the contact area is not.
+
+**Deviations of a state from the assumptions of its model, as numbers and as text.** For linear
+strain: the rotation, whose spurious strain is angle^2 / 2, and the strain; for small sliding: the
+slip over a facet's length and the rotation of the normals; without friction: the friction that
+sticking would require.
 """
 
 from __future__ import annotations
@@ -21,10 +26,14 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.laws import Stick
+from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.interface.nodal_normals import evaluate_normals
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
-from fenics_mortar.utils.ranks import agreed
+from fenics_mortar.utils.files import Markdown, markdown_table
+from fenics_mortar.utils.ranks import agreed, largest_over_ranks
 
 ENERGY, FORCE, PEAK = "energy norm", "total force", "peak pressure"
 QUANTITIES = (ENERGY, FORCE, PEAK)
@@ -206,3 +215,142 @@ def strained(problem: ContactProblem, u: Array) -> Array:
 def relative(difference: Any, size: Any) -> float:
     """Difference over size [1]; 0 if both vanish, inf if only the size does (local)."""
     return float(difference / size) if size > 0.0 else float(np.inf if difference > 0.0 else 0.0)
+
+
+# Names of assumptions, which the bulk and the pairs of a variant make.
+LINEAR, SMALL = "linear strain", "small sliding"
+
+
+def describe(problem: ContactProblem, assumption: str) -> str:
+    """The deviations of a solved problem from an assumption, as text (collective)."""
+    if assumption == LINEAR:
+        rotation, strain = largest_strain(problem)
+        return f"rotation {np.degrees(rotation):.2g}°, strain {100 * strain:.2g} %"
+    slip, angle = largest_sliding(problem)
+    return f"slip {slip:.2g} facets, normals rotate by {np.degrees(angle):.2g}°"
+
+
+def largest_strain(problem: ContactProblem) -> tuple[float, float]:
+    """Largest rotation [radian] and principal strain of F = R U, cell means (collective)."""
+    bulk = problem.equations.bulk
+    (a, b), (c, d) = np.moveaxis(bulk.cells.deformation_gradients(bulk.positions()), 0, 2)
+    rotation = np.arctan2(c - b, a + d)
+    mean, spread = 0.5 * np.hypot(a + d, c - b), 0.5 * np.hypot(a - d, b + c)
+    strains = np.abs(mean - 1.0) + spread  # the larger of mean +- spread
+    if bulk.space.is_axisymmetric:
+        strains = np.maximum(strains, np.abs(bulk.cells.hoop_strains(bulk.positions())))
+    mine = np.array([np.abs(values).max(initial=0.0) for values in (rotation, strains)])
+    rotation, strain = largest_over_ranks(problem.equations.comm, mine)
+    return float(rotation), float(strain)
+
+
+def all_contacts(problem: ContactProblem) -> list[Contact]:
+    """The contacts of a problem, without its ties (local)."""
+    return [contact for contact in problem.equations.contacts if isinstance(contact, Contact)]
+
+
+def sliding_little(problem: ContactProblem) -> list[Contact]:
+    """Contacts with small sliding, which use the operators of the undeformed mesh (local)."""
+    return [contact for contact in all_contacts(problem) if contact.pair.sliding == "small"]
+
+
+def largest_sliding(problem: ContactProblem) -> list[float]:
+    """Largest slip over a facet's length and rotation of normals of ``sliding_little`` (local)."""
+    found = [_largest_slip(contact) for contact in sliding_little(problem)]
+    return list(np.max(found, axis=0).tolist())
+
+
+def _largest_slip(contact: Contact) -> tuple[float, float]:
+    """Largest slip of active nodes over their length, and rotation of normals [radian] (local)."""
+    o, on = contact.operators, contact.active & contact.covered
+    jump = o.jump(o.x - contact.slave.X, o.m - contact.master.X)
+    slip = np.einsum("jc,jc->j", o.tau, jump)[on] / (o.weight * contact.slave.nodal_lengths)[on]
+    weighting = contact.pair.discretization.normals
+    before, now = (evaluate_normals(contact.slave, x, weighting)[0] for x in (contact.slave.X, o.x))
+    cosine = np.einsum("jc,jc->j", before, now)[on]
+    angles = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return float(np.abs(slip).max(initial=0.0)), float(angles.max(initial=0.0))
+
+
+def shear_demand(problem: ContactProblem) -> float:
+    """Largest mean |z_tau| / z_n of all pairs with a sticking law [1] (local)."""
+    demands = [
+        relative(np.abs(c.shear_force).sum(), float(np.abs(c.operators.weight * c.pressure).sum()))
+        for c in problem.equations.contacts
+        if isinstance(c.pair, ContactPair) and isinstance(c.pair.law, Stick)
+    ]
+    return max(demands, default=0.0)
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """An assumption of a model and its estimated error.
+
+    Attributes:
+        name: The assumption.
+        indicator: Deviation of the state from the assumption, as text.
+        errors: Estimated relative error by quantity [1]; nan if unknown.
+        mesh: Error of the mesh of the richer model, if known.
+    """
+
+    name: str
+    indicator: str
+    errors: Errors
+    mesh: Assumption | None = None
+
+
+@dataclass(frozen=True)
+class ModelReport(Markdown):
+    """Estimated errors of the assumptions of a solution; prints as a Markdown table; local.
+
+    Attributes:
+        assumptions: Each assumption; if there are several, the last one is their combination.
+        tolerance: Allowed relative error of the quantity [1].
+        quantity: "energy norm", "total force" or "peak pressure".
+        discretisation: Relative error of the mesh [1], if known.
+    """
+
+    assumptions: list[Assumption]
+    tolerance: float
+    quantity: str
+    discretisation: float | None = None
+
+    @property
+    def error(self) -> float:
+        """Estimated relative error of the quantity due to all assumptions [1]."""
+        return max((a.errors[self.quantity] for a in self.assumptions), default=0.0)
+
+    @property
+    def suffices(self) -> bool:
+        """Whether the estimated error is within the tolerance; false if it is unknown."""
+        return bool(self.error <= self.tolerance)
+
+    def verdict(self, assumption: Assumption) -> str:
+        """Verdict on one assumption, as text (local)."""
+        error = assumption.errors[self.quantity]
+        if np.isnan(error):
+            return "unknown"
+        if error <= self.tolerance:
+            return "enough"
+        of_meshes = [self.discretisation or 0.0]
+        of_meshes += [assumption.mesh.errors[self.quantity]] if assumption.mesh else []
+        return "refine the mesh first" if error <= max(of_meshes) else "not enough"
+
+    def __str__(self) -> str:
+        """Markdown table: one row per assumption, and the error of the mesh."""
+        head, rows = ["assumption", "indicator", *QUANTITIES, "verdict"], list[list[str]]()
+        for a in self.assumptions:
+            rows.append(_row(a, self.verdict(a)))
+            rows += [_row(a.mesh, "")] if a.mesh else []
+        if self.discretisation is not None:
+            error = [f"{100 * self.discretisation:.2g} %", *[""] * (len(QUANTITIES) - 1)]
+            rows.append(["mesh", "", *error, ""])
+        table = markdown_table(head, rows, left=(0, 1, len(head) - 1))
+        tolerance = f"{100 * self.tolerance:g} % in {self.quantity}"
+        return f"{table}\n\nestimated errors; the tolerance is {tolerance}"
+
+
+def _row(assumption: Assumption, verdict: str) -> list[str]:
+    """One row of the table."""
+    cells = [f"{100 * assumption.errors[name]:.2g} %" for name in QUANTITIES]
+    return [assumption.name, assumption.indicator, *cells, verdict]

@@ -1,17 +1,24 @@
 # SPDX-License-Identifier: MIT
-"""Semismooth Newton method for equations with a residual, a tangent and an active set."""
+"""Newton's method for any equations: options, loop, damped steps.
+
+**Damped Newton steps: line search on the residual, or a limit of the surface motion.** Both are off
+by default, see ``NewtonOptions``. A full step often raises the residual for one iteration, when
+nodes come into contact, and the next iterate is the solution; with a line search the active set
+would change one node at a time. A limit of the motion splits prescribed displacements of many
+facets into as many iterations. By default steps are limited only where cells would invert.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.newton.report import Iteration, NewtonReport, merge_repeated
+from fenics_mortar.utils.arguments import check_flag, check_number
 from fenics_mortar.utils.errors import (
     MortarError,
     NotConvergedError,
@@ -19,6 +26,53 @@ from fenics_mortar.utils.errors import (
     RaisedElsewhereError,
 )
 from fenics_mortar.utils.rounding import TINY
+
+
+@dataclass(frozen=True)
+class NewtonOptions:
+    """Tolerances and limits of Newton's method, relative and independent of units; local.
+
+    Attributes:
+        max_iterations: Largest number of linear systems.
+        residual_tolerance: Residual over the largest force so far [1].
+        increment_tolerance: Largest displacement increment over the largest displacement [1].
+        line_search: Halve steps that raise the residual; see ``Damped``.
+        max_motion: Largest motion of a surface in one iteration over its shortest facet [1].
+        tentative: Fail at once instead of trying fallbacks; the caller has another initial guess.
+        max_remaining: Largest residual after the first iteration over the initial one [1]; the
+            solve fails above it.
+
+    Raises:
+        ValueError: If an option has a value that is not allowed.
+    """
+
+    max_iterations: int = 30
+    residual_tolerance: float = 1e-10
+    increment_tolerance: float = 1e-6
+    line_search: bool = False
+    max_motion: float = np.inf
+    tentative: bool = False
+    max_remaining: float = np.inf
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        expected = "a whole number, at least 1"
+        check_number("max_iterations", self.max_iterations, expected, lambda n: n >= 1, whole=True)
+        for what in ("residual_tolerance", "increment_tolerance"):
+            value = getattr(self, what)
+            check_number(what, value, "a positive number", lambda number: 0.0 < number < np.inf)
+        expected = "a positive number"
+        check_number("max_remaining", self.max_remaining, expected, lambda number: number > 0.0)
+        expected = "a positive number of facets"
+        check_number("max_motion", self.max_motion, expected, lambda number: number > 0.0)
+        for what in ("line_search", "tentative"):
+            check_flag(what, getattr(self, what))
+
+    @property
+    def damped(self) -> bool:
+        """Whether steps are damped by ``line_search`` or ``max_motion``."""
+        return self.line_search or bool(np.isfinite(self.max_motion))
+
 
 # Number of successive iterations with changing sets after which a cycle is assumed, unless the
 # residual decreased tenfold: on fine meshes a contact zone shrinks by one node per iteration.
@@ -245,3 +299,59 @@ def _failed_tests(
         yield f"last step shortened to the fraction {step.fraction:.1e}"
     if status.num_changed:
         yield f"{status.num_changed} nodes changed their status"
+
+
+# Smallest fraction of a step [1] at which the line search halves the step again.
+MIN_HALVED = 0.1
+
+
+class Stateful(Equations, Protocol):
+    """Equations whose state can be stored and restored; all methods are collective."""
+
+    def state(self) -> Any:
+        """The present state, an object with a method ``towards``."""
+
+    def restore(self, state: Any) -> None:
+        """Restore a state."""
+
+    def interface_motion(self, before: Any) -> float:
+        """Largest motion of a surface since a state, in facets [1]."""
+
+
+class Damped:
+    """Equations with damped steps; all methods are collective.
+
+    Args:
+        equations: The equations to solve.
+        options: With ``line_search`` and ``max_motion``.
+    """
+
+    def __init__(self, equations: Stateful, options: NewtonOptions) -> None:
+        self._equations, self._options = equations, options
+        self.remedies = equations.remedies
+        self.seconds, self.diagnose = equations.seconds, equations.diagnose
+        self._residual = 0.0
+
+    def advance(self) -> Step:
+        """Solve one linear system; limit the motion of surfaces to ``max_motion`` facets."""
+        self._before = self._equations.state()
+        step = self._equations.advance()
+        self._after = self._equations.state()
+        motion = self._equations.interface_motion(self._before)
+        if motion <= self._options.max_motion:
+            return step
+        fraction = self._options.max_motion / motion
+        self._after = self._before.towards(self._after, fraction)
+        self._equations.restore(self._after)
+        return step._replace(fraction=fraction * step.fraction)
+
+    def evaluate(self, *, start: bool) -> Status:
+        """Evaluate the state; halve the last step while it raises the residual."""
+        status, fraction = self._equations.evaluate(start=start), 1.0
+        if self._options.line_search and not start:
+            while not status.residual <= self._residual and fraction > MIN_HALVED:
+                fraction *= 0.5
+                self._equations.restore(self._before.towards(self._after, fraction))
+                status = self._equations.evaluate(start=False)
+        self._residual = status.residual
+        return replace(status, fraction=fraction)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from fenics_mortar.utils.errors import NotConvergedError
-from fenics_mortar.utils.files import Markdown
+from fenics_mortar.utils.files import Markdown, markdown_table
 
 # Start of a note, and end of a note that represents several.
 ITERATION, TIMES = re.compile(r"^iteration \d+: "), re.compile(r" \((\d+) times\)$")
@@ -49,8 +49,6 @@ class NewtonReport(Markdown):
         notes: Messages on all deviations from full Newton steps.
         certificate: Measured defects of a converged state, a ``Certificate``.
         model_check: Estimated errors of the model's assumptions, an ``ModelReport``, if requested.
-        sensitivity: Derivatives with respect to numerical choices, a ``NumericsReport``, if
-            requested.
         force: Reference force of the residuals, the largest norm of the nodal forces in the
             iteration; not the contact force, see ``PairView.total_force`` [stress length].
         allowed: Residual at which the last iteration converges [stress length].
@@ -63,7 +61,6 @@ class NewtonReport(Markdown):
     notes: list[str] = field(default_factory=list)
     certificate: Any = None
     model_check: Any = None
-    sensitivity: Any = None
     force: float = 0.0
     allowed: float = 0.0
     converged: bool = False
@@ -110,13 +107,13 @@ class NewtonReport(Markdown):
             hidden = ["increment"]
             hidden += ["step"] if all(it.fraction == 1.0 for it in self.iterations) else []
             columns = {title: cells for title, cells in columns.items() if title not in hidden}
-        lines = [f"| {' | '.join(columns)} |", "|" + "---:|" * len(columns)]
-        lines += [f"| {' | '.join(row)} |" for row in zip(*columns.values(), strict=True)]
+        rows = list(zip(*columns.values(), strict=True))
         if phases:
             sums = [f"{seconds:.4f}" for seconds in self.total_seconds().values()]
             blank = [""] * (len(columns) - len(sums) - 2)
             total = f"{sum(self.total_seconds().values()):.3f}"
-            lines.append(f"| {' | '.join(['sum', *blank, total, *sums])} |")
+            rows.append(("sum", *blank, total, *sums))
+        lines = [markdown_table(list(columns), rows)]
         lines += ["", *(f"- {note}" for note in self.notes)] if self.notes else []
         if self.solver:
             lines.append(f"\nlinear solver: {self.solver}")

@@ -1,25 +1,67 @@
 # SPDX-License-Identifier: MIT
-"""Rigid obstacles: signed distances, their place, and the forces that drive them.
+"""Rigid obstacles: signed distances, their place, shape and the forces that drive them.
+
+**Derivatives of signed distances by parameters of the shape, from difference quotients.** Central
+quotients with steps h and h / 2 are extrapolated, (4 d(h / 2) - d(h)) / 3: the error is of the
+order of h^4 and of the rounding of distances over h.
 
 An obstacle is given by its signed distance phi, positive outside the solid, with gradient and
-Hessian H in the obstacle's frame. Its rigid motion is q = (x, y, angle arm), with a length ``arm``.
-With V = (e_x, e_y, e_z x r / arm), r from the pivot, the derivatives at a point x in space are
+Hessian H in the obstacle's frame. Obstacles in the plane have d = 2 coordinates, those in space
+d = 3: as many as the pivot. The rigid motion q and its velocities V are those of ``rigid_motion``,
+with turns, angles times a length ``arm``, about axes e_i. The derivatives at a point x are
 
-    d phi = grad phi . (dx - V dq),    d grad phi = H (dx - V dq) + e_z x grad phi dq_3 / arm.
+    d phi = grad phi . (dx - V dq),
+    d grad phi = H (dx - V dq) + sum_i e_i x grad phi dq_i / arm.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from copy import copy
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.obstacles.rigid_motion import RigidMotion
-from fenics_mortar.obstacles.shape_change import differentiate_shape
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import NotFiniteError, format_point
+
+# Step of central differences of distances, over the size of the parameter or the length of a facet
+# [1]: on a spline of nine points the truncation error is 1e-11, the rounding over the step 1e-12.
+DIFFERENCE = 2e-4
+
+
+def differentiate_shape(
+    obstacle: Any, x: Array, name: str, direction: Array
+) -> tuple[Array, Array]:
+    """Derivatives of phi (n,) and of its gradient (n, d) along a direction (local).
+
+    Args:
+        obstacle: The obstacle; it is not changed.
+        x: Points in its own frame, shape (n, d) [length].
+        name: Name of the parameter.
+        direction: Shape of the parameter.
+    """
+    value, count = np.asarray(obstacle.shape()[name]), len(x)
+    if not direction.any():
+        return np.zeros(count), np.zeros_like(x)
+    size = np.ptp(value) if value.size > 1 else np.abs(value).max()
+    h = DIFFERENCE * (size or 1.0) / np.abs(direction).max()
+
+    def quotient(step: float) -> Array:
+        fields = []
+        for sign in (1.0, -1.0):
+            other = copy(obstacle)
+            other.set_shape(name, value + sign * step * direction)
+            phi, gradient, _ = other.local(x)
+            fields.append(np.column_stack([phi, gradient]))
+        return (fields[0] - fields[1]) / (2.0 * step)
+
+    change = (4.0 * quotient(0.5 * h) - quotient(h)) / 3.0
+    return change[:, 0], change[:, 1:]
+
 
 Fields = tuple[Array, Array, Array]
 
@@ -30,9 +72,9 @@ class Obstacle(RigidMotion, ABC):
     ``move`` prescribes motions, ``push`` prescribes forces. Set both equally on all ranks.
 
     Attributes:
-        name, pivot, place, load: See ``RigidMotion``. The surface in its initial position does not
-            depend on the pivot.
-        reaction: Contact force and moment on the obstacle after the last solve, shape (3,), units
+        name, dim, pivot, place, load: See ``RigidMotion``. The surface in its initial position does
+            not depend on the pivot.
+        reaction: Contact force and moment on the obstacle after the last solve, shape (m,), units
             as ``load``; with axisymmetry the axial force [force] alone.
 
     Raises:
@@ -49,10 +91,10 @@ class Obstacle(RigidMotion, ABC):
         """Signed distance and its derivatives at points of space.
 
         Args:
-            x: Points, shape (n, 2) [length].
+            x: Points, shape (n, d) [length].
 
         Returns:
-            phi (n,) [length], gradient (n, 2) [1] and Hessian (n, 2, 2) [1 / length].
+            phi (n,) [length], gradient (n, d) [1] and Hessian (n, d, d) [1 / length].
 
         Raises:
             ValueError: If a user's function returns another number of arrays or other shapes.
@@ -64,14 +106,14 @@ class Obstacle(RigidMotion, ABC):
         return phi, gradient @ rotation.T, rotation @ hessian @ rotation.T
 
     def _checked(self, fields: Fields, x: Array) -> Fields:
-        """The result of ``local`` at ``x`` (n, 2), checked."""
+        """The result of ``local`` at ``x`` (n, d), checked."""
         if not isinstance(fields, (tuple, list)) or len(fields) != 3:
             raise ValueError(
                 f"the distance of '{self.name}' returned {type(fields).__name__}; expected three "
                 "arrays: phi, gradient and Hessian"
             )
         shapes = [np.shape(field) for field in fields]
-        expected = [x.shape[:1], x.shape, (*x.shape, 2)]
+        expected = [x.shape[:1], x.shape, (*x.shape, self.dim)]
         if shapes != expected:
             raise ValueError(
                 f"the distance of '{self.name}' returned shapes {shapes}; expected {expected}"
@@ -101,13 +143,24 @@ class Obstacle(RigidMotion, ABC):
         return format_point(np.real(self.to_space(x[first : first + 1])[0]))
 
     def salient_points(self) -> Array:
-        """Points of the surface that may be the deepest in a body, own frame, (k, 2) [length].
+        """Points of the surface that may be the deepest in a body, own frame, (k, d) [length].
 
         Such as tips; none by default. The points nearest to the nodes of a body are known anyway.
         """
-        return np.empty((0, 2))
+        return np.empty((0, self.dim))
 
-    # Shape, for sensitivities; see ``shape_change``
+    def salient_points_near(self, x: Array) -> Array:
+        """As ``salient_points``; of shapes without ends those beside some points only.
+
+        Args:
+            x: Points in the own frame of the obstacle, shape (n, d) [length].
+
+        Returns:
+            Points of the surface, own frame, shape (k, d) [length].
+        """
+        return self.salient_points()
+
+    # Shape, for sensitivities
 
     def shape(self) -> dict[str, Array]:
         """Parameters of the shape by name, arrays of any shape [units of the obstacle].
@@ -128,35 +181,21 @@ class Obstacle(RigidMotion, ABC):
         """
         raise ValueError(f"'{self.name}' has no parameter '{name}' of its shape")
 
-    def local_by_shape(self, x: Array, name: str, direction: Array) -> tuple[Array, Array]:
-        """Derivatives of ``local`` along a direction of a parameter of the shape.
-
-        By default extrapolated difference quotients of a copy, see ``shape_change``.
-
-        Args:
-            x: Points of the own frame, shape (n, 2) [length].
-            name: Name of the parameter.
-            direction: Direction, of the shape of the parameter [its unit].
-
-        Returns:
-            Derivatives of phi (n,) [length] and of the gradient (n, 2) [1], both over the unit of
-            the direction's factor.
-        """
-        return differentiate_shape(self, x, name, direction)
-
     def local_by_shapes(self, x: Array, name: str, directions: Array) -> tuple[Array, Array]:
-        """Derivatives of ``local`` along m directions at once; see ``local_by_shape``.
+        """Derivatives of ``local`` along m directions of a parameter of the shape.
+
+        By default extrapolated difference quotients of a copy, see ``differentiate_shape``.
 
         Args:
-            x: Points of the own frame, shape (n, 2) [length].
+            x: Points of the own frame, shape (n, d) [length].
             name: Name of the parameter.
             directions: Directions, shape ``(m, *shape)`` with that of the parameter [its unit].
 
         Returns:
-            Derivatives of phi (m, n) [length] and of the gradient (m, n, 2) [1], both over the
+            Derivatives of phi (m, n) [length] and of the gradient (m, n, d) [1], both over the
             unit of the direction's factor.
         """
-        each = [self.local_by_shape(x, name, direction) for direction in directions]
+        each = [differentiate_shape(self, x, name, direction) for direction in directions]
         phi, gradient = zip(*each, strict=True)
         return np.array(phi), np.array(gradient)
 
@@ -165,10 +204,10 @@ class Obstacle(RigidMotion, ABC):
         """Signed distance and derivatives at points of the own frame.
 
         Args:
-            x: Points, shape (n, 2) [length].
+            x: Points, shape (n, d) [length].
 
         Returns:
-            phi (n,) [length], gradient (n, 2) [1] and Hessian (n, 2, 2) [1 / length].
+            phi (n,) [length], gradient (n, d) [1] and Hessian (n, d, d) [1 / length].
         """
 
 
@@ -176,10 +215,10 @@ class SignedDistance(Obstacle):
     """Solid phi < 0 given by a user's function.
 
     Args:
-        function: Maps points (n, 2) [length] to phi (n,) [length], its gradient (n, 2) [1] and
-            Hessian (n, 2, 2) [1 / length]. Near the surface phi must be approximately a distance,
+        function: Maps points (n, d) [length] to phi (n,) [length], its gradient (n, d) [1] and
+            Hessian (n, d, d) [1 / length]. Near the surface phi must be approximately a distance,
             |grad phi| = 1.
-        pivot: Centre of rotations, shape (2,) [length].
+        pivot: Centre of rotations; three numbers for an obstacle in space, shape (d,) [length].
         name: Name used in messages.
 
     Raises:
@@ -196,11 +235,13 @@ class SignedDistance(Obstacle):
         """Keep the function."""
         super().__init__(name, pivot)
         if not callable(function):
-            raise ValueError(f"function={function!r}: expected a function of points (n, 2)")
+            raise ValueError(
+                f"function={function!r}: expected a function of points (n, {self.dim})"
+            )
         self._function = function
 
     def local(self, x: Array) -> Fields:
         """Result of the user's function: see ``Obstacle.local``."""
         if not len(x):
-            return np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2, 2))
+            return np.zeros(0), np.zeros((0, self.dim)), np.zeros((0, self.dim, self.dim))
         return self._function(x)

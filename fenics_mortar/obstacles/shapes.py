@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Shapes of rigid obstacles: plane, circle, spline, polygon with rounded corners.
+"""Shapes of rigid obstacles: plane, spline, polygon with rounded corners.
 
 The pivot is the centre of rotations only: a shape does not depend on it.
 """
@@ -10,25 +10,23 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.obstacles.obstacle import Fields, Obstacle
-from fenics_mortar.obstacles.points import check_chain, check_simple, check_vector, edges_of
+from fenics_mortar.obstacles.rigid_motion import check_chain, check_simple, check_vector, edges_of
 from fenics_mortar.obstacles.spline_shape import SplineShape, distance_changes
-from fenics_mortar.utils.arguments import check_flag, check_number
+from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import EPSILON, MAX_STEPS, ROUNDING
 
 # Samples of a spline per interval; Newton's method starts from the nearest one.
 SAMPLES = 16
-# Directions from the centre of a circle to its salient points.
-AROUND = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
 
 
 class Plane(Obstacle):
-    """Half plane; ``normal`` points out of the solid.
+    """Half plane, or half space; ``normal`` points out of the solid.
 
     Args:
-        point: Point of the surface, shape (2,) [length].
-        normal: Outward normal of the solid, of any length, shape (2,).
+        point: Point of the surface, shape (2,), in space (3,) [length].
+        normal: Outward normal of the solid, of any length, of the shape of the point.
         pivot: Centre of rotations; the point by default [length].
         name: Name used in messages.
 
@@ -45,81 +43,17 @@ class Plane(Obstacle):
         name: str = "plane",
     ) -> None:
         """Normalise the normal."""
-        self._point = check_vector("point", point)
+        self._point = check_vector("point", point, 2, 3)
         super().__init__(name, self._point if pivot is None else pivot)
-        normal = check_vector("normal", normal)
+        normal = check_vector("normal", normal, self.dim)
         if not np.linalg.norm(normal) > 0.0:
-            raise ValueError("normal=(0, 0): expected the outward normal of the solid, not zero")
+            raise ValueError("normal is zero: expected the outward normal of the solid")
         self._normal = normal / np.linalg.norm(normal)
 
     def local(self, x: Array) -> Fields:
-        """Distance to a straight line; see ``Obstacle.local``."""
+        """Distance to a straight line or a plane; see ``Obstacle.local``."""
         gradient = np.broadcast_to(self._normal, x.shape)
-        return (x - self._point) @ self._normal, gradient, np.zeros((len(x), 2, 2))
-
-
-class Circle(Obstacle):
-    """Disk, or with ``inside`` a solid with a round hole.
-
-    Args:
-        centre: Centre, shape (2,) [length].
-        radius: Radius [length].
-        inside: Contact on the inside: the solid lies outside the circle.
-        pivot: Centre of rotations; the centre of the circle by default [length].
-        name: Name used in messages.
-
-    Raises:
-        ValueError: If an argument has a value that is not allowed.
-    """
-
-    def __init__(
-        self,
-        centre: npt.ArrayLike,
-        radius: float,
-        *,
-        inside: bool = False,
-        pivot: npt.ArrayLike | None = None,
-        name: str = "circle",
-    ) -> None:
-        """Check the radius."""
-        self._centre = check_vector("centre", centre)
-        super().__init__(name, self._centre if pivot is None else pivot)
-        check_flag("inside", inside)
-        self.set_shape("radius", np.asarray(radius))
-        self._sign = -1.0 if inside else 1.0
-
-    def shape(self) -> dict[str, Array]:
-        """The radius [length]; see ``Obstacle.shape``."""
-        return {"radius": np.asarray(self._radius)}
-
-    def set_shape(self, name: str, values: Array) -> None:
-        """Set the radius; see ``Obstacle.set_shape``."""
-        if name != "radius":
-            super().set_shape(name, values)
-        radius = np.asarray(values).item()
-        check_number("radius", radius, "a positive length", lambda r: 0.0 < r < np.inf)
-        self._radius = float(radius)
-
-    def local_by_shape(self, x: Array, name: str, direction: Array) -> tuple[Array, Array]:
-        """The distance decreases by the change of the radius; see ``Obstacle.local_by_shape``."""
-        return np.full(len(x), -self._sign * float(direction)), np.zeros_like(x)
-
-    def local(self, x: Array) -> Fields:
-        """Distance to a circle; see ``Obstacle.local``.
-
-        At the centre the gradient is set to the y direction.
-        """
-        d = x - self._centre
-        d = np.where(np.abs(d).max(axis=1, keepdims=True) > 0.0, d, [0.0, EPSILON * self._radius])
-        r = np.sqrt((d * d).sum(axis=1))
-        e = d / r[:, None]
-        across = np.eye(2) - np.einsum("ia,ib->iab", e, e)
-        sign = self._sign
-        return sign * (r - self._radius), sign * e, sign * across / r[:, None, None]
-
-    def salient_points(self) -> Array:
-        """Eight points of the circle; see ``Obstacle.salient_points``."""
-        return self._centre + self._radius * AROUND / np.linalg.norm(AROUND, axis=1)[:, None]
+        return (x - self._point) @ self._normal, gradient, np.zeros((*x.shape, self.dim))
 
 
 class Spline(Obstacle):

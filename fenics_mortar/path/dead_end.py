@@ -21,10 +21,10 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import STICK
 from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.state import State
-from fenics_mortar.interface.mortar import LINEARIZATIONS
+from fenics_mortar.interface.linearization import LINEARIZATIONS
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Indices, norms
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError, format_point
 from fenics_mortar.utils.ranks import agreed
 from fenics_mortar.utils.rounding import HALF_FACET
@@ -102,7 +102,7 @@ def _slipping_off(problem: ContactProblem) -> Iterator[str]:
         shortest = min(_shortest(o.slave.facets, o.x), _shortest(o.master.facets, o.m))
         if overlap < RIGID.sliver * shortest:
             j = int(np.argmax(np.where(contact.active, o.cover, -1.0)))
-            force = float(np.hypot(*contact.total_force))
+            force = float(norms(contact.total_force[None])[0])
             yield (
                 f"'{contact.slave.name}' and '{contact.master.name}' slip off each other at "
                 f"{format_point(o.x[j])}: their common length has decreased to {overlap:.1e} and "

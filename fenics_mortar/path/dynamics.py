@@ -7,7 +7,7 @@ step, so that pressures oscillate, and energy increases with the trapezoidal rul
 With "massless" slave nodes have no mass, see ``bulk.massless``: pressures are continuous in time,
 impacts are resolved by waves in the bodies, and errors of the energy are of second order. With
 "conserving" these errors, of contact and of nonlinear stresses, are corrected, too, and those of
-the angular momentum; see ``energy_return`` and ``spin_return``. Measurements are in
+the angular momentum; see ``corrections`` and ``energy``. Measurements are in
 ``demos/studies/dynamics``.
 """
 
@@ -21,8 +21,7 @@ import numpy as np
 
 from dolfinx import fem
 
-from fenics_mortar.bulk.inertia import Inertia
-from fenics_mortar.bulk.velocity import Velocity
+from fenics_mortar.bulk.inertia import Inertia, Velocity
 from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.state import State
@@ -33,25 +32,21 @@ from fenics_mortar.path.dynamics_input import (
     SCHEMES,
     DensityValues,
     check_dynamics,
-    check_dynamics_on_ranks,
     check_rates,
     check_step,
     rates_of,
 )
-from fenics_mortar.path.dynamics_report import DynamicsReport, Energies
-from fenics_mortar.path.motion import Motion, check_run
-from fenics_mortar.path.options import SteppingOptions
-from fenics_mortar.path.time_scheme import GeneralizedAlpha
-from fenics_mortar.path.work import Forces, Work, forces_of, work_of
+from fenics_mortar.path.energy import Forces, Work, forces_of, work_of
+from fenics_mortar.path.first_acceleration import first_acceleration
+from fenics_mortar.path.report import DynamicsReport, Energies
+from fenics_mortar.path.stepping import SteppingOptions
+from fenics_mortar.path.time_steps import GeneralizedAlpha, Motion, check_run
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind, check_number
-from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import (
-    MortarError,
-    check_same_texts,
-    together,
-)
+from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.dimensions import refuse_in_space
+from fenics_mortar.utils.errors import MortarError, check_same_texts, together
 from fenics_mortar.utils.rounding import TINY
 
 
@@ -87,6 +82,7 @@ class Dynamics:
         ValueError: If an argument is not allowed.
         MortarError: On all ranks, if masses are not positive, or slave nodes are massless and a
             body has fewer than two layers of nodes behind them.
+        NotImplementedError: In space, unless the scheme is "generalized_alpha".
 
     Example:
         The block "upper" hits another one with the velocity 1::
@@ -109,9 +105,9 @@ class Dynamics:
         energy: Any | None = None,
     ) -> None:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
-        with together(problem.equations.comm, "Dynamics"):
-            check_dynamics(problem, density, scheme, rho_inf, velocity, energy)
-        check_dynamics_on_ranks(problem, density, scheme, rho_inf, velocity, energy)
+        if problem.equations.bulk.space.dim == 3 and scheme in ("conserving", "massless"):
+            refuse_in_space("dynamics")
+        check_dynamics(problem, density, scheme, rho_inf, velocity, energy)
         self.problem, equations = problem, problem.equations
         self._scheme = GeneralizedAlpha(SCHEMES[scheme] if rho_inf is None else float(rho_inf))
         slaves = [c.slave.nodes for c in equations.contacts if not isinstance(c, Tie)]
@@ -148,7 +144,8 @@ class Dynamics:
         Raises:
             NotConvergedError: On all ranks, as ``ContactProblem.solve``; state, velocity and time
                 are then those before the step.
-            MortarError: On all ranks, if an obstacle is driven by forces: it has no mass.
+            MortarError: On all ranks, if an obstacle is driven by forces: it has no mass; with
+                "conserving", if a rigid boundary or a section is.
             ValueError: If ``dt`` is not positive, or too short for the present time.
         """
         with together(self.problem.equations.comm, "step"):
@@ -178,7 +175,8 @@ class Dynamics:
         problem.time = rates.time + dt
         bulk, end = problem.equations.bulk, before.u.copy()
         compat.set_prescribed(end, bulk.bcs)
-        lines = self._scheme.lines(before.u, rates, dt, bulk.prescribed, end)
+        known = bulk.prescribed & ~self._driven_dofs()
+        lines = self._scheme.lines(before.u, rates, dt, known, end)
         inertia.factor, inertia.origin = lines[1]
         if inertia.rate is not None:
             inertia.rate.set(*lines[0])
@@ -213,8 +211,7 @@ class Dynamics:
             inertia.set_rates(inertia.rates, bulk.u.x.array)
             return
         inertia.set_rates(inertia.rates, bulk.u.x.array)  # acceleration not included yet
-        forces, contact, _ = self.problem.forces()
-        w = inertia.acceleration_of(-(forces + contact), bulk.prescribed)
+        w = first_acceleration(self.problem, inertia)
         begun = replace(inertia.rates, acceleration=w, average=w, begun=True)
         inertia.set_rates(begun, bulk.u.x.array)
 
@@ -227,11 +224,22 @@ class Dynamics:
                 f"obstacle '{names[0]}' is driven by forces, but has no mass: prescribe its motion "
                 "by move, or mesh it"
             )
-        if names:
+        if names and self._corrections is not None:
             raise MortarError(
-                f"remote load '{names[0]}' is driven by forces, which time steps do not admit: "
-                "prescribe its motion by move, or apply a traction in the residual"
+                f"remote load '{names[0]}' is driven by forces, but scheme='conserving' corrects "
+                "velocities node by node: expected scheme='massless' or 'generalized_alpha', "
+                "prescribe the motion by move, or use a SpreadLoad"
             )
+
+    def _driven_dofs(self) -> Flags:
+        """Marks of dofs at rigid boundaries that forces drive, shape (local dofs,), bool."""
+        bulk = self.problem.equations.bulk
+        marks = np.zeros(bulk.u.x.array.size, bool)
+        remote: list[Any] = list(self.problem.equations.motions.remote)
+        for load in remote:
+            if load in bulk.bcs:
+                marks |= load.driven_dofs()
+        return marks
 
     # Many steps
 
@@ -253,7 +261,8 @@ class Dynamics:
         Args:
             stop: Final time [time].
             options: Sizes of the steps; ``easy`` and ``predict`` have no effect.
-            set_loads: Function that sets loads and prescribed values for a time [time].
+            set_loads: Function that sets loads and prescribed values for a time [time], also
+                called for times within each step, see ``follow_path``.
             tolerance: Allowed error of a step [1], see ``error``.
             on_step: Function called with time and report after each step.
 
@@ -313,7 +322,7 @@ class Dynamics:
         return Energies(kinetic, strain, inertia.momentum(self._positions(), v))
 
     def momentum(self, dt: float = 0.0) -> Array:
-        """Linear momentum and angular momentum about the origin, shape (3,).
+        """Linear momentum and angular momentum about the origin, shape (3,), in space (6,).
 
         Units [stress length time] and [stress length^2 time].
 

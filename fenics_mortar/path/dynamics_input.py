@@ -11,15 +11,13 @@ import ufl
 from ufl.algorithms.analysis import extract_arguments, extract_coefficients, extract_constants
 from ufl.domain import extract_domains
 
-from fenics_mortar.bulk.checks import check_domain
-from fenics_mortar.bulk.inertia import Rates
-from fenics_mortar.bulk.subdomains import check_subdomains
-from fenics_mortar.bulk.velocity import Origin, Velocity
+from fenics_mortar.bulk.checks import check_domain, check_subdomains
+from fenics_mortar.bulk.inertia import Origin, Rates, Velocity
 from fenics_mortar.equations.state import State
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MortarError, check_same, check_same_texts
+from fenics_mortar.utils.errors import MortarError, check_same, check_same_texts, together
 
 # Default spectral radius at infinite frequency by scheme [1]: no dissipation, or dissipation of the
 # frequencies excited by impacts and not resolved by the time step.
@@ -29,48 +27,43 @@ SCHEMES = {"conserving": 1.0, "massless": 1.0, "generalized_alpha": 0.8}
 def check_dynamics(
     problem: ContactProblem, density: Any, scheme: Any, rho_inf: Any, velocity: Any, energy: Any
 ) -> None:
-    """Reject arguments of ``Dynamics`` (local).
+    """Reject arguments of ``Dynamics``, also those that differ between ranks (collective).
 
     Raises:
-        ValueError: If an argument is not allowed.
+        ValueError: On all ranks, if an argument is not allowed.
+        MortarError: On all ranks, if arguments differ, or a tag is unknown.
     """
-    check_choice("scheme", scheme, SCHEMES)
-    if scheme == "conserving" and problem.equations.bulk.history.functions:
-        raise ValueError(
-            "scheme='conserving' returns lost energy, and does not support bodies with history, "
-            "which dissipate: expected scheme='massless' or 'generalized_alpha'"
-        )
-    if rho_inf is not None:
-        check_number("rho_inf", rho_inf, "a number from 0 to 1", lambda rho: 0.0 <= rho <= 1.0)
-    mesh = problem.equations.bulk.V.ufl_domain()
-    _check_density(density, mesh)
-    _check_energy(energy, mesh)
-    _check_velocity(velocity, problem)
-    if problem.equations.model_check is not None:
-        raise ValueError("problem has a ModelCheck, whose cheaper models have no inertia")
-    if problem.equations.bulk.inertia is not None:
-        raise ValueError("problem has inertia already, from another Dynamics: set up a new problem")
-
-
-def check_dynamics_on_ranks(
-    problem: ContactProblem, density: Any, scheme: str, rho_inf: Any, velocity: Any, energy: Any
-) -> None:
-    """Reject arguments of ``Dynamics`` that differ between ranks, and unknown tags (collective).
-
-    Raises:
-        MortarError: On all ranks.
-    """
+    comm, bulk = problem.equations.comm, problem.equations.bulk
+    with together(comm, "Dynamics"):
+        check_choice("scheme", scheme, SCHEMES)
+        if scheme == "conserving" and bulk.history.functions:
+            raise ValueError(
+                "scheme='conserving' returns lost energy, and does not support bodies with "
+                "history, which dissipate: expected scheme='massless' or 'generalized_alpha'"
+            )
+        if rho_inf is not None:
+            check_number("rho_inf", rho_inf, "a number from 0 to 1", lambda rho: 0.0 <= rho <= 1.0)
+        mesh = bulk.V.ufl_domain()
+        _check_density(density, mesh)
+        _check_energy(energy, mesh)
+        _check_velocity(velocity, problem)
+        if problem.equations.model_check is not None:
+            raise ValueError("problem has a ModelCheck, whose models have no inertia")
+        if bulk.inertia is not None:
+            raise ValueError(
+                "problem has inertia already, from another Dynamics: set up a new problem"
+            )
     is_number = not isinstance(density, ufl.core.expr.Expr)
     given = {
         "scheme": scheme, "rho_inf": rho_inf, "velocity": velocity is not None,
         "energy": energy is not None, "density": density if is_number else "a UFL expression",
     }  # fmt: skip
-    check_same_texts(problem.equations.comm, "Dynamics", given)
+    check_same_texts(comm, "Dynamics", given)
     constants = [] if is_number else extract_constants(density)
-    check_same(problem.equations.comm, [("a constant of density", c.value) for c in constants])
+    check_same(comm, [("a constant of density", c.value) for c in constants])
     if energy is not None:
         named = [contact.pair.data for contact in problem.equations.contacts]
-        check_subdomains("energy", energy, problem.equations.bulk.V.mesh, named)
+        check_subdomains("energy", energy, bulk.V.mesh, named)
 
 
 def _check_density(density: Any, mesh: Any) -> None:

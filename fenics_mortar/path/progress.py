@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Progress of a path: records of the logger ``fenics_mortar``, and a bar in the terminal.
+"""Progress of a path: records of the logger ``fenics_mortar``, and a remark on idle loads.
 
 Rank 0 logs each accepted step and each cut with level INFO, and the table of each solve with level
 DEBUG. Nothing is shown unless the program sets up logging::
@@ -10,92 +10,91 @@ DEBUG. Nothing is shown unless the program sets up logging::
 
 from __future__ import annotations
 
-import importlib
 import logging
-from types import TracebackType
 from typing import Any
 
 from mpi4py import MPI
 
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.steps import needing_time
 from fenics_mortar.newton.report import NewtonReport
-from fenics_mortar.utils.arguments import check_flag
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.utils.errors import as_text
+from fenics_mortar.utils.ranks import on_any_rank
 
 LOGGER = logging.getLogger("fenics_mortar")
 LOGGER.addHandler(logging.NullHandler())
 
 
 class Progress:
-    """Log and bar of one path; a context that closes the bar; methods are local.
+    """Log of one path; all methods are local.
 
     Args:
-        comm: Communicator of the problem; rank 0 logs and draws.
-        start: First time of the path.
-        stop: Its final time.
-        bar: Whether to draw a bar.
-
-    Raises:
-        ValueError: If a bar is requested and the package tqdm is missing.
+        comm: Communicator of the problem; rank 0 logs.
     """
 
-    def __init__(self, comm: MPI.Comm, start: float, stop: float, *, bar: bool = False) -> None:
-        self._first = comm.rank == 0
-        self._bar: Any = None
-        if bar and self._first:
-            form = "{l_bar}{bar}| {n:.4g}/{total:.4g} [{elapsed}<{remaining}{postfix}]"
-            self._bar = _tqdm()(total=stop - start, bar_format=form, desc="path")
-        self._num_steps = self._num_cuts = 0
-        self._time = start
+    def __init__(self, comm: MPI.Comm) -> None:
+        self._logs, self._num_steps = comm.rank == 0, 0
 
     def accept(self, time: float, report: NewtonReport) -> None:
         """Log the accepted step to ``time``."""
         self._num_steps += 1
         self._log(f"step {self._num_steps}, time {time:.6g}: {report.reason}", report)
-        if self._bar is not None:
-            counts = f"{self._num_steps} steps, {self._num_cuts} cuts"
-            self._bar.set_postfix_str(counts, refresh=False)
-            self._bar.update(time - self._time)
-        self._time = time
 
     def cut(self, time: float, reason: str, report: NewtonReport) -> None:
         """Log the failed step to ``time``."""
-        self._num_cuts += 1
         self._log(f"time {time:.6g}: cut, {reason}", report)
 
     def _log(self, line: str, report: NewtonReport) -> None:
-        if self._first:
+        if self._logs:
             LOGGER.info("%s", line)
             LOGGER.debug("%s", report)
 
-    def __enter__(self) -> Progress:
-        """Return itself."""
-        return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close the bar."""
-        if self._bar is not None:
-            self._bar.close()
+class IdleLoads:
+    """Comparison of the loads of all steps with those before the path.
 
-
-def check_bar(requested: Any) -> None:
-    """Reject a bar that cannot be drawn (local).
-
-    Raises:
-        ValueError: If ``requested`` is not a flag, or the package tqdm is missing.
+    Args:
+        problem: The problem, before the first step.
     """
-    check_flag("progress", requested)
-    if requested:
-        _tqdm()
 
+    def __init__(self, problem: ContactProblem) -> None:
+        self._problem, self._changed = problem, False
+        self._first = self._loads()
 
-def _tqdm() -> Any:
-    """The bar's class."""
-    try:
-        return importlib.import_module("tqdm").tqdm
-    except ImportError as error:
-        message = "progress=True needs the package tqdm: Debian's python3-tqdm, or pip install tqdm"
-        raise ValueError(message) from error
+    def look(self) -> None:
+        """Compare the present loads (local)."""
+        if not self._changed:
+            pairs = zip(self._first, self._loads(), strict=True)
+            self._changed = not all(np.array_equal(a, b) for a, b in pairs)
+
+    def remarks(self, num_steps: int) -> list[str]:
+        """The remark after several steps without any change; else none (collective).
+
+        Laws that depend on the time may be the reason for such a path.
+
+        Args:
+            num_steps: Number of accepted steps.
+        """
+        contacts, comm = self._problem.equations.contacts, self._problem.equations.comm
+        timed = any(isinstance(c, Contact) and needing_time(c) for c in contacts)
+        if on_any_rank(comm, self._changed) or timed or num_steps < 2:
+            return []
+        return [
+            "set_loads changed no constant, function, prescribed value, obstacle or law of the "
+            "problem in any step: set values in place, e.g. push.value[1] = -0.03 * time"
+        ]
+
+    def _loads(self) -> list[Any]:
+        """Values that ``set_loads`` may set, in a fixed order (local)."""
+        equations, motions = self._problem.equations, self._problem.equations.motions
+        found: list[Any] = [
+            *equations.bulk.input_data.loads(),
+            *np.where(motions.driven, motions.push(), motions.places),
+        ]
+        found += [value for o in self._problem.obstacles for value in o.shape().values()]
+        found += [np.array(contact.offset, float) for contact in equations.contacts]
+        found += [as_text(c.pair.law) for c in equations.contacts if isinstance(c, Contact)]
+        return found

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: MIT
-"""The record of a load path."""
+"""Records of load paths and of motions."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 from fenics_mortar.newton.report import NewtonReport
-from fenics_mortar.path.work import Work
-from fenics_mortar.utils.files import Markdown
+from fenics_mortar.path.energy import Work
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.files import Markdown, markdown_table
 
 
 @dataclass(frozen=True)
@@ -29,8 +31,26 @@ class PathStep:
     work: Work
 
 
+class _OfSteps(Markdown):
+    """Base of records with accepted ``steps``, and ``failures`` after the last one; local."""
+
+    steps: list[Any]
+    failures: list[NewtonReport]
+
+    @property
+    def num_iterations(self) -> int:
+        """Number of linear systems solved, including failed attempts."""
+        of_steps = [report for step in self.steps for report in (step.report, *step.failures)]
+        return sum(report.num_iterations for report in (*of_steps, *self.failures))
+
+    @property
+    def num_cuts(self) -> int:
+        """Number of failed attempts."""
+        return sum(len(step.failures) for step in self.steps) + len(self.failures)
+
+
 @dataclass
-class PathReport(Markdown):
+class PathReport(_OfSteps):
     """Record of a path, complete on success and on failure; prints as a Markdown table.
 
     All methods are local.
@@ -50,39 +70,193 @@ class PathReport(Markdown):
     dead_end: str = ""
     notes: list[str] = field(default_factory=list)
 
-    @property
-    def num_iterations(self) -> int:
-        """Number of linear systems solved, including failed attempts."""
-        return sum(r.num_iterations for s in self.steps for r in (s.report, *s.failures)) + sum(
-            r.num_iterations for r in self.failures
-        )
-
-    @property
-    def num_cuts(self) -> int:
-        """Number of failed attempts."""
-        return sum(len(step.failures) for step in self.steps) + len(self.failures)
-
     def table(self) -> str:
         """Markdown table, one row per accepted step, reasons of failures, and remarks.
 
         The last column is ``Work.defect``.
         """
-        lines = [
-            "| step | time | size | iterations | active | cuts | contact work |",
-            "|---:|---:|---:|---:|---:|---:|---:|",
-        ]
-        reasons = []
+        rows, reasons = [], []
         for number, step in enumerate(self.steps, start=1):
             active = step.report.iterations[-1].num_active
             cells = [f"{number}", f"{step.time:.6g}", f"{step.step:.3g}"]
             cells += [f"{step.report.num_iterations}", f"{active}", f"{len(step.failures)}"]
-            cells += [f"{step.work.defect:.1e}"]
-            lines.append(f"| {' | '.join(cells)} |")
+            rows.append([*cells, f"{step.work.defect:.1e}"])
             reasons += [f"- step {number}: {failure.reason}" for failure in step.failures]
         reasons += [f"- step {len(self.steps) + 1}: {failure.reason}" for failure in self.failures]
         reasons += [f"- {note}" for note in self.notes]
-        return "\n".join([*lines, *(["", *reasons] if reasons else [])])
+        head = ["step", "time", "size", "iterations", "active", "cuts", "contact work"]
+        return "\n".join([markdown_table(head, rows), *(["", *reasons] if reasons else [])])
 
     def __str__(self) -> str:
         """The table."""
         return self.table()
+
+
+# Smallest energy added by contact pressures, over the largest kinetic energy [1], for a remark in
+# the report. Without mass at the contact surface it is at most 0.08 in the study of impacts.
+ADDED = 0.1
+# Largest energy that errors of the time steps may have added or taken at any time with
+# "conserving", over the largest kinetic energy [1], without a remark.
+CONSERVED = 1e-3
+# Findings of the certificate on facets that do not resolve the contact.
+RESOLUTION = ("unresolved_force", "facet_gaps")
+
+
+class Energies(NamedTuple):
+    """Energies and momentum of a state (local).
+
+    Attributes:
+        kinetic: Kinetic energy [stress length^2].
+        strain: Strain energy, nan without the argument ``energy`` [stress length^2].
+        momentum: Linear momentum [stress length time] and angular momentum about the origin
+            [stress length^2 time], shape (3,), in space (6,).
+    """
+
+    kinetic: float
+    strain: float
+    momentum: Array
+
+    @property
+    def total(self) -> float:
+        """Kinetic and strain energy [stress length^2]."""
+        return self.kinetic + self.strain
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """One time step.
+
+    Attributes:
+        time: Time at the end of the step [time].
+        report: Record of its solve.
+        failures: Records of failed attempts at larger steps.
+        error: Estimated error [1]; see ``Dynamics.error``.
+        work: Work done in the step by the trapezoidal rule; ``work.bulk`` is the change of kinetic
+            and strain energy, minus the work of applied loads.
+        energies: Energies at the end of the step.
+        size: Length of the step [time].
+        deficit: Energy lost by errors of the time steps so far and not returned, zero unless the
+            scheme is "conserving" [stress length^2].
+    """
+
+    time: float
+    report: NewtonReport
+    failures: list[NewtonReport]
+    error: float
+    work: Work
+    energies: Energies
+    size: float = 0.0
+    deficit: float = 0.0
+
+
+@dataclass
+class DynamicsReport(_OfSteps):
+    """Record of a motion; prints as a Markdown table; all methods are local.
+
+    Attributes:
+        start: Energies at the start of the motion.
+        steps: The time steps.
+        failures: Records of failed attempts at the step after the last one.
+        scheme: The time scheme; see ``Dynamics``.
+        rho_inf: Its spectral radius at infinite frequency [1].
+    """
+
+    start: Energies
+    steps: list[TimeStep] = field(default_factory=list)
+    failures: list[NewtonReport] = field(default_factory=list)
+    scheme: str = "massless"
+    rho_inf: float = 1.0
+
+    @property
+    def friction_work(self) -> float:
+        """Energy dissipated by friction [stress length^2].
+
+        By the mean of the shear at both ends of each step. It may be negative with
+        "generalized_alpha" for contact of nodes with mass: their shear and slip alternate from step
+        to step. The shear at the end of a step always opposes the slip in it.
+        """
+        return sum(step.work.dissipated for step in self.steps)
+
+    @property
+    def contact_energy(self) -> float:
+        """Energy that contact pressures added, an error of the time steps [stress length^2].
+
+        Pressures on closed gaps do no work. With "conserving" this energy is returned, except for
+        the ``deficit`` of the last step.
+        """
+        return -sum(step.work.pressure for step in self.steps)
+
+    def remark(self) -> str:
+        """Remarks on errors of the energy, and on facets too coarse for the contact; "" if small.
+
+        The former names what would reduce the error, apart from what is in use. The latter is that
+        of the certificate of the step with most nodes in contact.
+        """
+        return "\n\n".join(filter(None, (self._of_energy(), self._of_resolution())))
+
+    def _of_resolution(self) -> str:
+        """Remark on regions of contact that the facets do not resolve, even at their largest."""
+        if not self.steps:
+            return ""
+        largest = max(self.steps, key=lambda step: step.report.iterations[-1].num_active)
+        certificate = largest.report.certificate
+        found = [
+            f"{pair.pair}: {finding.message}"
+            for pair in ([] if certificate is None else certificate.pairs)
+            for finding in pair.findings
+            if finding.name in RESOLUTION and finding.verdict == "remark"
+        ]
+        return "; ".join([f"at the time {largest.time:.6g}", *found]) if found else ""
+
+    def _of_energy(self) -> str:
+        """Remark on energy added or extracted by errors of the time steps; "" if small."""
+        kinetic = max(e.kinetic for e in (self.start, *(s.energies for s in self.steps)))
+        if not kinetic:
+            return ""
+        conserving, friction = self.scheme == "conserving", -self.friction_work / kinetic
+        worst = max((-s.deficit for s in self.steps), key=abs, default=0.0) / kinetic
+        contact = 0.0 if conserving else self.contact_energy / kinetic
+        shares = [("the time steps", worst, CONSERVED), ("contact pressures", contact, ADDED)]
+        shares.append(("friction", max(friction, 0.0), ADDED))
+        found = [(who, share, limit) for who, share, limit in shares if abs(share) > limit]
+        if not found:
+            return ""
+        messages = [
+            f"{who} {'added' if share > 0 else 'took'} {abs(share):.2g}" for who, share, _ in found
+        ]
+        excess = max(abs(share) / CONSERVED for _, share, _ in found)
+        advice = self._advice(excess)
+        if conserving and abs(self.steps[0].work.imbalance) > 0.5 * abs(worst) * kinetic > 0.0:
+            advice = "a finer contact surface: its nodes were not in balance at the start"
+        return (
+            f"{' and '.join(messages)} of the largest kinetic energy, an error of the time steps: "
+            f"take {advice}"
+        )
+
+    def _advice(self, excess: float) -> str:
+        """What reduces an error of the energy, which is ``excess`` times ``CONSERVED``.
+
+        With mass on the surfaces in contact, smaller steps do not reduce it.
+        """
+        if self.scheme == "generalized_alpha":
+            return "scheme='conserving'" + ", or a smaller rho_inf" * (self.rho_inf > 0.0)
+        largest = max(step.size for step in self.steps)
+        steps = f"steps of {0.9 * largest / excess**0.5:.2g}" if largest else "smaller steps"
+        steps += f", for an error of {CONSERVED:g}, as it is of second order" * bool(largest)
+        return steps if self.scheme == "conserving" else f"scheme='conserving', or {steps}"
+
+    def table(self) -> str:
+        """Markdown table, one row per step."""
+        head = ["step", "time", "iterations", "active", "cuts", "error", "kinetic energy"]
+        rows, friction = [], 0.0
+        for number, step in enumerate(self.steps, start=1):
+            friction += step.work.dissipated
+            cells = [f"{number}", f"{step.time:.6g}", f"{step.report.num_iterations}"]
+            cells += [f"{step.report.iterations[-1].num_active}", f"{len(step.failures)}"]
+            cells += [f"{step.error:.1e}", f"{step.energies.kinetic:.5g}"]
+            rows.append([*cells, f"{step.energies.strain:.5g}", f"{friction:.4g}"])
+        return markdown_table([*head, "strain energy", "work of friction"], rows)
+
+    def __str__(self) -> str:
+        """The table, and the remark if there is one."""
+        return "\n\n".join(filter(None, (self.table(), self.remark())))

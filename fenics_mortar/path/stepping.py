@@ -5,26 +5,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from fenics_mortar.bulk.residual import MIN_FRACTION
+from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.equations.general import State
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.equations.undo import Snapshot, as_interruption
-from fenics_mortar.newton.report import NewtonReport
-from fenics_mortar.path.alternate_damping import AlternateDamping
+from fenics_mortar.newton.loop import NewtonOptions
+from fenics_mortar.newton.report import NewtonReport, then_solve
 from fenics_mortar.path.dead_end import describe_jump, describe_turning_point, reason_for_end
-from fenics_mortar.path.idle_loads import IdleLoads
-from fenics_mortar.path.options import SteppingOptions
-from fenics_mortar.path.progress import Progress, check_bar
+from fenics_mortar.path.energy import forces_of, work_of
+from fenics_mortar.path.prescribed_turns import PrescribedTurns
+from fenics_mortar.path.progress import IdleLoads, Progress
 from fenics_mortar.path.report import PathReport, PathStep
-from fenics_mortar.path.work import forces_of, work_of
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils.arguments import check_kind, check_number
+from fenics_mortar.utils.arguments import check_flag, check_kind, check_number
 from fenics_mortar.utils.errors import (
     MortarError,
     NotConvergedError,
@@ -34,6 +36,96 @@ from fenics_mortar.utils.errors import (
     together,
 )
 from fenics_mortar.utils.rounding import ROUNDING
+
+
+@dataclass(frozen=True)
+class SteppingOptions:
+    """Options of adaptive load steps; times are in units of the path parameter.
+
+    Attributes:
+        step: Size of the first step [time]; ``largest`` if this is smaller.
+        smallest: Smallest step size [time]: failure of such a step ends the path.
+        largest: Largest step size [time]; ``step`` if ``None``.
+        easy: Number of Newton iterations up to which the next step grows.
+        growth: Factor by which the next step grows [1].
+        cut: Factor by which a failed step is reduced [1].
+        predict: Whether initial guesses are extrapolated, see ``predictor``.
+
+    Raises:
+        ValueError: If a value is not allowed.
+    """
+
+    step: float
+    smallest: float = 1e-6
+    largest: float | None = None
+    easy: int = 6
+    growth: float = EQUATIONS.longest
+    cut: float = 0.5
+    predict: bool = True
+
+    def __post_init__(self) -> None:
+        """Reject values that are not allowed (local)."""
+        expected = "0 < smallest <= step and largest, growth at least 1, cut between 0 and 1"
+        largest = self.step if self.largest is None else self.largest
+        for name, value, allows in (
+            ("step", self.step, lambda step: 0.0 < step < np.inf),
+            ("smallest", self.smallest, lambda smallest: 0.0 < smallest <= self.step),
+            ("largest", largest, lambda largest: largest >= self.smallest),
+            ("growth", self.growth, lambda growth: growth >= 1.0),
+            ("cut", self.cut, lambda cut: 0.0 < cut < 1.0),
+        ):
+            check_number(name, value, expected, allows)
+        check_number("easy", self.easy, "a number of iterations", lambda easy: easy >= 0)
+        check_flag("predict", self.predict)
+        object.__setattr__(self, "step", min(self.step, largest))
+
+
+class AlternateDamping:
+    """Newton's method with full or damped steps; the variant that converged last is tried first.
+
+    Users' contact laws may be steep or not monotonic, and full steps may oscillate about a kink. In
+    this case a line search converges, where full steps would need shorter load steps. It does not
+    save iterations for the laws of this package, whose branches are known.
+
+    Args:
+        problem: The problem.
+    """
+
+    def __init__(self, problem: ContactProblem) -> None:
+        self._problem, self._damps_first = problem, False
+        self._has_choice = any(map(_has_own_law, problem.equations.contacts))
+
+    def solve(self) -> NewtonReport:
+        """Solve; on failure, solve again by the other variant (collective).
+
+        Raises:
+            NotConvergedError: On all ranks, if both fail.
+        """
+        problem, options = self._problem, self._problem.equations.newton
+        if not self._has_choice or options.damped or options.tentative:
+            return problem.solve(accept_violations=True, predict=False)
+        start = problem.state()
+        try:
+            return self._solve(options)
+        except NotConvergedError as failure:
+            problem.restore(start)
+            self._damps_first = not self._damps_first
+            lost, how = failure.report, "damped" if self._damps_first else "full"
+            lost.notes.append(f"restarted with {how} steps: {failure}")
+        return then_solve(lost, partial(self._solve, options))
+
+    def _solve(self, options: NewtonOptions) -> NewtonReport:
+        try:
+            self._problem.equations.newton = replace(options, line_search=self._damps_first)
+            return self._problem.solve(accept_violations=True, predict=False)
+        finally:
+            self._problem.equations.newton = options
+
+
+def _has_own_law(contact: Any) -> bool:
+    """Whether ``contact`` is a contact with a user's law."""
+    return isinstance(contact, Contact) and not contact.pair.law.is_of_package
+
 
 # Hint used if the reason for the end of a path is not certain.
 HINT = (
@@ -51,21 +143,20 @@ def follow_path(
     start: float = 0.0,
     stop: float = 1.0,
     on_step: Callable[[float, NewtonReport], None] | None = None,
-    progress: bool = False,
 ) -> PathReport:
     """Solve from ``start`` to ``stop`` in adaptive steps (collective).
 
     Args:
         problem: The problem, solved or unloaded at ``start``.
         set_loads: Function that sets loads and prescribed values for a time [time]; called again
-            for an earlier time after a failure. It is called on all ranks and must set equal values
-            on all of them.
+            for an earlier time after a failure, and for times within each step if prescribed values
+            may turn a body, see ``prescribed_turns``. It is called on all ranks and must set equal
+            values on all of them.
         options: Options of the steps.
         start: Time of the present state, in units of the path parameter [time].
         stop: Final time [time].
         on_step: Function called with time and report after each accepted step, for example to write
             results.
-        progress: Whether rank 0 draws a bar in the terminal, by the package tqdm.
 
     Returns:
         The record of the path.
@@ -91,31 +182,28 @@ def follow_path(
     check_kind("problem", problem, ContactProblem, "a ContactProblem")
     with together(problem.equations.comm, "follow_path"):
         _check_path(set_loads, options, start, stop, on_step)
-        check_bar(progress)
     given = {"options": options, "start": start, "stop": stop, "on_step": on_step is not None}
     check_same_texts(problem.equations.comm, "follow_path", given)
     path, time, step = PathReport(), start, options.step
     start_clock(problem.equations.contacts, start)
     largest = options.largest or options.step
     predictor = Predictor(problem.equations, start)
-    forces, last = (
-        forces_of(problem),
-        _LastStep(start, Snapshot(problem.equations)),
-    )
+    forces, last = forces_of(problem), [(start, Snapshot(problem.equations))]
     solver, idle = AlternateDamping(problem), IdleLoads(problem)
 
     def load(time: float) -> None:
         problem.time = time
         call_together(problem.equations.comm, "set_loads", partial(set_loads, time))
 
-    with _kept(last), Progress(problem.equations.comm, start, stop, bar=progress) as shown:
+    turns, shown = PrescribedTurns(problem, load), Progress(problem.equations.comm)
+    with _kept(last):
         while time < stop:
             step = min(step, stop - time)
             if stop - time - step < ROUNDING * step:
                 step = stop - time
             accepted = predictor.last
-            load(time + step)
             try:
+                turns.set_loads(time, time + step)
                 report = predictor.solve(
                     time + step,
                     partial(_solve_soundly, problem, solver, accepted, step > options.smallest),
@@ -137,7 +225,7 @@ def follow_path(
             before_forces, forces = forces, forces_of(problem)
             work = work_of(problem, accepted, predictor.last, before_forces, forces)
             time = stop if step == stop - time else time + step
-            last.reached = time, Snapshot(problem.equations)
+            last[0] = time, Snapshot(problem.equations)
             path.steps.append(PathStep(time, step, report, path.failures, work))
             path.failures = []
             idle.look()
@@ -167,28 +255,19 @@ def _check_path(set_loads: Any, options: Any, start: Any, stop: Any, on_step: An
         raise ValueError(f"on_step={on_step!r}: expected a function of time and report, or None")
 
 
-class _LastStep:
-    """The last accepted step of a path.
-
-    Attributes:
-        reached: Time of the step, and snapshot of the problem at this time; both are replaced by
-            one assignment.
-    """
-
-    def __init__(self, time: float, before: Snapshot) -> None:
-        self.reached = time, before
-
-
 @contextmanager
-def _kept(last: _LastStep) -> Iterator[None]:
-    """Context of a path: any error but a failed solve restores the last accepted step."""
+def _kept(last: list[tuple[float, Snapshot]]) -> Iterator[None]:
+    """Context of a path: any error but a failed solve restores the last accepted step.
+
+    ``last``: its time, and the problem at this time; both are replaced by one assignment.
+    """
     try:
         yield
     except NotConvergedError:
         raise
     except BaseException as error:
         ours = isinstance(error, MortarError) and not isinstance(error, RaisedElsewhereError)
-        time, before = last.reached
+        time, before = last[0]
         before.revert(renew=not ours)
         interruption = as_interruption(error)
         interruption.add_note(

@@ -54,14 +54,14 @@ def linearize_balance(motions: RigidMotions, system: LinearSystem) -> Border:
         motions: The rigid motions; their ``take_bulk_rows`` was called at this state.
         system: System of displacement and multipliers; columns and rows are its vectors.
     """
-    count, size = motions.scales.size, system.bulk.num_owned
+    count, size, each = motions.scales.size, system.bulk.num_owned, motions.scales.shape[1]
     columns = np.zeros((count, size + system.num_z_dofs))
     rows, corner = np.zeros_like(columns), np.zeros((count, count))
     for contact, z_dofs in zip(motions.contacts, system.z_dofs, strict=True):
         if contact.obstacle is None:
             continue
-        first = 3 * motions.obstacles.index(contact.obstacle)
-        own = slice(first, first + 3)
+        first = each * motions.obstacles.index(contact.obstacle)
+        own = slice(first, first + each)
         E_d, M_q, E_q = contact.on_obstacle.motion_force_derivatives(contact.z)
         acting = M_q * contact.acts[:, None]
         multipliers = size + system.local(contact, z_dofs)

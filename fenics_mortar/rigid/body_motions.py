@@ -11,6 +11,7 @@ import numpy as np
 
 from fenics_mortar.bulk.bodies import (
     FloatingBody,
+    PartMotion,
     centre_and_size,
     find_floating_bodies,
     join_bodies,
@@ -18,11 +19,11 @@ from fenics_mortar.bulk.bodies import (
 )
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.pretension import Pretension
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.obstacles.rotations import TURNS, rotation_by
 from fenics_mortar.rigid.held import HeldBodies
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils import compat
@@ -42,10 +43,9 @@ class BodyMotions:
     Attributes:
         bulk: The bodies.
         contacts: The contacts without ties.
-        labels: Body of each local node, including ghosts, (local nodes,); bodies that are tied or
-            have a rigid boundary in common are one.
+        labels: Body of each local node, including ghosts, (local nodes,); bodies that are tied,
+            also by sections under pretension, or have a rigid boundary in common are one.
         parts, num_parts: As ``labels`` without joining, and their number.
-        has_sections: Whether forces tighten sections of bodies, see ``section``.
         num_bodies: Number of bodies.
         bodies: The floating bodies, after ``find`` and ``restrict``.
         aside: Labels of idle bodies that are set aside at present, see ``idle``.
@@ -57,15 +57,14 @@ class BodyMotions:
         self.bulk, self.held = bulk, held or HeldBodies(bulk, ())
         self.contacts = [contact for contact in contacts if not isinstance(contact, Tie)]
         self._data: list[MeshData] = [contact.pair.data for contact in contacts]
-        self._surface_labels: dict[int, Array] = {}
-        self.parts, count = label_bodies(bulk.V)
-        self.num_parts = count
-        self.labels = self.parts
+        self._surface_parts: dict[int, Indices] = {}
+        self.parts, self.num_parts = label_bodies(bulk.V)
+        count = self.num_parts
         ties = [tie for tie in contacts if isinstance(tie, Tie)]
-        self.has_sections = any(isinstance(tie.pair, Pretension) for tie in ties)
-        links = [self._links(tie) for tie in ties] + self.held.links(self.labels)
-        self.labels, self.num_bodies = join_bodies(self.labels, count, links)
-        self._surface_labels.clear()  # these labels do not include joining by ties
+        links = [self._links(tie) for tie in ties] + self.held.links(self.parts)
+        self._body_of, self.num_bodies = join_bodies(np.arange(count), count, links)
+        self.labels = self._body_of[self.parts]
+        self._sections = self._separating(ties, links)
         self._periodic = [tie for tie in ties if tie.pair.translation.any()]
         self.held.set_bodies(self.labels)
         self.bodies: list[FloatingBody] = []
@@ -74,16 +73,34 @@ class BodyMotions:
 
     def _links(self, tie: Tie) -> Indices:
         """Pairs of bodies joined by a tie, shape (n, 2)."""
-        slave, master = self.labels_of(tie.slave), self.labels_of(tie.master)
+        slave, master = self.parts_of(tie.slave), self.parts_of(tie.master)
         nodes = tie.M.tocoo()
-        return np.stack([slave[nodes.row], master[nodes.col]], axis=1).astype(np.int64)
+        return np.stack([slave[nodes.row], master[nodes.col]], axis=1)
+
+    def _separating(
+        self, ties: Sequence[Tie], links: Sequence[Indices]
+    ) -> dict[int, list[PartMotion]]:
+        """Sections under pretension that separate bodies, by the labels of these."""
+        found: dict[int, list[PartMotion]] = {}
+        for number, load in self.held.sections:
+            joined = [
+                link for i, link in enumerate(links) if i >= len(ties) or ties[i] is not load.tie
+            ]
+            count = len(self._body_of)
+            side, _ = join_bodies(np.arange(count), count, joined)
+            slave, master = (int(self.parts_of(s)[0]) for s in (load.tie.slave, load.tie.master))
+            if side[slave] != side[master]:
+                motion = PartMotion(load.motion.name, number, load.axis, side == side[slave])
+                found.setdefault(int(self._body_of[slave]), []).append(motion)
+        return found
 
     def find(self) -> None:
         """Find floating bodies from the assembled ``K``; with inertia no body floats."""
         found: list[FloatingBody] = []
         if self.bulk.inertia is None:
             flags = self.held.prescribed_otherwise
-            found = find_floating_bodies(self.bulk, self.labels, self.num_bodies, flags)
+            bodies = self.labels, self.num_bodies
+            found = find_floating_bodies(self.bulk, *bodies, flags, self._sections, self.parts)
         for tie in self._periodic:
             label, translation = int(self.labels_of(tie.slave)[0]), tie.pair.translation
             found = [
@@ -100,16 +117,19 @@ class BodyMotions:
 
     # Nodes
 
-    def labels_of(self, surface: Surface) -> Array:
-        """Numbers of the bodies of a surface's nodes, (nodes,) [1] (collective the first time)."""
-        if id(surface) not in self._surface_labels:
-            self._surface_labels[id(surface)] = surface.gather(self.bulk.space.spread(self.labels))[
-                :, 0
-            ]
-        return self._surface_labels[id(surface)]
+    def labels_of(self, surface: Surface) -> Indices:
+        """Numbers of the bodies of a surface's nodes, (nodes,) (collective the first time)."""
+        return self._body_of[self.parts_of(surface)]
+
+    def parts_of(self, surface: Surface) -> Indices:
+        """Parts of the mesh of a surface's nodes, (nodes,) (collective the first time)."""
+        if id(surface) not in self._surface_parts:
+            parts = surface.gather(self.bulk.space.spread(self.parts))[:, 0]
+            self._surface_parts[id(surface)] = parts.astype(np.int64)
+        return self._surface_parts[id(surface)]
 
     def dofs_of(self, body: FloatingBody) -> Indices:
-        """Local dofs of the owned nodes of a body, shape (nodes, 2)."""
+        """Local dofs of the owned nodes of a body, shape (nodes, dim)."""
         return self.bulk.space.owned_dofs[self._nodes_of(body)]
 
     def _nodes_of(self, body: FloatingBody) -> Flags:
@@ -117,17 +137,26 @@ class BodyMotions:
         return self.labels[: self.bulk.space.num_nodes] == body.label
 
     def motions(self, body: FloatingBody) -> tuple[Indices, Array]:
-        """Dofs of a body's owned nodes (nodes, 2), its motions there (motions, 2 nodes) [1].
+        """Dofs of a body's owned nodes (nodes, dim), its motions there (motions, dim nodes) [1].
 
         Forces of a linear bulk have no moment in the undeformed configuration.
         """
         x = self.bulk.cells.X if self.bulk.is_linear else self.bulk.positions()
         x = x[: self.bulk.space.num_nodes][self._nodes_of(body)]
-        return self.dofs_of(body), body.displacement(x).reshape(len(body.motions), -1)
+        parts = self.parts[: self.bulk.space.num_nodes][self._nodes_of(body)]
+        return self.dofs_of(body), body.displacement(x, parts).reshape(len(body.motions), -1)
+
+    def displacement(self, body: FloatingBody, x: Array, parts: Indices) -> Array:
+        """Motions of a body at points (n, 2) in parts (n,), shape (motions, n, 2) [1] (local).
+
+        Zero in parts of other bodies, and in no part, -1.
+        """
+        mine = (parts >= 0) & (self._body_of[parts] == body.label)
+        return body.displacement(x, parts) * mine[:, None]
 
     def shortest_facet(self) -> float:
         """Shortest slave facet of all contacts; without contacts the smallest body [length]."""
-        sizes = [float(contact.slave.lengths.min()) for contact in self.contacts]
+        sizes = [float(contact.slave.facet_sizes.min()) for contact in self.contacts]
         return min(sizes or [body.size for body in self.bodies])
 
     def extent(self) -> float:
@@ -135,7 +164,7 @@ class BodyMotions:
         x, comm = self.bulk.positions()[: self.bulk.space.num_nodes], self.bulk.comm
         low = comm.allreduce(x.min(axis=0, initial=np.inf), np.minimum)
         high = comm.allreduce(x.max(axis=0, initial=-np.inf), np.maximum)
-        return float(np.hypot(*(high - low)))
+        return float(np.linalg.norm(high - low))
 
     # Motions
 
@@ -146,15 +175,19 @@ class BodyMotions:
             body: The body.
             coefficients: Factors of its motions, shape (motions,) [length].
         """
-        x, y, arc = coefficients @ body.motions
-        angle = arc / body.size
+        dim, is_linear = len(body.centre), self.bulk.is_linear
+        shift, angles, shifts = np.split(coefficients @ body.motions, [dim, dim + len(TURNS[dim])])
         mine = np.flatnonzero(self.labels == body.label)
-        arm = self.bulk.positions()[mine] - body.centre
-        cosine, sine = np.cos(angle) - 1.0, np.sin(angle)
-        if self.bulk.is_linear:
-            arm, cosine, sine = self.bulk.cells.X[mine] - body.centre, 0.0, angle
-        rotation = np.array([[cosine, -sine], [sine, cosine]])  # less the identity
-        self.bulk.u.x.array[self.bulk.space.dofs[mine]] += arm @ rotation.T + np.array([x, y])
+        x = self.bulk.cells.X if is_linear else self.bulk.positions()
+        angles = angles / body.size
+        turn = (
+            np.tensordot(angles, TURNS[dim], 1) if is_linear else rotation_by(angles) - np.eye(dim)
+        )
+        of_parts = sum(
+            s * own[0] for s, own in zip(shifts, body.of_parts(self.parts[mine]), strict=True)
+        )
+        moved = (x[mine] - body.centre) @ turn.T + shift + of_parts
+        self.bulk.u.x.array[self.bulk.space.dofs[mine]] += moved
         self.held.move(body, coefficients)
 
     def rigid_fraction(self, body: FloatingBody, change: Array) -> Array:
@@ -177,7 +210,7 @@ class BodyMotions:
 
     def without_pair(self) -> list[FloatingBody]:
         """Floating bodies that no contact pair includes."""
-        paired: set[float] = set()
+        paired: set[int] = set()
         for surface in (side for c in self.contacts for side in (c.slave, c.master)):
             paired |= set(self.labels_of(surface).tolist())
         return [body for body in self.bodies if body.label not in paired]
@@ -256,7 +289,7 @@ class BodyMotions:
                 found = labels[first[data.cell_tags.find(tag)]] == label
                 if bulk.comm.allreduce(bool(found.any()), MPI.LOR):
                     return f"body '{name}'"
-        X = bulk.V.tabulate_dof_coordinates()[: bulk.space.num_nodes, :2]
+        X = bulk.V.tabulate_dof_coordinates()[: bulk.space.num_nodes, : bulk.space.dim]
         mine = labels[: len(X)] == label
         return f"the body around {format_point(centre_and_size(X[mine], bulk.comm)[0])}"
 

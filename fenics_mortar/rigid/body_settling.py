@@ -55,6 +55,10 @@ class BodySettling:
         self.touched: list[Flags] = []
         self.moved: list[FloatingBody] = []
 
+    def begin(self) -> None:
+        """Forget what the last solve moved: motions may be prescribed since (local)."""
+        self.moved, self._unloaded = [], []
+
     def settle(
         self,
         evaluate: Callable[[], tuple[Array, Array]],
@@ -255,10 +259,11 @@ class BodySettling:
     def _touching(self, contact: Contact, pressure: float) -> Touching:
         """Touching nodes for limit analysis, with friction at a typical pressure."""
         on, weight, bodies = _touches(contact), contact.operators.weight, self._bodies
-        opens, slips = (
-            np.concatenate([rate(bodies, contact, body) for body in bodies.bodies]).T[on]
+        rates = [
+            np.concatenate([rate(bodies, contact, body) for body in bodies.bodies])
             for rate in (opening, slipping)
-        )
+        ]
+        opens, slips = (np.moveaxis(rate, 0, -1)[on] for rate in rates)
         slope, shear, adhesion = contact.now.strength(pressure)
         return Touching(opens, slips, slope[on], (weight * shear)[on], (weight * adhesion)[on])
 

@@ -23,7 +23,7 @@ import numpy.typing as npt
 from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.interface.surfaces import extract_surface
+from fenics_mortar.interface.extraction import extract_surface
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.mesh.space import DisplacementSpace
@@ -190,21 +190,46 @@ class BoundRigidBoundary:
 
     def pushed_nodes(self) -> Array:
         """The push as forces on nodes, (owned dofs,) [stress length] (collective)."""
-        V, found = self._velocities(), np.zeros(self._bulk.num_owned)
-        products = sum_over_ranks(self._comm, np.einsum("kmc,knc->mn", V, V))
-        push = np.nan_to_num(self.motion.load) / [1.0, 1.0, self.arm]
-        found[self._dofs] = np.einsum("kmc,m->kc", V, np.linalg.solve(products, push))
+        found = np.zeros(self._bulk.num_owned)
+        factors = np.linalg.solve(self._products(), self.push())
+        found[self._dofs] = np.einsum("kmc,m->kc", self._velocities(), factors)
         return found
+
+    def push(self) -> Array:
+        """Loads along driven motions, 0 for prescribed ones, (3,) [stress length] (local)."""
+        return np.nan_to_num(self.motion.load) / [1.0, 1.0, self.arm]
+
+    def centripetal(self, v: Array) -> Array:
+        """Acceleration towards the pivot of a rotating boundary, (owned dofs,) (collective).
+
+        Args:
+            v: Velocities, of which it has the rotation, shape (local dofs,) [length / time].
+        """
+        found, turns = np.zeros(self._bulk.num_owned), self._along_motions(v[self._dofs])
+        rate = np.linalg.solve(self._products(), turns)[2] / self.arm
+        found[self._dofs] = -(rate**2) * self._levers()
+        return found
+
+    def _products(self) -> Array:
+        """Products of the motions of all nodes, shape (3, 3) [1] (collective)."""
+        V = self._velocities()
+        return sum_over_ranks(self._comm, np.einsum("kmc,knc->mn", V, V))
+
+    def _levers(self) -> Array:
+        """Owned nodes minus the pivot, shape (k, 2) [length]."""
+        return self.motion.to_space(self._X[self._owned]) - self._pivot()
 
     def motions_by(self, body: FloatingBody) -> Array:
         """The motions due to those of a floating body, shape (motions, 3) [1] (local)."""
-        velocity = body.displacement(self._pivot()[None])[:, 0]
+        velocity = body.displacement(self._pivot()[None], self._part)[:, 0]
         return np.column_stack([velocity, body.motions[:, 2] * (self.arm / body.size)])
 
     def labels(self, labels: Indices) -> Indices:
         """Bodies of the nodes, replicated, shape (n,), from those of local nodes (collective)."""
         mine = set(labels[self._nodes].tolist())
-        return np.array(sorted(set().union(*self._comm.allgather(mine))))
+        found = np.array(sorted(set().union(*self._comm.allgather(mine))))
+        self._part = found[:1]
+        return found
 
     def record(self) -> str:
         """Set the reaction of the user's boundary; return a sentence (collective)."""
@@ -212,16 +237,16 @@ class BoundRigidBoundary:
         if self._space.is_axisymmetric:
             force *= [0.0, 1.0, 0.0]
         self.motion.reaction = force
-        load = f"force {format_point(force)}, moment {force[2] + 0.0:.4g}"
+        load = f"force {format_point(force[:2])}, moment {force[2] + 0.0:.4g}"
         if self._space.is_axisymmetric:
             load = f"axial force {force[1] + 0.0:.4g}"
         return f"rigid boundary '{self.motion.name}'{describe_place(self.motion.place)}: {load}"
 
     def take_bulk_rows(self) -> None:
         """Store V^T K, before contact changes K (collective)."""
-        self._by_bulk = _transposed_times(self._bulk.K, self._spread())
+        self._by_bulk = _transposed_times(self._bulk.K, self.nodal_motions())
 
-    def _spread(self) -> Array:
+    def nodal_motions(self) -> Array:
         """V at the owned dofs, zero elsewhere, shape (3, owned dofs) [1]."""
         values = np.zeros((3, self._bulk.num_owned))
         values[:, self._dofs] = np.moveaxis(self._velocities(), 1, 0)
@@ -229,13 +254,13 @@ class BoundRigidBoundary:
 
     def linearize(self, system: LinearSystem) -> Border:
         """Columns of the prescribed dofs, rows and corner of the balance (collective)."""
-        V, size = self._spread(), self._bulk.num_owned
+        V, size = self.nodal_motions(), self._bulk.num_owned
         columns = np.zeros((3, size + system.num_z_dofs))
         rows, corner = np.zeros_like(columns), np.zeros((3, 3))
         columns[:, :size], rows[:, :size] = -V, self._by_bulk
         if self._touching:
             rows += _by_contact(system, V)
-        lever = (self.motion.to_space(self._X[self._owned]) - self._pivot()) / self.arm**2
+        lever = self._levers() / self.arm**2
         corner[2, 2] = -sum_over_ranks(self._comm, [(lever * self._forces()).sum()])[0]
         return Border(columns, rows, corner)
 

@@ -16,6 +16,7 @@ import numpy as np
 from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.laws import STICK, Friction
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.rigid.body_motions import BodyMotions
 from fenics_mortar.rigid.body_settling import BodySettling, Moves
@@ -29,8 +30,7 @@ from fenics_mortar.rigid.springs import (
     slides,
     tangent_stiffness,
 )
-from fenics_mortar.utils.arrays import Array, Flags, summed
-from fenics_mortar.utils.ranks import sum_over_ranks
+from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.rounding import SOLVED
 
 
@@ -69,7 +69,7 @@ class FloatingBodies(BodyMotions):
         self, evaluate: Callable[[], tuple[Array, Array]], give_way: Callable[[Moves], Moves] = list
     ) -> list[str]:
         """Move the bodies that contact cannot support until it can; see ``body_settling``."""
-        self.settling.moved = []
+        self.settling.begin()
         if not self.bodies:
             return []
         min_drive = RIGID.negligible if self.anchored else SOLVED
@@ -88,6 +88,18 @@ class FloatingBodies(BodyMotions):
     def check(self, reach: float) -> list[str]:
         """Check bodies without contact force before and after a solve; see ``body_settling``."""
         return self.settling.check(reach)
+
+    def start_with_stick(self) -> None:
+        """Let nodes stick at the start of a solve that touch without multipliers (local).
+
+        By their law they slide, as their friction limit is zero before pressures are known. Bodies
+        that friction supports would be loose in the first iteration, and their slip would be large.
+        In the plane the sets of the linearized problem follow; in space there are none.
+        """
+        for contact in self.contacts:
+            sticks = contact.active & ~contact.z.any(axis=1) & contact.follows_law
+            if isinstance(contact.pair.law, Friction) and sticks.any():
+                contact.change(branch=np.where(sticks, STICK, contact.branch))
 
     # Springs in the tangent
 
@@ -137,7 +149,7 @@ class FloatingBodies(BodyMotions):
             if idle or drive <= self.rounding(body, force):
                 dofs, motions = self.motions(body)
                 excess = self.rigid_fraction(body, step)
-                step[dofs] -= (excess @ motions).reshape(-1, 2)
+                step[dofs] -= (excess @ motions).reshape(dofs.shape)
                 self.held.subtract(body, excess, motion)
 
     def remark(self, loose: Sequence[FloatingBody]) -> str:
@@ -201,7 +213,7 @@ class FloatingBodies(BodyMotions):
             return []
         forces = springs.forces(self._place())
         contact = [self.contact_force(body) for body in self.bodies]
-        carried = [self._carried(body, forces) for body in self.bodies]
+        carried = [float(np.linalg.norm(self.resultant(body, forces))) for body in self.bodies]
         rounding = [self.rounding(body, sum(contact)) for body in self.bodies]
         return [
             (
@@ -213,19 +225,6 @@ class FloatingBodies(BodyMotions):
                 self.bodies, carried, contact, rounding, strict=True
             )
         ]
-
-    def _carried(self, body: FloatingBody, forces: Array) -> float:
-        """Force of springs on a body, or on a part of it beside a section that a force tightens.
-
-        The springs of both parts may pull against each other, with a resultant of zero.
-        """
-        whole = float(np.linalg.norm(self.resultant(body, forces)))
-        if not self.has_sections:
-            return whole
-        mine = self.parts[: self.bulk.space.num_nodes][self._nodes_of(body)]
-        sums = [summed(f, mine, self.num_parts) for f in forces[self.dofs_of(body)].T]
-        of_parts = sum_over_ranks(self.bulk.comm, np.stack(sums))
-        return max(whole, float(np.hypot(*of_parts).max()))
 
     def spring_energy(self) -> float:
         """Energy of the anchored springs [stress length^2]."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Bodies with rigid boundaries: those that these support, and motions that pushes leave free.
+"""Bodies with remote loads: those that these support, and motions that pushes leave free.
 
-A body may float along the driven motions of its rigid boundaries. In a rigid motion of the body the
-places of the boundaries follow.
+A body may float along the driven motions of its rigid boundaries; sides of a section whose force is
+given may float along its axis. The places of boundaries and sections follow the motion of the body.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 class HeldBodies:
-    """Bodies with rigid boundaries.
+    """Bodies with rigid boundaries or sections under pretension.
 
     Args:
         bulk: The bodies.
@@ -26,11 +26,13 @@ class HeldBodies:
 
     Attributes:
         prescribed_otherwise: Marks of the dofs with other Dirichlet conditions, (local dofs,).
+        sections: Sections under pretension, with their positions among the remote loads.
     """
 
     def __init__(self, bulk: Bulk, remote: Sequence[Any]) -> None:
         conditions = [bc for bc in bulk.bcs if bc not in remote]
         self._boundaries = [(i, load) for i, load in enumerate(remote) if load in bulk.bcs]
+        self.sections = [(i, load) for i, load in enumerate(remote) if load not in bulk.bcs]
         self._first = -len(remote)
         self.prescribed_otherwise: Flags = mark_prescribed(bulk.space, bulk.u, conditions)
         self._at: dict[int, list[tuple[int, Any]]] = {}
@@ -46,23 +48,32 @@ class HeldBodies:
             self._at.setdefault(int(load.labels(labels)[0]), []).append((number, load))
 
     def restricted(self, body: FloatingBody) -> FloatingBody:
-        """A body with the motions that its rigid boundaries do not prescribe (local)."""
-        loads = [load for _, load in self._at.get(body.label, ())]
+        """A body with the motions that its remote loads do not prescribe (local)."""
+        loads = self._loads(body)
         if not loads:
             return body
-        prescribed = [np.isnan(load.motion.load) for load in loads]
+        prescribed = [np.isnan(load.motion.load) for _, load, _ in loads]
         pairs = zip(loads, prescribed, strict=True)
-        return body.without(np.hstack([load.motions_by(body)[:, on] for load, on in pairs]))
+        return body.without(np.hstack([rates[:, on] for (_, _, rates), on in pairs]))
+
+    def _loads(self, body: FloatingBody) -> list[tuple[int, Any, Array]]:
+        """Loads of a body: number, load, its motions due to those of the body, (motions, 3) [1]."""
+        found = [(n, load, load.motions_by(body)) for n, load in self._at.get(body.label, ())]
+        at_sections = dict(self.sections)
+        for column, section in enumerate(body.sections, 3):
+            rates = np.outer(body.motions[:, column], [1.0, 0.0, 0.0])
+            found.append((section.number, at_sections[section.number], rates))
+        return found
 
     def move(self, body: FloatingBody, coefficients: Array) -> None:
-        """Move the rigid boundaries of a body along with it, in driven motions (local).
+        """Move the remote loads of a body along with it, in driven motions (local).
 
         Args:
             body: The body.
             coefficients: Factors of its motions, shape (motions,) [length].
         """
-        for _, load in self._at.get(body.label, ()):
-            change = coefficients @ load.motions_by(body) / [1.0, 1.0, load.arm]
+        for _, load, rates in self._loads(body):
+            change = coefficients @ rates / [1.0, 1.0, load.arm]
             load.motion.place = load.motion.place + np.where(
                 np.isfinite(load.motion.load), change, 0.0
             )
@@ -74,6 +85,7 @@ class HeldBodies:
             body: The body.
             coefficients: Factors of its motions, shape (motions,) [length].
             motion: Increments of obstacles and remote loads, shape (m, 3) [length]; changed.
+                Empty if all are prescribed.
         """
-        for number, load in self._at.get(body.label, ()):
-            motion[self._first + number] -= coefficients @ load.motions_by(body)
+        for number, _, rates in self._loads(body) if motion.size else ():
+            motion[self._first + number] -= coefficients @ rates

@@ -22,7 +22,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.bodies import FloatingBody, centre_and_size
+from fenics_mortar.bulk.bodies import FloatingBody, centre_and_size, rigid_motions
 from fenics_mortar.rigid.body_settling import Moves
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.moves import nearest_below
@@ -323,14 +323,12 @@ class IdleBodies:
 
 
 def _deformation(X: Array, u: Array, comm: MPI.Comm) -> Array:
-    """``u`` (n, 2) at ``X`` (n, 2) [length] without its rigid motion, of all ranks (collective)."""
-    centre, size = centre_and_size(X, comm)
-    one, zero, (x, y) = np.ones(len(X)), np.zeros(len(X)), ((X - centre) / size).T
-    rows = [(one, zero), (zero, one), (-y, x)]
-    rigid = np.array([np.stack(row, axis=1).ravel() for row in rows])
+    """``u`` (n, dim) at ``X`` [length] without its rigid motion, of all ranks (collective)."""
+    motions = rigid_motions(X, *centre_and_size(X, comm))
+    rigid = motions.reshape(len(motions), -1)
     products = comm.allreduce(np.column_stack([rigid @ rigid.T, rigid @ u.ravel()]))
     fit = np.linalg.lstsq(products[:, :-1], products[:, -1], rcond=None)[0]
-    return u - (fit @ rigid).reshape(-1, 2)
+    return u - (fit @ rigid).reshape(u.shape)
 
 
 def _moved_by(rates: Array, idle: Sequence[FloatingBody]) -> list[FloatingBody]:

@@ -16,12 +16,14 @@ from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
 def loose_motions(motions: RigidMotions) -> list[Array]:
-    """Loose motions of each obstacle, an orthonormal basis of shape (n, 3) [1] each (local)."""
+    """Loose motions of each obstacle, an orthonormal basis (n, motions) [1] each (local)."""
     found = []
     for number, driven in enumerate(motions.driven_obstacles):
-        basis = np.eye(3)[driven]
+        basis = np.eye(driven.size)[driven]
         closing = [gap_by_motions(c.now)[c.active] for c in motions.contacts_of(number)]
-        found.append(unresisted(basis @ np.concatenate([*closing, np.zeros((0, 3))]).T) @ basis)
+        found.append(
+            unresisted(basis @ np.concatenate([*closing, np.zeros((0, driven.size))]).T) @ basis
+        )
     return found
 
 

@@ -2,8 +2,8 @@
 """Rigid motions of a problem, of obstacles and of remote loads, and the forces along them.
 
 Motions are x, y and turn, the angle times the ``arm`` of the pair or boundary, all in units of
-length. Arrays have the rows of the obstacles, then those of the remote loads. All values are
-replicated.
+length; obstacles in space have six motions instead of three, see ``obstacles.rigid_motion``. Arrays
+have the rows of the obstacles, then those of the remote loads. All values are replicated.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from fenics_mortar.bulk.bodies import MINOR
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.obstacles.rigid_motion import RigidMotion, describe_place
+from fenics_mortar.obstacles.rigid_motion import RigidMotion, describe_place, place_after
 from fenics_mortar.rigid.remote import RemoteMotion
 from fenics_mortar.rigid.spread import BoundSpreadLoad
 from fenics_mortar.utils.arrays import Array, Flags
@@ -39,7 +39,7 @@ class RigidMotions:
         movers: All objects with a place: the m obstacles and remote loads.
         exist: Whether there are movers or spread loads.
         pairs: Contacts with an obstacle, with the number of the obstacle.
-        scales: Motions per (x, y, angle), shape (m, 3) [1, 1, length].
+        scales: Motions per (x, y, angle), shape (m, 3), in space (m, 6) [1, length].
     """
 
     def __init__(
@@ -60,10 +60,12 @@ class RigidMotions:
         ]
         self.movers: list[RigidMotion] = [*self.obstacles, *(load.motion for load in remote)]
         self.exist = bool(self.movers or spread)
-        self.scales: Array = np.ones((len(self.movers), 3))
-        self._none: Array = np.zeros((0, 3))
+        self._dim: int = max((contact.slave.dim for contact in contacts), default=2)
+        self._size = 3 if self._dim == 2 else 6
+        self.scales: Array = np.ones((len(self.movers), self._size))
+        self._none: Array = np.zeros((0, self._size))
         for number, contact in self.pairs:
-            self.scales[number, 2] = contact.arm
+            self.scales[number, self._dim :] = contact.arm
         for number, load in enumerate(remote, len(self.obstacles)):
             self.scales[number, 2] = load.arm
 
@@ -90,7 +92,11 @@ class RigidMotions:
         """Add ``change`` to the motions, shape (m, 3) [length] (local)."""
         if not self.movers:
             return
-        self.places = self.places + change / self.scales
+        if self._dim == 2:
+            self.places = self.places + change / self.scales
+            return
+        for mover, motion, scale in zip(self.movers, change, self.scales, strict=True):
+            mover.place = place_after(mover, motion, scale[-1])
 
     def largest(self) -> float:
         """Largest motion since the movers were created [length]."""
@@ -144,7 +150,7 @@ class RigidMotions:
         Args:
             multipliers: Multipliers included: all ("z") or their tangential part ("shear").
         """
-        total = np.zeros((len(self.obstacles), 3))
+        total = np.zeros((len(self.obstacles), self._size))
         for number, contact in self.pairs:
             total[number] += contact.on_obstacle.motion_force(getattr(contact, multipliers))
         return total
@@ -162,7 +168,9 @@ class RigidMotions:
         forces = -self.obstacle_forces() * self.scales[: len(self.obstacles)]
         for obstacle, force in zip(self.obstacles, forces, strict=True):
             obstacle.reaction = force * [0.0, 1.0, 0.0] if is_axial else force
-            load = f"contact force {format_point(force)}, moment {force[2] + 0.0:.4g}"
+            load = f"contact force {format_point(force[:2])}, moment {force[2] + 0.0:.4g}"
+            if self._dim == 3:
+                load = f"contact force {format_point(force[:3])}, moment {format_point(force[3:])}"
             load = f"axial contact force {force[1] + 0.0:.4g}" if is_axial else load
             lines.append(f"obstacle '{obstacle.name}'{describe_place(obstacle.place)}: {load}")
         lines += [load.record() for load in self.remote]
@@ -179,13 +187,13 @@ class RigidMotions:
 
     def shortest_facet(self) -> float:
         """Shortest slave facet of all pairs with obstacles, 1 if there are none [length]."""
-        return min((float(c.slave.lengths.min()) for _, c in self.pairs), default=1.0)
+        return min((float(c.slave.facet_sizes.min()) for _, c in self.pairs), default=1.0)
 
     def _of_all(self, name: str) -> Array:
         """An attribute of all movers, shape (m, 3)."""
         if not self.movers:
             return self._none
-        return np.array([getattr(mover, name) for mover in self.movers]).reshape(-1, 3)
+        return np.array([getattr(mover, name) for mover in self.movers]).reshape(-1, self._size)
 
 
 def slip_by_motions(contact: Contact, nodes: Flags) -> Array:

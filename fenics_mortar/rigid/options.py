@@ -17,6 +17,8 @@ class RigidOptions:
             more than this fraction of its size [1].
         weakest_spring: Smallest stiffness of a spring over the largest diagonal entry of K [1]:
             enough for a regular matrix.
+        weakest_anchor: Smallest stiffness of an anchored spring that forces determine [1]: a weight
+            of a millionth of the stiffness moves a body. Smaller forces are rounding.
         stiffness_rounding: Resultants over stiffness times size that are roundoff of the bulk
             residual [1].
         negligible: Resultants below this fraction of the forces are within the error of the
@@ -55,6 +57,7 @@ class RigidOptions:
 
     resisted: float = 1e-3
     weakest_spring: float = 1e-6
+    weakest_anchor: float = 1e-9
     stiffness_rounding: float = ASSEMBLY_ROUNDING
     negligible: float = 0.005
     slight: float = 1e-5

@@ -19,8 +19,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
-from fenics_mortar.newton.loop import Equations, solve
-from fenics_mortar.newton.options import NewtonOptions
+import numpy as np
+
+from fenics_mortar.newton.loop import Equations, NewtonOptions, solve
 from fenics_mortar.newton.report import NewtonReport, then_solve
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.errors import NotConvergedError
@@ -91,15 +92,24 @@ def solve_with_springs(
     Raises:
         NotConvergedError: On all ranks, if the bodies do not come to rest.
     """
-    report = _move_on_springs(equations, options, failed)
-    arrived = equations.state()
-    equations.springs.remove_springs()
+    begin = equations.state()
+    report = _move_on_springs(equations, options, failed, failed.report)
+    arrived, carried = equations.state(), equations.springs.remaining().fraction
     try:
-        return then_solve(report, partial(solve, equations, options))
+        return _solve_without(equations, options, report)
     except NotConvergedError as error:
-        equations.restore(arrived)
-        again = NotConvergedError(failed.report.reason, error.report)
-        return solve_with_weak_springs(equations, options, again, repeats=RIGID.repeats)
+        report = error.report
+    if carried > RIGID.negligible:
+        equations.restore(arrived if carried < np.inf else begin)
+        try:
+            report = _move_on_springs(equations, options, failed, report, balanced=True)
+            arrived = equations.state()
+            return _solve_without(equations, options, report)
+        except NotConvergedError as error:
+            report = error.report
+    equations.restore(arrived)
+    again = NotConvergedError(failed.report.reason, report)
+    return solve_with_weak_springs(equations, options, again, repeats=RIGID.repeats)
 
 
 def solve_with_weak_springs(
@@ -126,10 +136,14 @@ def solve_with_weak_springs(
     Raises:
         NotConvergedError: On all ranks, if a solve fails or the force of springs is larger.
     """
-    report = failed.report
+    report, shorter = failed.report, RIGID.recovery ** (3 * np.arange(RIGID.max_failures))
     for _ in range(repeats):
-        equations.springs.anchor(RIGID.elongation)
-        report = then_solve(report, partial(solve, equations, options))
+        for aim in (RIGID.elongation / shorter).tolist():
+            report, reason = _try_anchored(equations, options, report, aim, touched=True)
+            if not reason:
+                break
+        else:
+            raise NotConvergedError(f"{failed}; {reason}", report) from failed
     carried = equations.springs.remaining()
     if carried.fraction > max_fraction or carried.sliding > RIGID.slight:
         raise NotConvergedError(f"{failed}; {carried.message}", report) from failed
@@ -137,25 +151,77 @@ def solve_with_weak_springs(
     return report
 
 
-def _move_on_springs(
-    equations: WithSprings, options: NewtonOptions, failed: NotConvergedError
+def _solve_without(
+    equations: WithSprings, options: NewtonOptions, report: NewtonReport
 ) -> NewtonReport:
-    """Solve with springs until their elongation vanishes, at most ``RIGID.max_solves`` times."""
+    """Solve without springs; the record begins with ``report``."""
+    equations.springs.remove_springs()
+    return then_solve(report, partial(solve, equations, options))
+
+
+def _move_on_springs(
+    equations: WithSprings,
+    options: NewtonOptions,
+    failed: NotConvergedError,
+    report: NewtonReport,
+    *,
+    balanced: bool = False,
+) -> NewtonReport:
+    """Solve with springs until their elongation vanishes, at most ``RIGID.max_solves`` times.
+
+    If ``balanced``, also until their force does, with ever weaker springs. A round body on one node
+    hardly moves against the first ones, although they carry its moment, and has to roll until the
+    next node supports it, too. Solves after which no contact force acts on a body have failed then:
+    Newton's method has jumped.
+    """
     # the last solve, without springs, uses the user's tolerance
     rough = replace(options, residual_tolerance=max(SOLVED, options.residual_tolerance))
-    report, aim, failures = failed.report, RIGID.elongation, 0
+    aim, failures = RIGID.elongation, 0
     for _ in range(RIGID.max_solves):
-        start = equations.state()
-        equations.springs.anchor(aim)
-        try:
-            report = then_solve(report, partial(solve, equations, rough))
-        except NotConvergedError as error:
-            report, aim, failures = error.report, aim / RIGID.recovery**3, failures + 1
-            equations.restore(start)
+        report, reason = _try_anchored(equations, rough, report, aim, touched=balanced)
+        if reason:
+            aim, failures = aim / RIGID.recovery**3, failures + 1
             if failures == RIGID.max_failures:
-                raise NotConvergedError(failed.report.reason, report) from error
+                raise NotConvergedError(failed.report.reason, report)
             continue
-        if equations.springs.max_motion() < RIGID.overlap * aim / RIGID.elongation:
+        rests = equations.springs.max_motion() < RIGID.overlap * aim / RIGID.elongation
+        carried = equations.springs.remaining().fraction
+        if rests and not (balanced and carried > RIGID.negligible):
             break
-        aim, failures = min(RIGID.recovery * aim, RIGID.elongation), 0
+        aim, failures = RIGID.recovery * aim, 0
+        aim = aim if rests else min(aim, RIGID.elongation)
     return report
+
+
+def _try_anchored(
+    equations: WithSprings,
+    options: NewtonOptions,
+    report: NewtonReport,
+    aim: float,
+    *,
+    touched: bool,
+) -> tuple[NewtonReport, str]:
+    """One solve with springs; a failure restores the state.
+
+    Args:
+        equations: The equations.
+        options: Options of the solve.
+        report: Record of the iterations before.
+        aim: Elongation of the springs [shortest facets].
+        touched: Whether contact forces act on all bodies; if not after the solve, it has failed.
+
+    Returns:
+        The record of all iterations, and the reason of a failure, "" without one.
+    """
+    start = equations.state()
+    equations.springs.anchor(aim)
+    try:
+        report = then_solve(report, partial(solve, equations, options))
+        carried = equations.springs.remaining()
+        if not touched or carried.fraction < np.inf:
+            return report, ""
+        reason = carried.message
+    except NotConvergedError as error:
+        report, reason = error.report, str(error) or "not converged"
+    equations.restore(start)
+    return report, reason

@@ -11,10 +11,11 @@ import numpy.typing as npt
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
-from fenics_mortar.obstacles.rigid_motion import RigidMotion
+from fenics_mortar.obstacles.rigid_motion import RigidMotion, check_vector
 from fenics_mortar.rigid.bordered import Border
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.dimensions import refuse_in_space
 from fenics_mortar.utils.errors import MortarError, check_same_texts, together
 
 
@@ -35,6 +36,7 @@ class BoundaryMotion(RigidMotion):
     Raises:
         ValueError: If name or pivot is of another type, or the pivot is not finite.
         MeshError: If a name or tag is unknown or has no facets.
+        NotImplementedError: For a mesh in space.
     """
 
     unloaded = float("nan")
@@ -50,7 +52,10 @@ class BoundaryMotion(RigidMotion):
         check_kind("data", data, MeshData, "the MeshData of the mesh")
         self.data, own = data, type(self).__name__
         with together(data.mesh.comm, own):
-            super().__init__(joined_names(boundary) if name is None else name, pivot)
+            if data.mesh.geometry.dim == 3:
+                refuse_in_space("remote", own)
+            given = joined_names(boundary) if name is None else name
+            super().__init__(given, check_vector("pivot", pivot))
             self.tags = data.boundary_tags(boundary)
         here = {"boundary": self.tags, "pivot": self.pivot, "name": self.name}
         check_same_texts(data.mesh.comm, own, here)

@@ -24,8 +24,12 @@ def closing(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
 
 
 def slipping(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
-    """Slip rates of the nodes due to rigid motions, (motions, slave nodes) [1]."""
-    return _responses(bodies, contact, body, slip_rate)
+    """Slip rates of the nodes due to rigid motions, (motions, slave nodes) [1].
+
+    In space those along two tangents, (motions, slave nodes, 2).
+    """
+    components = () if contact.slave.dim == 2 else (contact.slave.dim - 1,)
+    return _responses(bodies, contact, body, slip_rate, components)
 
 
 def opening(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
@@ -64,7 +68,8 @@ def loose_bodies(bodies: BodyMotions, *, sticking: bool = True) -> list[Floating
         resisted = [closing(bodies, c, body)[:, c.active] for c in contacts]
         if sticking:
             with_friction = [c for c in contacts if c.sticking.any()]
-            resisted += [slipping(bodies, c, body)[:, c.sticking] for c in with_friction]
+            slips = [slipping(bodies, c, body)[:, c.sticking] for c in with_friction]
+            resisted += [slip.reshape(len(body.motions), -1) for slip in slips]
         free = unresisted(np.hstack([np.zeros((len(body.motions), 0)), *resisted]))
         if len(free):
             found.append(replace(body, motions=free @ body.motions))
@@ -76,23 +81,24 @@ def _responses(
     contact: Contact,
     body: FloatingBody,
     response: Callable[[ContactFields, Array, Array], Array],
+    components: tuple[int, ...] = (),
 ) -> Array:
-    """Response of a pair to each rigid motion of a body, shape (motions, slave nodes).
+    """Response of a pair to each rigid motion of a body, shape (motions, slave nodes, ...).
 
     Args:
         bodies: The floating bodies.
         contact: The pair.
         body: The body.
         response: Function of fields and displacements of slave and master nodes.
+        components: Shape of the response of a node.
     """
-    found = np.zeros((len(body.motions), contact.slave.num_nodes))
+    found = np.zeros((len(body.motions), contact.slave.num_nodes, *components))
     o = contact.operators
     sides = (contact.slave, o.x), (contact.master, o.m)
-    mine = [bodies.labels_of(surface) == body.label for surface, _ in sides]
-    if any(side.any() for side in mine):
+    if any((bodies.labels_of(surface) == body.label).any() for surface, _ in sides):
         on_slave, on_master = (
-            body.displacement(side.X if bodies.bulk.is_linear else x) * on[:, None]
-            for on, (side, x) in zip(mine, sides, strict=True)
+            bodies.displacement(body, side.X if bodies.bulk.is_linear else x, bodies.parts_of(side))
+            for side, x in sides
         )
         for i, motion in enumerate(zip(on_slave, on_master, strict=True)):
             found[i] = response(contact.now, *motion)

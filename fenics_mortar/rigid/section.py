@@ -6,7 +6,8 @@ tightens the section is conjugate to s,
 
     f_q = -sum_j m_j a . z_j = push,    m = M 1,
 
-so that column and row of the border are transposed, up to the weights of the tie's rows.
+so that column and row of the border are transposed, up to the weights of the tie's rows. Where only
+contact resists the motion of the sides of a section along its axis, they float: see ``held``.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.pretension import Pretension
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.bordered import Border
 from fenics_mortar.utils.arrays import Array
@@ -43,6 +44,7 @@ class BoundSection:
         tie: The tie of its faces.
 
     Attributes:
+        tie: The tie of its faces.
         motion: Shortening and force of the user's section.
         arm: One, since nothing turns [length].
     """
@@ -51,37 +53,56 @@ class BoundSection:
 
     def __init__(self, tie: Tie) -> None:
         """Find the axis (local)."""
-        self._tie, self._pair, self.motion = tie, tie.pair, tie.pair.motion
+        self.tie, self._pair, self.motion = tie, tie.pair, tie.pair.motion
         if not self._pair.axis.any():
             self._pair.axis = _normal_of(tie.slave)
 
     def bind_forces(self, bulk: Bulk, contacts: Sequence[Any]) -> None:
         """See ``RemoteMotion``: the forces are those of the tie."""
+        self._num_owned = bulk.num_owned
 
     def force(self) -> Array:
         """See ``RemoteMotion``."""
-        return np.array([float((self._by_multipliers() * self._tie.z).sum()), 0.0, 0.0])
+        return np.array([float((self._by_multipliers() * self.tie.z).sum()), 0.0, 0.0])
 
     def constant_force(self) -> Array:
         """See ``RemoteMotion``: zero."""
         return np.zeros(3)
 
-    def pushed_nodes(self) -> float:
-        """See ``RemoteMotion``: the resultant on the body is zero."""
-        return 0.0
+    @property
+    def axis(self) -> Array:
+        """Direction in which the slave moves into the master, shape (2,) [1] (local)."""
+        return self._pair.axis
+
+    def pushed_nodes(self) -> Array:
+        """See ``RemoteMotion``: the part of the push beyond the tie's force, on both faces.
+
+        The resultant on the body is zero, those on the parts beside the section drive them.
+        """
+        found, weights = np.zeros(self._num_owned), self._weights()
+        missing = float(np.nan_to_num(self.motion.load[0] - self.force()[0]))
+        z = np.outer(self.tie.active, missing / weights.sum() * self.axis)
+        sides = self.tie.slave, self.tie.master
+        for side, forces in zip(sides, self.tie.operators.force(z), strict=True):
+            side.scatter_add(forces, found)
+        return found
 
     def take_bulk_rows(self) -> None:
         """See ``RemoteMotion``: K has no part in the balance."""
 
     def _by_multipliers(self) -> Array:
         """Derivative of f_q with respect to the multipliers, of their shape [length]."""
-        by_z = np.zeros_like(self._tie.z)
-        by_z[:, :2] = -np.outer(self._tie.M @ np.ones(self._tie.master.num_nodes), self._pair.axis)
+        by_z = np.zeros_like(self.tie.z)
+        by_z[:, :2] = -np.outer(self._weights(), self.axis)
         return by_z
+
+    def _weights(self) -> Array:
+        """M = M 1, shape (slave nodes,) [length]."""
+        return np.asarray(self.tie.M @ np.ones(self.tie.master.num_nodes))
 
     def linearize(self, system: LinearSystem) -> Border:
         """See ``RemoteMotion``."""
-        _, weight = self._tie.rows.frame()
+        _, weight = self.tie.rows.frame()
         by_z = self._by_multipliers()
         columns, rows = (
             np.outer([1.0, 0.0, 0.0], self._as_vector(values, system))
@@ -93,7 +114,7 @@ class BoundSection:
         """Vector (owned rows,) of ``values`` of the tie's multipliers, else zero."""
         others = (np.zeros_like(contact.z) for contact in system.contacts)
         z = [
-            values if c is self._tie else none
+            values if c is self.tie else none
             for c, none in zip(system.contacts, others, strict=True)
         ]
         return system.join(np.zeros(system.bulk.num_owned), z)
@@ -105,7 +126,7 @@ class BoundSection:
         return f"section '{self.motion.name}', shortened by {shortening:.4g}: force {force:.4g}"
 
 
-def _normal_of(slave: Surface) -> Array:
+def _normal_of(slave: Curve) -> Array:
     """Outward normal of a straight surface, shape (2,) [1] (local, equal on all ranks).
 
     Raises:

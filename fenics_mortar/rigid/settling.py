@@ -113,7 +113,7 @@ def slide_along_driven(motions: RigidMotions, start: Array) -> float:
     for number, motion in enumerate(found[: len(motions.obstacles)]):
         mine = motions.contacts_of(number)
         slides = np.concatenate([c.sliding[c.active] for c in mine])
-        if slides.size and slides.all():
+        if motion.any() and slides.size and slides.all():
             slips = [slip_by_motions(c, c.active) @ motion for c in mine]
             width = sum(float(c.slave.nodal_lengths[c.active].sum()) for c in mine)
             widths.append(float(np.abs(np.concatenate(slips)).min()) / width)

@@ -24,9 +24,10 @@ two columns and rows of the border, with (dangle, dr) as unknowns.
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.interface.surfaces import extract_surface
+from fenics_mortar.interface.extraction import extract_surface
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.rigid_motion import describe_place
@@ -77,7 +78,12 @@ class SpreadLoad(BoundaryMotion):
     kind, unloaded = "spread load", 0.0
 
     def move(
-        self, *, x: float | None = None, y: float | None = None, angle: float | None = None
+        self,
+        *,
+        x: float | None = None,
+        y: float | None = None,
+        z: float | None = None,
+        angle: npt.ArrayLike | None = None,
     ) -> None:
         """Raise an error: the boundary is free.
 
@@ -176,7 +182,7 @@ class BoundSpreadLoad:
         """Set place and reaction of the user's load; return a sentence (local)."""
         self.motion.place, self.motion.reaction = self._place.copy(), self.motion.load.copy()
         moment = self.motion.load[2]
-        load = f"force {format_point(self.motion.load)}, moment {moment + 0.0:.4g}"
+        load = f"force {format_point(self.motion.load[:2])}, moment {moment + 0.0:.4g}"
         return f"spread load '{self.motion.name}'{describe_place(self._place)}: {load}"
 
 

@@ -57,10 +57,12 @@ def anchored_stiffness(drive: Array, err: Array, length: float, stiffness: Array
         drive: Forces that drive the motions, shape (n,) [stress length].
         err: Discretization error of these forces, shape (n,) [stress length].
         length: Elongation of the springs under the larger of both [length].
-        stiffness: Stiffness of the bulk, shape (n,) or () [stress]; springs have at least the
-            fraction ``RIGID.weakest_spring`` of it.
+        stiffness: Stiffness of the bulk, shape (n,) or () [stress]; springs of bodies without
+            forces have the fraction ``RIGID.weakest_spring`` of it.
     """
-    return np.maximum(np.maximum(drive, err) / length, RIGID.weakest_spring * stiffness)
+    springs = np.maximum(drive, err) / length
+    forceless = springs < RIGID.weakest_anchor * stiffness
+    return np.where(forceless, RIGID.weakest_spring * stiffness, springs)
 
 
 def over_contact(springs: float, contact: float) -> float:

@@ -7,7 +7,6 @@ the adjoint method (``fm.gradient``) or in one direction (``tangent_linear``). R
 controls, quantities and functions of the values of all steps are attributes of this package.
 """
 
-from fenics_mortar.sensitivity.bridge import Simulation, to_autograd
 from fenics_mortar.sensitivity.controls import (
     ConductanceScale,
     Interference,
@@ -18,13 +17,11 @@ from fenics_mortar.sensitivity.controls import (
     Offset,
 )
 from fenics_mortar.sensitivity.directional import TangentLinear, tangent_linear
-from fenics_mortar.sensitivity.gradient import Gradient
+from fenics_mortar.sensitivity.gradient import Gradient, Simulation, to_autograd
 from fenics_mortar.sensitivity.kinks import Kink
 from fenics_mortar.sensitivity.nodal_positions import NodalPositions
-from fenics_mortar.sensitivity.numerics import Numerics, NumericsReport, by_numerics
-from fenics_mortar.sensitivity.over_steps import last, least_squares, total
+from fenics_mortar.sensitivity.objective import Control, Quantity, last, least_squares, total
 from fenics_mortar.sensitivity.path_record import RecordedPath
-from fenics_mortar.sensitivity.protocols import Control, Quantity
 from fenics_mortar.sensitivity.quantities import (
     ContactLength,
     FrictionWork,
@@ -38,36 +35,9 @@ from fenics_mortar.sensitivity.quantities import (
 )
 
 __all__ = [
-    "ConductanceScale",
-    "ContactLength",
-    "Control",
-    "FrictionWork",
-    "Gradient",
-    "Interference",
-    "Kink",
-    "LawParameter",
-    "MeanGap",
-    "Moment",
-    "NodalPositions",
-    "Numerics",
-    "NumericsReport",
-    "ObstacleLoad",
-    "ObstaclePlace",
-    "ObstacleShape",
-    "Offset",
-    "PeakPressure",
-    "PressureFunctional",
-    "PressureIntegral",
-    "Quantity",
-    "RecordedPath",
-    "Simulation",
-    "TangentLinear",
-    "TotalForce",
-    "by_numerics",
-    "effective_length",
-    "last",
-    "least_squares",
-    "tangent_linear",
-    "to_autograd",
-    "total",
-]
+    "ConductanceScale", "ContactLength", "Control", "FrictionWork", "Gradient", "Interference",
+    "Kink", "LawParameter", "MeanGap", "Moment", "NodalPositions", "ObstacleLoad",
+    "ObstaclePlace", "ObstacleShape", "Offset", "PeakPressure", "PressureFunctional",
+    "PressureIntegral", "Quantity", "RecordedPath", "Simulation", "TangentLinear", "TotalForce",
+    "effective_length", "last", "least_squares", "tangent_linear", "to_autograd", "total",
+]  # fmt: skip

@@ -1,58 +1,35 @@
 # SPDX-License-Identifier: MIT
-"""Controls of contact: parameters of laws, offsets, weights of the numerics, obstacles.
+"""Controls of contact: parameters of laws, offsets, obstacles.
 
-See ``control``. Offsets and shapes act on rows and memory through nodal fields, parameters of laws
-and weights directly, places and loads of obstacles on the rows of the motions.
+Offsets and shapes act on rows and memory through nodal fields, parameters of laws
+directly, places and loads of obstacles on the rows of the motions.
 """
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from typing import Literal
-
 import numpy as np
 
-from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.control import Control, OnePairControl, PairControl
 from fenics_mortar.sensitivity.history import Before
 from fenics_mortar.sensitivity.pair_operators import OfPair, contact_of
-from fenics_mortar.sensitivity.partials.fields import gap_by_offset
+from fenics_mortar.sensitivity.partials.fields import fields_by_shape, gap_by_offset
 from fenics_mortar.sensitivity.partials.law import (
     PairMemory,
-    Response,
     by_parameter,
-    by_weight,
     change_of_memory,
     change_of_rows,
     parameter,
 )
 from fenics_mortar.sensitivity.partials.maps import Changes, Matrix
-from fenics_mortar.sensitivity.partials.shape import fields_by_shape
+from fenics_mortar.sensitivity.protocols import Control, OnePairControl, PairControl
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_lengths, check_number
 from fenics_mortar.utils.arrays import Array, Flags
 
 
-class _OfLaw(OnePairControl):
-    """Control that acts on the law of one pair."""
-
-    @abstractmethod
-    def _by(self, contact: Contact, response: Response) -> Matrix:
-        """Derivative of rows or memory (collective)."""
-
-    def rows(self, problem: ContactProblem, i: int) -> Matrix:
-        """See ``PairControl``."""
-        return self._by(contact_of(problem.equations, i), change_of_rows)
-
-    def memory(self, problem: ContactProblem, i: int, memory: PairMemory) -> Matrix:
-        """See ``PairControl``."""
-        return self._by(contact_of(problem.equations, i), change_of_memory)
-
-
-class LawParameter(_OfLaw):
+class LawParameter(OnePairControl):
     """A parameter of the law of a pair, see ``Law.parameters``; the constructor is local.
 
     The values of a parameter that varies in space, see ``Law.fields``, are those at the slave nodes
@@ -80,38 +57,13 @@ class LawParameter(_OfLaw):
         setattr(law, self.parameter, new if new.ndim else new.item())
         law.check()
 
-    def _by(self, contact: Contact, response: Response) -> Matrix:
-        return by_parameter(contact, self.parameter, response)
+    def rows(self, problem: ContactProblem, i: int) -> Matrix:
+        """See ``PairControl``."""
+        return by_parameter(contact_of(problem.equations, i), self.parameter, change_of_rows)
 
-
-class NumericWeight(_OfLaw):
-    """Factor of a weight of a pair, at present 1: c_n, or the stiffness k of the rows.
-
-    An exact solution does not depend on it, except for the elastic stick of redundant nodes.
-
-    Args:
-        pair: Number of the pair, a contact.
-        weight: "c_n" or "stiffness".
-    """
-
-    def __init__(self, pair: int, weight: Literal["c_n", "stiffness"]) -> None:
-        super().__init__(pair)
-        self.weight, self.name = weight, f"{weight} of pair {pair}"
-
-    def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``."""
-        return np.array(1.0)
-
-    def set(self, problem: ContactProblem, values: Array) -> None:
-        """Multiply the present weight."""
-        contact, factor = contact_of(problem.equations, self.pair), float(values)
-        if self.weight == "c_n":
-            contact.change(c_n=contact.c_n * factor)
-        else:
-            contact.set_stiffness(contact.stiffness * factor)
-
-    def _by(self, contact: Contact, response: Response) -> Matrix:
-        return by_weight(contact, self.weight, response)
+    def memory(self, problem: ContactProblem, i: int, memory: PairMemory) -> Matrix:
+        """See ``PairControl``."""
+        return by_parameter(contact_of(problem.equations, i), self.parameter, change_of_memory)
 
 
 class Offset(OnePairControl):

@@ -9,7 +9,7 @@ The derivatives s'_k of the states and f' of the objective along dm are, see ``g
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,9 +22,18 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.gradient import Step, recorded
 from fenics_mortar.sensitivity.history import Memories, StepHistory, added
 from fenics_mortar.sensitivity.kinks import Kink
-from fenics_mortar.sensitivity.over_steps import OverSteps, evaluate, last
+from fenics_mortar.sensitivity.objective import (
+    Control,
+    OverSteps,
+    Quantity,
+    as_list,
+    dot,
+    evaluate,
+    explicit,
+    last,
+    read,
+)
 from fenics_mortar.sensitivity.path_record import RecordedPath
-from fenics_mortar.sensitivity.protocols import Control, Quantity, as_list, dot, explicit, read
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import together
 
@@ -89,8 +98,7 @@ def tangent_linear(
     problem = path.problem
     quantities, made = read(problem, objective, controls)
     with together(problem.equations.comm, "tangent_linear"):
-        as_they_are = not (isinstance(controls, Sequence) or _is_list(directions))
-        given = [directions] if as_they_are else as_list(directions)
+        given = as_list(directions) if isinstance(controls, Sequence) else [directions]
         if len(given) != len(made):
             raise ValueError(f"{len(given)} directions: expected {len(made)}, one per control")
         along = [
@@ -102,14 +110,6 @@ def tangent_linear(
         derivatives, states, kinks = _forwards(path, quantities, made, along)
     derivative = float((weights * derivatives).sum())
     return TangentLinear(value, derivative, values, derivatives, tuple(states), tuple(kinks))
-
-
-def _is_list(directions: Any) -> bool:
-    """Whether an argument is a list of directions and not one of them (local)."""
-    return isinstance(directions, Sequence) and any(
-        isinstance(direction, (Callable, fem.Function)) or np.ndim(direction)  # type: ignore[arg-type]
-        for direction in directions
-    )
 
 
 def _direction_of(problem: ContactProblem, control: Control, given: Any, number: int) -> Array:

@@ -35,8 +35,8 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.laws import KINK, Friction
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.control import Control
 from fenics_mortar.sensitivity.controls import LawParameter
+from fenics_mortar.sensitivity.protocols import Control
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import LAST_DIGITS
 

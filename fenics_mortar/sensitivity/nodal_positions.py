@@ -25,7 +25,7 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.forms import DerivativeByField
 from fenics_mortar.sensitivity.history import Before, history_of
 from fenics_mortar.sensitivity.pair_operators import UNKNOWNS, PairOperator, check_exact
-from fenics_mortar.sensitivity.partials.shape import by_positions, check_positions
+from fenics_mortar.sensitivity.partials.fields import by_positions, check_positions
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
@@ -129,7 +129,7 @@ class _Derivatives:
 class ContactPositions:
     """Derivative of the residuals with respect to the positions of the nodes, contacts only.
 
-    Positions are values at the dofs of the displacement. See ``partials.shape``.
+    Positions are values at the dofs of the displacement. See ``partials.fields``.
 
     Args:
         problem: The problem, at the end of a step, evaluated with ``EXACT``; collective.

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,23 +18,16 @@ from dolfinx import fem
 
 from fenics_mortar.bulk.checks import refuse_history
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.equations.general import State
 from fenics_mortar.equations.undo import Snapshot, raise_cause, restored_if_interrupted
-from fenics_mortar.interface.mortar import EXACT
+from fenics_mortar.interface.linearization import EXACT
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.remote import refuse_remote
-from fenics_mortar.sensitivity.checkpoints import Checkpoints
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.dimensions import refuse_in_space
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
-from fenics_mortar.utils.ranks import agreed
-
-# Largest difference of the multipliers of a step solved twice, over the largest multiplier [1]:
-# errors of solves are far below, differences from other solutions far above.
-SAME_SOLUTION = 1e-5
-
 
 # Residual of a solution over that of Newton's tolerance [1]: the reference force of an iteration
 # may have been larger than that of the state.
@@ -133,30 +125,21 @@ class RecordedPath:
         problem: The problem, at the start of the path.
         also: Constants and functions that change between steps and on which only the objective
             depends.
-        every: Spacing of the stored displacements; at a visit to a step in between, the steps since
-            the last stored one are solved again, see ``checkpoints``. By default all are stored.
-        folder: Folder of files for the displacements, one for each stored step and rank, which
-            belong to this run; by default displacements are stored in memory.
 
     Attributes:
         problem: The problem.
         start: State at the start, ``None`` for the path of a single state.
-        steps: The records; with ``every`` or ``folder`` their states have no displacement.
+        steps: The records.
 
     Raises:
-        ValueError: If ``problem`` is of another type, or ``every`` is not at least 1.
+        ValueError: If ``problem`` is of another type.
         MortarError: If the problem has inertia or history functions.
     """
 
-    def __init__(
-        self,
-        problem: ContactProblem,
-        *,
-        also: Sequence[Any] = (),
-        every: int = 1,
-        folder: str | Path | None = None,
-    ) -> None:
+    def __init__(self, problem: ContactProblem, *, also: Sequence[Any] = ()) -> None:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
+        if problem.equations.bulk.space.dim == 3:
+            refuse_in_space("gradients")
         if problem.equations.bulk.inertia is not None:
             raise MortarError("dynamics have no derivatives: expected a static problem")
         if any(getattr(s, "heating", None) == "friction" for s in _settings(problem)):
@@ -170,8 +153,6 @@ class RecordedPath:
         self.problem, self._data = problem, Data(problem, also)
         self.start: State | None = problem.state()
         self.steps: list[RecordedStep] = []
-        self._checkpoints = Checkpoints(problem.equations.comm, every, folder)
-        self._linearization = problem.equations.linearization
 
     def record(self, *arguments: Any) -> None:
         """Add the present state.
@@ -184,11 +165,7 @@ class RecordedPath:
                 of loads, material and laws.
         """
         check_solved(self.problem)
-        step = self.present()
-        if self._checkpoints.drops:
-            self._checkpoints.put(len(self.steps), step.state.u)
-            step = replace(step, state=replace(step.state, u=np.empty(0)))
-        self.steps.append(step)
+        self.steps.append(self.present())
 
     def present(self) -> RecordedStep:
         """Record of the present state."""
@@ -197,56 +174,14 @@ class RecordedPath:
         loads = tuple(obstacle.load.copy() for obstacle in self.problem.obstacles)
         return RecordedStep(self.problem.state(), self._data.values(), laws, shapes, loads)
 
-    def state_of(self, number: int) -> State:
-        """State of the step ``number``; changes the state of the problem if it must be recomputed.
-
-        Raises:
-            MortarError: On all ranks, if it differs from the recorded one, or is not found.
-        """
-        state = self.steps[number].state
-        if not self._checkpoints.drops:
-            return state
-        u = self._checkpoints.get(number, len(self.steps), self._solve_again)
-        return replace(state, u=u)
-
     def before(self, number: int) -> State | None:
-        """State before the step ``number``, see ``state_of``; needs no solve after ``go_to``."""
-        return self.state_of(number - 1) if number else self.start
+        """State before the step ``number``."""
+        return self.steps[number - 1].state if number else self.start
 
     def go_to(self, number: int) -> None:
         """Restore the state and the values of step ``number``, and evaluate the operators."""
-        self.before(number)
-        state = self.state_of(number)
         self._put_values(self.steps[number])
-        self.problem.restore(state)
-
-    def _solve_again(self, number: int, u: Array) -> Array:
-        """Displacement of a step, solved from that of the step before.
-
-        Raises:
-            MortarError: On all ranks, if the interface states differ from the recorded ones.
-        """
-        problem, step, equations = self.problem, self.steps[number], self.problem.equations
-        problem.restore(replace(self.steps[number - 1].state, u=u))
-        self._put_values(step)
-        for obstacle, place in zip(problem.obstacles, step.state.places, strict=True):
-            obstacle.place = place
-        for contact, state in zip(equations.contacts, step.state.interfaces, strict=True):
-            contact.change(offset=state.offset, load_time=state.load_time)
-        exact, equations.linearization = equations.linearization, self._linearization
-        try:
-            problem.solve(predict=False, accept_violations=True)
-        finally:
-            equations.linearization = exact
-        found = problem.state()
-        alike = all(map(_alike, found.interfaces, step.state.interfaces))
-        if not agreed(equations.comm, alike):
-            raise MortarError(
-                f"step {number} was solved again and ended in a state that differs from the "
-                f"recorded one: "
-                "record all steps (every=1), or take smaller steps"
-            )
-        return found.u
+        self.problem.restore(self.steps[number].state)
 
     def _put_values(self, step: RecordedStep) -> None:
         self._data.put(step.data)
@@ -268,7 +203,6 @@ class RecordedPath:
         equations = self.problem.equations
         present, before = self.present(), Snapshot(equations)
         residual, linearization = equations.bulk.r.array_r.copy(), equations.linearization
-        self._linearization = linearization
         equations.linearization, renew = EXACT, True
         try:
             yield
@@ -292,13 +226,6 @@ class RecordedPath:
         """
         if not self.steps:
             raise MortarError("the path has no steps: call record() after each solve")
-
-
-def _alike(one: InterfaceState, other: InterfaceState) -> bool:
-    """Whether two states of an interface have equal sets and, up to a tolerance, equal forces."""
-    size = np.abs(other.z).max(initial=0.0)
-    sets = np.array_equal(one.active, other.active) and np.array_equal(one.branch, other.branch)
-    return sets and bool((np.abs(one.z - other.z) <= SAME_SOLUTION * size).all())
 
 
 def path_of_state(problem: ContactProblem) -> RecordedPath:

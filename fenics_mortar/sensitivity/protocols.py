@@ -1,165 +1,346 @@
 # SPDX-License-Identifier: MIT
-"""Controls and quantities from users' arguments, and common calls of both; see their protocols."""
+"""Quantities and controls: what is differentiated, and by what; base classes of those of pairs.
+
+**The protocol of controls, and the base class of those that act on pairs of surfaces.** A control
+has the derivative of the residuals of one step, with the rows and units of
+``equations.linearized``, at fixed displacement, multipliers, active sets, and state before.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-from weakref import WeakKeyDictionary
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
-import ufl
-from dolfinx import fem
-
-from fenics_mortar.bulk.checks import check_domain
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.control import Control
-from fenics_mortar.sensitivity.form_controls import FormControl
-from fenics_mortar.sensitivity.forms import FormQuantity
-from fenics_mortar.sensitivity.history import Before
-from fenics_mortar.sensitivity.quantity import Combined, Quantity
+from fenics_mortar.sensitivity.history import Before, history_of
+from fenics_mortar.sensitivity.pair_operators import (
+    ROWS,
+    OfPair,
+    PairOperator,
+    check_exact,
+    contact_of,
+    from_pairs,
+    interface_of,
+    refuse_fluxes,
+    values_of,
+)
+from fenics_mortar.sensitivity.partials.fields import fields_by_state, rows_by_fields
+from fenics_mortar.sensitivity.partials.law import PairMemory
+from fenics_mortar.sensitivity.partials.maps import Changes, Matrix, through_fields
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same_texts, together
 
-# Cache of controls and quantities with compiled forms, by bulk and UFL object.
-_kept: WeakKeyDictionary[Any, dict[Any, Any]] = WeakKeyDictionary()
+# Derivatives of a functional with respect to nodal fields by name, see ``partials.fields``, shape
+# (slave nodes,) each, or (slave nodes, 2) for "z"; fields that are missing have zeros.
+ByFields = dict[str, Array]
 
 
-def controls_of(problem: ContactProblem, given: Any) -> list[Control]:
-    """Controls; constants and functions are converted (local).
+class Quantity(Protocol):
+    """A scalar function J(s_k, s_{k-1}, m) of a state; all methods are collective.
 
-    Raises:
-        ValueError: If an object is not a control.
+    R_k(s_k, s_{k-1}, m) = 0 are the equations of step k for its state s_k = (u, z, q), rows and
+    units as in ``equations.linearized``, and m are the values of a control. All derivatives are
+    taken at fixed active sets and branches. ``problem`` is at the end of a step with the state s_k,
+    evaluated with ``EXACT``; ``before`` is the state s_{k-1} at its start: a ``State``, or its
+    ``StepHistory``.
     """
-    return [_control_of(problem, control) for control in as_list(given)]
+
+    @abstractmethod
+    def value(self, problem: ContactProblem, before: Before = None) -> float:
+        """Value at the present state [unit of the quantity], equal on all ranks."""
+
+    @abstractmethod
+    def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
+        """dJ/ds_k."""
+
+    def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
+        """dJ/ds_{k-1}; ``None``, the default, or a vector without parts if it is zero."""
+        return None
+
+    def by_control(
+        self, problem: ContactProblem, control: Any, before: Before = None
+    ) -> Array | float:
+        """Explicit derivative dJ/dm at fixed states, of the shape of m [unit of J / unit of m].
+
+        The default is 0.0: the control does not occur.
+        """
+        return 0.0
 
 
-def quantities_of(problem: ContactProblem, given: Any) -> list[Quantity]:
-    """Quantities; UFL forms are converted (local).
+class ContactQuantity(Quantity):
+    """Base class of the quantities of contact."""
 
-    Raises:
-        ValueError: If an object is neither a quantity nor a form of rank 0.
+    def check(self) -> None:
+        """Check the arguments, in a call made on all ranks (local).
+
+        Raises:
+            ValueError: If an argument has a value that is not allowed.
+        """
+
+    def __add__(self, other: ContactQuantity | float) -> ContactQuantity:
+        """Sum of quantities, or of a quantity and a number."""
+        if isinstance(other, ContactQuantity):
+            return Combined([self, other], np.sum, np.ones_like)
+        return Combined([self], lambda v: v[0] + other, np.ones_like)
+
+    def __sub__(self, other: ContactQuantity | float) -> ContactQuantity:
+        """Difference of quantities, or of a quantity and a number."""
+        return self + (-1.0) * other
+
+    def __mul__(self, factor: float) -> ContactQuantity:
+        """Product with a number."""
+        return Combined([self], lambda v: factor * v[0], lambda v: np.full(1, factor))
+
+    def __pow__(self, power: float) -> ContactQuantity:
+        """Power of a quantity."""
+        return Combined([self], lambda v: v[0] ** power, lambda v: power * v ** (power - 1))
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+class Combined(ContactQuantity):
+    """A function of quantities.
+
+    Args:
+        parts: The quantities.
+        function: Function from their values (n,) to a number.
+        derivative: Function from their values to the partial derivatives of ``function``, (n,).
     """
-    return [_quantity_of(problem, quantity) for quantity in as_list(given)]
 
+    def __init__(
+        self,
+        parts: Sequence[Any],
+        function: Callable[[Array], Any],
+        derivative: Callable[[Array], Array],
+    ) -> None:
+        self.parts, self._function, self._derivative = list(parts), function, derivative
 
-def as_list(given: Any) -> list[Any]:
-    """A list of at least one object from one object or several (local).
+    def check(self) -> None:
+        """See ``Quantity``."""
+        for part in self.parts:
+            part.check()
 
-    Raises:
-        ValueError: If the list is empty.
-    """
-    found = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
-    if not found:
-        raise ValueError("an empty list: expected at least one control and one quantity")
-    return found
+    def _values(self, problem: ContactProblem, before: Before) -> Array:
+        return np.array([part.value(problem, before) for part in self.parts])
 
-
-def read(
-    problem: ContactProblem, objective: Any, controls: Any
-) -> tuple[list[Quantity], list[Control]]:
-    """Quantities and controls of a gradient; see ``gradient`` for the arguments (collective).
-
-    Raises:
-        ValueError: On all ranks, if an argument is of another type, or nothing depends on a
-            control.
-        MortarError: On all ranks, if number, kind or arguments of quantities or controls differ.
-    """
-    comm = problem.equations.comm
-    with together(comm, "gradient"):
-        quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
-    given = {
-        "quantities": [_described(quantity) for quantity in quantities],
-        "controls": [f"{type(control).__name__} {control.name}" for control in made],
-    }
-    check_same_texts(comm, "gradient", given)
-    for control in made:
-        occurs = getattr(control, "occurs", True)
-        tests = (getattr(quantity, "depends_on", lambda _: False) for quantity in quantities)
-        if not occurs and not any(depends_on(control) for depends_on in tests):
-            raise ValueError(
-                f"{control.name}: neither residual nor Dirichlet conditions nor objective depend "
-                "on this control"
-            )
-    return quantities, made
-
-
-def explicit(
-    problem: ContactProblem, quantity: Quantity, control: Control, before: Before
-) -> Array | float:
-    """dJ/dm at fixed states, of the shape of the control's values (collective).
-
-    In the unit of J over that of m [any].
-    """
-    of_control = getattr(control, "explicit", None)
-    if of_control is not None:
-        return of_control(problem, quantity, before)
-    return quantity.by_control(problem, control, before)
-
-
-def dot(problem: ContactProblem, control: Control, one: Array, other: Array) -> float:
-    """Scalar product of two arrays of a control's shape [product of units] (collective).
-
-    Values of controls with a true ``is_distributed`` are those of the owned dofs, others are
-    replicated.
-    """
-    mine, is_distributed = float(np.vdot(one, other)), getattr(control, "is_distributed", False)
-    return problem.equations.comm.allreduce(mine) if is_distributed else mine
-
-
-def _control_of(problem: ContactProblem, control: Any) -> Control:
-    bulk = problem.equations.bulk
-    if control is bulk.u:
-        raise ValueError("the displacement is an unknown: expected a control on which it depends")
-    if isinstance(control, (fem.Constant, fem.Function)):
-        return _keep(bulk, control, lambda: FormControl(bulk, control))
-    if not hasattr(control, "jvp") or not hasattr(control, "vjp"):
-        raise ValueError(
-            f"control {control!r}: expected a fem.Constant, a fem.Function or a control of the "
-            f"package, e.g. LawParameter(0, 'mu')"
+    def _chain(
+        self, derivative: Callable[[Any], Any], zero: Any, problem: ContactProblem, before: Before
+    ) -> Any:
+        """Chain rule: sum of derivatives of the quantities times partial derivatives."""
+        factors = map(float, self._derivative(self._values(problem, before)))
+        return sum(
+            (derivative(part) * f for f, part in zip(factors, self.parts, strict=True)), zero
         )
-    _check(control)
-    return control
 
+    def value(self, problem: ContactProblem, before: Before = None) -> float:
+        """See ``Quantity``."""
+        return float(self._function(self._values(problem, before)))
 
-def _quantity_of(problem: ContactProblem, quantity: Any) -> Quantity:
-    bulk = problem.equations.bulk
-    if isinstance(quantity, ufl.Form):
-        if quantity.arguments():
-            raise ValueError(
-                f"the objective is a form with {len(quantity.arguments())} arguments: expected a "
-                "form without test functions"
-            )
-        check_domain("objective", quantity, bulk.V.ufl_domain())
-        return _keep(bulk, quantity, lambda: FormQuantity(bulk, quantity))
-    if not hasattr(quantity, "value") or not hasattr(quantity, "gradient"):
-        raise ValueError(
-            f"objective {quantity!r}: expected a scalar UFL form or a quantity of the package, "
-            f"e.g. TotalForce(0, (0.0, 1.0))"
+    def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
+        """See ``Quantity``."""
+        zero = LinearVector()
+        return self._chain(lambda part: part.gradient(problem, before), zero, problem, before)
+
+    def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
+        """See ``Quantity``."""
+        zero = LinearVector()
+        return self._chain(
+            lambda part: part.by_before(problem, before) or zero, zero, problem, before
         )
-    _check(quantity)
-    return quantity
+
+    def by_control(
+        self, problem: ContactProblem, control: Any, before: Before = None
+    ) -> Array | float:
+        """See ``Quantity``."""
+        return self._chain(
+            lambda part: part.by_control(problem, control, before), 0.0, problem, before
+        )
+
+    def depends_on(self, control: Any) -> bool:
+        """Whether a control occurs in one of the quantities (local)."""
+        depends = (getattr(part, "depends_on", lambda _: False) for part in self.parts)
+        return any(depends_on(control) for depends_on in depends)
 
 
-def _check(given: Any) -> None:
-    """Check the arguments of a control or quantity, if it has a method for this (local)."""
-    check = getattr(given, "check", None)
-    if check is not None:
-        check()
+class PairQuantity(OfPair, ContactQuantity):
+    """Base class of the quantities of one pair, functions of its nodal fields.
+
+    Args:
+        pair: Number of the pair.
+    """
+
+    @abstractmethod
+    def _of(self, contact: Any) -> float:
+        """Value."""
+
+    @abstractmethod
+    def _by_fields(self, contact: Any) -> ByFields:
+        """Derivatives with respect to nodal fields."""
+
+    def value(self, problem: ContactProblem, before: Before = None) -> float:
+        """See ``Quantity``."""
+        return self._of(interface_of(problem.equations, self.pair))
+
+    def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
+        """See ``Quantity``."""
+        contact = interface_of(problem.equations, self.pair)
+        return from_pairs(problem.equations, {self.pair: self._by_state(contact)})
+
+    def _by_state(self, contact: Interface) -> Array:
+        """Derivative with respect to the present state, a vector of the pair."""
+        if isinstance(contact, Contact):
+            check_exact(contact)
+        by = self._by_fields(contact)
+        return through(by, fields_by_state(contact, by))
+
+    def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
+        """See ``Quantity``."""
+        by = self._by_fields(interface_of(problem.equations, self.pair))
+        history = history_of(problem, before) if "slip" in by else None
+        if history is None or self.pair not in history.pairs:
+            return None
+        gradient = through(by, {"slip": history.pairs[self.pair].slip})
+        return from_pairs(problem.equations, {self.pair: gradient})
+
+    def by_control(
+        self, problem: ContactProblem, control: Any, before: Before = None
+    ) -> Array | float:
+        """See ``Quantity``; for controls that change nodal fields."""
+        if not hasattr(control, "fields") or self.pair not in control.pairs(problem):
+            return 0.0
+        changes = control.fields(problem, self.pair)
+        if not changes:
+            return 0.0
+        by = self._by_fields(interface_of(problem.equations, self.pair))
+        return through(by, changes).reshape(control.get(problem).shape)
 
 
-def _described(quantity: Any) -> list[Any]:
-    """Type and public arguments of a quantity, or of its parts, for a comparison (local)."""
-    if isinstance(quantity, Combined):
-        return [type(quantity).__name__, *map(_described, quantity.parts)]
-    public = {name: v for name, v in vars(quantity).items() if not name.startswith("_")}
-    return [type(quantity).__name__, public]
+def through(by: ByFields, changes: Changes) -> Array:
+    """Chain rule: derivative of a functional, (m,), for changes of fields (n, m) (local).
+
+    In the unit of the functional over that of the m values [any].
+    """
+    (m, *_) = (change.shape[1] for change in changes.values())
+    terms = (change.T @ by[name].ravel() for name, change in changes.items() if name in by)
+    return sum(terms, np.zeros(m))
 
 
-def _keep(bulk: Any, key: Any, make: Any) -> Any:
-    """The object made earlier for a UFL object, or a new one (local)."""
-    kept = _kept.setdefault(bulk, {})
-    if key not in kept:
-        kept[key] = make()
-    return kept[key]
+class Control(Protocol):
+    """Values on which a solution depends.
+
+    Methods take a ``problem`` at the end of a step, evaluated with ``EXACT``, and the state
+    ``before``, at the start of the step, which is needed if slip depends on the control through
+    this state: a ``State``, or its ``StepHistory``. Values are replicated arrays of any shape, or
+    those of the owned dofs of a function if an attribute ``is_distributed`` is true.
+
+    Other methods are optional: ``pairs`` and ``memory``, as of ``PairControl``, for laws with
+    memory, and ``explicit(problem, quantity, before)``, the derivative of a quantity that does not
+    know the control, see ``Quantity.by_control``.
+
+    Attributes:
+        name: Name for messages.
+    """
+
+    name: str
+
+    def get(self, problem: ContactProblem) -> Array:
+        """Present values (local), of shape () for a single number [their unit]."""
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """Set the ``values``, of the shape of ``get`` [their unit], equal on all ranks (local).
+
+        Raises:
+            TypeError: If the control cannot be set.
+            ValueError: If a value is not allowed.
+        """
+        raise TypeError(f"{self.name} cannot be set")
+
+    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
+        """Change of the residuals along ``dm``, of the values' shape [their unit] (collective).
+
+        Raises:
+            MortarError: On all ranks, if the derivative is not available.
+        """
+
+    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
+        """Gradient of the scalar product of residuals and ``y`` (collective).
+
+        Equal on all ranks, of the shape of the values [units of the product over theirs].
+
+        Raises:
+            MortarError: On all ranks, if the derivative is not available.
+        """
+
+
+class PairControl(Control):
+    """Control of m numbers that acts on the rows of pairs, by nodal fields unless overridden."""
+
+    @abstractmethod
+    def pairs(self, problem: ContactProblem) -> list[int]:
+        """Numbers of the pairs whose rows or memory depend on it at fixed states (local)."""
+
+    def fields(self, problem: ContactProblem, i: int) -> Changes:
+        """Derivatives of the nodal fields of pair ``i``, one of ``pairs`` (collective).
+
+        By their names, shape (slave nodes, m) each [units of the field over those of the values];
+        empty if they do not depend on the control.
+        """
+        return {}
+
+    def rows(self, problem: ContactProblem, i: int) -> Matrix:
+        """Derivative of the rows of pair ``i``, one of ``pairs`` (collective).
+
+        Shape (2 slave nodes, m) [stress length over the units of the values].
+
+        Raises:
+            ValueError: On all ranks, if the pair is tied, or its law cannot be differentiated.
+            MortarError: On all ranks, if the derivative is not available.
+        """
+        contact = contact_of(problem.equations, i)
+        check_exact(contact)
+        refuse_fluxes(contact, self.name)
+        return through_fields(rows_by_fields(contact), self.fields(problem, i))
+
+    def memory(self, problem: ContactProblem, i: int, memory: PairMemory) -> Matrix:
+        """Derivative of the memory of the law of pair ``i``, one of ``pairs`` (collective).
+
+        Args:
+            problem: See ``Control``.
+            i: Number of the pair.
+            memory: Derivatives of this memory.
+
+        Returns:
+            Shape (slave nodes * names of the memory, m) [units of the memory over those of the
+            values].
+        """
+        return through_fields(memory.by_fields, self.fields(problem, i))
+
+    def residuals(self, problem: ContactProblem) -> PairOperator:
+        """Derivative of the residuals of ``problem``, of any shape [any] (collective)."""
+        matrices = {i: self.rows(problem, i) for i in self.pairs(problem)}
+        return PairOperator(problem.equations, matrices, values_of(self.get(problem).shape), ROWS)
+
+    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
+        """See ``Control``; ``before`` is not used."""
+        return self.residuals(problem) @ np.asarray(dm, float)
+
+    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
+        """See ``Control``; ``before`` is not used."""
+        return self.residuals(problem).T @ y
+
+
+class OnePairControl(OfPair, PairControl):
+    """Control that acts on one pair.
+
+    Args:
+        pair: Number of the pair.
+    """
+
+    def pairs(self, problem: ContactProblem) -> list[int]:
+        """See ``PairControl``."""
+        return [self.pair]

@@ -21,9 +21,9 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.obstacles.points import check_vector
+from fenics_mortar.obstacles.rigid_motion import check_vector
 from fenics_mortar.sensitivity.partials.fields import moment, moment_gradient
-from fenics_mortar.sensitivity.quantity import ByFields, Combined, ContactQuantity, PairQuantity
+from fenics_mortar.sensitivity.protocols import ByFields, Combined, ContactQuantity, PairQuantity
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array, Indices
 

@@ -52,6 +52,11 @@ def summed(values: Array, numbers: Indices, size: int) -> Array:
     return sums.astype(np.float64, copy=False)  # without values numpy returns integers
 
 
+def norms(vectors: Array) -> Array:
+    """Lengths (n,) of vectors (n, 2) or (n, 3) [their unit] (local)."""
+    return np.hypot(*vectors.T) if vectors.shape[1] == 2 else np.linalg.norm(vectors, axis=1)
+
+
 def values_at(wanted: Indices, keys: Indices, values: npt.NDArray[Any], missing: int) -> Any:
     """The values (k,) that belong to some keys (local).
 

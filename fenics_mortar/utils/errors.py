@@ -61,7 +61,7 @@ class NotFiniteError(MortarError):
     """A user's law or signed distance returned nan or infinity for finite arguments."""
 
 
-def raise_together(comm: MPI.Comm, error: MortarError | None) -> None:
+def raise_together(comm: MPI.Comm, error: MortarError | NotImplementedError | None) -> None:
     """Raise on all ranks if any rank has an error (collective).
 
     Args:
@@ -69,7 +69,7 @@ def raise_together(comm: MPI.Comm, error: MortarError | None) -> None:
         error: The error found on this rank, or ``None``.
 
     Raises:
-        MortarError: The error of the lowest rank that has one, on every rank.
+        MortarError, NotImplementedError: The error of the lowest rank that has one, on every rank.
     """
     failed = error is not None
     if failed if comm.size == 1 else comm.allreduce(failed):
@@ -134,17 +134,6 @@ def together(comm: MPI.Comm, what: str) -> Iterator[None]:
     except Exception as exception:  # any error: no rank may leave alone
         error = exception
     leave_together(comm, what, error)
-
-
-@contextmanager
-def suppressed_failures() -> Iterator[None]:
-    """Context that suppresses ``MortarError``, except a ``RaisedElsewhereError``."""
-    try:
-        yield
-    except RaisedElsewhereError:
-        raise
-    except MortarError:
-        pass
 
 
 def check_same(comm: MPI.Comm, values: Iterable[tuple[str, npt.ArrayLike]]) -> None:
@@ -215,12 +204,12 @@ def as_text(value: Any) -> str:
 
 
 def format_point(x: npt.NDArray[np.float64] | tuple[float, ...]) -> str:
-    """Format a position (2,) [length] for messages (local)."""
-    return f"({x[0] + 0.0:.4g}, {x[1] + 0.0:.4g})"
+    """Format a position (dim,) [length] for messages (local)."""
+    return f"({', '.join(f'{value + 0.0:.4g}' for value in x)})"
 
 
 def count_points(comm: MPI.Comm, points: npt.NDArray[np.float64]) -> tuple[int, str]:
-    """Count the positions (n, 2) of all ranks, and format the smallest one (collective)."""
+    """Count the positions (n, dim) of all ranks, and format the smallest one (collective)."""
     mine = [tuple(map(float, x)) for x in points]
     everything = [x for lowest in comm.allgather(sorted(mine)[:1]) for x in lowest]
     return comm.allreduce(len(mine)), format_point(min(everything)) if everything else "nowhere"

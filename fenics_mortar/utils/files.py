@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -102,3 +102,12 @@ class Markdown:
 
 class MarkdownText(Markdown, str):
     """A text in Markdown."""
+
+
+def markdown_table(
+    head: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[int] = ()
+) -> str:
+    """Markdown table, columns aligned to the right but those with the numbers ``left`` (local)."""
+    lines = [f"| {' | '.join(cells)} |" for cells in (head, *rows)]
+    marks = ["---|" if number in left else "---:|" for number in range(len(head))]
+    return "\n".join([lines[0], f"|{''.join(marks)}", *lines[1:]])

@@ -20,16 +20,53 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.files import Markdown
+from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.utils.ranks import agreed
 from fenics_mortar.verify.checks import checks
 from fenics_mortar.verify.checks.balance import balance_of_bodies
-from fenics_mortar.verify.checks.missed_contact import paired_nodes
+from fenics_mortar.verify.checks.contact_conditions import paired_nodes
 from fenics_mortar.verify.crossing import Crossing
-from fenics_mortar.verify.finding import INFINITE, Finding, format_value
-from fenics_mortar.verify.limits import LIMITS
-from fenics_mortar.verify.measured import Measured
-from fenics_mortar.verify.pair_certificate import PairCertificate
+from fenics_mortar.verify.finding import INFINITE, LIMITS, Finding, Measured, format_value
+
+
+@dataclass(frozen=True)
+class PairCertificate:
+    """Findings of the checks of one pair; all methods are local.
+
+    ``pair["penetration"]`` is the finding of this name. Names and meanings are those of the modules
+    in ``fenics_mortar.verify.checks``.
+
+    Attributes:
+        pair: Names of slave and master.
+        findings: One finding for each quantity that is measured for this kind of pair.
+    """
+
+    pair: str
+    findings: tuple[Finding, ...]
+
+    def __getitem__(self, name: str) -> Finding:
+        """The finding of this name.
+
+        Raises:
+            KeyError: If there is none.
+        """
+        for finding in self.findings:
+            if finding.name == name:
+                return finding
+        names = ", ".join(finding.name for finding in self.findings)
+        raise KeyError(f"'{name}' is not measured for {self.pair}; expected one of {names}")
+
+    def violations(self) -> list[str]:
+        """Describe violated conditions; empty for a sound state."""
+        return self._messages("violation")
+
+    def remarks(self) -> list[str]:
+        """Describe where the mesh is too coarse or the solution may not be unique."""
+        return self._messages("remark")
+
+    def _messages(self, verdict: str) -> list[str]:
+        return [f"{self.pair}: {f.message}" for f in self.findings if f.verdict == verdict]
+
 
 # Advice for crossings that are no violation.
 _SMALLER = ": smaller steps, finer facets, or a pair of these surfaces"
@@ -56,6 +93,7 @@ class Certificate(Markdown):
         possible_passages: Passages on motions that the ends of the step do not tell, as messages.
         tipping: Bodies that pressures on the covered surfaces cannot balance, as messages.
         inverted_nodes: Remark on cells inverted at nodes alone, or with linear strains.
+        dim: Dimension of the bodies.
     """
 
     pairs: list[PairCertificate]
@@ -68,6 +106,7 @@ class Certificate(Markdown):
     possible_passages: list[str] = field(default_factory=list)
     tipping: list[str] = field(default_factory=list)
     inverted_nodes: str = ""
+    dim: int = 2
 
     @property
     def of_bodies(self) -> tuple[Finding, ...]:
@@ -89,40 +128,34 @@ class Certificate(Markdown):
         columns = [*(pair.findings for pair in self.pairs), self.of_bodies]
         names = [*(pair.pair for pair in self.pairs), "all bodies"]
         head = ["check", *names, "remark above", "violation above", "result"]
-        lines = [f"| {' | '.join(head)} |", "|---|" + "---:|" * (len(head) - 2) + "---|"]
         rows: dict[str, list[tuple[int, Finding]]] = {}
         for column, findings in enumerate(columns):
             for finding in findings:
                 rows.setdefault(finding.name, []).append((column, finding))
         with_limits_first = sorted(rows.values(), key=lambda row: _verdict(row) == "")
-        lines += [_line(row, len(columns)) for row in with_limits_first]
-        return "\n\n".join(["\n".join(lines), *(self.violations() or self.remarks())])
+        cells = [_cells(row, len(columns)) for row in with_limits_first]
+        table = markdown_table(head, cells, left=(0, len(head) - 1))
+        return "\n\n".join([table, *(self.violations() or self.remarks())])
 
     def _of_bodies(self) -> Iterator[Finding]:
         """Findings of all bodies; of several findings of a name the table shows the largest."""
         yield Finding(
-            "balance",
-            "imbalance of all forces on a body",
-            self.balance,
+            "balance", "imbalance of all forces on a body", self.balance,
             f"balance of a body {self.balance:.1e} (allowed {LIMITS.tolerance:.1e})",
             limit=LIMITS.tolerance,
-        )
+        )  # fmt: skip
         yield Finding(
-            "springs",
-            "force of springs on bodies / contact force",
-            self.springs,
+            "springs", "force of springs on bodies / contact force", self.springs,
             f"springs carry {self.springs:.1e} of the contact force (allowed "
             f"{LIMITS.negligible:.1e})",
             limit=LIMITS.negligible,
-        )
+        )  # fmt: skip
         yield Finding(
-            "drift",
-            "sliding of an obstacle driven by forces / width of contact",
-            self.drift,
+            "drift", "sliding of an obstacle driven by forces / width of contact", self.drift,
             f"an obstacle driven by forces slid away, by {self.drift:.1f} widths of its contact: "
             "the path may lead to another equilibrium; take smaller steps, or prescribe its motion",
             limit=1.0,
-        )
+        )  # fmt: skip
         yield Finding(
             "inverted", "inverted cells", self.inverted, f"{self.inverted} cells are inverted", 0
         )
@@ -147,6 +180,7 @@ def certify(
     labels: Indices,
     parts: Indices,
     unbalanced: Array,
+    inside: Sequence[Indices] | None = None,
 ) -> Certificate:
     """Measure the present state (collective).
 
@@ -156,30 +190,52 @@ def certify(
         labels: Body of each local node, tied ones joined, shape (local nodes,).
         parts: As ``labels``, tied bodies not joined: springs may pull these against each other.
         unbalanced: Sums of all forces on the obstacles, equal on all ranks [stress length].
+        inside: In space, global numbers of the nodes of the bodies of each pair inside another body
+            of it, ascending.
 
     Raises:
         Exception: An error of a user's law, raised on all ranks.
     """
     paired = np.unique(np.concatenate([np.empty(0, np.int64), *map(paired_nodes, contacts)]))
     inverted, _ = bulk.inverted_cells()
-    pairs = [_certify_pair(bulk, contact, labels, paired) for contact in contacts]
+    of_pairs: Sequence[Indices | None] = [None] * len(contacts) if inside is None else inside
+    pairs = [
+        _certify_pair(bulk, contact, labels, paired, nodes)
+        for contact, nodes in zip(contacts, of_pairs, strict=True)
+    ]
     raise_stored(bulk.comm, contacts)
     balance = balance_of_bodies(bulk, contacts, parts, unbalanced)
     return agreed(
         bulk.comm,
-        Certificate(pairs, balance, inverted, inverted_nodes=bulk.describe_inverted_nodes()),
+        Certificate(
+            pairs,
+            balance,
+            inverted,
+            inverted_nodes=bulk.describe_inverted_nodes(),
+            dim=bulk.space.dim,
+        ),
     )
 
 
 def _certify_pair(
-    bulk: Bulk, contact: Contact | Tie, labels: Indices, paired: Indices
+    bulk: Bulk,
+    contact: Contact | Tie,
+    labels: Indices,
+    paired: Indices,
+    inside: Indices | None,
 ) -> PairCertificate:
     """Run the checks of one pair (collective)."""
     if isinstance(contact, Tie):
-        found = [finding for check in checks("of_tie") for finding in check(contact)]
+        found = [
+            finding for check in checks("of_tie", contact.slave.dim) for finding in check(contact)
+        ]
     else:
-        measured = Measured(contact, bulk, labels, paired)
-        found = [finding for check in checks("of_contact") for finding in check(measured)]
+        measured = Measured(contact, bulk, labels, paired, inside)
+        found = [
+            finding
+            for check in checks("of_contact", contact.slave.dim)
+            for finding in check(measured)
+        ]
     return PairCertificate(f"{contact.slave.name} - {contact.master.name}", tuple(found))
 
 
@@ -187,14 +243,9 @@ def _crossed(facets: float, message: str = "", limit: float = LIMITS.penetration
     """The finding of a crossing of this depth, with its limit [facet lengths] (local)."""
     advice = "" if facets > limit else _SMALLER
     return Finding(
-        "crossings",
-        "depth of crossing outlines",
-        facets,
-        message + advice,
-        limit=limit,
-        remark=min(LIMITS.coarse_penetration, limit),
-        unit="facet lengths",
-    )
+        "crossings", "depth of crossing outlines", facets, message + advice, limit=limit,
+        remark=min(LIMITS.coarse_penetration, limit), unit="facet lengths",
+    )  # fmt: skip
 
 
 def _counted(
@@ -215,7 +266,7 @@ def _verdict(row: Sequence[tuple[int, Finding]]) -> str:
     return max((finding.verdict for _, finding in row), key=VERDICTS.index)
 
 
-def _line(row: Sequence[tuple[int, Finding]], columns: int) -> str:
+def _cells(row: Sequence[tuple[int, Finding]], columns: int) -> list[str]:
     """Row of the table: check, values, limits of all columns, verdict (local)."""
     first = row[0][1]
     values = {
@@ -227,4 +278,4 @@ def _line(row: Sequence[tuple[int, Finding]], columns: int) -> str:
     )
     check = f"{first.check} [{first.unit}]" if first.unit else first.check
     cells = [format_value(values[c]) if c in values else "" for c in range(columns)]
-    return f"| {' | '.join([check, *cells, *limits, _verdict(row)])} |"
+    return [check, *cells, *limits, _verdict(row)]

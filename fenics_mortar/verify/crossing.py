@@ -6,7 +6,9 @@ their own body, independently of the search for partners.
 
 **State**: depth of two outlines in each other where they cross, in facets. Faceted curves in
 contact overlap by their sagitta, and between nodes dual multipliers admit overlaps of this size;
-the limits are those of the penetration of a pair, and smaller without a pair: ``admitted_depth``.
+the limits are those of the penetration of a pair, and smaller without a pair: ``overlap``.
+
+``space_crossing`` is the counterpart in space.
 
 **Step**: paths from the last accepted state, or the present one if free dofs of ``u`` were set; see
 ``passages``.
@@ -18,6 +20,7 @@ segments 2 ms, rotated by more than 1 degree 10 ms.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -29,18 +32,21 @@ from fenics_mortar.bulk.bodies import label_bodies
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.outline import Outline, extract_outline
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.crossing import find_crossings
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.utils.arrays import Array, Flags, Value
+from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import HALF_FACET
-from fenics_mortar.verify.admitted_depth import AdmittedDepth
-from fenics_mortar.verify.folds import are_folds, slides_little
-from fenics_mortar.verify.limits import LIMITS
-from fenics_mortar.verify.obstacle_points import deepest_point
-from fenics_mortar.verify.outline_names import OutlineNames
+from fenics_mortar.verify.finding import LIMITS
+from fenics_mortar.verify.overlap import (
+    AdmittedDepth,
+    OutlineNames,
+    are_folds,
+    deepest_point,
+    slides_little,
+)
 from fenics_mortar.verify.passages import Passages, StepEnds
 
 
@@ -55,6 +61,7 @@ class Crossing:
         facets: Depth over the facet's length [1].
         admitted: Depth above which the state is wrong [facet lengths].
         is_paired: Whether a pair keeps these surfaces apart.
+        edges_meet: Whether no facets of the pair face each other there, in space.
     """
 
     sides: tuple[str, str]
@@ -63,12 +70,18 @@ class Crossing:
     facets: float
     admitted: float = LIMITS.penetration
     is_paired: bool = True
+    edges_meet: bool = False
 
     def __str__(self) -> str:
         """The crossing as text."""
         first, second = self.sides
         who = f"{first} crosses itself" if first == second else f"{first} and {second} cross"
         found = f"{who} at {self.where}, {self.depth:.3g} deep ({self.facets:.2g} facets)"
+        if self.edges_meet:
+            return (
+                f"{found}; no facets of their pair face each other there: edges or "
+                "corners meet, or contact was missed"
+            )
         if self.is_paired:
             return found
         kind = "ContactPair(data, surface)" if first == second else "ContactPair"
@@ -175,7 +188,7 @@ class Crossings:
                 yield Crossing(sides, where, depth, facets, limit, are_paired)
 
     def _are_meaningless(self, x: Array, rows: Array) -> Flags:
-        """Folds of bodies with linear strains and small sliding, see ``folds``, (k,), bool."""
+        """Folds of bodies with linear strains and small sliding, see ``overlap``, (k,), bool."""
         bodies = self._segment_bodies[rows[:, :2].astype(np.int64)]
         marks = (bodies[:, 0] == bodies[:, 1]) & np.isin(bodies[:, 0], self._slide_little)
         if marks.any() and not self._bulk.form_points.any:
@@ -216,7 +229,7 @@ class Crossings:
         return found
 
     def _allowed(self, x: Array) -> Array:
-        """Overlap of nodes admitted by the offsets and soft layers of contacts, (n,) [length].
+        """Overlap of nodes admitted by offsets, soft layers and jumps of ties, (n,) [length].
 
         The admitted overlap of a slave node applies to all nodes within this length plus the nodal
         length: to nodes of the master, and of its own body beside an end of the surface.
@@ -227,6 +240,8 @@ class Crossings:
         allowed = np.zeros(len(x))
         for contact, there in zip(self._contacts, self._slaves, strict=True):
             overlap = np.maximum(-contact.now.offset, 0.0)
+            if isinstance(contact, Tie):
+                overlap = overlap + math.hypot(*contact.pair.present_jump())
             admits = overlap.nonzero()[0]
             if not admits.size:
                 continue
@@ -239,7 +254,11 @@ class Crossings:
             np.maximum.at(allowed, nodes, np.repeat(overlap[admits], counts))
         return allowed
 
-    def _bodies_of(self, surface: Surface) -> set[int]:
+    def nodes_inside(self) -> list[Indices] | None:
+        """``None``: in the plane, cells tell which nodes are inside other bodies."""
+        return None
+
+    def _bodies_of(self, surface: Curve) -> set[int]:
         """Bodies of a surface; tied bodies count separately."""
         bodies = surface.gather(self._bulk.space.spread(self._labels))[:, 0]
         return set(bodies.astype(np.int64).tolist())

@@ -36,19 +36,17 @@ from typing import Any
 
 import numpy as np
 
+from fenics_mortar.bulk.cells import ReferenceCell
 from fenics_mortar.bulk.fluxes import Fluxes
-from fenics_mortar.bulk.reference_cell import ReferenceCell
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.segments import gauss_rule
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import together
-from fenics_mortar.utils.files import Markdown
+from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.utils.rounding import ROUNDING, TINY
-from fenics_mortar.verify.interface_defects import interface_defects
-from fenics_mortar.verify.sides import CellSides
-from fenics_mortar.verify.tractions import interface_tractions
+from fenics_mortar.verify.interface_defects import CellSides, interface_defects, interface_tractions
 
 # Factors b and c of the terms in cells and on sides, by degree [1].
 CELL_FACTOR = {1: 1 / 12, 2: 1 / 60}
@@ -89,19 +87,14 @@ class ErrorEstimate(Markdown):
         """Relative error, and a Markdown table of the parts and their shares of its square."""
         square = self.total**2
         rows = [
-            f"| {name} | {part:.2e} | {100.0 * part**2 / square:.0f} % |"
+            [name, f"{part:.2e}", f"{100.0 * part**2 / square:.0f} %"]
             for name, part in self.parts.items()
             if part > 0.0
         ]
-        head = ["", "| part | estimate | share of square |", "|---|---:|---:|"] if rows else []
-        return "\n".join(
-            [
-                f"estimated error {100.0 * self.relative:.3g} % in the energy norm: "
-                f"{self.total:.3e} of {self.size:.3e}",
-                *head,
-                *rows,
-            ]
-        )
+        table = markdown_table(["part", "estimate", "share of square"], rows, left=(0,))
+        error = f"estimated error {100.0 * self.relative:.3g} % in the energy norm"
+        text = f"{error}: {self.total:.3e} of {self.size:.3e}"
+        return f"{text}\n\n{table}" if rows else text
 
     def mark(self, fraction: float = 0.5) -> Indices:
         """Mark the fewest cells with a fraction of the squared estimate (collective).

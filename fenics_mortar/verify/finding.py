@@ -1,11 +1,99 @@
 # SPDX-License-Identifier: MIT
-"""Finding: the value of one check of the certificate, with its limits and their meaning."""
+"""What a check of the certificate needs and yields: limits, the state of a pair, findings.
+
+**Thresholds that several checks of a state use, each with its unit and the reason for its value.**
+Thresholds of a single check are in its module, in ``checks``.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
+
+import numpy as np
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.interface.measures import POINTS
+from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.rounding import HALF_FACET, SOLVED
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Thresholds of several checks.
+
+    Attributes:
+        tolerance: Limit for quantities that vanish in a solution of the equations [1].
+        penetration: Limit for penetration and distance between the nodes [facet lengths].
+        unpaired: Smallest depth of crossing surfaces that no pair keeps apart that is an error
+            [facet lengths]; smaller ones are below the error of displacements.
+        negligible: Force over the contact force below which it is smaller than the error of the
+            discretization: 0.5 %, for springs and for shear caused by corners.
+        min_pressure: Smallest reference of pressures, as a fraction of the stiffness [1]: smaller
+            pressures may be rounding.
+        min_force: Smallest reference of forces, as a fraction of stiffness times displacement [1].
+        coarse_penetration: Smallest penetration with a remark [facet lengths]; curved bodies on
+            coarse meshes overlap by less.
+        coarse_distance: Smallest distance with a remark [facet lengths].
+        at_corners: Threshold at corners and ends [1], above the error of estimates there (a few
+            per cent), for the sine of the angle of oblique forces, the excess of the shear
+            of a sticking corner over the friction limit, and the pressure over the largest
+            pressure.
+        corner: Angle between the facets at a node above which it is a corner, not part of a curve
+            [radian].
+        sharp_corner: The same where curves may be coarse [radian]: polygons with more than six
+            sides count as circles.
+        section_turn: Largest rotation of a body in one straight section of its path [radian], which
+            shrinks it by 8 %. A path of less than half a facet did not pass through an obstacle if
+            the normals at its ends differ by less.
+        two_ways: Rotation above which a body may have turned the other way in a step [radian]: a
+            sixth of a full turn, so that turns of up to five sixths are recognized.
+        deep: Depth of a path below the surface of an obstacle over its chord [1] above which it
+            does not slide along the surface. Paths through a round obstacle have 0.24 at least,
+            those of nodes pressed into it the depth over the diameter.
+        max_points: Largest number of points on a path, which limits the time of the check.
+        bare: Covered length of a facet, of length 2 in the reference element, below which it is
+            uncovered [1].
+        large_conductance: Conductance of a node over the conduction of the cells beside it above
+            which rounding of the field may decide on the last digits of the flux that the
+            tolerance of solves asks for [1]: nine digits are left.
+        lost_conductance: The same above which a state is wrong [1]: fewer than five digits of the
+            flux are left.
+        samples: Number of points on a segment at which gaps are evaluated.
+    """
+
+    tolerance: float = SOLVED
+    large_conductance: float = 1e8
+    lost_conductance: float = 1e11
+    penetration: float = HALF_FACET
+    unpaired: float = 0.01
+    negligible: float = RIGID.negligible
+    min_pressure: float = SOLVED
+    min_force: float = 1e-4
+    coarse_penetration: float = 0.2
+    coarse_distance: float = 0.05
+    at_corners: float = 0.1
+    corner: float = 0.3
+    sharp_corner: float = np.pi / 3
+    section_turn: float = np.pi / 4
+    two_ways: float = np.pi / 3
+    deep: float = 0.1
+    max_points: int = 2000
+    bare: float = 0.02
+    samples: int = POINTS
+
+
+LIMITS = Limits()
+# Points of a segment at which gaps between the nodes are measured, -1 ... 1, ends included.
+POINTS_BETWEEN = np.linspace(-1.0, 1.0, LIMITS.samples)
+
+# Remedy for curved surfaces with straight facets.
+CURVED = "cells of order 2 (gmsh.model.mesh.setOrder(2)) with displacements of degree 2"
+
 
 Verdict = Literal["", "ok", "remark", "violation"]
 INFINITE = math.inf
@@ -55,3 +143,63 @@ class Finding:
 def format_value(value: float) -> str:
     """Two digits, or those of the integer part up to 1e6; 0 for -0 (local)."""
     return f"{value:.0f}" if 100.0 <= abs(value) < 1e6 else f"{value + 0.0:.2g}"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """An evaluated pair; all properties are local.
+
+    Attributes:
+        contact: The pair.
+        bulk: The bodies.
+        labels: Body of each local node, shape (local nodes,).
+        paired: Global numbers of the nodes with a partner in any pair, ascending.
+        inside: In space, global numbers of the nodes of the bodies of the pair inside another body
+            of it, ascending.
+    """
+
+    contact: Contact
+    bulk: Bulk
+    labels: Indices
+    paired: Indices
+    inside: Indices | None = None
+
+    @cached_property
+    def pressure(self) -> Array:
+        """Normal multipliers, shape (slave nodes,) [stress]."""
+        return np.asarray(np.einsum("jc,jc->j", self.contact.operators.n, self.contact.z))
+
+    @cached_property
+    def friction_limit(self) -> Array:
+        """Largest shears, zero at nodes without contact, shape (slave nodes,) [stress]."""
+        contact = self.contact
+        may_transfer = contact.acts if contact.pair.law.bridges_gap else contact.active
+        return np.where(may_transfer, contact.now.friction_limit(self.pressure), 0.0)
+
+    @cached_property
+    def largest_pressure(self) -> float:
+        """Reference of pressures [stress]; above rounding."""
+        smallest = LIMITS.min_pressure * float(self.contact.modulus.max())
+        return max(float(np.abs(self.pressure).max()), smallest)
+
+    @cached_property
+    def friction(self) -> float:
+        """Sum of friction limits over sum of pressures, of nodes under pressure [1]."""
+        return mean_friction(self.friction_limit, self.pressure)
+
+    @property
+    def other_roles(self) -> str:
+        """Advice to exchange slave and master; "" for a surface in contact with itself."""
+        slave, master = self.contact.slave.name, self.contact.master.name
+        return f"take '{master}' as slave and '{slave}' as master, or " * (slave != master)
+
+
+def mean_friction(limit: Array, pressure: Array) -> float:
+    """Sum of friction limits over sum of pressures, of nodes under pressure [1] (local).
+
+    Args:
+        limit: Friction limit of each node, shape (slave nodes,) [stress].
+        pressure: Normal multipliers, shape (slave nodes,) [stress].
+    """
+    presses = (pressure > 0.0) & (limit > 0.0)
+    return float(limit[presses].sum() / pressure[presses].sum()) if presses.any() else 0.0

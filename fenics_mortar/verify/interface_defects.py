@@ -1,24 +1,203 @@
 # SPDX-License-Identifier: MIT
-"""Violations of contact conditions between the nodes of a pair, for the error estimate."""
+"""Tractions on sides of cells and violations of contact conditions, for the error estimate."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
+from scipy.sparse import coo_matrix
+from scipy.sparse.linalg import splu
 
+from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.arcs import arc
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.nodal import at_points
-from fenics_mortar.interface.facing import GAUSS, Facing, Points, face, points_of
+from fenics_mortar.interface.curve_surface import Curve
+from fenics_mortar.interface.facing import (
+    GAUSS,
+    Facing,
+    Points,
+    Rule,
+    face,
+    points_behind,
+    points_of,
+)
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.segments import Segments
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.ranks import sum_over_ranks
+from fenics_mortar.verify.finding import LIMITS
+
+
+class CellSides:
+    """CellSides of the owned cells: facets, nodes, neighbours and prescribed components.
+
+    The constructor is collective.
+
+    Args:
+        bulk: The bodies.
+        vertices: Vertices of each side of the reference cell, shape (sides, 2).
+
+    Attributes:
+        facets: Local facets, shape (cells, sides).
+        nodes: Local nodes of the displacement in order, shape (cells, sides, degree + 1).
+        inner: Whether there is a cell on the other side, on any rank, shape (cells, sides).
+        prescribed: Whether a component is prescribed at all nodes, shape (cells, sides, 2).
+    """
+
+    def __init__(self, bulk: Bulk, vertices: Indices) -> None:
+        V, self._comm = bulk.V, bulk.comm
+        topology, layout, index_map = V.mesh.topology, V.dofmap.dof_layout, V.dofmap.index_map
+        topology.create_connectivity(2, 1)
+        num_cells, num_sides = topology.index_map(2).size_local, len(vertices)
+        facets = topology.connectivity(2, 1).array[: num_cells * num_sides]
+        self.facets: Indices = facets.reshape(num_cells, num_sides).astype(np.int64)
+        closures = [layout.entity_closure_dofs(1, k) for k in range(num_sides)]
+        along = [[a, *inside, b] for a, b, *inside in closures]
+        self.nodes: Indices = compat.dofmap(V)[:num_cells][:, along].astype(np.int64)
+        self.prescribed = bulk.prescribed[bulk.space.dofs[self.nodes]].all(axis=2)
+        names = index_map.local_to_global(self.nodes[..., [0, -1]].ravel().astype(np.int32))
+        self._ends = np.asarray(names, np.int64).reshape(num_cells, num_sides, 2)
+        self._num_nodes = index_map.size_global
+        self._keys = self._key(self._ends)
+        ones = np.ones((num_cells, num_sides, 1, 1))
+        self.inner: Flags = self.sum_of_both(ones)[..., 0, 0] > 1.5
+
+    def _key(self, ends: Indices) -> Indices:
+        """One number for the two ends (..., 2) of a facet, in any order."""
+        return ends.min(axis=-1) * self._num_nodes + ends.max(axis=-1)
+
+    def first(self, t: Indices, k: Indices) -> Indices:
+        """First global nodes of sides ``k`` (n,) of cells ``t`` (n,), shape (n,) (local)."""
+        return self._ends[t, k, 0]
+
+    def of_surface(self, surface: Curve) -> tuple[Indices, Indices, Indices]:
+        """Cells, their sides, and the facets of the surface on these sides, each (n,) (local)."""
+        keys = self._key(surface.nodes[surface.facets[:, [0, -1]]])
+        order = np.argsort(keys)
+        t, k = np.nonzero(~self.inner & np.isin(self._keys, keys))
+        return t, k, order[np.searchsorted(keys[order], self._keys[t, k])]
+
+    def sum_of_both(self, values: Array) -> Array:
+        """Sum of values (cells, sides, q, c) of the one or two cells of a facet (collective).
+
+        The q points of each side lie symmetrically between its first and its last node. The
+        result has the shape of ``values`` [unit of values].
+        """
+        backward = (self._ends[..., 0] > self._ends[..., 1])[..., None, None]
+        one_way = np.where(backward, values[:, :, ::-1], values)
+        keys, where, count = np.unique(self._keys, return_inverse=True, return_counts=True)
+        where = where.reshape(self._keys.shape)
+        total = np.zeros((keys.size, *values.shape[2:]))
+        np.add.at(total, where, one_way)
+        alone = np.flatnonzero(count == 1)
+        branches = self._comm.allgather((keys[alone], total[alone]))
+        for _, (theirs, sums) in (p for p in enumerate(branches) if p[0] != self._comm.rank):
+            _, mine, their = np.intersect1d(keys[alone], theirs, True, return_indices=True)
+            total[alone[mine]] += sums[their]
+        return np.where(backward, total[where][:, :, ::-1], total[where])
+
+
+def interface_tractions(
+    pair: Interface, prescribed: Array, rule: Rule
+) -> Iterator[tuple[Curve, Array]]:
+    """Yield both surfaces with the tractions on their facets (collective).
+
+    Args:
+        pair: The interface.
+        prescribed: 1 for prescribed dofs of the displacement, else 0, shape (local dofs,).
+        rule: Gauss rule with q points on a facet.
+
+    Yields:
+        A surface, and its tractions per reference length, shape (facets, q, 2) [stress].
+    """
+    surfaces, forces = (pair.slave, pair.master), pair.operators.force(pair.z_u)
+    for surface, force, here in zip(surfaces, forces, _covers(pair)):
+        keeps = surface.gather(prescribed).all(axis=1)
+        yield surface, facet_tractions(surface, -force, keeps, here, rule)
+
+
+def facet_tractions(
+    surface: Curve, forces: Array, clamped: Flags, here: Points, rule: Rule
+) -> Array:
+    """Traction with given nodal forces, at points of all facets (collective).
+
+    On the covered surface the traction is a projection on the span of the displacement's shape
+    functions, elsewhere it is zero: a pressure may end in a jump. On partly covered facets moments
+    are reproduced up to the order of the quadrature points.
+
+    Args:
+        surface: The surface.
+        forces: Nodal forces, shape (nodes, 2) [stress length].
+        clamped: Clamped nodes, shape (nodes,), bool. Their forces are not used; at a clamped end of
+            a surface the traction is extrapolated from the next two nodes.
+        here: Points on the covered parts, this rank's share.
+        rule: Gauss rule with q points on a facet.
+
+    Returns:
+        Traction per reference length, shape (facets, q, 2) [stress].
+    """
+    polynomials = legvander(here.s, len(rule[0]) - 1) @ np.linalg.inv(
+        legvander(rule[0], len(rule[0]) - 1)
+    )
+    at_points = np.einsum("np,npq,npk->nqk", here.weights, polynomials / rule[1], here.shape)
+    mass = np.einsum("np,npj,npk->njk", here.measure(surface.X), here.shape, here.shape)
+    cover = here.weights.sum(axis=1)
+    cover, at_points, mass = (_sum_over_facets(surface, here, a) for a in (cover, at_points, mass))
+    bare = cover < LIMITS.bare
+    at_points[bare] = mass[bare] = 0.0
+    nodal = _solve_on_covered(surface, mass, forces, clamped)
+    return np.asarray(np.einsum("fqk,fkc->fqc", at_points, nodal[surface.facets]))
+
+
+def _sum_over_facets(surface: Curve, here: Points, values: Array) -> Array:
+    """Sum values (n, ...) of segments over their facets, shape (facets, ...) (collective)."""
+    sums = np.zeros((len(surface.facets), *values.shape[1:]))
+    np.add.at(sums, here.facet, values)
+    return sum_over_ranks(surface.comm, sums)
+
+
+def _solve_on_covered(surface: Curve, blocks: Array, forces: Array, clamped: Flags) -> Array:
+    """Nodal tractions (nodes, 2) of ``forces``, with mass matrices (facets, K, K) (local)."""
+    rows = np.broadcast_to(surface.facets[:, :, None], blocks.shape)
+    columns = np.broadcast_to(surface.facets[:, None, :], blocks.shape)
+    size = surface.num_nodes
+    mass = coo_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), (size, size)).tolil()
+    rhs = forces.copy()
+    alone = np.flatnonzero(mass.diagonal() == 0.0)
+    mass[alone, alone], rhs[alone] = 1.0, 0.0
+    for end, first, second in _ends(surface, clamped):
+        lengths = np.linalg.norm(surface.X[[end, first]] - surface.X[[first, second]], axis=1)
+        ratio = lengths[0] / lengths[1]
+        mass[end], rhs[end] = 0.0, 0.0
+        mass[end, [end, first, second]] = blocks.max() * np.array([1.0, -1.0 - ratio, ratio])
+    return np.asarray(splu(mass.tocsc()).solve(rhs))
+
+
+def _covers(pair: Interface) -> list[Points]:
+    """Points on the parts of slave and master that face each other (local)."""
+    o, segments = pair.partner_operators, pair.intersections()
+    behind = [points_behind(o, segments)] if pair.master.num_nodes else []
+    return [points_of(segments), *behind]
+
+
+def _ends(surface: Curve, clamped: Flags) -> list[list[int]]:
+    """Clamped nodes at ends of a surface, with the next two nodes if there are two (local)."""
+    triples = [
+        surface.along(np.flatnonzero(clamped & (before < 0)), range(0, 3 * way, way))
+        for before, way in ((surface.previous, 1), (surface.following, -1))
+    ]
+    both = np.concatenate(triples)
+    return both[(both >= 0).all(axis=1)].tolist()
+
 
 # Integrals over slave facets: dyads [length^3], and work [stress length^2].
 Defects = tuple[Array, Array]

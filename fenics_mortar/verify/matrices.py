@@ -3,7 +3,7 @@
 
 Rows of D, M, gap and normals are slave nodes in their order along the surface, distributed evenly
 over the ranks; columns of D and M are slave and master nodes likewise. Columns of derivatives are
-the displacement dofs of the space (global numbers 2 node + component).
+the displacement dofs of the space (global numbers dim node + component).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.integrals import share_of
-from fenics_mortar.interface.mortar import Block
+from fenics_mortar.interface.linearization import Block
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
@@ -52,7 +52,7 @@ class OperatorMatrices:
         return self._vector(self._contacts[pair].operators.gap[:, None])
 
     def normals(self, pair: int = 0) -> PETSc.Vec:
-        """Averaged unit normals, shape (2 slave nodes,)."""
+        """Averaged unit normals, shape (dim slave nodes,)."""
         return self._vector(self._contacts[pair].operators.n)
 
     def gap_derivative(self, pair: int = 0) -> PETSc.Mat:
@@ -61,20 +61,20 @@ class OperatorMatrices:
         return self._assemble(o.gap_derivative(), o.slave.num_nodes, None)
 
     def normals_derivative(self, pair: int = 0) -> PETSc.Mat:
-        """dn/dd, shape (2 slave nodes, N) [1 / length]."""
+        """dn/dd, shape (dim slave nodes, N) [1 / length]."""
         o = self._contacts[pair].operators
-        mine = o.slave.owned
-        block = Block(2 * mine[:, None] + np.arange(2), o.normal_columns()[mine], o.dn[mine])
-        return self._assemble([block], 2 * o.slave.num_nodes, None)
+        mine, dim = o.slave.owned, o.slave.dim
+        block = Block(dim * mine[:, None] + np.arange(dim), o.normal_columns()[mine], o.dn[mine])
+        return self._assemble([block], dim * o.slave.num_nodes, None)
 
     def slave_force_derivative(self, z: Array, pair: int = 0) -> PETSc.Mat:
-        """d(D^T z)/dd at fixed ``z`` (slave nodes, 2), shape (N, N) [stress]."""
+        """d(D^T z)/dd at fixed ``z`` (slave nodes, dim), shape (N, N) [stress]."""
         return self._assemble(
             [self._contacts[pair].operators.slave_force_derivative(z)], None, None
         )
 
     def master_force_derivative(self, z: Array, pair: int = 0) -> PETSc.Mat:
-        """-d(M^T z)/dd at fixed ``z`` (slave nodes, 2), shape (N, N) [stress]."""
+        """-d(M^T z)/dd at fixed ``z`` (slave nodes, dim), shape (N, N) [stress]."""
         blocks = [self._contacts[pair].operators.master_force_derivative(z)]
         return self._assemble(blocks, None, None)
 

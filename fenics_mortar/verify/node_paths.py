@@ -25,7 +25,7 @@ import numpy.typing as npt
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import SMALL_ANGLE, TINY
-from fenics_mortar.verify.limits import LIMITS
+from fenics_mortar.verify.finding import LIMITS
 
 
 class Rotation(NamedTuple):
@@ -153,10 +153,6 @@ class Motions:
         """Initial positions moved rigidly with the body of each node, shape (n, 2) [length]."""
         i = self.of_node
         return self._end[i] + _turned(self._x0 - self._start[i], self.angles[i])
-
-    def moved_with(self, body: int) -> Array:
-        """Initial positions moved rigidly with one body, shape (n, 2) [length]."""
-        return self.of(body).carry(self._x0, 1.0)
 
     def distances_to(self, x: Array) -> Array:
         """Root mean squares of the distances of nodes from ``x`` (n, 2), by body, (b,) [length]."""

@@ -38,9 +38,9 @@ from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.utils.rounding import HALF_FACET
-from fenics_mortar.verify.limits import LIMITS
+from fenics_mortar.verify.finding import LIMITS
 from fenics_mortar.verify.node_paths import Alternative, Paths, Rotation, carry, motion_of
-from fenics_mortar.verify.outline_names import OutlineNames
+from fenics_mortar.verify.overlap import OutlineNames
 from fenics_mortar.verify.through_obstacles import in_space, own_frame, passed_through
 
 # Number of points inside a body up to which a path along its surface is not recognized.

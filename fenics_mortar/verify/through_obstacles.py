@@ -16,9 +16,10 @@ import numpy.typing as npt
 
 from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.obstacles.rotations import rotation_by
+from fenics_mortar.utils.arrays import Array, norms
 from fenics_mortar.utils.rounding import HALF_FACET, TINY
-from fenics_mortar.verify.limits import LIMITS
+from fenics_mortar.verify.finding import LIMITS
 
 
 def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Array) -> Array:
@@ -27,7 +28,7 @@ def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Arr
     Args:
         obstacle: The obstacle; its present position is not used.
         knots: Positions of s nodes in the frame of the obstacle at start, intermediate times and
-            end, shape (m + 1, s, 2) [length].
+            end, shape (m + 1, s, d) [length].
         offset: Length subtracted from the distance of each node, shape (s,) [length].
         lengths: Tributary length of each node, shape (s,) [length].
 
@@ -51,28 +52,29 @@ def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Arr
 
 
 def own_frame(obstacle: Obstacle, x: Array, place: Array) -> Array:
-    """Points ``x`` (n, 2) [length] in the frame of an obstacle at ``place`` (3,), shape (n, 2)."""
-    c, s = np.cos(place[2]), np.sin(place[2])
-    return (x - obstacle.pivot - place[:2]) @ np.array([[c, -s], [s, c]]) + obstacle.pivot
+    """Points ``x`` (n, d) [length] in the frame of an obstacle at ``place`` (m,), shape (n, d)."""
+    dim = obstacle.dim
+    return (x - obstacle.pivot - place[:dim]) @ rotation_by(place[dim:]) + obstacle.pivot
 
 
 def in_space(obstacle: Obstacle, x: Array, place: Array) -> Array:
-    """Points ``x`` (n, 2) [length] of an obstacle at ``place`` (3,), in space, shape (n, 2)."""
-    c, s = np.cos(place[2]), np.sin(place[2])
-    return (x - obstacle.pivot) @ np.array([[c, s], [-s, c]]) + obstacle.pivot + place[:2]
+    """Points ``x`` (n, d) [length] of an obstacle at ``place`` (m,), in space, shape (n, d)."""
+    dim = obstacle.dim
+    turned = (x - obstacle.pivot) @ rotation_by(place[dim:]).T
+    return turned + obstacle.pivot + place[:dim]
 
 
 def _distance(obstacle: Obstacle, x: Array, offset: Array) -> tuple[Array, Array]:
-    """Distances (s,) minus offset, lower bounds if |grad phi| > 1, and unit gradients (s, 2)."""
+    """Distances (s,) minus offset, lower bounds if |grad phi| > 1, and unit gradients (s, d)."""
     phi, gradient, _ = obstacle.local(x)
-    size = np.maximum(np.hypot(*gradient.T), TINY)
+    size = np.maximum(norms(gradient), TINY)
     return (phi - offset) / np.maximum(size, 1.0), gradient / size[:, None]
 
 
 def _trace(
     obstacle: Obstacle, knots: Array, far: Array, offset: Array, lengths: Array
 ) -> npt.NDArray[np.bool_]:
-    """Whether paths passed through; ``knots`` (m + 1, s, 2) at arc lengths ``far`` (m + 1, s)."""
+    """Whether paths passed through; ``knots`` (m + 1, s, d) at arc lengths ``far`` (m + 1, s)."""
     total = far[-1]
     # near the surface points are as close as the smallest distance with a remark
     min_step = np.maximum(LIMITS.coarse_distance * lengths, total / LIMITS.max_points)
@@ -98,7 +100,7 @@ def _trace(
         first = np.where(leaves[:, None], entry_slope, slope)
         middle = np.where(leaves[:, None], 0.5 * (entry + here), 0.5 * (before + here))
         opposed = (leaves | skips) & ((first * now).sum(axis=1) < OPPOSED)
-        least = np.minimum(HALF_FACET * lengths, LIMITS.deep * np.hypot(*(here - entry).T))
+        least = np.minimum(HALF_FACET * lengths, LIMITS.deep * norms(here - entry))
         opposed &= skips | crosses | (deepest > least)
         if opposed.any():
             opposed[opposed] = _goes_on(
@@ -114,13 +116,23 @@ def _goes_on(
     obstacle: Obstacle, x: Array, normal: Array, lengths: Array, offset: Array
 ) -> npt.NDArray[np.bool_]:
     """Whether the obstacle extends by half a facet to both sides of points on their paths."""
-    along = HALF_FACET * lengths[:, None] * np.stack([-normal[:, 1], normal[:, 0]], axis=1)
-    sides = [_distance(obstacle, x + sign * along, offset)[0] <= 0.0 for sign in (1.0, -1.0)]
-    return np.asarray(sides[0] & sides[1])
+    reach, sides = HALF_FACET * lengths[:, None], list[Array]()
+    for along in _across(normal):
+        sides += [_distance(obstacle, x + sign * reach * along, offset)[0] for sign in (1.0, -1.0)]
+    return np.asarray((np.array(sides) <= 0.0).all(axis=0))
+
+
+def _across(normal: Array) -> list[Array]:
+    """Unit vectors across unit normals (s, d): one in the plane, two in space, each (s, d)."""
+    if normal.shape[1] == 2:
+        return [np.stack([-normal[:, 1], normal[:, 0]], axis=1)]
+    first = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
+    first /= norms(first)[:, None]
+    return [first, np.cross(normal, first)]
 
 
 def _at(knots: Array, far: Array, at: Array) -> Array:
-    """Points at arc lengths ``at`` (s,) of paths with ``knots`` (m + 1, s, 2) at ``far``."""
+    """Points at arc lengths ``at`` (s,) of paths with ``knots`` (m + 1, s, d) at ``far``."""
     k = np.clip((far <= at).sum(axis=0) - 1, 0, len(far) - 2)
     every = np.arange(len(at))
     start, end = far[k, every], far[k + 1, every]

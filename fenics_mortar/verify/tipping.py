@@ -2,13 +2,15 @@
 """Bodies that pressures on the covered parts of their surfaces cannot balance.
 
 If the resultant of the pressures acts beyond the end of a master, see ``resultant``, the body would
-tip over the edge. If an obstacle is sharper than a facet, see ``sharp_obstacle``, nodes on both
+tip over the edge. If an obstacle is sharper than a facet, see ``corners``, nodes on both
 sides of its tip support the body sideways. Whether pressures can balance the body is decided by
 limit analysis with the rigid motions of floating bodies and the loads on them. Pressures act at the
 ends of the segments beside touching nodes instead of at these nodes, on an obstacle at the points
-of the facets that touch it. All assumptions overestimate the limit load: friction is doubled and
-covers small errors of the normals, nodes that nearly touch are included, and the ends of segments
-are moved outward by the distance that causes only a remark; obstacles touch within this distance.
+of the facets that touch it. In space they act at the corners of the covered parts of facets, and
+bodies that touch on facets that are covered in part are judged. All assumptions overestimate the
+limit load: friction is doubled and covers small errors of the normals, nodes that nearly touch are
+included, and the ends of segments are moved outward by the distance that causes only a remark;
+obstacles touch within this distance.
 """
 
 from __future__ import annotations
@@ -23,10 +25,10 @@ from fenics_mortar.rigid.body_motions import BodyMotions
 from fenics_mortar.rigid.limit_analysis import Touching, unresisted_motion
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.responses import nearly_touching
-from fenics_mortar.utils.arrays import Array, Flags
-from fenics_mortar.verify.finding import Finding
-from fenics_mortar.verify.limits import LIMITS
-from fenics_mortar.verify.pair_certificate import PairCertificate
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.verify import space_tipping
+from fenics_mortar.verify.certificate import PairCertificate
+from fenics_mortar.verify.finding import LIMITS, Finding
 
 
 def tipping_bodies(bodies: BodyMotions, pairs: Sequence[PairCertificate]) -> list[str]:
@@ -40,12 +42,8 @@ def tipping_bodies(bodies: BodyMotions, pairs: Sequence[PairCertificate]) -> lis
         One message, or an empty list: if all bodies are balanced, if no resultant acts beyond the
         cover, or if a law has adhesion.
     """
-    beyond = [
-        f"{pair.pair}: {_described(finding)}"
-        for pair in pairs
-        for finding in pair.findings
-        if finding.name in ("resultant_outside", "obstacle_angle") and finding.verdict == "remark"
-    ]
+    in_space = bodies.bulk.space.dim == 3
+    beyond = space_tipping.partly_covered(bodies) if in_space else _beyond(pairs)
     if not (beyond and bodies.bodies) or any(c.pair.law.has_adhesion for c in bodies.contacts):
         return []
     bulk = bodies.bulk
@@ -72,6 +70,16 @@ def tipping_bodies(bodies: BodyMotions, pairs: Sequence[PairCertificate]) -> lis
     ]
 
 
+def _beyond(pairs: Sequence[PairCertificate]) -> list[str]:
+    """Pairs whose pressures act elsewhere than where the surfaces touch."""
+    return [
+        f"{pair.pair}: {_described(finding)}"
+        for pair in pairs
+        for finding in pair.findings
+        if finding.name in ("resultant_outside", "obstacle_angle") and finding.verdict == "remark"
+    ]
+
+
 def _described(finding: Finding) -> str:
     """Position of pressures that act elsewhere than where the surfaces touch."""
     if finding.name == "obstacle_angle":
@@ -88,17 +96,17 @@ def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
     """Points at which a pair touches, with twice the largest friction of its nodes (collective)."""
     near = contact.active | nearly_touching(contact)
     points = _points if contact.obstacle is None else _points_on_obstacle
+    if bodies.bulk.space.dim == 3:
+        points = space_tipping.points
     x, n, slave, master = points(bodies, contact, near)
     n /= np.linalg.norm(n, axis=1)[:, None]
-    tangent = np.stack([-n[:, 1], n[:, 0]], axis=1)
-    signs = [(master == body.label) * 1.0 - (slave == body.label) for body in bodies.bodies]
     rates = np.concatenate(
         [
-            body.displacement(x) * sign[:, None]
-            for body, sign in zip(bodies.bodies, signs, strict=True)
+            bodies.displacement(body, x, master) - bodies.displacement(body, x, slave)
+            for body in bodies.bodies
         ]
     )
-    local = [np.einsum("mpc,pc->pm", rates, along) for along in (n, tangent)]
+    local = np.einsum("mpc,pc->pm", rates, n), _slips(rates, n)
     opens, slips = (np.concatenate(bodies.bulk.comm.allgather(part)) for part in local)
     weight = contact.operators.weight
     covered = float(weight[near].sum())
@@ -111,14 +119,22 @@ def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
     )
 
 
+def _slips(rates: Array, n: Array) -> Array:
+    """Rates (m, p, dim) along the tangents at ``n`` (p, dim): (p, m) or (p, 2, m) (local)."""
+    if n.shape[1] == 3:
+        return space_tipping.slips(rates, n)
+    tangent = np.stack([-n[:, 1], n[:, 0]], axis=1)
+    return np.asarray(np.einsum("mpc,pc->pm", rates, tangent))
+
+
 def _points(
     bodies: BodyMotions, contact: Contact, near: Flags
-) -> tuple[Array, Array, Array, Array]:
+) -> tuple[Array, Array, Indices, Indices]:
     """Find the ends of the segments beside ``near`` nodes, this rank's share (collective).
 
     Returns:
-        Positions (p, 2) [length], directions of the pressure (p, 2), and numbers of the bodies of
-        slave and master, (p,) each.
+        Positions (p, 2) [length], directions of the pressure (p, 2), and numbers of the parts of
+        slave and master, (p,) each; -1 for an obstacle.
     """
     o, s = contact.operators, contact.intersections()
     beside = near[s.slave].any(axis=1)
@@ -126,13 +142,13 @@ def _points(
     wider = s.ends[beside] + 2.0 * LIMITS.coarse_distance * np.array([-1.0, 1.0])
     shares = np.stack([0.5 * (1.0 - wider), 0.5 * (1.0 + wider)], axis=2)
     x, n = (np.einsum("sek,skc->sec", shares, field[slave]).reshape(-1, 2) for field in (o.x, o.n))
-    of_slave, of_master = bodies.labels_of(contact.slave), bodies.labels_of(contact.master)
+    of_slave, of_master = bodies.parts_of(contact.slave), bodies.parts_of(contact.master)
     return x, n, np.repeat(of_slave[slave[:, 0]], 2), np.repeat(of_master[master[:, 0]], 2)
 
 
 def _points_on_obstacle(
     bodies: BodyMotions, contact: Contact, near: Flags
-) -> tuple[Array, Array, Array, Array]:
+) -> tuple[Array, Array, Indices, Indices]:
     """Find points of the facets beside ``near`` nodes that nearly touch an obstacle (collective).
 
     The direction is that of the flatter side: of the obstacle, or of the facet where the normals of
@@ -152,5 +168,5 @@ def _points_on_obstacle(
     ends = o.n[s.slave[:, [0, -1]]]
     sharp = (ends[:, 0] * ends[:, 1]).sum(axis=1) < np.cos(LIMITS.corner)
     n[sharp] = (np.stack([chords[:, 1], -chords[:, 0]], axis=1) / lengths)[sharp, None]
-    slave = bodies.labels_of(contact.slave)[s.slave[np.nonzero(touches)[0], 0]]
-    return x[touches], n[touches], slave, np.full(len(slave), -1.0)
+    slave = bodies.parts_of(contact.slave)[s.slave[np.nonzero(touches)[0], 0]]
+    return x[touches], n[touches], slave, np.full(len(slave), -1)

@@ -15,7 +15,8 @@ import fenics_mortar as fm
 from fenics_mortar import energies
 from fenics_mortar.bulk.form_points import FormPoints, _assembled
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.verify.folds import are_folds
+from fenics_mortar.utils import compat
+from fenics_mortar.verify.overlap import are_folds
 from meshes.mapped_grids import Grid, block, mapped, mesh
 
 I = ufl.Identity(2)
@@ -79,6 +80,25 @@ def test_a_bonded_pad_is_compressed_although_cells_are_inverted_at_corners(rows,
     assert report.certificate.inverted == 0
     (remark,) = (note for note in report.notes if "inverted" in note)
     assert "4 cells are inverted at nodes" in remark and "refine there" in remark
+
+
+def test_a_pad_without_a_barrier_ends_where_cells_have_no_area():
+    """Of the law of St. Venant-Kirchhoff; the corner cells at the plates are flat at the end."""
+    problem, top = pad(4, lambda u: energies.st_venant_kirchhoff(u, 1.0, 20.0))
+
+    def press(time):
+        top.value[1] = -time
+
+    steps = fm.SteppingOptions(step=0.02, smallest=1e-3, largest=0.02)
+    with pytest.raises(fm.NotConvergedError, match="cells are inverted, one at") as error:
+        fm.follow_path(problem, press, steps, stop=0.5)
+    assert error.value.report.steps[-1].time == pytest.approx(0.29, abs=0.01)
+    u = problem.equations.bulk.u
+    points, _ = basix.make_quadrature(basix.CellType.quadrilateral, 5)
+    J = compat.create_expression(ufl.det(I + ufl.grad(u)), points)
+    on, cells = u.function_space.mesh, problem.equations.bulk.form_points._finite[0].cells
+    least = compat.evaluate_expression(J, on, cells.astype(np.int32)).min(initial=1.0)
+    assert 0.0 < on.comm.allreduce(float(least), MPI.MIN) < 0.05
 
 
 @pytest.mark.parametrize("energy", [saint_venant, with_logarithm])

@@ -7,7 +7,7 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 
-from fenics_mortar.bulk.local_csr import from_local_csr, local_csr
+from fenics_mortar.bulk.node_blocks import from_local_csr, local_csr
 
 comm = MPI.COMM_WORLD
 

@@ -12,6 +12,7 @@ import meshio
 import numpy as np
 import revolved
 import scenes
+import space_scenes
 from few_cells import Blocks, arrays, bcs_of
 from few_cells import mesh as small_mesh
 from scenes import TIGHT, internal, linear_elastic, neo_hookean, nodal
@@ -24,6 +25,7 @@ from fenics_mortar import sensitivity
 from fenics_mortar.laws import Cohesive, SoftLayer, Worn
 
 MU = 0.3
+CUBE = {"counts": (1, 1, 1), "size": (1.0, 1.0, 1.0), "jiggle": 0.0}
 
 
 def results(problem, report=None):
@@ -148,16 +150,11 @@ def paths(kind, folder):
     blocks = Blocks(*kind, law=fm.Coulomb(MU))
     problem = blocks.problem
     path = sensitivity.RecordedPath(problem)
-    checkpoints = sensitivity.RecordedPath(problem, every=2, folder=folder / "path")
 
     def load(time):
         blocks.push.value[:] = 0.01 * time, -0.03 * time
 
-    def record(time, report):
-        path.record()
-        checkpoints.record()
-
-    report = fm.follow_path(problem, load, fm.SteppingOptions(0.5), on_step=record)
+    report = fm.follow_path(problem, load, fm.SteppingOptions(0.5), on_step=path.record)
     yield "cuts", report.num_cuts
     assert report.num_iterations and report.table() and str(report)
     yield from results(problem)
@@ -168,7 +165,7 @@ def paths(kind, folder):
     assert str(gradient)
     controls = [sensitivity.Offset(0), sensitivity.Interference(0)]
     controls += [sensitivity.NodalPositions()] * (kind[2] == 1)
-    yield from both_ways(checkpoints, force, [mu, *controls])
+    yield from both_ways(path, force, [mu, *controls])
     yield "kinks", len(gradient.undecided)
     assert str(gradient.nearest_change)
     squares = sensitivity.least_squares(np.ones((2, 1)), 2.0)
@@ -176,11 +173,6 @@ def paths(kind, folder):
         along = sensitivity.tangent_linear(force, [mu], [1.0], path, over_steps=over)
         yield "directional derivative", along.derivative
         assert str(along)
-    report = sensitivity.by_numerics(force, path)
-    yield "numerics", report.value
-    assert str(report)
-    report = blocks.problem.solve(sensitivity=sensitivity.Numerics(force)).sensitivity
-    yield "numerics of a solve", report.value
     form = ufl.inner(blocks.u, blocks.u) * ufl.dx(metadata={"quadrature_degree": 4})
     yield "form", fm.gradient(form, blocks.push, path)[blocks.push]
     start = path.start
@@ -302,6 +294,40 @@ def obstacles(kind, folder):
             yield f"{name}: {what}", value
         yield f"{name}: forces", blocks.problem.forces()[2]
         assert blocks.problem.obstacles == [obstacle] and str(obstacle) == obstacle.name
+
+
+ALONG = (0.0, 1.0, 0.0)
+CORNERS = [(-3.0, 0.02), (3.0, 0.02), (0.0, 5.0)]
+# Solids that touch the top of the unit cube.
+IN_SPACE = {
+    "plane": lambda: fm.Plane((0.5, 0.5, 1.0), (0.05, 0.0, -1.0)),
+    "sphere": lambda: fm.Sphere((0.5, 0.5, 21.0), 20.0),
+    "cylinder": lambda: fm.Cylinder((0.5, 0.0, 21.0), ALONG, 20.0),
+    "cone": lambda: fm.Cone((0.5, 0.5, 1.0), (0.0, 0.0, 1.0), 1.4),
+    "torus": lambda: fm.Torus((0.5, 0.5, 21.0), ALONG, 15.0, 5.0),
+    "extruded": lambda: fm.Extruded(
+        fm.Polygon(CORNERS, 0.01), axis=ALONG, first=(1.0, 0.0, 0.0), origin=(0.0, 0.0, 1.0)
+    ),
+    "revolved": lambda: fm.Revolved(
+        fm.Circle((0.5, 20.0), 20.0), axis=(0.0, 0.0, 1.0), origin=(0.5, 0.5, 1.0)
+    ),
+}
+
+
+def in_space(kind, folder):
+    """Obstacles in space, pressed on one hexahedron or six tetrahedra: one half of them."""
+    even = kind[0] % 2 == 0
+    for name, make in list(IN_SPACE.items())[kind[0] % 2 :: 2]:
+        scene = space_scenes.solid("hexahedron" if even else "tetrahedron", **CUBE)
+        space_scenes.held(scene)
+        obstacle = make()
+        obstacle.move(x=0.01, y=0.01, z=-0.03, angle=(0.0, 0.0, 0.1))
+        scene.set_up([fm.ContactPair(scene.data, "block/top", obstacle, law=fm.Coulomb(MU))])
+        report = scene.problem.solve()
+        for what, value in results(scene.problem, report):
+            yield f"{name}: {what}", value
+        yield f"{name}: reaction", obstacle.reaction
+        yield f"{name}: evaluated", obstacle.evaluate(np.array([(0.4, 0.3, 0.9)]))[0]
 
 
 def tied(kind, folder):
@@ -460,7 +486,6 @@ def models(kind, folder):
             quantity=quantity,
             finite_strain=richer,
             friction=0.2,
-            hierarchy=quantity == "energy norm",
         )
         problem, push = linear_blocks(data, u, check)
         push.value[:] = 0.0, -0.02
@@ -472,8 +497,8 @@ def models(kind, folder):
         yield f"{quantity}: verdicts", verdicts
         assert str(report.model_check)
         if quantity == "energy norm":
-            fm.save_state(problem, folder / "hierarchy")
-            fm.load_state(problem, folder / "hierarchy")
+            fm.save_state(problem, folder / "checked")
+            fm.load_state(problem, folder / "checked")
     obstacle = fm.Plane((0.5, 1.0), (0.0, 1.0))
     w = fem.Function(fm.vector_space(data.mesh, kind[2]))
     grips = bcs_of(data, w.function_space, (0.0, 0.0))
@@ -677,5 +702,5 @@ def laws(kind, folder):
 SCENES = [
     pressed, measured, written, paths, options, obstacles, tied, tied_heat, at_points,
     itself, floating, moving, models, mixed, heated, of_revolution, of_gmsh, refused, laws,
-    of_meshio, plastic_bodies,
+    of_meshio, plastic_bodies, in_space,
 ]  # fmt: skip

@@ -166,13 +166,13 @@ def particle(
 
 
 def disk_on_block(
-    E: float = 1e5, mu: float = 0.3, *, centre: float = 0.0, columns: int = 8
+    E: float = 1e5, mu: float = 0.3, *, centre: float = 0.0, columns: int = 8, around: int = 24
 ) -> tuple[fm.ContactProblem, fem.Constant]:
     """A disk of radius 0.5 under its weight, the constant, on a block; P2, linear elastic."""
     grids = [
         Grid(
             "disk",
-            sector(48, 4, radii=(0.1, 0.5), angles=TURN, centre=(centre, 0.5)),
+            sector(2 * around, 4, radii=(0.1, 0.5), angles=TURN, centre=(centre, 0.5)),
             closed=True,
         ),
         Grid("block", block(2 * columns, 4, width=2.0, height=0.5, corner=(-1.0, -0.5))),

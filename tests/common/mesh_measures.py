@@ -37,24 +37,26 @@ def read(build, **options):
 
 
 def measure(data, dim, entities):
-    """Area of cells (``dim`` 2) or length of exterior facets (``dim`` 1), over all ranks."""
+    """Area or volume of cells, length or area of exterior facets of ``dim``, over all ranks."""
     entities = np.sort(entities).astype(np.int32)
     tags = dmesh.meshtags(data.mesh, dim, entities, np.ones(entities.size, dtype=np.int32))
-    integral = ufl.Measure({1: "ds", 2: "dx"}[dim], domain=data.mesh, subdomain_data=tags)(1)
+    integral = ufl.Measure(
+        "dx" if dim == data.mesh.topology.dim else "ds", domain=data.mesh, subdomain_data=tags
+    )(1)
     one = fem.Constant(data.mesh, PETSc.ScalarType(1.0))
     return COMM.allreduce(fem.assemble_scalar(compat.form(one * integral)))
 
 
 def area(data, body):
-    return measure(data, 2, data.cell_tags.find(data.body_tag(body)))
+    return measure(data, data.mesh.topology.dim, data.cell_tags.find(data.body_tag(body)))
 
 
 def length(data, boundary):
-    return measure(data, 1, data.boundary_facets(boundary))
+    return measure(data, data.mesh.topology.dim - 1, data.boundary_facets(boundary))
 
 
 def num_facets(data, boundary):
-    owned = data.mesh.topology.index_map(1).size_local
+    owned = data.mesh.topology.index_map(data.facet_tags.dim).size_local
     return COMM.allreduce(int((data.boundary_facets(boundary) < owned).sum()))
 
 

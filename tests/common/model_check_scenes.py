@@ -11,7 +11,7 @@ MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
 
 
 def blocks(push, *, strain="linear", sliding="finite", solve=True, **check):
-    """Two blocks solved by a model of the hierarchy and checked by the finite-strain residual."""
+    """Two blocks solved by a model and checked by the finite-strain residual."""
     scene = pressed_blocks(**MESH)
     data, V, bcs = scene.data, scene.u.function_space, scene.problem.equations.bulk.bcs
     u = fem.Function(V)

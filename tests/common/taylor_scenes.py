@@ -15,8 +15,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import sensitivity
-from fenics_mortar.sensitivity.over_steps import last
-from fenics_mortar.sensitivity.protocols import controls_of, dot, quantities_of
+from fenics_mortar.sensitivity.objective import controls_of, dot, last, quantities_of
 from meshes import mapped_grids, two_blocks
 from meshes.mapped_grids import Grid, block
 

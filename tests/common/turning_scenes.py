@@ -26,10 +26,11 @@ def wheel_under_block(law, *, radius=RADIUS, depth=0.02):
 
 
 class Shaft(NamedTuple):
-    """A hollow shaft in a fixed ring with interference."""
+    """A hollow shaft in a ring with interference; the bore and the outer side are prescribed."""
 
     problem: fm.ContactProblem
     bore: fem.Function
+    outside: fem.Function
 
     def turn(self, angle, **options):
         """Turn the bore to an angle; return the report."""
@@ -38,7 +39,12 @@ class Shaft(NamedTuple):
 
     def set_angle(self, angle):
         """Prescribe an angle of the bore."""
-        self.bore.interpolate(lambda x: (rotation(angle) - np.eye(2)) @ x[:2])
+        _turn(self.bore, angle)
+
+    def set_both(self, angle):
+        """Prescribe an angle of the bore and of the outer side."""
+        _turn(self.bore, angle)
+        _turn(self.outside, angle)
 
     @property
     def moment(self):
@@ -49,18 +55,23 @@ class Shaft(NamedTuple):
         return float((x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]).sum())
 
 
+def _turn(values, angle):
+    """Set displacements to those of a rotation about the origin."""
+    values.interpolate(lambda x: (rotation(angle) - np.eye(2)) @ x[:2])
+
+
 def shaft_in_ring(law, *, slave="shaft", columns=24, interference=0.03, degree=1, **pair):
-    """Shaft of radii 0.4 and 1 in a ring of radii 1 and 1.4, whose outer side is fixed."""
+    """Shaft of radii 0.4 and 1 in a ring of radii 1 and 1.4, whose outer side is fixed at first."""
     angles = (0.1, 0.1 + 2.0 * np.pi)
     inner = sector(columns * degree, 2 * degree, radii=(0.4, 1.0 + interference))
     outer = sector((columns + 4) * degree, 2 * degree, radii=(1.0, 1.4), angles=angles)
     grids = [Grid("shaft", inner, closed=True), Grid("ring", outer, closed=True)]
     data = read(lambda: mapped_grids.build(grids, order=degree))
     V = fm.vector_space(data.mesh, degree)
-    u, bore = fem.Function(V), fem.Function(V)
+    u, bore, outside = fem.Function(V), fem.Function(V), fem.Function(V)
     bcs = [
         fm.dirichlet(V, data, "shaft/top", bore),
-        fm.dirichlet(V, data, "ring/bottom", (0.0, 0.0)),
+        fm.dirichlet(V, data, "ring/bottom", outside),
     ]
     sides = ["shaft/bottom", "ring/top"][:: 1 if slave == "shaft" else -1]
     pair = fm.ContactPair(data, *sides, **pair_options({"law": law, **pair}))
@@ -68,6 +79,6 @@ def shaft_in_ring(law, *, slave="shaft", columns=24, interference=0.03, degree=1
     problem = fm.ContactProblem(
         residual, u, [pair], bcs=bcs, petsc_options_prefix="test_", newton=TIGHT
     )
-    shaft = Shaft(problem, bore)
+    shaft = Shaft(problem, bore, outside)
     shaft.turn(0.0)
     return shaft

@@ -81,8 +81,8 @@ def test_invalid_result_of_a_law_is_refused(method, spoil, kind, message):
 
 @several_ranks
 @pytest.mark.parametrize("method", ["branch", "tangential", "friction_limit", "adhesion"])
-@pytest.mark.parametrize("hierarchy", [False, True])
-def test_law_that_raises_on_one_rank_raises_on_all(method, hierarchy):
+@pytest.mark.parametrize("checked", [False, True])
+def test_law_that_raises_on_one_rank_raises_on_all(method, checked):
     def fail(answer):
         if LAST:
             raise ZeroDivisionError("no law here")
@@ -90,7 +90,7 @@ def test_law_that_raises_on_one_rank_raises_on_all(method, hierarchy):
 
     law = Spoilt(method, fail)
     law._on = False
-    model_check = fm.ModelCheck(hierarchy=True) if hierarchy else None
+    model_check = fm.ModelCheck() if checked else None
     scene = small_blocks(pair={"law": law}, problem={"model_check": model_check})
     scene.loads["push"].value[1] = -0.02
     scene.problem.solve()

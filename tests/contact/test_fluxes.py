@@ -326,9 +326,63 @@ def test_temperatures_may_be_shifted():
     assert found[1] == pytest.approx(found[0], rel=1e-11)
 
 
-@pytest.mark.parametrize("h, verdict", [(1e6, "ok"), (1e8, "remark"), (1e13, "violation")])
+@pytest.mark.parametrize("pressed", [False, True])
+@pytest.mark.parametrize("law", [None, fm.Coulomb(0.3)], ids=str)
+def test_iterations_do_not_depend_on_a_large_conductance(law, pressed):
+    """From 1e4 to 1e9 and inf, in a sliding contact: jumps of second order times h are large."""
+    found, counts = [], []
+    for h in (1e4, 1e7, 1e9, np.inf):
+        scene = stacked((5, 7), overhang=0.3)
+        scene.prescribe("shift", "upper/top", 0, 0)
+        scene.bcs.pop(1)  # of the upper body's side
+        own = fm.PressureConductance(h, 1.0) if pressed and h < np.inf else h
+        heat = fm.Conductance(1, own)
+        pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", law=law, fluxes=[heat])
+        problem = scene.problem([pair])
+        for step in (0, 1, 2):
+            scene.set(top=-0.03, shift=0.07 * step, hot=10.0)
+            counts.append(problem.solve().num_iterations)
+        found.append(problem.contacts[0].fluxes[0].into_master)
+    assert max(counts) <= 8
+    assert problem.check_tangent(print_table=False).slopes["whole"] == pytest.approx(2.0, abs=0.02)
+    errors = abs(np.array(found[:-1]) / found[-1] - 1.0)
+    assert errors[0] < 1e-3 and errors[1] < 1e-6 and errors[2] < 1e-6, errors
+
+
+def test_infinite_conductance_is_a_tie_of_the_field():
+    """Nodes of both sides stay where they are: the flux of TiedPair to seven digits."""
+    found = []
+    for tied in (False, True):
+        scene = stacked((5, 7), nu=0.0, alpha=0.0)
+        sides = "upper/bottom", "lower/top"
+        heat = fm.Conductance(1, float("inf"))
+        pair = (
+            fm.TiedPair(scene.data, *sides, fields=[1])
+            if tied
+            else fm.ContactPair(scene.data, *sides, fluxes=[heat])
+        )
+        problem = scene.problem([pair])
+        scene.set(top=-0.03, hot=10.0)
+        problem.solve()
+        found.append(problem.contacts[0].fluxes[0].into_master)
+    assert found[0] == pytest.approx(found[1], rel=2e-7)
+
+
+def test_separate_fields_have_no_infinite_conductance():
+    scene = stacked((3, 3))
+    T = fem.Function(fm.scalar_space(scene.data.mesh, 1))
+    heat = fm.Conductance(T, float("inf"))
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[heat])
+    problem = scene.problem([pair])
+    scene.set(top=-0.03)
+    with pytest.raises(fm.MortarError, match="expected a finite conductance"):
+        problem.solve()
+        problem.matrices.flux_loads()
+
+
+@pytest.mark.parametrize("h, verdict", [(1e8, "ok"), (1e10, "remark"), (1e13, "violation")])
 def test_conductance_far_above_that_of_cells_is_told(h, verdict):
-    """1e8 is perfect conduction, exact to 1e-6; with 1e13 the flux would be wrong by 1 %."""
+    """1e10 has five digits; with 1e13 rounding would leave two."""
     scene = stacked((5, 7), overhang=0.3)
     pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[fm.Conductance(1, h)])
     problem = scene.problem([pair])
@@ -340,6 +394,30 @@ def test_conductance_far_above_that_of_cells_is_told(h, verdict):
     report = problem.solve()
     assert report.certificate.pairs[0]["conductance of field 1"].verdict == verdict
     assert problem.contacts[0].fluxes[0].into_master == pytest.approx(19.4093, rel=1e-5)
+
+
+@pytest.mark.each
+@pytest.mark.parametrize(
+    "case, names",
+    [
+        ("open", "body 'upper'"),
+        ("adiabatic", "body 'upper'"),
+        ("nowhere prescribed", "body 'lower' and body 'upper'"),
+    ],
+)
+def test_heated_bodies_without_a_level_of_temperature_are_named(case, names):
+    """A source in a body that no condition and no conduction holds: the system is singular."""
+    scene = stacked((5, 7))
+    scene.residual = scene.residual - 3.0 * scene.test * ufl.dx
+    scene.bcs.pop(5)  # hot
+    if case == "nowhere prescribed":
+        scene.bcs.pop(4)
+    heat = fm.Conductance(1, 0.0 if case == "adiabatic" else 2.0)
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[heat])
+    problem = scene.problem([pair])
+    scene.set(top=0.03 if case == "open" else -0.03)
+    with pytest.raises(fm.NotConvergedError, match=f"level of field 1 of {names}: neither"):
+        problem.solve()
 
 
 # Bad input

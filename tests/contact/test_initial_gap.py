@@ -102,6 +102,27 @@ def test_a_deep_interference_is_named_as_such_with_its_cure():
     assert "overlap" not in message and "search_radius" not in message
 
 
+@pytest.mark.each
+@pytest.mark.parametrize("sunk", [0.0, 1e-3])
+@pytest.mark.parametrize("slave", ["block", "disk", "below an obstacle"])
+def test_curves_that_touch_a_block_do_not_overlap_with_it(slave, sunk):
+    """Mean gaps of dual functions at a tangent point are negative; 1e-3 deep is an overlap."""
+    radius, high = 2.0, 3.0 - sunk
+    grids = [Grid("block", block(20, 4, width=2.0, height=1.0))]
+    round_side = mapped_grids.sector(64, 4, radii=(1.0, radius), centre=(1.0, high))
+    grids += [Grid("disk", round_side, closed=True)] * (slave != "below an obstacle")
+    data = mapped_grids.mesh(grids)
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    sides = {"block": ("block/top", "disk/bottom"), "disk": ("disk/bottom", "block/top")}
+    circle = fm.Circle((1.0, high), radius)
+    pair = fm.ContactPair(data, *sides.get(slave, ("block/top", circle)))
+    fixed = ["block/bottom"] + ["disk/top"] * (slave != "below an obstacle")
+    bcs = [fm.dirichlet(u.function_space, data, fixed, (0.0, 0.0))]
+    residual = internal(u, linear_elastic(u, E, NU))
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="tangent_")
+    assert any("overlap by up to" in note for note in problem.solve().notes) == (sunk > 0.0)
+
+
 def test_pair_without_partners_is_reported():
     """The inside of the inner ring faces its hole: no part of the outer ring is ahead of it."""
     data = read(rings.build, n_inner=16, n_outer=12, layers_inner=3, layers_outer=3)

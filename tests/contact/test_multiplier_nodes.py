@@ -19,7 +19,7 @@ def line():
         places = nodes[:, None] + np.array(list(steps))
         return np.where((places >= 0) & (places < COUNT), places, -1)
 
-    return SimpleNamespace(num_nodes=COUNT, degree=1, along=along)
+    return SimpleNamespace(num_nodes=COUNT, degree=1, along=along, dim=2)
 
 
 @pytest.mark.parametrize("cover, carry", [

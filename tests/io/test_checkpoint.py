@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from refusal import refused
 from scenes import TIGHT, internal, neo_hookean, nodal, pressed_blocks
-from test_model_hierarchy import hierarchy_path
 
 from dolfinx import fem
 
@@ -176,40 +175,6 @@ def test_weight_of_gaps_and_offsets_are_kept(shared_path):
     assert residuals[0] == pytest.approx(residuals[1], rel=1e-6)
     u, w = nodal(scene.problem), nodal(again.problem)
     assert np.abs(u - w).max() < 1e-14
-
-
-@pytest.mark.each
-@pytest.mark.parametrize("law", [None, fm.Coulomb(0.2)])
-@pytest.mark.parametrize(
-    "check",
-    [
-        {"tolerance": 0.05},  # linear strain and small sliding is enough
-        {"tolerance": 0.02, "discretisation": 0.02},  # not for the second step
-        {"tolerance": 1e-6, "discretisation": 1e-6},  # never
-    ],
-)
-def test_restart_with_a_model_hierarchy_agrees_with_the_uninterrupted_run(shared_path, law, check):
-    """Equal models are tried, and slip is counted from the partners in the sufficient ones."""
-    path = [(0.0, -0.02), (0.05, -0.03), (0.1, -0.05), (0.15, -0.05)]
-    whole, push, steps = hierarchy_path(law, **check)
-    for load in path[:2]:
-        push[:] = load
-        whole.solve()
-    fm.save_state(whole, shared_path / "state")
-    again, same_push, same_steps = hierarchy_path(law, **check)
-    fm.load_state(again, shared_path / "state")
-    del steps[:], same_steps[:]
-    for load in path[2:]:
-        push[:] = same_push[:] = load
-        reports = whole.solve(), again.solve()
-        assumptions = [[a.name for a in report.model_check.assumptions] for report in reports]
-        assert assumptions[0] == assumptions[1]
-        assert reports[0].num_iterations == reports[1].num_iterations
-        assert len(steps) == len(same_steps)
-        u, w = nodal(whole), nodal(again)
-        assert np.abs(u - w).max() < 1e-14  # rounding
-        z, w = whole.equations.contacts[0].z, again.equations.contacts[0].z
-        assert np.abs(z - w).max() < 1e-12 * np.abs(z).max()
 
 
 def on_a_circle(x):

@@ -16,9 +16,9 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.io.fields import contact_table
 from fenics_mortar.io.paraview import ResultsWriter
 from fenics_mortar.io.picture import plot
-from fenics_mortar.io.table import contact_table
 from fenics_mortar.utils import compat
 
 COMM = MPI.COMM_WORLD

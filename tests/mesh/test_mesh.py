@@ -201,6 +201,12 @@ def plate(*, order=1, mesh=True, groups=True, dim=2, z=0.0, nan=False):
     return model
 
 
+def test_model_without_boundaries_has_empty_facet_tags():
+    data = read(plate)
+    assert area(data, "body 1") == pytest.approx(1.0, rel=1e-14)
+    assert (data.facet_tags.dim, COMM.allreduce(data.facet_tags.indices.size)) == (1, 0)
+
+
 def with_second_group(dim):
     model = plate()
     for name in ("first", "second"):
@@ -247,7 +253,7 @@ def with_curve_without_mesh():
     (
         (lambda: plate(groups=False), "surface 1 is in no physical group"),
         (lambda: plate(mesh=False), r"no elements of dimension 2; was .*generate\(2\)"),
-        (lambda: plate(dim=3), "elements of dimension 3"),
+        (lambda: plate(dim=3), "volume 1 is in no physical group"),
         (lambda: plate(z=0.1), "z varies by 0.0998"),
         (lambda: plate(nan=True), "coordinates of 1 nodes are not finite, e.g. of node 2"),
         (lambda: with_second_group(2), r"surface 1 is in the physical groups \['body 1', 'first'"),

@@ -111,7 +111,10 @@ def test_cell_flags_and_a_constant_third_coordinate_are_accepted():
 @pytest.mark.parametrize(
     "changed, message",
     [
-        ({"points": [(0, 0, 0), (1, 0, 1)]}, "z varies by 1"),
+        (
+            {"points": [(0, 0, 0), (1, 0, 1), (1, 1, 2)], "cells": [(0, 1, 2)]},
+            r"cells have shape \(1, 3\).*z of the points varies: for a mesh of the x-y plane",
+        ),
         ({"points": [(0, np.nan)]}, "coordinates of 1 points are not finite, e.g. of point 0"),
         ({"points": [0, 1]}, r"points have shape \(2,\)"),
         ({"cells": [(0, 1, 2, 3, 4)]}, r"cells have shape \(1, 5\); expected \(m, 3\)"),

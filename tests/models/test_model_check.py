@@ -11,7 +11,6 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.contact.laws import Stick
-from fenics_mortar.models.deviations import largest_strain, shear_demand
 from fenics_mortar.models.model_error import (
     ENERGY,
     PEAK,
@@ -19,6 +18,8 @@ from fenics_mortar.models.model_error import (
     SolutionQuantities,
     differences,
     estimate_wider,
+    largest_strain,
+    shear_demand,
     strained,
 )
 from meshes import mapped_grids, two_blocks

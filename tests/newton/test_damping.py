@@ -8,9 +8,7 @@ import pytest
 from scenes import nodal, pressed_blocks
 
 import fenics_mortar as fm
-from fenics_mortar.newton.damping import Damped
-from fenics_mortar.newton.loop import Status, Step, solve
-from fenics_mortar.newton.options import NewtonOptions
+from fenics_mortar.newton.loop import Damped, NewtonOptions, Status, Step, solve
 
 
 @dataclass

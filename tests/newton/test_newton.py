@@ -209,11 +209,14 @@ class Springs:
     def max_motion(self):
         return 0.0
 
+    def remaining(self):
+        return proximal.Remaining(0.0, 0.0, "")
+
 
 def test_record_of_a_failed_solve_with_springs_has_all_iterations(monkeypatch):
-    """The solve converges with springs, fails without them, and fails with springs again."""
+    """The solve converges with springs, fails without them, and with five others again."""
     iteration = Iteration(1.0, 0.0, 0.0, 1.0, 0, 0, {})
-    outcomes = iter([(5, True), (30, False), (7, False)])
+    outcomes = iter([(5, True), (30, False), *5 * [(7, False)]])
 
     def solve(equations, options):
         count, converged = next(outcomes)
@@ -226,7 +229,7 @@ def test_record_of_a_failed_solve_with_springs_has_all_iterations(monkeypatch):
     first = fm.NotConvergedError("", NewtonReport([iteration] * 31))
     with pytest.raises(fm.NotConvergedError) as error:
         proximal.solve_with_springs(Springs(), fm.NewtonOptions(), first)
-    assert error.value.report.num_iterations == 30 + 5 + 30 + 7
+    assert error.value.report.num_iterations == 30 + 5 + 30 + 5 * 7
 
 
 @pytest.mark.serial

@@ -11,7 +11,7 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.interface.integrals import hand_over
 from fenics_mortar.interface.obstacle_facets import integrate_facets
-from fenics_mortar.interface.on_obstacle import obstacle_normals
+from fenics_mortar.interface.obstacle_normals import obstacle_normals
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.segments import facet_rule
 from meshes import two_blocks
@@ -121,7 +121,7 @@ def test_shape_that_is_set_does_not_depend_on_pivot_and_place(kind, name, value)
     fields = zip(usual.evaluate(x), other.evaluate(x + SHIFT), strict=True)
     assert all(np.allclose(a, b, rtol=1e-11, atol=1e-11) for a, b in fields)
     direction = np.random.default_rng(3).normal(size=np.shape(value))
-    changes = (o.local_by_shape(x, name, direction) for o in (usual, other))
+    changes = (o.local_by_shapes(x, name, direction[None]) for o in (usual, other))
     assert all(np.allclose(a, b, rtol=1e-9, atol=1e-9) for a, b in zip(*changes, strict=True))
 
 

@@ -12,8 +12,8 @@ from dolfinx import fem
 import fenics_mortar as fm
 from demos.studies.dynamics.scenes import RHO, E, bar, free_block, scene
 from fenics_mortar.newton.report import Iteration, NewtonReport
-from fenics_mortar.path.dynamics_report import DynamicsReport, Energies, TimeStep
-from fenics_mortar.path.work import Work
+from fenics_mortar.path.energy import Work
+from fenics_mortar.path.report import DynamicsReport, Energies, TimeStep
 from fenics_mortar.utils import compat
 from meshes.mapped_grids import Grid, sector
 

@@ -21,8 +21,8 @@ from demos.studies.dynamics.scenes import (
     oscillator,
 )
 from fenics_mortar.bulk.inertia import Rates
-from fenics_mortar.path.energy_return import fraction_of_impulse
-from fenics_mortar.path.time_scheme import GeneralizedAlpha
+from fenics_mortar.path.energy import fraction_of_impulse
+from fenics_mortar.path.time_steps import GeneralizedAlpha
 from meshes.mapped_grids import Grid, block, build
 
 # The steps

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Progress of a path: records of the logger, a bar, nothing by default."""
+"""Progress of a path: records of the logger, nothing by default."""
 
 import logging
-import sys
-from types import SimpleNamespace
 
 import pytest
-from refusal import COMM, refused
+from refusal import COMM
 from small_scenes import small_blocks
 
 import fenics_mortar as fm
@@ -53,54 +51,3 @@ def test_rank_0_logs_each_step_and_each_cut(caplog):
     assert accepted == reports
     assert levels == ["INFO", "DEBUG"] * (len(path.steps) + path.num_cuts)
     assert messages[-1] == str(path.steps[-1].report)
-
-
-BARS = []
-
-
-class Bar:
-    """Replacement of tqdm."""
-
-    def __init__(self, total, **_):
-        self.total, self.n, self.closed, self.postfix = total, 0.0, False, ""
-        BARS.append(self)
-
-    def set_postfix_str(self, text, refresh):
-        self.postfix = text
-
-    def update(self, amount):
-        self.n += amount
-
-    def close(self):
-        self.closed = True
-
-
-def test_bar_follows_the_time_on_rank_0(monkeypatch):
-    monkeypatch.setitem(sys.modules, "tqdm", SimpleNamespace(tqdm=Bar))
-    BARS.clear()
-    follow(progress=True, stop=2.0)
-    follow(fails_at=-0.02, progress=True)
-    assert len(BARS) == (2 if COMM.rank == 0 else 0)
-    for bar, total in zip(BARS, (2.0, 1.0)):
-        assert bar.closed and bar.total == bar.n == total
-        assert bar.postfix.endswith("0 cuts" if total == 2.0 else "1 cuts")
-
-
-def test_bar_is_closed_where_a_path_ends(monkeypatch):
-    monkeypatch.setitem(sys.modules, "tqdm", SimpleNamespace(tqdm=Bar))
-    BARS.clear()
-
-    def stop(time, report):
-        raise RuntimeError("enough")
-
-    with pytest.raises(RuntimeError, match="enough"):
-        follow(progress=True, on_step=stop)
-    assert all(bar.closed for bar in BARS)
-
-
-def test_bar_without_tqdm_is_refused(monkeypatch):
-    monkeypatch.setitem(sys.modules, "tqdm", None)
-    with refused(ValueError, "progress=True needs the package tqdm: Debian's python3-tqdm"):
-        follow(progress=True)
-    with refused(ValueError, "progress=1: expected True or False"):
-        follow(progress=1)

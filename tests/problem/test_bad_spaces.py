@@ -25,14 +25,13 @@ def test_complex_petsc_is_refused(monkeypatch):
         small_blocks()
 
 
-def test_three_dimensional_mesh_is_refused():
-    mesh = dmesh.create_unit_cube(COMM, 2, 2, 2)
-    mesh.topology.create_entities(2)
-    facets = dmesh.locate_entities_boundary(mesh, 2, lambda x: np.isclose(x[0], 0.0))
-    tags = dmesh.meshtags(mesh, 2, np.sort(facets), np.ones(facets.size, np.int32))
+def test_mesh_of_a_line_is_refused():
+    mesh = dmesh.create_unit_interval(COMM, 4)
+    ends = dmesh.locate_entities_boundary(mesh, 0, lambda x: np.isclose(x[0], 0.0))
+    tags = dmesh.meshtags(mesh, 0, np.sort(ends), np.ones(ends.size, np.int32))
     data = fm.MeshData(mesh, None, tags, {}, {"slave": 1, "master": 1})
     u = fem.Function(fm.vector_space(mesh, 1))
-    with refused(fm.MeshError, "dimension 3", "plane bodies"):
+    with refused(fm.MeshError, "dimension 1", "plane bodies, 2 in 2, or solids, 3 in 3"):
         problem_on(data, u=u, material=lambda u, E, nu: ufl.grad(u))
 
 

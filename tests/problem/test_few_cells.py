@@ -27,6 +27,7 @@ GIVEN = {
     "moving": ("2,quadrilateral,1", "5,quadrilateral,2"),
     "options": ("2,quadrilateral,1", "3,triangle,1"),
     "obstacles": ("2,triangle,1", "5,quadrilateral,1"),
+    "in_space": ("2,hexahedron,1", "3,tetrahedron,1"),
 }
 # Time after which a scene counts as hanging [s]; one takes up to ten seconds, and ten times as long
 # where other programs use the cores.
@@ -41,7 +42,7 @@ SMALL = 1e-5
 REPLACED = ("Control.", "Quantity.", "Law.", "Obstacle.")
 # Local methods: of laws without adhesion or memory, of obstacles without a shape to be changed.
 LOCAL = (
-    ".adhesion_at", ".check_field", ".closing_gap", ".remember", ".local_by_shape", ".set_shape",
+    ".adhesion_at", ".check_field", ".closing_gap", ".remember", ".local_by_shapes", ".set_shape",
 )  # fmt: skip
 # The error that nodes cannot be moved, a package that is not installed, and derivatives of the
 # memory of laws; other tests have them.

@@ -82,8 +82,6 @@ def test_factors_of_the_ladder_and_of_the_estimate():
     )
     cheaper = r"takes ([\d.]+) to ([\d.]+) of the full model's time"
     assert quoted(choices, cheaper) == quoted(ladder, cheaper)
-    own = r"`hierarchy=True`.*? takes ([\d.]+) to ([\d.]+) of .*? up to ([\d.]+) where"
-    assert quoted(choices, own) == quoted(ladder, own)
     assert quoted(SITE / "verification.md", r"it is ([\d.]+) to ([\d.]+) times the true") == quoted(
         accuracy, r"the estimate is ([\d.]+) to ([\d.]+) of the true"
     )

@@ -22,15 +22,13 @@ from fenics_mortar.contact.nodal import Nodal, Row
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.state import State
-from fenics_mortar.models.report import Assumption
+from fenics_mortar.models.model_error import Assumption
 from fenics_mortar.newton.report import Iteration
-from fenics_mortar.path.dynamics_report import Energies, TimeStep
-from fenics_mortar.path.report import PathStep
-from fenics_mortar.path.work import Work
+from fenics_mortar.path.energy import Work
+from fenics_mortar.path.report import Energies, PathStep, TimeStep
 from fenics_mortar.sensitivity.directional import TangentLinear
 from fenics_mortar.sensitivity.gradient import Gradient
 from fenics_mortar.sensitivity.kinks import Kink
-from fenics_mortar.sensitivity.numerics import NumericsReport, PairNumerics
 from fenics_mortar.sensitivity.path_record import RecordedStep
 from fenics_mortar.verify.crossing import AcceptedPositions, Crossing
 from fenics_mortar.verify.finding import Finding
@@ -38,7 +36,7 @@ from fenics_mortar.verify.matrices import OperatorMatrices
 
 RESULTS = (
     PairView, OperatorMatrices, State, InterfaceState, Rates, Nodal, Row, Assumption, Iteration,
-    Energies, TimeStep, PathStep, Work, Gradient, Kink, NumericsReport, PairNumerics, RecordedStep,
+    Energies, TimeStep, PathStep, Work, Gradient, Kink, RecordedStep,
     TangentLinear, AcceptedPositions, Crossing, Finding,
 )  # fmt: skip
 UNIT = re.compile(

@@ -180,6 +180,22 @@ def test_a_disk_rests_on_a_block_although_contact_is_narrower_than_a_facet(weigh
     assert abs(force[0]) < 0.005 * weight
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("around, mu, weight", [(14, 0.1, 1.0), (24, 0.3, 0.02)])
+def test_a_disk_that_touches_a_block_with_one_node_rolls_onto_two(around, mu, weight):
+    """Against springs, which carry its moment meanwhile: small motions are no equilibrium.
+
+    Too weak springs lift it off; the second weight is 2e-7 of the stiffness.
+    """
+    problem, load = disk_on_block(1e5, mu, centre=0.013, columns=6, around=around)
+    load.value = weight
+    report = problem.solve()
+    assert report.certificate.violations() == []
+    contact = problem.equations.contacts[0]
+    assert contact.total_force[1] == pytest.approx(weight, rel=1e-3)
+    assert contact.active.sum() == 2
+
+
 @pytest.mark.parametrize("gravity", [(0.0, 1.0), (0.5, -1.0)])
 def test_a_load_that_nothing_supports_is_refused_beside_idle_bodies(gravity):
     """Also if it pushes an idle block, which nothing stops."""

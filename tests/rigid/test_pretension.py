@@ -42,8 +42,12 @@ def test_bolt_and_plates_share_an_external_load_as_two_springs():
     assert not problem.contacts[1].pressure.any()
 
 
-def test_force_that_nothing_resists_is_an_error():
-    """A bolt of two halves, with a head each, that is pushed apart: springs would carry it all."""
+def clamp(above, below, law=None, material=linear_elastic):
+    """A bolt of two halves, with a head each, around a plate with gaps below both heads.
+
+    Returns:
+        The problem, the section and the two seats.
+    """
     x, y = np.linspace(0.0, 3.0, 4), np.linspace(0.0, 3.0, 4)
     half = np.stack(np.meshgrid(x, y, indexing="ij"), axis=2)
 
@@ -51,34 +55,66 @@ def test_force_that_nothing_resists_is_an_error():
         shank, head = half[:2, :3] * [1.0, sign], half[:, 2:] * [1.0, sign]
         return [grid if sign > 0 else grid[:, ::-1] for grid in (shank, head)]
 
-    (shank, head), (below, foot) = part(1.0), part(-1.0)
-    plate = block(4, 4, width=3.0, height=4.0, corner=(1.2, -2.0))
+    (shank, head), (lower, foot) = part(1.0), part(-1.0)
+    plate = block(4, 4, width=3.0, height=4.0 - above - below, corner=(1.2, -2.0 + below))
     names = {"left": "axis"}
     grids = [
-        Grid("shank", shank, names), Grid("head", head, names), Grid("below", below, names),
+        Grid("shank", shank, names), Grid("head", head, names), Grid("lower", lower, names),
         Grid("foot", foot, names), Grid("plate", plate),
     ]  # fmt: skip
     data = mesh(grids)
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
-    residual = internal(u, linear_elastic(u, 100.0, 0.3))
     bcs = [fm.dirichlet(V, data, "axis", 0.0, 0), fm.dirichlet(V, data, "plate/right", (0.0, 0.0))]
-    bolt = fm.Pretension(data, "shank/bottom", "below/top")
+    bolt = fm.Pretension(data, "shank/bottom", "lower/top", name="bolt")
     joints = [fm.TiedPair(data, "shank/top", "head/bottom", search_radius=0.1)]
-    joints += [fm.TiedPair(data, "below/bottom", "foot/top", search_radius=0.1)]
-    seats = [fm.ContactPair(data, "plate/top", "head/bottom")]
-    seats += [fm.ContactPair(data, "plate/bottom", "foot/top")]
+    joints += [fm.TiedPair(data, "lower/bottom", "foot/top", search_radius=0.1)]
+    sides = ("plate/top", "head/bottom"), ("plate/bottom", "foot/top")
+    seats = [fm.ContactPair(data, *side, law=law or fm.Frictionless()) for side in sides]
+    residual = internal(u, material(u, 100.0, 0.3))
     problem = fm.ContactProblem(
-        residual, u, [bolt, *joints, *seats], bcs=bcs, petsc_options_prefix="loose_"
+        residual, u, [bolt, *joints, *seats], bcs=bcs, petsc_options_prefix="clamp_"
     )
+    return problem, bolt, problem.contacts[-2:]
+
+
+@pytest.mark.parametrize("law", [None, fm.Coulomb(0.2)], ids=str)
+@pytest.mark.parametrize("gaps", [(0.1, 0.0), (0.7, 0.9)], ids=str)
+def test_bolt_whose_heads_do_not_touch_is_tightened_by_its_force(law, gaps):
+    """Both halves are moved until they touch; the same state as if a shortening had closed them."""
+    problem, bolt, seats = clamp(*gaps, law, neo_hookean)
+    bolt.push(0.5)
+    report = problem.solve()
+    assert any("'shank' was moved rigidly" in note for note in report.notes)
+    assert not any("cross" in note for note in report.notes), report.notes
+    assert bolt.force == pytest.approx(0.5, rel=1e-10)
+    forces = [seat.total_force[1] for seat in seats]
+    assert forces == pytest.approx([-0.5, 0.5], rel=1e-9)
+    assert sum(gaps) < bolt.shortening < sum(gaps) + 0.1
+    assert min(problem.check_tangent(print_table=False).slopes.values()) > 1.95
+    if gaps[1] == 0.0:
+        other, moved, _ = clamp(*gaps, law, neo_hookean)
+        moved.move(bolt.shortening)
+        other.solve()
+        assert moved.force == pytest.approx(0.5, rel=1e-9)
+
+
+def test_push_that_nothing_resists_names_section_and_body():
+    """Before and after contact; a motion that is prescribed again is not checked as a free one."""
+    problem, bolt, seats = clamp(0.1, 0.2)
+    bolt.push(-0.1)
+    with pytest.raises(fm.MortarError, match="'shank' can be pulled apart at section 'bolt'"):
+        problem.solve()
     bolt.push(0.5)
     problem.solve()
-    assert problem.contacts[3].total_force[1] == pytest.approx(-0.5, rel=1e-9)
-    shortening = bolt.shortening
+    state = problem.state()
     bolt.push(-0.1)
-    with pytest.raises(fm.MortarError, match="can move along|springs carry"):
+    with pytest.raises(fm.MortarError, match="'shank'.*section 'bolt'"):
         problem.solve()
-    assert shortening > 0.0
+    problem.restore(state)
+    bolt.lock()
+    assert problem.solve().certificate.violations() == []
+    assert seats[0].total_force[1] == pytest.approx(-0.5, rel=1e-9)
 
 
 def test_shortening_and_force_have_the_same_solution():

@@ -34,10 +34,15 @@ class Scripted:
     def max_motion(self):
         return 1.0 if "yes" in self.script or "no" in self.script else 0.0
 
+    def remaining(self):
+        return proximal.Remaining(self.fraction, 0.0, "scripted")
+
     def solve(self, equations, options):
         self.place += 1
         report = fm.NewtonReport(converged=True)
-        if self.script and self.script.pop(0) == "no":
+        how = self.script.pop(0) if self.script else "yes"
+        self.fraction = np.inf if how == "lifted" else 0.0
+        if how == "no":
             raise fm.NotConvergedError("scripted", report)
         return report
 

@@ -20,7 +20,7 @@ import ufl
 import fenics_mortar as fm
 from fenics_mortar import sensitivity as se
 from fenics_mortar.laws import Cohesive, MixedCohesive, Worn
-from fenics_mortar.sensitivity.protocols import controls_of, dot
+from fenics_mortar.sensitivity.objective import controls_of, dot
 
 # Steps of Taylor tests over the sizes of the changes, each with its halves; the shorter ones are
 # for nodes that change their sets.

@@ -9,7 +9,7 @@ import numpy as np
 from scenes import Scene, pressed_blocks
 
 import fenics_mortar as fm
-from fenics_mortar.interface.mortar import EXACT
+from fenics_mortar.interface.linearization import EXACT
 
 comm = MPI.COMM_WORLD
 STEPS = 1e-3 * 0.5 ** np.arange(6)

@@ -15,7 +15,7 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.contact.laws import STICK
 from fenics_mortar.contact.nodal import Row, row_of
-from fenics_mortar.interface.mortar import EXACT, Linearization
+from fenics_mortar.interface.linearization import EXACT, Linearization
 from fenics_mortar.sensitivity.controls import (
     Interference,
     LawParameter,
@@ -29,7 +29,7 @@ from fenics_mortar.sensitivity.pair_operators import check_exact
 
 comm = MPI.COMM_WORLD
 DOT = 1e-12
-# Error of difference quotients, see ``shape_change`` [1].
+# Error of difference quotients, see ``differentiate_shape`` [1].
 QUOTIENT = 1e-10
 
 

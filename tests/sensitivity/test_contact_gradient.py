@@ -17,7 +17,7 @@ from fenics_mortar.sensitivity.controls import (
     ObstacleShape,
     Offset,
 )
-from fenics_mortar.sensitivity.over_steps import last, total
+from fenics_mortar.sensitivity.objective import last, total
 from fenics_mortar.sensitivity.quantities import FrictionWork, MeanGap, PressureIntegral, TotalForce
 
 # Step of Taylor tests [1]; sets change nearby.

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Paths of twenty steps that slide over facets, all objectives by all controls, checkpoints."""
-
-from mpi4py import MPI
+"""Paths of twenty steps that slide over facets, all objectives by all controls."""
 
 import numpy as np
 import pytest
@@ -12,9 +10,8 @@ from test_gradient import OBJECTIVES
 import fenics_mortar as fm
 from fenics_mortar import sensitivity
 from fenics_mortar.sensitivity import FrictionWork, TotalForce, total
-from fenics_mortar.sensitivity.protocols import controls_of, dot
+from fenics_mortar.sensitivity.objective import controls_of, dot
 
-comm = MPI.COMM_WORLD
 # Force, and its derivatives by E and mu, of linear bodies that slide; computed on one rank.
 OF_ONE_RANK = [2.9281517352363444, 0.02928151735236369, -7.018226176978864]
 # Pressed in two steps, drawn over one and a half facets, and back by a half.
@@ -66,62 +63,24 @@ def test_all_objectives_by_all_controls():
             assert abs(found - tangent.derivative) <= 1e-10 * sum(by_nodes)
 
 
-@pytest.mark.parametrize("every, on_disk", [(1, True), (3, False), (4, True), (9, False)])
-def test_checkpoints_give_the_derivatives_of_the_whole_record(every, on_disk, tmp_path):
-    scene, places = blocks(fm.Coulomb(0.3), places=LONG[:7]), LONG[:7]
-    folder = comm.bcast(tmp_path) if on_disk else None
-    problem, controls = scene.problem, [scene.controls[name] for name in ("E", "place", "mu")]
-    whole = sensitivity.RecordedPath(problem)
-    some = sensitivity.RecordedPath(problem, every=every, folder=folder)
-    for place in places:
-        scene.move(place)
-        problem.solve(predict=False)
-        whole.record()
-        some.record()
-    objective = TotalForce(0, (1.0, 0.3)) + FrictionWork(0)
-    expected = fm.gradient(objective, controls, whole, over_steps=total)
-    before = problem.state()
-    found = fm.gradient(objective, controls, some, over_steps=total)
-    assert (problem.state().u == before.u).all()
-    for control in controls:
-        assert np.allclose(found[control], expected[control], rtol=1e-8, atol=1e-10)
-    along = [np.ones_like(found[control]) for control in controls]
-    tangents = [sensitivity.tangent_linear(objective, controls, along, path, over_steps=total)
-                for path in (whole, some)]  # fmt: skip
-    assert tangents[1].derivative == pytest.approx(tangents[0].derivative, rel=1e-8)
-    assert all(step.state.u.size == 0 for step in some.steps)
-
-
-def test_checkpoints_with_a_driven_obstacle():
-    """Loads of the obstacle are part of the record."""
+def test_loads_of_a_driven_obstacle_are_part_of_the_record():
+    """It is pushed in the first step, and prescribed in the second."""
     roller = fm.Circle((0.45, 1.5), 0.5)
     roller.move(y=-0.03)
     roller.push(y=-3.0)
     scene = obstacle_on_block(roller, fm.Coulomb(0.3), places=ROLL)
-    paths = [
-        sensitivity.RecordedPath(scene.problem),
-        sensitivity.RecordedPath(scene.problem, every=5),
-    ]
-    for x, y in [(0.0, -3.0), (0.02, -5.0), (0.05, -6.0), (0.08, -6.0)]:
-        roller.push(y=y)
-        roller.move(x=x)
-        scene.problem.solve(predict=False)
-        for path in paths:
-            path.record()
-    objective, E = TotalForce(0, (1.0, 0.2)), scene.controls["E"]
-    one, other = (fm.gradient(objective, E, path, over_steps=total) for path in paths)
-    assert float(other[E]) == pytest.approx(float(one[E]), rel=1e-8)
-
-
-def test_invalid_spacings_are_refused():
-    with pytest.raises(ValueError, match="every=0: expected a spacing"):
-        sensitivity.RecordedPath(blocks().problem, every=0)
-
-
-def test_invalid_folder_is_refused():
-    """Not taken as the folder "3"."""
-    with pytest.raises(ValueError, match="folder=3: expected the name of a folder"):
-        sensitivity.RecordedPath(blocks().problem, every=2, folder=3)
+    path = sensitivity.RecordedPath(scene.problem)
+    scene.problem.solve(predict=False)
+    path.record()
+    force, E = TotalForce(0, (1.0, 0.2)), scene.controls["E"]
+    expected = fm.gradient(force, E, path)[E]
+    roller.move(y=1.5 * roller.place[1])
+    scene.problem.solve(predict=False)
+    path.record()
+    found = fm.gradient(
+        force, E, path, over_steps=lambda at: (float(at[0, 0]), np.array([[1.0], [0.0]]))
+    )
+    assert float(found[E]) == pytest.approx(float(expected), rel=1e-10)
 
 
 def test_derivatives_are_those_of_one_rank():

@@ -206,24 +206,6 @@ def test_mesh_from_arrays_can_have_curved_sides():
     assert area(mesh) == pytest.approx(0.5 + 0.2, rel=1e-14)
 
 
-def test_model_without_boundaries_has_empty_facet_tags():
-    model = None
-    if COMM.rank == 0:
-        gmsh.initialize()
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.occ.addRectangle(0, 0, 0, 3, 2)
-        gmsh.model.occ.synchronize()
-        gmsh.model.addPhysicalGroup(2, [1], 7)
-        gmsh.model.mesh.generate(2)
-        model = gmsh.model
-    mesh, cell_tags, facet_tags = compat.model_to_mesh(model, COMM)
-    if COMM.rank == 0:
-        gmsh.finalize()
-    assert area(mesh) == pytest.approx(6.0, rel=1e-14)
-    assert all_ranks((cell_tags.values == 7).all())
-    assert (facet_tags.dim, COMM.allreduce(facet_tags.indices.size)) == (1, 0)
-
-
 def test_initialization_of_gmsh_is_detected():
     assert not compat.gmsh_is_initialized(gmsh)
     gmsh.initialize()

@@ -76,7 +76,7 @@ def test_models_are_sufficient_on_all_ranks_or_none(rank, monkeypatch):
         return float(COMM.rank == rank)
 
     monkeypatch.setattr("fenics_mortar.models.model_error.relative", relative)
-    _, report = blocks((0.0, -0.02), hierarchy=True)
+    _, report = blocks((0.0, -0.02))
     assert report.model_check.suffices == (rank == LAST)
     errors = [assumption.errors for assumption in report.model_check.assumptions]
     assert equal_on_ranks(errors) and equal_on_ranks(report.num_iterations)

@@ -12,11 +12,9 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.verify import checks
-from fenics_mortar.verify.certificate import Certificate
-from fenics_mortar.verify.checks.clamped_ends import end_pressure
-from fenics_mortar.verify.finding import Finding
-from fenics_mortar.verify.measured import mean_friction
-from fenics_mortar.verify.pair_certificate import PairCertificate
+from fenics_mortar.verify.certificate import Certificate, PairCertificate
+from fenics_mortar.verify.checks.corners import end_pressure
+from fenics_mortar.verify.finding import Finding, mean_friction
 from meshes import indenter_on_block, mapped_grids, two_blocks
 
 
@@ -334,7 +332,9 @@ def test_pressed_prescribed_slave_node_is_reported(shift, presses):
 def test_pressure_beside_a_clamped_end_is_compared_with_that_farther_away():
     """One node on each side counts as beside it, nodes up to three away as the next ones."""
     places = np.arange(6)
-    around = SimpleNamespace(degree=1, along=lambda j, steps: along(places, j, steps))
+    around = SimpleNamespace(
+        degree=1, along=lambda j, steps: along(places, j, steps), weightless=np.zeros(6, bool)
+    )
     free, may_carry = np.ones((6, 2)), places > 0
     free[0] = 0.0
     x = np.stack([places, 0.5 * places], axis=1)
@@ -344,6 +344,10 @@ def test_pressure_beside_a_clamped_end_is_compared_with_that_farther_away():
     found = end_pressure(contact, np.array([0.0, 6.0, 2.0, 1.0, 50.0, 9.0]))
     assert found == (3.0, "(0, 0)")
     assert end_pressure(contact, np.array([0.0, 0.1, 2.0, 1.0, 2.0, 2.0])) == (0.0, "")
+    around.weightless[0] = True
+    assert end_pressure(contact, np.array([0.0, 6.0, 2.0, 1.0, 50.0, 9.0]))[0] == 3.0
+    free[0] = 0.0, 1.0  # on the axis of revolution
+    assert end_pressure(contact, np.array([0.0, 6.0, 2.0, 1.0, 50.0, 9.0])) == (0.0, "")
 
 
 def test_mean_friction_is_that_of_nodes_under_pressure_in_any_unit():

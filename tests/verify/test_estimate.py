@@ -21,7 +21,7 @@ from fenics_mortar.interface.segments import gauss_rule
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.verify.estimate import ErrorEstimate
-from fenics_mortar.verify.tractions import interface_tractions
+from fenics_mortar.verify.interface_defects import interface_tractions
 from meshes import two_blocks
 
 # Blocks of different materials with rollers on the left and below, free on the right

@@ -6,7 +6,7 @@ import pytest
 from test_obstacles import block_under
 
 import fenics_mortar as fm
-from fenics_mortar.verify.obstacle_points import deepest_point
+from fenics_mortar.verify.overlap import deepest_point
 
 FACET = 0.125
 

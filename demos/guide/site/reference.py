@@ -12,7 +12,7 @@ from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.equations.reaction import Reaction
 from fenics_mortar.newton.report import Iteration
 from fenics_mortar.path.report import PathStep
-from fenics_mortar.sensitivity.protocols import Control, Quantity
+from fenics_mortar.sensitivity.objective import Control, Quantity
 from fenics_mortar.verify.finding import Finding
 from fenics_mortar.verify.matrices import OperatorMatrices
 
@@ -28,7 +28,7 @@ GROUPS = {
             "contact.pair_side",
             "contact.state",
             "verify.matrices",
-            "io.table",
+            "io.fields",
         ),
     ),
     "meshes": ("Meshes, spaces and supports", ("mesh", "utils.compat", "bulk.history")),
@@ -58,9 +58,9 @@ OF_DEVELOPERS = frozenset({
     "assess", "before", "by_before", "by_control", "check", "check_field", "check_for_tie",
     "counting_slip_from", "explicit", "followed_by", "has_adhesion", "has_closing_gap",
     "has_friction", "has_nodal_adhesion", "has_nodal_limit", "is_distributed", "is_of_package",
-    "jvp", "local", "local_by_shape", "local_by_shapes", "motions", "needs_nodal_state", "options",
+    "jvp", "local", "local_by_shapes", "motions", "needs_nodal_state", "options",
     "prepare", "present_jump", "quantity", "replaced", "restore_data", "salient_points",
-    "saved_data", "set_shape", "snapshot", "solve_cheaper", "state_of", "to_own_frame", "to_space",
+    "saved_data", "set_shape", "snapshot", "to_own_frame", "to_space",
     "towards", "varying", "visited", "vjp", "with_options", "with_settings_of",
 })  # fmt: skip
 PROTOCOLS = (Control, Quantity)

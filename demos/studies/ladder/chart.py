@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Model hierarchy: true error, estimate and cost of each model, and of the automatic choice.
+"""True error, estimate and cost of simpler models.
 
     python3 -m demos.studies.ladder.chart
 

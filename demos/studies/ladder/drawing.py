@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Picture of the model hierarchy."""
+"""Picture of the errors and costs of simpler models."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 
 from demos.studies.ladder.row import Row
 from demos.studies.ladder.scenes import FULL, MODELS, SCENES, TOLERANCE
-from demos.studies.ladder.tables import hierarchy_pairs, percent
 from fenics_mortar.models.model_error import ENERGY, FORCE
 
 COLOURS = (
@@ -16,17 +15,14 @@ COLOURS = (
 )  # fmt: skip
 SCENE_COLOURS = dict(zip((s.name for s in SCENES), COLOURS, strict=True))
 MARKERS = dict(zip((r.name for r in MODELS), "Ds^vo*PX"))
-TITLES = {"hierarchy": "hierarchy=True"}
 
 
 def draw(rows: list[Row]) -> Figure:
-    """Estimates over true errors; cost of simpler models; cost of automatic choices."""
-    figure = Figure((11, 11), layout="constrained")
-    top, bottom = figure.subfigures(2, 1, height_ratios=(5, 6))
-    left, right = top.subplots(1, 2)
+    """Estimates over true errors; cost of simpler models."""
+    figure = Figure((11, 5), layout="constrained")
+    left, right = figure.subplots(1, 2)
     draw_estimates(left, rows)
     draw_costs(right, rows)
-    draw_hierarchy(bottom.subplots(), list(hierarchy_pairs(rows)))
     return figure
 
 
@@ -49,17 +45,12 @@ def draw_estimates(axes, rows: list[Row]) -> None:
     models = {row.model: None for row in rows if row.factor(ENERGY) < np.inf}
     for model in models:
         axes.plot([], [], marker=MARKERS[model], color="#666666", ls="", ms=5)
-    labels = [TITLES.get(model, model) for model in models]
-    axes.legend(axes.lines[-len(models) :], labels, loc="lower right", frameon=False, fontsize=8)
+    axes.legend(axes.lines[-len(models) :], models, loc="lower right", frameon=False, fontsize=8)
 
 
 def draw_costs(axes, rows: list[Row]) -> None:
     """Cost of each simpler model, full markers where its true error is within the tolerance."""
-    names = [
-        model.name
-        for model in MODELS
-        if not (model.leaves_out or model.uses_hierarchy or model == FULL)
-    ]
+    names = [model.name for model in MODELS if not (model.leaves_out or model == FULL)]
     offsets = dict(zip(SCENE_COLOURS, np.linspace(-0.27, 0.27, len(SCENE_COLOURS))))
     for row in rows:
         if not row.reason and row.model in names:
@@ -73,21 +64,3 @@ def draw_costs(axes, rows: list[Row]) -> None:
     axes.set_xticks((ticks := (0.1, 0.2, 0.5, 1, 2, 4)), [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()
     axes.set_title(f"filled: true error below {100 * TOLERANCE:g} %", fontsize=10)
-
-
-def draw_hierarchy(axes, pairs: list[tuple[Row, Row]]) -> None:
-    """Seconds of automatic choices over those of the full model, with the model they ended on."""
-    for place, (row, full) in enumerate(pairs):
-        part = (row.setup + row.seconds) / (full.setup + row.against)
-        axes.barh(place, part, color=SCENE_COLOURS[row.scene], height=0.7)
-        text = f"{row.ended}: {percent(row.true[ENERGY])} %"
-        axes.text(0.01, place, text, va="center", color="white", fontsize=9)
-    axes.axvline(1.0, color="#888888", lw=0.8, ls="--")
-    axes.set_yticks(range(len(pairs)), [f"{row.scene} {row.load:g}" for row, _ in pairs])
-    axes.invert_yaxis()
-    axes.set_xlabel("processor time over that of the full model, with set-up")
-    axes.set_title(
-        "hierarchy=True: model of the last step, and its true error (allowed: "
-        f"{100 * TOLERANCE:g} %, or the error of the mesh)",
-        fontsize=10,
-    )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""True errors, estimates and costs of the models of the hierarchy."""
+"""True errors, estimates and costs of simpler models."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 import fenics_mortar as fm
 from demos.studies.ladder.posing import Posed, elastic_tool, pose, read
 from demos.studies.ladder.row import NOTHING, Errors, Row
-from demos.studies.ladder.scenes import FULL, MODELS, Model, Scene
+from demos.studies.ladder.scenes import FULL, Model, Scene
 from fenics_mortar.models.elastic_obstacle import contacts_of
 from fenics_mortar.models.model_error import (
     ENERGY,
@@ -26,16 +26,6 @@ from fenics_mortar.models.model_error import (
 )
 
 Solved = tuple[Posed, Row]
-# Number of alternate runs of an automatic choice and the full model, and times whose median is
-# used.
-REPEATS, TIMES = 3, ("setup", "seconds")
-HIERARCHY = MODELS[-1].name
-# Names of the models in reports, and in this chart.
-ENDED = {
-    "linear strain and small sliding": "linear bulk, small sliding",
-    "linear strain": "linear bulk",
-    "small sliding": "small sliding",
-}
 
 
 def clocked(do: Callable[..., Any], *arguments: Any) -> tuple[Any, float]:
@@ -58,8 +48,6 @@ def follow(scene: Scene, posed: Posed, row: Row) -> bool:
     row.seconds = time.process_time() - start
     if report.model_check is not None:
         found = report.model_check.assumptions
-        if row.model == HIERARCHY:
-            row.ended = ENDED[found[-1].name] if found else FULL.name
         row.estimate = found[-1].errors if found else dict.fromkeys(QUANTITIES, 0.0)
     return True
 
@@ -126,15 +114,6 @@ def solved(scene: Scene, load: float, model: Model, data: Any, friction: float =
     return posed, row
 
 
-def race(scene: Scene, load: float, model: Model, data: Any, row: Row) -> None:
-    """Measure a model and the full model alternately: medians of a few runs each."""
-    mine, theirs = zip(
-        *[[solved(scene, load, r, data)[1] for r in (model, FULL)] for _ in range(REPEATS)]
-    )
-    row.setup, row.seconds = (float(np.median([getattr(r, n) for r in mine])) for n in TIMES)
-    row.against = float(np.median([r.seconds for r in theirs]))
-
-
 def measure(scene: Scene, load: float) -> Iterator[Row]:
     """All models of a problem at a load."""
     alone = scene.pressure is not None
@@ -148,11 +127,9 @@ def measure(scene: Scene, load: float) -> Iterator[Row]:
         if model.leaves_out:
             reference, straight = solved(scene, load, FULL, meshes[False], model.leaves_out)
         row.mesh, row.against, row.reason = mesh, straight.seconds, row.reason or straight.reason
-        if model.uses_hierarchy:
-            race(scene, load, model, meshes[False], row)
         if not row.reason:
             row.true = true_errors(posed, reference)
-            if not (model.uses_hierarchy or model.leaves_out):
+            if not model.leaves_out:
                 row.estimate, row.check = clocked(estimated_errors, scene, load, model, posed)
         yield row
 
@@ -161,5 +138,5 @@ def measure_all(scene: Scene) -> Iterator[Row]:
     """All models of a problem at all its loads, printed as they are measured."""
     for load in scene.loads:
         for row in measure(scene, load):
-            print(f"{row.scene} {row.load:g} {row.name}: {row.seconds:.1f} s {row.reason}")
+            print(f"{row.scene} {row.load:g} {row.model}: {row.seconds:.1f} s {row.reason}")
             yield row

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Problems of the model hierarchy: one at a load by a model, statically or in time steps."""
+"""Problems of the study: one at a load by a model, statically or in time steps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import fenics_mortar as fm
 from demos.studies.common import linear_elastic, neo_hookean, read_mesh
 from demos.studies.ladder.scenes import TOLERANCE, Model, Scene
 from fenics_mortar.energies import displacement_gradient, lame
-from fenics_mortar.mesh.thickness import Geometry
+from fenics_mortar.mesh.space import Geometry
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid
 
@@ -86,10 +86,7 @@ def pose(scene: Scene, load: float, model: Model, data: Any, friction: float = 0
         bcs.append(fm.dirichlet(V, data, scene.grip, grip))
     master = None if scene.pressure else circle if model.rigid else "tool/bottom"
     law = fm.Coulomb(friction) if friction else scene.law(load) if scene.law else None
-    check = None
-    if model.uses_hierarchy or model.leaves_out:
-        friction_left_out = model.leaves_out or None
-        check = fm.ModelCheck(TOLERANCE, hierarchy=model.uses_hierarchy, friction=friction_left_out)
+    check = fm.ModelCheck(TOLERANCE, friction=model.leaves_out) if model.leaves_out else None
     push = fem.Constant(data.mesh, 0.0)
     loads = pressed(u, data, push) if scene.pressure else 0
     problem = fm.ContactProblem(

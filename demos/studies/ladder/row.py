@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Result of one model of the hierarchy at one load of a problem."""
+"""Result of one model at one load of a problem."""
 
 from __future__ import annotations
 
@@ -23,14 +23,12 @@ class Row:
     Attributes:
         scene, load, model: Names of problem and model, and the load.
         dofs: Unknowns of the bodies.
-        setup, seconds, check: CPU seconds of set-up, solution and error estimate; for automatic
-            choices and possible friction the check in each step is part of the solution.
+        setup, seconds, check: CPU seconds of set-up, solution and error estimate; for possible
+            friction the check in each step is part of the solution.
         against: Seconds to solve the full model.
-        iterations: Those of all steps; for an automatic choice those of the models on which steps
-            ended.
+        iterations: Those of all steps.
         true, estimate: Errors by quantity.
         mesh: Errors of the mesh.
-        ended: Model on which an automatic choice ended.
         reason: Reason if there is no solution.
     """
 
@@ -46,7 +44,6 @@ class Row:
     true: Errors = field(default_factory=NOTHING.copy)
     estimate: Errors = field(default_factory=NOTHING.copy)
     mesh: Errors = field(default_factory=NOTHING.copy)
-    ended: str = ""
     reason: str = ""
 
     def factor(self, name: str) -> float:
@@ -69,8 +66,3 @@ class Row:
     def verdict(self) -> tuple[bool, bool]:
         """Whether the model suffices by the estimate, and by the true error."""
         return self.estimate[ENERGY] <= TOLERANCE, self.true[ENERGY] <= TOLERANCE
-
-    @property
-    def name(self) -> str:
-        """The model, and for an automatic choice the model it ended on."""
-        return f"{self.model}, ended on {self.ended}" if self.ended else self.model

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Problems for the models of the hierarchy: Hertz, press fit, ironing, rolling, and others.
+"""Problems for simpler models: Hertz, press fit, ironing, rolling, and others.
 
 The others have bodies of revolution, mass, a law with memory, or contact of a body with itself.
 
@@ -33,7 +33,6 @@ class Model:
         strain: "linear" or "finite".
         sliding: "small" or "finite".
         linearization: Linearization of Newton's method.
-        uses_hierarchy: Whether solves begin with cheaper models.
         leaves_out: Coefficient of friction of the full model for comparison.
     """
 
@@ -42,12 +41,11 @@ class Model:
     strain: str = "finite"
     sliding: str = "finite"
     linearization: str = "full"
-    uses_hierarchy: bool = False
     leaves_out: float = 0.0
 
 
 FULL = Model("full")
-# Tolerance of the automatic choice and the verdicts, in the energy norm [1].
+# Tolerance of the verdicts, in the energy norm [1].
 TOLERANCE = 0.02
 MODELS = (
     Model("rigid obstacle", rigid=True),
@@ -57,7 +55,6 @@ MODELS = (
     Model("frozen tangent", linearization="frozen"),
     FULL,
     Model("frictionless", leaves_out=0.3),
-    Model("hierarchy", uses_hierarchy=True),
 )
 
 
@@ -113,7 +110,7 @@ class Scene:
         return [
             model
             for model in MODELS
-            if not ((model.uses_hierarchy or model.leaves_out) and moves)
+            if not (model.leaves_out and moves)
             and not (model.leaves_out and self.law is not None)
             and not (model.rigid and alone)
         ]

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: MIT
-"""Markdown tables of the model hierarchy."""
+"""Markdown tables of simpler models."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from demos.studies.ladder.row import SEEN, Row
-from demos.studies.ladder.scenes import FULL, MODELS, SCENES, TOLERANCE
+from demos.studies.ladder.scenes import FULL, MODELS, SCENES
 from fenics_mortar.models.model_error import ENERGY, FORCE, PEAK, QUANTITIES
 
 
@@ -28,7 +27,7 @@ def table(rows: list[Row]) -> str:
     for row in rows:
         start = f"| {row.scene} | {row.load:g} |"
         if row.reason:
-            lines.append(f"{start} {row.name} | {row.reason[:60]} |" + " |" * 12)
+            lines.append(f"{start} {row.model} | {row.reason[:60]} |" + " |" * 12)
             continue
         pairs = [percent(kind[name]) for name in QUANTITIES for kind in (row.true, row.estimate)]
         answer, is_so = row.verdict
@@ -37,7 +36,7 @@ def table(rows: list[Row]) -> str:
         seconds = [f"{s:.2f}" for s in (row.setup, row.seconds)]
         check = "" if np.isnan(row.check) else f"{row.check:.2f}"
         cells += [str(row.dofs), *seconds, check, str(row.iterations)]
-        lines.append(f"{start} {row.name} | {' | '.join(cells)} |")
+        lines.append(f"{start} {row.model} | {' | '.join(cells)} |")
         if row.model == FULL.name:
             left = " | ".join(f"{percent(row.mesh[name])} |" for name in QUANTITIES)
             lines.append(f"{start} error of the mesh | {left} |" + " |" * 7)
@@ -74,29 +73,6 @@ def summary(rows: list[Row]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def hierarchy_pairs(rows: list[Row]) -> Iterator[tuple[Row, Row]]:
-    """The automatic choices, each with the full model."""
-    full = {(r.scene, r.load): r for r in rows if r.model == FULL.name}
-    for row in rows:
-        if row.ended:
-            yield row, full[row.scene, row.load]
-
-
-def hierarchy_table(rows: list[Row]) -> str:
-    """Final models of automatic choices, and their cost relative to the full model, with set-up."""
-    lines = [
-        "| problem | load | the hierarchy ended on | error, energy norm | s | straight to the full "
-        "model | part |",
-        "|---|---:|---|" + "---:|" * 4,
-    ]
-    for row, full in hierarchy_pairs(rows):
-        mine, theirs = row.setup + row.seconds, full.setup + row.against
-        cells = [row.scene, f"{row.load:g}", row.ended, f"{percent(row.true[ENERGY])} %"]
-        cells += [f"{mine:.2f}", f"{theirs:.2f}", f"{mine / theirs:.2f}"]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
-
-
 def report(rows: list[Row]) -> str:
     """All tables."""
     return "\n".join(
@@ -104,9 +80,6 @@ def report(rows: list[Row]) -> str:
             "# Simpler models: all numbers\n",
             "Errors and estimates in percent; seconds of the processor.\n",
             summary(rows),
-            f"The hierarchy allows {100 * TOLERANCE:g} % in the norm of energy, or the error of "
-            "the mesh; seconds with set-up, medians of runs in turns.\n",
-            hierarchy_table(rows),
             table(rows),
         ]
     )

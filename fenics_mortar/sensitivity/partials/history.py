@@ -33,8 +33,9 @@ from fenics_mortar.contact.slip import Partners, rotation_derivative
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.facing import nearest_facets
 from fenics_mortar.interface.integrals import share_of
-from fenics_mortar.interface.mortar import EXACT, Block, MortarOperators, minus_offset
+from fenics_mortar.interface.linearization import EXACT, Block
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
+from fenics_mortar.interface.plane_mortar import PlaneOperators
 from fenics_mortar.sensitivity.partials.fields import off_planes, rows_by_fields, shear_derivative
 from fenics_mortar.sensitivity.partials.maps import Layout, Matrix, rows_at_nodes, through_fields
 from fenics_mortar.utils.arrays import Array, Indices
@@ -63,7 +64,7 @@ class Earlier:
         with self.at_earlier_position():  # a copy: the contact itself is unchanged
             operators, _ = copy(contact.evaluation).evaluate(u, state, EXACT)
             if state.offset.any():
-                operators = minus_offset(operators, state.offset)
+                operators = operators.minus_offset(state.offset)
             self.fields: ContactFields = type(contact.now)(contact, state, operators)
 
     @contextmanager
@@ -146,9 +147,9 @@ class _Terms:
         partners: The partners.
     """
 
-    def __init__(self, now: MortarOperators, earlier: Earlier, partners: Partners) -> None:
+    def __init__(self, now: PlaneOperators, earlier: Earlier, partners: Partners) -> None:
         self.now, self.partners = now, partners
-        self.o: MortarOperators = earlier.operators
+        self.o: PlaneOperators = earlier.operators
         self.faces = earlier.fields.covered
         o, (then, _, found) = self.o, partners.at(now)
         self.per_weight = np.where(self.faces, 1.0 / np.where(self.faces, o.weight, 1.0), 0.0)

@@ -92,35 +92,6 @@ def by_parameter(contact: Contact, name: str, response: Response) -> Matrix:
     return Matrix.dense(np.column_stack(columns))
 
 
-def by_weight(contact: Contact, name: str, response: Response) -> Matrix:
-    """Derivative of rows or memory with respect to the factor of a weight, at 1.
-
-    Collective.
-
-    Args:
-        contact: The contact, evaluated.
-        name: "c_n", or "stiffness" k, which is also a weight of the rows of closed gaps and the
-            stiffness of redundant sticks.
-        response: ``change_of_rows`` or ``change_of_memory``.
-
-    Returns:
-        One column; rows as for ``by_parameter``.
-
-    Raises:
-        ValueError: On all ranks, if the law cannot be differentiated.
-    """
-    f, law, one = contact.now, contact.pair.law, np.array(1.0)
-    weight = getattr(_arguments(f), name).astype(complex)
-    change = response(contact, name, one, one, lambda factor: (law, {name: factor * weight}))
-    if name == "stiffness" and response is change_of_rows:
-        normal, _, along, _, *closing = contact.rows.frame()
-        elastic = np.where(f.state.redundant, -f.nodal.stiffness * f.slip, 0.0)
-        change = change + normal * f.operators.gap[:, None] - along * elastic[:, None]
-        for scaled, row in zip(closing, f.law_rows[2:], strict=True):
-            change -= scaled * row.residual[:, None]
-    return Matrix.dense(change.reshape(-1, 1))
-
-
 @dataclass(frozen=True)
 class PairMemory:
     """Derivatives of the memory of a law at the end of a step, and with respect to that before.
@@ -244,11 +215,7 @@ def _residuals(f: ContactFields, law: Law, changes: Mapping[str, Any]) -> Array:
 
 
 def differentiate(
-    what: str,
-    value: Array,
-    direction: Array,
-    function: Callable[[Any], Array],
-    terms: Any = 0.0,
+    what: str, value: Array, direction: Array, function: Callable[[Any], Array], terms: Any = 0.0
 ) -> Array:
     """Derivative by complex step, compared with difference quotients (local).
 

@@ -18,8 +18,8 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.interface.mortar import Block
-from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.interface.curve_surface import Curve
+from fenics_mortar.interface.linearization import Block
 from fenics_mortar.utils.arrays import Array, Indices
 
 NO_BLOCK = Block(np.empty((0, 1), np.int64), np.empty((0, 1), np.int64), np.empty((0, 1, 1)))
@@ -103,10 +103,7 @@ class Layout:
         return assembled(placed, (count, self.size), self._sides[0].comm)
 
     def nodal(
-        self,
-        blocks: Iterable[Block],
-        by_z: Array | None = None,
-        by_motion: Array | None = None,
+        self, blocks: Iterable[Block], by_z: Array | None = None, by_motion: Array | None = None
     ) -> Matrix:
         """Derivative of values of the slave nodes, shape (slave nodes, size) (collective).
 
@@ -184,7 +181,7 @@ def through_fields(by: Mapping[str, Array], changes: Changes) -> Matrix:
     return assembled(blocks, (count * n, change.shape[1]))
 
 
-def rows_at_nodes(slave: Surface, columns: Indices, values: Array) -> Block:
+def rows_at_nodes(slave: Curve, columns: Indices, values: Array) -> Block:
     """Block with one row per slave node, of the nodes owned by this rank (local).
 
     Args:

@@ -6,24 +6,25 @@ releases work if their interface agrees. Docstrings name the release of each cha
 this package, not its modules.
 """
 
-from fenics_mortar.utils.compat.assembly import (
+from fenics_mortar.utils.compat.forms import (
+    Rule,
     assemble_matrix,
     assemble_vector,
     condition_numbers,
+    create_expression,
     create_matrix,
     create_vector,
+    domain_of,
+    evaluate_expression,
     form,
+    interpolate_expression,
     local_sums,
     petsc_vec,
     prescribed_value,
+    quadrature_points,
+    quadrature_rules,
     set_prescribed,
-)
-from fenics_mortar.utils.compat.compiler import quiet_compiler
-from fenics_mortar.utils.compat.expressions import (
-    create_expression,
-    domain_of,
-    evaluate_expression,
-    interpolate_expression,
+    subdomain_cells,
 )
 from fenics_mortar.utils.compat.libraries import (
     cure_of_gmsh,
@@ -31,73 +32,22 @@ from fenics_mortar.utils.compat.libraries import (
     missing_gmsh,
     option_is_used,
     petsc_has,
+    quiet_compiler,
     scalar_is_complex,
 )
 from fenics_mortar.utils.compat.meshes import (
     are_tags_of,
     cell_name,
     create_mesh,
-    geometry_dofmap,
-    model_to_mesh,
-    num_corners,
-    settle_coordinate_element,
-)
-from fenics_mortar.utils.compat.quadrature import (
-    Rule,
-    quadrature_points,
-    quadrature_rules,
-    subdomain_cells,
-)
-from fenics_mortar.utils.compat.spaces import (
     dofmap,
+    geometry_dofmap,
     is_part_of,
     is_sub_space,
     mixed_space,
+    num_corners,
     quadrature_degree,
     quadrature_space,
     scalar_space,
+    settle_coordinate_element,
     vector_space,
 )
-
-__all__ = [
-    "Rule",
-    "are_tags_of",
-    "assemble_matrix",
-    "assemble_vector",
-    "cell_name",
-    "condition_numbers",
-    "create_expression",
-    "create_matrix",
-    "create_mesh",
-    "create_vector",
-    "cure_of_gmsh",
-    "dofmap",
-    "domain_of",
-    "evaluate_expression",
-    "form",
-    "geometry_dofmap",
-    "gmsh_is_initialized",
-    "interpolate_expression",
-    "is_part_of",
-    "is_sub_space",
-    "local_sums",
-    "missing_gmsh",
-    "mixed_space",
-    "model_to_mesh",
-    "num_corners",
-    "option_is_used",
-    "petsc_has",
-    "petsc_vec",
-    "prescribed_value",
-    "quadrature_degree",
-    "quadrature_points",
-    "quadrature_rules",
-    "quadrature_space",
-    "quiet_compiler",
-    "scalar_is_complex",
-    "scalar_space",
-    "set_prescribed",
-    "settle_coordinate_element",
-    "subdomain_cells",
-    "vector_space",
-]

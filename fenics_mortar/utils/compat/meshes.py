@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Meshes and their geometry."""
+"""Meshes and function spaces."""
 
 from __future__ import annotations
 
@@ -13,13 +13,20 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.utils.compat.compiler import quiet_compiler
+from fenics_mortar.utils.arguments import check_kind, check_number
+from fenics_mortar.utils.compat.libraries import quiet_compiler
+
+# Number of vertices of the cells.
+CORNERS = {"triangle": 3, "quadrilateral": 4, "tetrahedron": 4, "hexahedron": 8}
+# Dimensions of the cells of solids; others belong to the plane.
+DIMENSIONS = {"tetrahedron": 3, "hexahedron": 3}
 
 
 def cell_name(mesh: dmesh.Mesh) -> str:
-    """Return ``"triangle"`` or ``"quadrilateral"``.
+    """Return ``"triangle"``, ``"quadrilateral"``, ``"tetrahedron"`` or ``"hexahedron"``.
 
     ``mesh.ufl_cell().cellname`` became a property in 0.10; the enumeration did not change.
     """
@@ -27,15 +34,15 @@ def cell_name(mesh: dmesh.Mesh) -> str:
 
 
 def num_corners(mesh: dmesh.Mesh) -> int:
-    """Return the number of vertices of a cell, 3 or 4."""
-    return {"triangle": 3, "quadrilateral": 4}[cell_name(mesh)]
+    """Return the number of vertices of a cell, 3 or 4 in the plane, 4 or 8 in space."""
+    return CORNERS[cell_name(mesh)]
 
 
 @quiet_compiler()
 def create_mesh(
     comm: MPI.Comm, cells: npt.ArrayLike, x: npt.ArrayLike, cell_name: str, degree: int = 1
 ) -> dmesh.Mesh:
-    """Create a plane mesh from arrays (collective).
+    """Create a mesh of the plane or of space from arrays (collective).
 
     ``ufl.VectorElement`` was replaced by ``basix.ufl.element``, and in 0.10 element and ``x`` were
     exchanged.
@@ -44,42 +51,20 @@ def create_mesh(
         comm: Communicator of the mesh.
         cells: Global numbers of the nodes in basix order, shape (num_cells, nodes per cell); each
             rank passes its part, possibly of shape (0, nodes per cell).
-        x: Coordinates of this rank's part of the nodes, shape (num_nodes, 2) [length]; the parts
+        x: Coordinates of this rank's part of the nodes, shape (num_nodes, dim) [length]; the parts
             are numbered one rank after the other.
-        cell_name: ``"triangle"`` or ``"quadrilateral"``.
+        cell_name: ``"triangle"``, ``"quadrilateral"``, ``"tetrahedron"`` or ``"hexahedron"``.
         degree: Degree of the geometry.
     """
     cells = np.ascontiguousarray(cells, dtype=np.int64)
-    x = np.ascontiguousarray(x, dtype=np.float64).reshape(-1, 2)
+    dim = DIMENSIONS.get(cell_name, 2)
+    x = np.ascontiguousarray(x, dtype=np.float64).reshape(-1, dim)
     if hasattr(ufl, "VectorElement"):
         element = ufl.VectorElement("Lagrange", cell_name, degree)
         return dmesh.create_mesh(comm, cells, x, ufl.Mesh(element))
     basix_ufl = importlib.import_module("basix.ufl")
-    element = basix_ufl.element("Lagrange", cell_name, degree, shape=(2,))
+    element = basix_ufl.element("Lagrange", cell_name, degree, shape=(dim,))
     return dmesh.create_mesh(comm, cells, x=x, e=ufl.Mesh(element))
-
-
-@quiet_compiler()
-def model_to_mesh(
-    model: Any, comm: MPI.Comm, rank: int = 0
-) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags]:
-    """Make mesh, cell tags and facet tags of the plane gmsh model on rank ``rank`` (collective).
-
-    ``io.gmshio`` became ``io.gmsh`` in 0.10 and its triple a tuple with names, in which tags can be
-    missing; empty tags are returned in this case. With 0.5 the mesh has ghost cells.
-
-    Args:
-        model: The module ``gmsh.model`` on rank ``rank``, any object on the others.
-        comm: Communicator of the mesh.
-        rank: Rank with the model.
-    """
-    new = importlib.util.find_spec("dolfinx.io.gmsh") is not None
-    gmshio = importlib.import_module("dolfinx.io.gmsh" if new else "dolfinx.io.gmshio")
-    mesh, *tags = gmshio.model_to_mesh(model, comm, rank, gdim=2)[:3]
-    mesh.topology.create_entities(1)
-    none = np.empty(0, dtype=np.int32)
-    tags = [dmesh.meshtags(mesh, d, none, none) if t is None else t for d, t in zip((2, 1), tags)]
-    return mesh, tags[0], tags[1]
 
 
 def geometry_dofmap(mesh: dmesh.Mesh) -> npt.NDArray[np.int32]:
@@ -127,3 +112,144 @@ def settle_coordinate_element(mesh: dmesh.Mesh) -> None:
             element.family(), element.cell(), degree, rule, variant="equispaced"
         )
         domain._ufl_coordinate_element = ufl.VectorElement(scalar)
+
+
+@quiet_compiler()
+def scalar_space(mesh: dmesh.Mesh, degree: int, family: str = "Lagrange") -> fem.FunctionSpace:
+    """Create a space of scalar functions, as for a temperature solved for alone (collective).
+
+    Args:
+        mesh: The mesh, such as ``data.mesh``.
+        degree: Polynomial degree.
+        family: Family of elements, "Lagrange" or "DG", for example.
+
+    Raises:
+        ValueError: If ``mesh`` or ``degree`` is not valid.
+    """
+    # ``fem.FunctionSpace(mesh, element)`` became ``fem.functionspace`` in 0.7.
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
+    expected = "a whole number, at least 0"
+    check_number("degree", degree, expected, lambda number: number >= 0, whole=True)
+    create = fem.functionspace if hasattr(fem, "functionspace") else fem.FunctionSpace
+    return create(mesh, (family, degree))
+
+
+@quiet_compiler()
+def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
+    """Create the Lagrange space of vectors, as for a displacement (collective).
+
+    Args:
+        mesh: The mesh, such as ``data.mesh``.
+        degree: 1 or 2 for contact. On curved cells of order 2 take 2.
+
+    Raises:
+        ValueError: If ``mesh`` or ``degree`` is not valid.
+    """
+    # ``VectorFunctionSpace`` was removed in 0.8; the shape went into the element.
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
+    expected = "a whole number, at least 1"
+    check_number("degree", degree, expected, lambda number: number >= 1, whole=True)
+    if hasattr(fem, "functionspace"):
+        return fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
+    return fem.VectorFunctionSpace(mesh, ("Lagrange", degree))
+
+
+@quiet_compiler()
+def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
+    """Create a space of several unknowns (collective).
+
+    Args:
+        mesh: The mesh.
+        parts: Family, degree and, for vectors and tensors, the shape of each unknown. One of them
+            is the displacement, ``("Lagrange", 2, (2,))`` for example;
+            ``ContactProblem(displacement=i)`` if it is not the first.
+
+    Raises:
+        ValueError: If ``mesh`` is not a mesh or no part is given.
+
+    Example:
+        Taylor-Hood displacement and pressure for incompressible bodies, with the shear modulus 1:
+
+        >>> from mpi4py import MPI
+        >>> from fenics_mortar.energies import mixed_neo_hookean
+        >>> mesh = dmesh.create_unit_square(MPI.COMM_WORLD, 2, 2)
+        >>> W = mixed_space(mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
+        >>> w = fem.Function(W)
+        >>> energy = mixed_neo_hookean(*ufl.split(w), mu=1.0)
+        >>> residual = ufl.derivative(energy * ufl.dx(degree=4), w)
+
+        Supports belong to the sub-space of the displacement, ``fm.dirichlet(W.sub(0), ...)``, and
+        the problem is created with the whole function: ``fm.ContactProblem(residual, w, ...)``.
+    """
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
+    if not parts:
+        raise ValueError("expected parts: each a family, a degree and, for vectors, the shape")
+    if hasattr(ufl, "MixedElement"):
+        elements = [_element(mesh.ufl_cell(), *part) for part in parts]
+        return fem.FunctionSpace(mesh, ufl.MixedElement(*elements))
+    basix_ufl = importlib.import_module("basix.ufl")
+    elements = [
+        basix_ufl.element(family, cell_name(mesh), degree, shape=shape[0] if shape else None)
+        for family, degree, *shape in parts
+    ]
+    return fem.functionspace(mesh, basix_ufl.mixed_element(elements))
+
+
+def _element(cell: Any, family: str, degree: int, shape: tuple[int, ...] = ()) -> Any:
+    """Element of UFL until 2022, for values of a shape."""
+    if not shape:
+        return ufl.FiniteElement(family, cell, degree)
+    if len(shape) == 1:
+        return ufl.VectorElement(family, cell, degree, dim=shape[0])
+    return ufl.TensorElement(family, cell, degree, shape=tuple(shape))
+
+
+def is_part_of(V: fem.FunctionSpace, part: Any) -> bool:
+    """Whether the space ``part`` is ``V`` or a component of it (local).
+
+    Until 0.6 Python's space is the C++ space; conditions refer to one or the other.
+    """
+    outer, inner = (getattr(space, "_cpp_object", space) for space in (V, part))
+    return outer.contains(inner)
+
+
+@quiet_compiler()
+def quadrature_space(mesh: dmesh.Mesh, degree: int, shape: tuple[int, ...]) -> fem.FunctionSpace:
+    """Create the space of values at the quadrature points of a degree (collective).
+
+    Elements of UFL were replaced by those of ``basix.ufl`` in 0.7.
+    """
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
+    if hasattr(ufl, "MixedElement"):
+        kind = (ufl.FiniteElement, ufl.VectorElement, ufl.TensorElement)[len(shape)]
+        size = {"dim": shape[0]} if len(shape) == 1 else {"shape": shape} if shape else {}
+        element = kind("Quadrature", mesh.ufl_cell(), degree, quad_scheme="default", **size)
+        return fem.FunctionSpace(mesh, element)
+    basix_ufl = importlib.import_module("basix.ufl")
+    element = basix_ufl.quadrature_element(cell_name(mesh), value_shape=shape, degree=degree)
+    return fem.functionspace(mesh, element)
+
+
+def quadrature_degree(function: Any) -> int | None:
+    """Degree of the quadrature points at which a function exists, ``None`` for others (local).
+
+    ``degree()`` of elements became ``embedded_superdegree`` with basix's elements, in 0.8.
+    """
+    element = function.ufl_element()
+    if "Quadrature" not in repr(element):
+        return None
+    degree = element.degree if hasattr(element, "degree") else element.embedded_superdegree
+    return int(degree() if callable(degree) else degree)
+
+
+def is_sub_space(V: fem.FunctionSpace) -> bool:
+    """Whether ``V`` is a view of a part of another space, such as ``W.sub(0)`` (local)."""
+    return len(getattr(V, "_cpp_object", V).component()) > 0
+
+
+def dofmap(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
+    """Return the blocked local dofs of all local cells, ghosts too, shape (num_cells, num_dofs).
+
+    The list became a two-dimensional array in 0.7.
+    """
+    return as_table(V.dofmap.list, V.dofmap.dof_layout)

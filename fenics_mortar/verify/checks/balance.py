@@ -1,9 +1,15 @@
 # SPDX-License-Identifier: MIT
-"""Balance of forces and moments of bodies and obstacles, and of the two sides of a pair."""
+"""Balance of forces and moments of bodies, obstacles and pairs, and of fluxes across contact.
+
+**Balance of the fluxes of scalar fields across contact: loads of both sides and sources.** The sum
+of all loads on the slave's and the master's dofs is that of the source, since D and M reproduce
+constants.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from mpi4py import MPI
 
@@ -15,10 +21,8 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.ranks import sum_over_ranks
-from fenics_mortar.utils.rounding import ROUNDING
-from fenics_mortar.verify.finding import Finding
-from fenics_mortar.verify.limits import LIMITS
-from fenics_mortar.verify.measured import Measured
+from fenics_mortar.utils.rounding import ROUNDING, TINY
+from fenics_mortar.verify.finding import LIMITS, Finding, Measured
 
 
 def balance_of_bodies(
@@ -26,7 +30,8 @@ def balance_of_bodies(
 ) -> float:
     """Largest relative sum of reactions, loads and contact forces of a body or obstacle [1].
 
-    Collective. With axisymmetry only axial forces are summed: hoop stresses balance radial forces.
+    Collective. In space the sums of their moments are included, over the radius of the body. With
+    axisymmetry only axial forces are summed: hoop stresses balance radial forces.
 
     Internal forces sum to zero, so the sum of r over a body is minus the load applied to it; the
     reaction at a prescribed dof is the remainder of r and contact forces.
@@ -51,6 +56,8 @@ def balance_of_bodies(
     body = labels[: len(dofs)]
     num_bodies = comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1
     components = total[dofs].T[1:] if bulk.space.is_axisymmetric else total[dofs].T
+    if bulk.space.dim == 3:
+        components = np.vstack([components, _moments(bulk, total[dofs], body, num_bodies)])
     mine = [np.bincount(body, component, num_bodies) for component in components]
     defects, size = sum_over_ranks(comm, mine), comm.allreduce(float(np.abs(r[dofs]).sum()))
     motion = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
@@ -61,12 +68,35 @@ def balance_of_bodies(
     return float(defect) / positive_or_one(size + rounding)
 
 
+def _moments(bulk: Bulk, forces: Array, body: Indices, num_bodies: int) -> Array:
+    """Moments of forces (n, 3) about the centre of their body over its radius, (3, n) [force].
+
+    Collective. Levers are those at which stresses have no moment: undeformed ones of linear forms.
+    """
+    x = bulk.cells.X if bulk.is_linear else bulk.positions()
+    x = x[: len(body)]
+    rows = np.vstack([np.ones(len(x)), x.T, (x**2).sum(axis=1)])
+    sums = np.array([np.bincount(body, row, num_bodies) for row in rows])
+    count, *centre, square = sum_over_ranks(bulk.comm, sums)
+    count = np.maximum(count, 1.0)
+    centres = np.stack(centre, axis=1) / count[:, None]
+    radius = np.sqrt(np.maximum(square / count - (centres**2).sum(axis=1), TINY))
+    return np.cross((x - centres[body]) / radius[body, None], forces).T
+
+
 def of_contact(measured: Measured) -> Iterator[Finding]:
-    """Balance of a pair in contact (local)."""
-    return of_tie(measured.contact)
+    """Balance of the forces and of the fluxes of a pair in contact (collective)."""
+    yield from _of_forces(measured.contact)
+    yield from _of_fluxes(measured)
 
 
-def of_tie(contact: Interface) -> Iterator[Finding]:
+def of_tie(tie: Tie) -> Iterator[Finding]:
+    """Balance of the forces and of the fluxes of a tied pair (collective)."""
+    yield from _of_forces(tie)
+    yield from _of_tied_fields(tie)
+
+
+def _of_forces(contact: Interface) -> Iterator[Finding]:
     """Balance of the forces of both sides of a pair, in contact or tied (local).
 
     Yields:
@@ -84,18 +114,54 @@ def of_tie(contact: Interface) -> Iterator[Finding]:
     sizes = np.abs(forces)
     arms = float((sizes.max(axis=1) * np.abs(lever).max(axis=1)).sum())
     yield Finding(
-        "force",
-        "imbalance of contact forces",
+        "force", "imbalance of contact forces",
         float(np.abs(forces.sum(axis=0)).max()) / positive_or_one(float(sizes.sum())),
         limit=LIMITS.tolerance,
-    )
+    )  # fmt: skip
     yield Finding(
-        "moment",
-        "imbalance of contact moments",
-        abs(float(moments.sum())) / positive_or_one(arms),
+        "moment", "imbalance of contact moments", abs(float(moments.sum())) / positive_or_one(arms)
     )
 
 
 def positive_or_one(value: float) -> float:
     """Divisor of a ratio: ``value``, or one if it is not positive [unit of value] (local)."""
     return value if value > 0.0 else 1.0
+
+
+def _of_fluxes(measured: Any) -> Iterator[Finding]:
+    """Imbalance of each flux over the sum of its absolute loads (collective)."""
+    contact = measured.contact
+    for flux in contact.fluxes:
+        yield _stiffness(flux)
+        if contact.obstacle is not None:
+            continue  # what enters an obstacle leaves the system
+        source = float(contact.operators.weight @ flux.nodal().heating)
+        yield _imbalance(flux.law.field, np.concatenate(flux.loads()), source)
+
+
+def _stiffness(flux: Any) -> Finding:
+    """Largest conductance of a node over the conduction of the cells beside it (local)."""
+    value, field = flux.over_cells(), flux.law.field
+    return Finding(
+        f"conductance of field {field}",
+        f"conductance of field {field} over the conduction of cells", value,
+        f"the conductance of field {field} is {value:.0e} times the conduction of the cells beside "
+        "it, and digits of the flux are lost by rounding: take inf for perfect conduction",
+        limit=LIMITS.lost_conductance, remark=LIMITS.large_conductance,
+    )  # fmt: skip
+
+
+def _of_tied_fields(tie: Any) -> Iterator[Finding]:
+    """Imbalance of the flux of each tied field over the sum of its absolute loads (collective)."""
+    for field in tie.fluxes:
+        yield _imbalance(field.field, np.concatenate(field.loads()), 0.0)
+
+
+def _imbalance(field: int, loads: Array, source: float) -> Finding:
+    size = float(np.abs(loads).sum()) + abs(source)
+    imbalance = abs(float(loads.sum()) + source)
+    return Finding(
+        f"balance of field {field}",
+        f"imbalance of the flux of field {field}, over the sum of its loads",
+        imbalance / size if size > 0.0 else 0.0, limit=ROUNDING,
+    )  # fmt: skip

@@ -1,21 +1,37 @@
 # SPDX-License-Identifier: MIT
-"""Conditions of contact at the nodes: signs of forces and gaps, and their product."""
+"""Conditions of contact: at the nodes, between them, at nodes without a partner.
+
+**Nodes without a partner, of the slave and inside another body, where contact was missed.** Bodies
+of the pair alone count. Overlaps with others are crossings, with limits of their own: an elastic
+ground rises a little into a body that lies on it without a pair.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
+from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.messages import describe_search_radius
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.utils.arrays import Flags, Indices
 from fenics_mortar.utils.errors import format_point
-from fenics_mortar.verify.finding import Finding
-from fenics_mortar.verify.limits import LIMITS
-from fenics_mortar.verify.measured import Measured
+from fenics_mortar.utils.ranks import any_over_ranks
+from fenics_mortar.utils.rounding import HALF_FACET
+from fenics_mortar.verify.finding import CURVED, LIMITS, POINTS_BETWEEN, Finding, Measured
 
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
+    """Conditions at the nodes and between them, missed contact, uniqueness (collective)."""
+    yield from _between_nodes(measured)
+    yield from _at_nodes(measured)
+    yield from _without_partner(measured)
+    yield from _not_unique(measured)
+
+
+def _at_nodes(measured: Measured) -> Iterator[Finding]:
     """Tension, shear, overlap and complementarity (local).
 
     Yields:
@@ -26,46 +42,183 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
         times length.
     """
     contact, largest, limit = measured.contact, measured.largest_pressure, LIMITS.tolerance
-    excess, tension = np.abs(contact.z_tau) - measured.friction_limit, contact.now.tension
+    excess, tension = contact.now.shear_size - measured.friction_limit, contact.now.tension
     gap = contact.now.closing_gap / contact.slave.nodal_lengths
     gap[np.isnan(gap)] = 0.0  # uncovered nodes
     yield Finding(
-        "tension",
-        "tension above the adhesion / largest pressure",
-        max(float(tension.max()), 0.0) / largest,
-        limit=limit,
-    )
+        "tension", "tension above the adhesion / largest pressure",
+        max(float(tension.max()), 0.0) / largest, limit=limit,
+    )  # fmt: skip
     yield Finding(
-        "shear",
-        "shear above the friction limit / largest pressure",
+        "shear", "shear above the friction limit / largest pressure",
         max(float(excess.max()), 0.0) / max(largest, float(measured.friction_limit.max())),
         limit=limit,
-    )
+    )  # fmt: skip
     overlap, where = max(-float(gap.min()), 0.0), format_point(contact.operators.x[gap.argmin()])
     yield Finding(
-        "overlap",
-        "overlap at the nodes",
-        overlap,
+        "overlap", "overlap at the nodes", overlap,
         f"overlap {overlap:.1e} (allowed {limit:.1e}) at {where}, in facets; partners are searched "
         f"{describe_search_radius(contact)}",
-        limit=limit,
-        unit="facet lengths",
-        where=where,
-    )
+        limit=limit, unit="facet lengths", where=where,
+    )  # fmt: skip
     yield Finding(
-        "complementarity",
-        "pressure at open gaps / largest pressure",
-        float(np.abs(tension * gap).max()) / largest,
-        limit=limit,
-    )
+        "complementarity", "pressure at open gaps / largest pressure",
+        float(np.abs(tension * gap).max()) / largest, limit=limit,
+    )  # fmt: skip
 
 
 def of_tie(tie: Tie) -> Iterator[Finding]:
-    """Largest distance of the sides; a tied pair carries tension and shear (local)."""
+    """Largest distance of the sides, slave nodes without a partner (local).
+
+    A tied pair carries tension and shear.
+    """
     yield Finding(
-        "tie_distance",
-        "distance of tied sides",
-        float(np.nanmax(tie.gap / tie.slave.nodal_lengths)),
-        limit=LIMITS.tolerance,
+        "tie_distance", "distance of tied sides",
+        float(np.nanmax(tie.gap / tie.slave.nodal_lengths)), limit=LIMITS.tolerance,
         unit="facet lengths",
+    )  # fmt: skip
+    yield _uncovered(~tie.now.has_partner)
+
+
+def _between_nodes(measured: Measured) -> Iterator[Finding]:
+    """Penetration and distance of the sides between the nodes (collective).
+
+    Yields:
+        ``penetration``: largest penetration of a segment over the length of its facet, admitted by
+        the discretization between the nodes, of second order in the facet length; ``distance``:
+        smallest distance of slave and master over the facet length if a force acts.
+    """
+    smallest, where = _smallest_gap(measured.contact)
+    penetration = max(-smallest, 0.0)
+    distance = max(smallest, 0.0) if measured.contact.active.any() else 0.0
+    yield Finding(
+        "penetration", "penetration between the nodes", penetration,
+        f"penetration of {penetration:.2f} facets between the nodes, at {where}; finer facets, or "
+        f"{CURVED}, reduce it",
+        limit=LIMITS.penetration, remark=LIMITS.coarse_penetration, unit="facet lengths",
+        where=where,
+    )  # fmt: skip
+    yield Finding(
+        "distance", "distance of sides with contact forces", distance,
+        f"a force acts, but the sides are {distance:.2f} facets apart; finer facets of the slave, "
+        f"or {CURVED}, reduce the distance",
+        limit=LIMITS.penetration, remark=LIMITS.coarse_distance, unit="facet lengths",
+    )  # fmt: skip
+
+
+def _smallest_gap(contact: Contact) -> tuple[float, str]:
+    """Smallest gap over the length of its facet, inf without segments, and where (collective)."""
+    o, s = contact.operators, contact.intersections()
+    if contact.slave.dim == 3:
+        return _smallest_in_space(contact, o)
+    ends = o.x[s.slave[:, [0, -1]]]
+    gaps = o.sample_gaps(o.x + contact.now.offset[:, None] * o.n, s, POINTS_BETWEEN)
+    gaps /= np.hypot(*(ends[:, 1] - ends[:, 0]).T)[:, None]
+    smallest, where = np.inf, ""
+    if gaps.size:
+        deepest = gaps.min(axis=1).argmin()
+        smallest, where = float(gaps[deepest].min()), format_point(0.5 * ends[deepest].sum(axis=0))
+    return min(contact.slave.comm.allgather((smallest, where)))
+
+
+def _smallest_in_space(contact: Contact, o: Any) -> tuple[float, str]:
+    """As ``_smallest_gap``, at corners and points of parts of facets (collective)."""
+    gaps, at = o.smallest_gaps(contact.now.offset)
+    gaps = gaps / contact.slave.facet_sizes[o.segments.facets[o.segments.owner]]
+    smallest, where = np.inf, ""
+    if np.isfinite(gaps).any():
+        deepest = int(gaps.argmin())
+        smallest, where = float(gaps[deepest]), format_point(at[deepest])
+    return min(contact.slave.comm.allgather((smallest, where)))
+
+
+def _without_partner(measured: Measured) -> Iterator[Finding]:
+    """Number of nodes inside another body without a partner in any pair, and of slave nodes."""
+    contact = measured.contact
+    yield _missed(contact, _count_missed(measured))
+    yield _uncovered(contact.multiplier_nodes & ~contact.covered)
+
+
+def _missed(contact: Contact, missed: int) -> Finding:
+    return Finding(
+        "missed_nodes", "nodes inside another body without a partner", missed,
+        f"{missed} nodes are inside another body and have no partner: contact was missed, since "
+        f"partners are searched {describe_search_radius(contact)}; take smaller steps or a larger "
+        "search_radius",
+        limit=0,
+    )  # fmt: skip
+
+
+def _uncovered(nodes: Flags) -> Finding:
+    return Finding("uncovered", "slave nodes without a partner", int(nodes.sum()))
+
+
+def paired_nodes(contact: Contact | Tie) -> Indices:
+    """Global numbers of the nodes of both surfaces that have a partner, (n,) (collective)."""
+    paired = np.zeros(contact.master.num_nodes, bool)
+    paired[contact.intersections().master.ravel()] = True
+    paired = any_over_ranks(contact.slave.comm, paired)
+    return np.concatenate(
+        [contact.slave.nodes[contact.now.has_partner], contact.master.nodes[paired]]
     )
+
+
+def _count_missed(measured: Measured) -> int:
+    """Count nodes of both surfaces inside a body of the pair, or the obstacle (collective).
+
+    A node with a partner in any pair is no missed contact.
+    """
+    contact, bulk, paired = measured.contact, measured.bulk, measured.paired
+    found = 0
+    if measured.inside is not None:
+        nodes = np.unique(np.concatenate([contact.slave.nodes, contact.master.nodes]))
+        found += int((_among(nodes, measured.inside) & ~_among(nodes, paired)).sum())
+    else:
+        o, labels = contact.operators, measured.labels
+        mine = bulk.space.spread(labels)
+        sides = (contact.slave, o.x), (contact.master, o.m)
+        own = [side.gather(mine)[:, 0] for side, _ in sides]
+        labels = np.where(np.isin(labels, np.unique(np.concatenate(own))), labels, -1)
+        for (surface, x), of_surface in zip(sides, own, strict=True):
+            alone = ~_among(surface.nodes, paired)
+            inside = bulk.cells.inside_other_body(
+                bulk.positions(), x[alone], of_surface[alone], labels
+            )
+            found += int(inside.sum())
+    if contact.obstacle is not None:
+        phi = contact.on_obstacle.phi - contact.now.offset
+        deep = phi < -HALF_FACET * contact.slave.nodal_lengths
+        found += int((deep & ~_among(contact.slave.nodes, paired)).sum())
+    return found
+
+
+def _among(nodes: Indices, ascending: Indices) -> Flags:
+    """Whether ``nodes`` (n,) are among the numbers ``ascending`` (m,), shape (n,), bool (local)."""
+    if not ascending.size:
+        return np.zeros(nodes.size, bool)
+    at = np.minimum(np.searchsorted(ascending, nodes), ascending.size - 1)
+    return np.asarray(ascending[at] == nodes)
+
+
+def _not_unique(measured: Measured) -> Iterator[Finding]:
+    """Number of redundant sticks, and of nodes just beside the end of the master (local).
+
+    See ``redundancy``. Beside the end the cover is close to the threshold of a multiplier.
+    """
+    contact = measured.contact
+    x, count, undecided = contact.operators.x, int(contact.redundant.sum()), contact.undecided
+    where = format_point(x[contact.redundant.argmax()])
+    yield Finding(
+        "redundant", "sticking nodes that other pairs fix as well", count,
+        f"{count} sticking nodes are constrained by other pairs as well, one at {where}: their "
+        "shear is not unique; it is as close as possible to that of the last state",
+        remark=0, where=where if count else "",
+    )  # fmt: skip
+    where = " and ".join(map(format_point, x[undecided]))
+    yield Finding(
+        "undecided", "nodes just beside the end of the master", len(x[undecided]),
+        f"the master ends just beside the node at {where}, where the multiplier is handed over to "
+        "or from the neighbouring node: there may be two solutions, with and without it; other "
+        "steps may lead to the other one",
+        remark=0, where=where,
+    )  # fmt: skip

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Errors of the contact direction at corners.
+"""Errors at corners of both sides, where an obstacle is sharp, and at clamped ends.
 
 The force on a corner of the slave acts along its averaged normal, not along the normal of the
 smooth surface on which it presses. The error has the effect of friction and is compared with the
@@ -7,6 +7,19 @@ friction. With the smooth surface as slave the direction is correct, but the pos
 corner between two slave nodes is uncertain by up to a tenth of the facet. Relative to the facet
 length, neither error decreases with refinement. Both are detected by normals of the two sides that
 are not opposite.
+
+**Errors of the contact direction where an obstacle is sharper than the facets of the slave.** The
+force on a slave node acts along the normal of the obstacle at its nearest point. Where a corner of
+the obstacle presses between two nodes of a flat surface, the forces on both act along the sides of
+the corner: they compress the facet and support the body sideways. The correct direction is that of
+the facets, between the normals of the facets at the node.
+
+**Pressure beside clamped slave nodes.** A clamped slave node carries no multiplier; its neighbours
+carry its force. If a body presses on the very end of a clamped surface, its whole force acts on
+that neighbour, which can move: the force is far too small on any mesh. This is detected by a
+pressure peak at the neighbour. A node on the axis of revolution without a weight, of quadratic
+facets, is not clamped: only its radial component is prescribed, and pressures below a tip are large
+there.
 """
 
 from __future__ import annotations
@@ -21,9 +34,9 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import agreed, any_over_ranks, sum_over_ranks
 from fenics_mortar.verify.checks.balance import positive_or_one
-from fenics_mortar.verify.finding import INFINITE, Finding
-from fenics_mortar.verify.limits import LIMITS
-from fenics_mortar.verify.measured import Measured
+from fenics_mortar.verify.finding import INFINITE, LIMITS, Finding, Measured
+
+IN_PLANE_ONLY = True
 
 # With friction, fraction of the friction above which there is a remark on forces along the surface
 # at corners [1]. Measured on wedges of 90 to 150 degrees: if the error of the ratio of shear and
@@ -34,6 +47,13 @@ AROUND_CORNER = 3
 
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
+    """Errors at corners of slave, master and obstacle, and at clamped ends (collective)."""
+    yield from _at_clamped_ends(measured)
+    yield from _of_surfaces(measured)
+    yield from _of_sharp_obstacle(measured)
+
+
+def _of_surfaces(measured: Measured) -> Iterator[Finding]:
     """Angle between the surfaces, friction, and errors at corners of the slave (collective).
 
     Yields:
@@ -60,40 +80,29 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
     known = "direction and depth are" if is_slave else "depth is"
     remedy = "take the other side as slave, round it" if is_slave else "round it"
     yield Finding(
-        "surface_angle",
-        "angle between facing surfaces",
-        angle,
+        "surface_angle", "angle between facing surfaces", angle,
         f"{angle:.0%} of the normal forces act along the master's facets, most of them at {where}: "
         f"where a corner presses, {known} accurate to a fraction of a facet only; {remedy}, or "
         "refine the facets",
-        remark=INFINITE if friction > 0.0 else LIMITS.at_corners,
-        unit="sine",
-        where=where,
-    )
+        remark=INFINITE if friction > 0.0 else LIMITS.at_corners, unit="sine", where=where,
+    )  # fmt: skip
     if not contact.pair.law.has_friction:
         return
     limit = min(LIMITS.at_corners, max(OF_FRICTION * friction, LIMITS.negligible))
     yield Finding(
-        "corner_shear",
-        "force along the surface due to corners / normal force",
-        shear,
+        "corner_shear", "force along the surface due to corners / normal force", shear,
         f"{shear:.1%} of the normal forces act along the surface, compared with a friction of "
         f"{friction:.2g}: a corner of the slave presses at {where}, along its averaged normal; "
         f"{measured.other_roles}round the corner",
-        remark=limit if friction > 0.0 else INFINITE,
-        where=where,
-    )
+        remark=limit if friction > 0.0 else INFINITE, where=where,
+    )  # fmt: skip
     yield Finding(
-        "excess_shear",
-        "shear of sticking corners above the friction limit / that limit",
-        excess,
+        "excess_shear", "shear of sticking corners above the friction limit / that limit", excess,
         f"a corner of the slave sticks at {sticks_at}, but the shear along '{contact.master.name}' "
         f"is {excess:.1%} above the friction limit: the direction of the force on a corner, that "
         f"of its averaged normal, is not resolved; {measured.other_roles}round the corner",
-        limit=LIMITS.at_corners,
-        remark=OF_FRICTION,
-        where=sticks_at,
-    )
+        limit=LIMITS.at_corners, remark=OF_FRICTION, where=sticks_at,
+    )  # fmt: skip
 
 
 def _forces_along_master(contact: Contact, pressure: Array) -> tuple[Array, Array]:
@@ -248,3 +257,66 @@ def runs_of(contact: Contact, active: Flags | None = None) -> Indices:
     for _ in range(active.size.bit_length()):
         least, back = np.minimum(least, least[back]), back[back]
     return least[back]  # that of the first node, or of a whole closed curve
+
+
+def _of_sharp_obstacle(measured: Measured) -> Iterator[Finding]:
+    """Fraction of an obstacle's normal forces along the slave's facets (local)."""
+    contact = measured.contact
+    if contact.obstacle is None:
+        return
+    o = contact.operators
+    forces = np.abs(np.einsum("jc,jc->j", contact.now.forces[0], o.n))
+    before, after = facet_angles(contact)
+    off = np.maximum(np.minimum(before, after), -np.maximum(before, after))
+    along = forces * np.sin(np.clip(off, 0.0, 0.5 * np.pi))
+    part = float(along.sum()) / positive_or_one(float(forces.sum()))
+    where = format_point(o.x[along.argmax()])
+    yield Finding(
+        "obstacle_angle", "angle between obstacle and facets", part,
+        f"{part:.0%} of the normal forces act along the facets of the slave, most of them at "
+        f"{where}, where the obstacle is sharper than they are: refine the facets there, or round "
+        "the obstacle",
+        remark=LIMITS.at_corners, unit="sine", where=where,
+    )  # fmt: skip
+
+
+# Ratio of the pressure beside clamped slave nodes to that of the next nodes above which there is a
+# remark [1].
+END_PRESSURE = 2.0
+
+
+def _at_clamped_ends(measured: Measured) -> Iterator[Finding]:
+    """Largest ratio of the pressure beside a clamped slave node to that of the next nodes."""
+    ratio, where = end_pressure(measured.contact, measured.pressure)
+    yield Finding(
+        "end_pressure", "pressure beside a clamped slave node / that farther away", ratio,
+        f"a body presses on a clamped slave node, at {where}, which carries no multiplier: the "
+        "force may be far too small; take the other body as slave",
+        remark=END_PRESSURE, where=where,
+    )  # fmt: skip
+
+
+def end_pressure(contact: Contact, pressure: Array) -> tuple[float, str]:
+    """Largest ratio [1], and the position of the clamped node; 0 and "" without one (local).
+
+    Args:
+        contact: The pair.
+        pressure: Normal multipliers, shape (slave nodes,) [stress].
+    """
+    slave, degree = contact.slave, contact.slave.degree
+    on_axis = slave.weightless & (contact.free == 1.0).any(axis=1)
+    prescribed = (contact.free == 0.0).any(axis=1) & ~contact.may_carry & ~on_axis
+    if not prescribed.any():
+        return 0.0, ""
+    around = slave.along(np.flatnonzero(prescribed), range(-3 * degree, 3 * degree + 1))
+    there = np.where(around >= 0, pressure[around], 0.0)
+    beside = there[:, 2 * degree : 4 * degree + 1].max(axis=1, initial=0.0)
+    there[:, 2 * degree : 4 * degree + 1] = 0.0
+    counts = beside > LIMITS.at_corners * pressure.max(initial=0.0)
+    beside = np.where(counts, beside, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.nan_to_num(beside / there.max(axis=1, initial=0.0), posinf=np.inf)
+    if not ratio.any():
+        return 0.0, ""
+    where = contact.operators.x[np.flatnonzero(prescribed)[ratio.argmax()]]
+    return float(ratio.max()), format_point(where)

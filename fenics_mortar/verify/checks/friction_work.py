@@ -25,9 +25,9 @@ from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import TINY
-from fenics_mortar.verify.finding import Finding
-from fenics_mortar.verify.limits import LIMITS
-from fenics_mortar.verify.measured import Measured
+from fenics_mortar.verify.finding import LIMITS, Finding, Measured
+
+IN_PLANE_ONLY = True
 
 # Difference between the work of friction by slip and by motions, over shear forces times motions,
 # above which there is a remark [1]. In ironing with long steps, where nodes turn and stretch, it is
@@ -58,26 +58,23 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
     contact, law = measured.contact, measured.contact.pair.law
     if not (law.has_friction or law.needs_nodal_state):
         return
-    work, (rotation, where) = _difference_of_work(contact), _uncertain_rotation(contact)
+    yield from findings(_difference_of_work(contact), *_uncertain_rotation(contact))
+
+
+def findings(work: float, rotation: float, where: str) -> Iterator[Finding]:
+    """Findings of a difference of work [1] and an uncertain rotation [radian] there (local)."""
     degrees = float(np.degrees(rotation))
     yield Finding(
-        "friction_work",
-        "work of friction by slip and by motions: difference",
-        work,
+        "friction_work", "work of friction by slip and by motions: difference", work,
         f"the work of friction by slip differs by {work:.0%} from that of the motions of nodes and "
         "obstacle in the step: slip is not resolved; take smaller steps or finer facets",
         remark=FRICTION_WORK,
-    )
+    )  # fmt: skip
     yield Finding(
-        "rotation",
-        "rotation in the step whose direction is uncertain",
-        degrees,
-        _on_rotation(degrees, where),
-        limit=float(np.degrees(MAX_ROTATION)),
-        remark=float(np.degrees(LIMITS.two_ways)),
-        unit="degrees",
-        where=where,
-    )
+        "rotation", "rotation in the step whose direction is uncertain", degrees,
+        _on_rotation(degrees, where), limit=float(np.degrees(MAX_ROTATION)),
+        remark=float(np.degrees(LIMITS.two_ways)), unit="degrees", where=where,
+    )  # fmt: skip
 
 
 def _on_rotation(degrees: float, where: str) -> str:

@@ -14,14 +14,11 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.obstacles.obstacle import Obstacle, SignedDistance
-from fenics_mortar.obstacles.shape_change import DIFFERENCE
+from fenics_mortar.obstacles.obstacle import DIFFERENCE, Obstacle, SignedDistance
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import MortarError, call_together, format_point
 from fenics_mortar.utils.rounding import TINY
-from fenics_mortar.verify.finding import Finding
-from fenics_mortar.verify.limits import LIMITS
-from fenics_mortar.verify.measured import Measured
+from fenics_mortar.verify.finding import LIMITS, Finding, Measured
 
 # Largest admissible sine of the angle between a user's gradient and difference quotients [1],
 # slightly below the error of forces along averaged normals.
@@ -34,18 +31,13 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
         return
     error, where = gradient_error(measured.contact)
     yield Finding(
-        "obstacle_gradient",
-        "error of the gradient of the obstacle's distance",
-        error,
+        "obstacle_gradient", "error of the gradient of the obstacle's distance", error,
         "the gradient of the obstacle's distance is turned by "
         f"{np.degrees(np.arcsin(min(error, 1.0))):.1f} degrees from difference quotients at "
         f"{where}, and so is the direction of the contact forces; correct the function of the "
         "obstacle",
-        limit=WRONG_GRADIENT,
-        remark=LIMITS.negligible,
-        unit="sine",
-        where=where,
-    )
+        limit=WRONG_GRADIENT, remark=LIMITS.negligible, unit="sine", where=where,
+    )  # fmt: skip
 
 
 def gradient_error(contact: Contact) -> tuple[float, str]:

@@ -9,7 +9,7 @@ Regions with a corner or an end of the slave in them are left out, for these det
 a block that rests on its whole side, of any number of nodes, a punch, an edge that presses. So are
 regions between two ends of the master that are a facet apart or more, and below an obstacle with a
 radius of less than half a facet, a point support. There the pressure is singular, or does not
-matter, on each mesh; ``corners`` and ``sharp_obstacle`` judge its direction. A symmetry plane is no
+matter, on each mesh; ``corners`` judges its direction. A symmetry plane is no
 end: the region continues beyond.
 
 **Curves that do not fit.** Between nodes of two conforming curves with different straight facets
@@ -27,15 +27,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 from fenics_mortar.utils.rounding import HALF_FACET, ROUNDING
 from fenics_mortar.verify.checks.corners import facet_angles, runs_of
-from fenics_mortar.verify.finding import Finding
-from fenics_mortar.verify.limits import CURVED, LIMITS
-from fenics_mortar.verify.measured import Measured
+from fenics_mortar.verify.finding import CURVED, LIMITS, POINTS_BETWEEN, Finding, Measured
+
+IN_PLANE_ONLY = True
 
 # Number of active nodes of a region of contact, below which it is too narrow.
 FEWEST_NODES = 3
@@ -45,31 +45,24 @@ FACET_GAPS = 0.1
 # Number of facets over the width of a region that is advised: with four, pressures of a cylinder
 # are accurate to some per cent.
 FACETS_OVER_WIDTH = 4
-# Points of a segment at which the gap is measured, -1 ... 1.
-POINTS_BETWEEN = np.linspace(-1.0, 1.0, LIMITS.samples)
 
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
     """Force on regions that are too narrow, and gaps of facets that do not fit (collective)."""
     part, regions = _narrow_regions(measured.contact, measured.pressure)
     yield Finding(
-        "unresolved_force",
-        "force on regions that the facets do not resolve / normal force",
-        part,
+        "unresolved_force", "force on regions that the facets do not resolve / normal force", part,
         f"{part:.0%} of the normal forces act on regions that the mesh does not resolve: {regions}",
         remark=LIMITS.at_corners,
-    )
+    )  # fmt: skip
     gaps, where = _gaps_of_facets(measured.contact, measured.pressure)
     yield Finding(
-        "facet_gaps",
-        "gaps between nodes due to facets / approach of the bodies",
-        gaps,
+        "facet_gaps", "gaps between nodes due to facets / approach of the bodies", gaps,
         "facets of the two sides do not fit: between the nodes, most of all at "
         f"{where}, the gap is {gaps:.0%} of the approach of the bodies: forces may be far too "
         f"small, and single pressures far too large; take {CURVED}, or finer facets",
-        remark=FACET_GAPS,
-        where=where,
-    )
+        remark=FACET_GAPS, where=where,
+    )  # fmt: skip
 
 
 def _narrow_regions(contact: Contact, pressure: Array) -> tuple[float, str]:
@@ -167,7 +160,7 @@ def _is_point_support(contact: Contact, nodes: Indices, facet: float) -> bool:
     return bool(across[i, j] < 2.0 * HALF_FACET * facet * sines[i, j])
 
 
-def _turns_of(surface: Surface) -> Array:
+def _turns_of(surface: Curve) -> Array:
     """Angles between the undeformed facets at each node, 90 degrees at ends, (nodes,) [radian]."""
     X, before, after = surface.X, surface.previous, surface.following
     chords = np.stack([X - X[before], X[after] - X], axis=1)
@@ -176,7 +169,7 @@ def _turns_of(surface: Surface) -> Array:
     return np.where((before < 0) | (after < 0), 0.5 * np.pi, turns)
 
 
-def _sagittas(surface: Surface) -> Array:
+def _sagittas(surface: Curve) -> Array:
     """Sagittas of curves through the undeformed facets at each node, (nodes,) [length]."""
     turns = _turns_of(surface)
     return np.where(turns < LIMITS.sharp_corner, turns, 0.0) * surface.nodal_lengths / 8.0

@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: MIT
+"""Partners of slave nodes in space: the material points that they faced at an accepted state.
+
+Slip is the length of the way along the surface that ``space_arcs`` finds from vectors r between
+partners and nodes at that state and at present. On a surface these are
+
+    r_j = {[D_old x - M_old y]_j - [D x - M y]_j} / w_j,old,
+
+zero at that state; only changes of D and M count (Gitterle, Popp, Gee & Wall 2010). A node without
+rows at the accepted state has there the nearest point of the master as its partner, and r is the
+distance vector.
+
+On an obstacle the partner is the nearest point, and r leads from the pivot of the obstacle.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array, dia_array, eye
+
+from fenics_mortar.contact.slip import entries_of
+from fenics_mortar.contact.space_arcs import (
+    Material,
+    PastObstacle,
+    Screw,
+    inverse_jacobians,
+    past_obstacle,
+    screw,
+)
+from fenics_mortar.interface.linearization import Block
+from fenics_mortar.interface.nearest_points import nearest_points
+from fenics_mortar.interface.on_obstacle import ObstacleOperators
+from fenics_mortar.interface.space_mortar import SpaceOperators
+from fenics_mortar.obstacles.rotations import rotation_by
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+
+
+class Evaluations:
+    """Materials of a step, and slip at the positions of the last operators; not in a pickle."""
+
+    def __init__(self) -> None:
+        self._materials: list[Material] | None = None
+        self._last: tuple[weakref.ref[Any], Any] | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Nothing: what is kept is computed again (local)."""
+        return {"_materials": None, "_last": None}
+
+    def materials(
+        self,
+        weights: Sequence[csr_array],
+        surfaces: Sequence[Any],
+        starts: Sequence[Array],
+        mirrored: Sequence[Flags] | None,
+    ) -> list[Material]:
+        """``Material`` of each surface, made once; without rotations if ``mirrored`` is ``None``.
+
+        See ``Material`` for the arguments (local).
+        """
+        if self._materials is None:
+            if mirrored is None:
+                weights = [csr_array(each.shape) for each in weights]
+                mirrored = [np.zeros(x.shape, bool) for x in starts]
+            sides = zip(weights, surfaces, starts, mirrored)
+            self._materials = [Material(*side) for side in sides]
+        return self._materials
+
+    def at(self, o: Any, find: Callable[[Any], Any]) -> Any:
+        """The result of the function for operators ``o``, called once for the same ones."""
+        if self._last is None or self._last[0]() is not o:
+            self._last = weakref.ref(o), find(o)
+        return self._last[1]
+
+
+@dataclass(frozen=True)
+class SpacePartners:
+    """Partners of all slave nodes at an accepted state, equal on all ranks.
+
+    Attributes:
+        D: Weights of slave nodes, shape (slave nodes, slave nodes), rows sum to one [1].
+        M: Weights of master nodes, shape (slave nodes, master nodes), rows sum to one [1].
+        start: Distance vectors at that state of nodes without rows, shape (slave nodes, 3)
+            [length]; zero elsewhere.
+        present: Weight of the present D and M, shape (slave nodes,) [1 / area].
+        x, m: Positions at that state, shapes (nodes, 3) [length].
+        mirrored: Components of slave and master nodes across symmetry planes, shapes (nodes, 3),
+            bool; ``None`` if surfaces do not rotate, with small sliding.
+        least: See ``slip.Partners``.
+        counted: Slip of the step that is counted at that state, shape (slave nodes, 3) [length].
+        shear: Tangential part of z at that state, zero where open, (slave nodes, 3) [stress].
+        pressure: z_n at that state, zero where open, shape (slave nodes,) [stress].
+        gap: Mean gap at that state, inf at uncovered nodes, shape (slave nodes,) [length].
+    """
+
+    D: csr_array
+    M: csr_array
+    start: Array
+    present: Array
+    x: Array
+    m: Array
+    mirrored: tuple[Flags, Flags] | None
+    least: Array
+    counted: Array
+    shear: Array
+    pressure: Array
+    gap: Array
+    facing: None = None
+    found: Evaluations = field(default_factory=Evaluations, repr=False, compare=False)
+
+    def at(self, o: SpaceOperators) -> Screw:
+        """Rotations and slip since that state, without ``counted``.
+
+        Collective at the first access to ``o.vectors``.
+        """
+        return self.found.at(o, self._evaluate)
+
+    def _evaluate(self, o: SpaceOperators) -> Screw:
+        r = self.D @ o.x - self.M @ o.m - self.present[:, None] * o.vectors
+        sides = zip(self._materials(o), (o.x, o.m), strict=True)
+        return screw(np.asarray(r), self.start, *(side.turned(x) for side, x in sides))
+
+    def _materials(self, o: SpaceOperators) -> list[Material]:
+        """Materials of both sides at the nodes and at their partners."""
+        weights = csr_array(eye(len(o.x))), self.M
+        return self.found.materials(weights, (o.slave, o.master), (self.x, self.m), self.mirrored)
+
+    def slip(self, o: SpaceOperators) -> Array:
+        """Slip since that state, shape (slave nodes, 3) [length].
+
+        Collective at the first access to ``o.vectors``.
+        """
+        return self.at(o).slip + self.counted
+
+    def derivative(self, o: SpaceOperators, along: Array) -> Iterator[Block]:
+        """Blocks of along_j . ds_j of this rank, for vectors ``along`` (slave nodes, 3).
+
+        Rows are slave nodes, columns displacement dofs.
+        """
+        found = self.at(o)
+        by_vector, *by_spins = found.weights(along)
+        sides = zip((o.slave, o.master), self._entries, (1.0, -1.0), strict=True)
+        for surface, entries, sign in sides:
+            j, k, weights = entries.share(o.slave.comm)
+            values = sign * weights[:, None] * by_vector[j]
+            yield Block(j[:, None], surface.dofs[k], values[:, None])
+        yield from o.vector_derivative(-self.present[:, None] * by_vector)
+        if self.mirrored is not None and o.linearization.normals:
+            turned = zip(self._materials(o), (found.slave, found.master), by_spins, strict=True)
+            yield from (material.rows(at, spin) for material, at, spin in turned)
+
+    @cached_property
+    def _entries(self):
+        return entries_of(self.D), entries_of(self.M)
+
+    def pairs(self, o: SpaceOperators) -> tuple[Indices, Indices]:
+        """Slave nodes and the master nodes coupled to them, each (k,)."""
+        return self._materials(o)[1].pairs if self.mirrored is not None else self._entries[1][:2]
+
+
+@dataclass(frozen=True)
+class ObstaclePartners:
+    """Partners on an obstacle in space at an accepted state, equal on all ranks.
+
+    Attributes:
+        feet: The nearest points of the obstacle in its own frame, shape (slave nodes, 3) [length].
+        place: Place of the obstacle at that state, shape (6,) [length, radian].
+        x: See ``SpacePartners``, as ``m`` (0, 3), ``mirrored``, ``least`` and those that follow.
+    """
+
+    feet: Array
+    place: Array
+    x: Array
+    m: Array
+    mirrored: tuple[Flags, Flags] | None
+    least: Array
+    counted: Array
+    shear: Array
+    pressure: Array
+    gap: Array
+    facing: None = None
+    found: Evaluations = field(default_factory=Evaluations, repr=False, compare=False)
+
+    def at(self, o: ObstacleOperators) -> PastObstacle:
+        """Rotations and slip since that state, without ``counted`` (local)."""
+        return self.found.at(o, self._evaluate)
+
+    def _evaluate(self, o: ObstacleOperators) -> PastObstacle:
+        obstacle, before = o.obstacle, rotation_by(self.place[3:])
+        r, r_0 = o.x - obstacle.pivot - obstacle.place[:3], self.feet - obstacle.pivot
+        slave = self._material(o).turned(o.x)
+        return past_obstacle(r, r_0 @ before.T, slave, obstacle.turn_since(self.place))
+
+    def _material(self, o: ObstacleOperators) -> Material:
+        """The slave's material at its nodes."""
+        return self.found.materials([self.D], [o.slave], [self.x], self.mirrored)[0]
+
+    def slip(self, o: ObstacleOperators) -> Array:
+        """Vectors of slip since that state, shape (slave nodes, 3) [length]."""
+        return self.at(o).slip + self.counted
+
+    def derivative(self, o: ObstacleOperators, along: Array) -> Iterator[Block]:
+        """Blocks of along_j . ds_j of this rank, for vectors ``along`` (slave nodes, 3).
+
+        Rows are slave nodes, columns displacement dofs.
+        """
+        own, found = o.slave.owned, self.at(o)
+        by_vector, by_spin = found.weights(along)
+        yield Block(own[:, None], o.slave.dofs[own], by_vector[own][:, None])
+        if self.mirrored is not None and o.linearization.normals:
+            yield self._material(o).rows(found.slave, by_spin)
+
+    @cached_property
+    def D(self) -> csr_array:
+        """See ``SpacePartners``: each node alone."""
+        return csr_array(eye(len(self.x)))
+
+    @property
+    def M(self) -> csr_array:
+        """See ``SpacePartners``: no master nodes."""
+        return csr_array((len(self.x), 0))
+
+    def derivative_by_motions(self, o: ObstacleOperators) -> Array:
+        """Derivative of the slip by the motions of the obstacle, shape (slave nodes, 3, 6) [1]."""
+        found, turn = self.at(o), o.obstacle.turn_since(self.place)
+        spin = inverse_jacobians(turn[None])
+        return np.concatenate([-found.by_vector, found.by_relative @ spin / o.arm], axis=2)
+
+    def pairs(self, o: ObstacleOperators) -> tuple[Indices, Indices]:
+        """No master nodes, (0,) each."""
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+
+
+def find_obstacle_partners(
+    o: ObstacleOperators, least: Array, *, mirrored: tuple[Flags, Flags] | None
+) -> ObstaclePartners:
+    """Partners on an obstacle in space at the state of ``o`` (local); see ``SpacePartners``."""
+    own, none = o.obstacle.to_own_frame(o.nearest_points()), np.zeros(len(o.x))
+    place = o.obstacle.place.copy()
+    at = own, place, o.x, o.m, mirrored, least
+    return ObstaclePartners(*at, np.zeros_like(o.x), none, none, none)
+
+
+def find_space_partners(
+    o: SpaceOperators, faces: Flags, least: Array, *, mirrored: tuple[Flags, Flags] | None
+) -> SpacePartners:
+    """Partners at the state of ``o`` (collective).
+
+    Args:
+        o: Operators of the accepted state.
+        faces: Slave nodes with rows in D and M, shape (slave nodes,), bool.
+        least: See ``SpacePartners``.
+        mirrored: See ``SpacePartners``.
+    """
+    per_weight = np.where(faces, 1.0 / np.where(faces, o.weight, 1.0), 0.0)
+    scale = dia_array((per_weight[None], [0]), shape=(len(o.x),) * 2)
+    D, M = (csr_array(scale @ matrix) for matrix in o.matrices)
+    j = np.flatnonzero(~faces)
+    corners, weights = nearest_points(o.x[j], o.m, o.master)
+    at_nearest = coo_array((weights.ravel(), (np.repeat(j, 3), corners.ravel())), shape=M.shape)
+    D = csr_array(D + coo_array((np.ones(j.size), (j, j)), shape=D.shape))
+    M = csr_array(M + at_nearest)
+    start = np.where(faces[:, None], 0.0, D @ o.x - M @ o.m)
+    none = np.zeros(len(o.x))
+    at = D, M, start, per_weight, o.x, o.m, mirrored, least
+    return SpacePartners(*at, np.zeros_like(o.x), none, none, none)

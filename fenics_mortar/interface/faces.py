@@ -1,0 +1,356 @@
+# SPDX-License-Identifier: MIT
+"""Contact surfaces in space: triangles and quadrilaterals.
+
+The nodes of a facet are its corners, counter-clockwise seen from outside of the body, then those
+on its edges, and one at the centre. Nodes are numbered in the order of the mesh input, facets by
+their nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import basix
+
+from fenics_mortar.interface.surfaces import Surface, place_of_nodes
+from fenics_mortar.interface.tagged_facets import tagged_facets
+from fenics_mortar.kernels.space.normals import facets_around, find_rings
+from fenics_mortar.kernels.space.rules import QUADRATIC, triangle_rule
+from fenics_mortar.kernels.space.shapes import reference_nodes, tabulate_shapes
+from fenics_mortar.mesh.numbering import input_nodes
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.errors import SurfaceError, format_point
+
+# Nodes, corners and degree of the facets: tri3, quad4, tri6, quad9.
+CORNERS = {3: 3, 4: 4, 6: 3, 9: 4}
+DEGREES = {3: 1, 4: 1, 6: 2, 9: 2}
+# Area of a facet over the square of its longest edge [1] below which it has no normal.
+MIN_AREA = 1e-12
+
+
+@dataclass(frozen=True, kw_only=True)
+class Faces(Surface):
+    """Facets of some boundary tags in space, seen from outside; see ``Surface``.
+
+    Attributes:
+        is_open: Whether a node is on the rim of the surface, shape (n,), bool.
+    """
+
+    is_open: Flags
+    roles: Any = None
+
+    @property
+    def degree(self) -> int:
+        """See ``Surface``."""
+        return DEGREES[self.facets.shape[1]]
+
+    @cached_property
+    def inner(self) -> Flags:
+        """Whether a node is no corner of a facet, shape (n,), bool."""
+        inner = np.zeros(self.num_nodes, bool)
+        inner[self.facets[:, CORNERS[self.facets.shape[1]] :]] = True
+        return inner
+
+    @cached_property
+    def around(self) -> tuple[Indices, Indices, Indices]:
+        """Facets at each node: starts (n + 1,), their numbers and places of the node, (e,) each."""
+        return facets_around(self.facets, self.num_nodes)
+
+    @cached_property
+    def stencil(self) -> Indices:
+        """See ``Surface``."""
+        return find_rings(self.facets, self.num_nodes)
+
+    @cached_property
+    def neighbours(self) -> Indices:
+        """Other nodes of the facets at each node, ascending, -1 for none, shape (n, s)."""
+        facets, size = self.facets, self.facets.shape[1]
+        i, j = np.repeat(facets, size, axis=1).ravel(), np.tile(facets, size).ravel()
+        pairs = np.unique(np.stack([i, j])[:, i != j], axis=1)
+        return padded(pairs[0], pairs[1], self.num_nodes)
+
+    @cached_property
+    def shape_integrals(self) -> Array:
+        """Integrals of the shape functions over the undeformed facets, shape (m, K) [area]."""
+        return shape_integrals(self.X[self.facets])
+
+    @cached_property
+    def full_cover(self) -> Array:
+        """See ``Surface``; of corners of triangles with six nodes, those of linear functions."""
+        return self._on_nodes(covers(self.shape_integrals))
+
+    @cached_property
+    def weightless(self) -> Flags:
+        """See ``Surface``: none, since corners without weight carry linear functions."""
+        return np.zeros(self.num_nodes, bool)
+
+    @cached_property
+    def nodal_lengths(self) -> Array:
+        """See ``Surface``: root of the share of a node in the area of its facets."""
+        equal = np.full(self.facets.shape[1], 1.0 / self.facets.shape[1])
+        return np.sqrt(self._on_nodes(self.shape_integrals.sum(axis=1)[:, None] * equal))
+
+    @cached_property
+    def between_corners(self) -> tuple[Indices, Indices, Array]:
+        """See ``Surface``: corners of a facet by the values of linear functions, shape (k, 4)."""
+        size = self.facets.shape[1]
+        count = CORNERS[size]
+        inner = self.facets[:, count:].ravel()
+        weights = np.zeros((size - count, 4))
+        weights[:, :count] = linear_values(size)[count:]
+        ends = np.repeat(self.facets[:, [0, 1, 2, count - 1]], size - count, axis=0)
+        return inner, ends, np.tile(weights, (len(self.facets), 1))
+
+    @cached_property
+    def facet_sizes(self) -> Array:
+        """See ``Surface``: roots of areas."""
+        return np.sqrt(self.facet_areas)
+
+    @property
+    def mean_thickness(self) -> Array:
+        """See ``Surface``: an area is the product of two lengths."""
+        return self.nodal_lengths
+
+    @cached_property
+    def facet_areas(self) -> Array:
+        """Areas of the undeformed facets, shape (m,) [area]."""
+        return np.asarray(self.shape_integrals.sum(axis=1))
+
+    @cached_property
+    def distortion(self) -> float:
+        """Largest distance of the middles of a facet's diagonals over the root of its area [1].
+
+        Zero for parallelograms and triangles.
+        """
+        if CORNERS[self.facets.shape[1]] == 3 or not len(self.facets):
+            return 0.0
+        x = self.X[self.facets[:, :4]]
+        between = 0.5 * (x[:, 0] - x[:, 1] + x[:, 2] - x[:, 3])
+        return float((np.linalg.norm(between, axis=1) / self.facet_sizes).max())
+
+    def _on_nodes(self, of_facets: Array) -> Array:
+        """Sums at the nodes, (n,), of values at the nodes of facets, (m, K)."""
+        sums = np.bincount(self.facets.ravel(), of_facets.ravel(), self.num_nodes)
+        return np.asarray(sums, float)
+
+    def welded(self, welds: Indices) -> Faces:
+        """The surface itself: nodes of ties are not joined in space (local)."""
+        return self
+
+    def without_nodes(self, name: str) -> Faces:
+        """Surface without nodes, the master of a pair with an obstacle (local)."""
+        none = np.empty(0, np.int64)
+        return replace(
+            self,
+            name=name,
+            X=self.X[:0],
+            facets=self.facets[:0],
+            nodes=none,
+            owners=none,
+            owned=none,
+            is_open=none.astype(bool),
+            dofs=self.dofs[:0],
+            local_dofs=self.local_dofs[:0],
+        )
+
+
+def padded(rows: Indices, values: Indices, count: int) -> Indices:
+    """Values by rows, in order, -1 for none, shape (count, largest number of values).
+
+    ``rows`` (k,) ascend; ``values`` has the same shape.
+    """
+    starts = np.searchsorted(rows, np.arange(count + 1))
+    table = np.full((count, max(1, int(np.diff(starts).max(initial=0)))), -1)
+    table[rows, np.arange(rows.size) - starts[rows]] = values
+    return table
+
+
+def shape_integrals(x: Array) -> Array:
+    """Integrals of the shape functions over facets at ``x`` (m, K, 3), (m, K) [area] (local)."""
+    total = np.zeros(x.shape[:2])
+    for (a, b), w in zip(*_facet_rule(x.shape[1]), strict=True):
+        N = np.empty((3, x.shape[1]))
+        tabulate_shapes(a, b, N)
+        normal = np.cross(np.einsum("k,mkc->mc", N[1], x), np.einsum("k,mkc->mc", N[2], x))
+        total += w * np.linalg.norm(normal, axis=1)[:, None] * N[0]
+    return total
+
+
+def covers(integrals: Array) -> Array:
+    """Positive integrals [area] at the nodes of facets, for those of their shape functions (f, K).
+
+    At the corners of triangles with six nodes, where these are zero, those of the linear functions.
+    """
+    size = integrals.shape[1]
+    if size != 6:
+        return integrals
+    positive = integrals.copy()
+    positive[:, :3] = integrals @ linear_values(size)
+    return positive
+
+
+@cache
+def linear_values(size: int) -> Array:
+    """Values of the linear functions of the corners at a facet's nodes, (size, corners) [1]."""
+    values = np.empty((size, CORNERS[size]))
+    for node, (a, b) in enumerate(reference_nodes(size)):
+        N = np.empty((3, CORNERS[size]))
+        tabulate_shapes(a, b, N)
+        values[node] = N[0]
+    return values
+
+
+@cache
+def _facet_rule(size: int) -> tuple[Array, Array]:
+    """Points (q, 2) and weights (q,) of a reference facet with ``size`` nodes, of its triangles."""
+    bary, weights = triangle_rule(QUADRATIC)
+    corners = reference_nodes(size)[: CORNERS[size]]
+    triangles = [corners[[0, i, i + 1]] for i in range(1, len(corners) - 1)]
+    points = np.concatenate([bary @ triangle for triangle in triangles])
+    area = 0.5 if len(triangles) == 1 else 2.0
+    return points, area * np.tile(weights, len(triangles))
+
+
+def extract_faces(
+    space: DisplacementSpace, facet_tags: Any, tags: Sequence[int], name: str
+) -> Faces:
+    """Extract the facets of some tags (collective).
+
+    Args:
+        space: Nodes and dofs of the displacement, degree 1 or 2.
+        facet_tags: Facet tags of the mesh.
+        tags: Tags of the surface.
+        name: Name used in messages.
+
+    Raises:
+        SurfaceError: On all ranks, if no facet has one of the tags, if a facet is not on the
+            boundary of the mesh or has no area, or if more than two facets meet at an edge.
+    """
+    V = space.V
+    comm = V.mesh.comm
+    mine = outward_nodes(V, tagged_facets(V.mesh, facet_tags, tags, name))
+    names, x = input_nodes(V), V.tabulate_dof_coordinates()
+    local, inverse = np.unique(mine, return_inverse=True)
+    to_global = V.dofmap.index_map.local_to_global(local.astype(np.int32)).astype(np.int64)
+    parts = comm.allgather(
+        (to_global, names[local], x[local], to_global[inverse.reshape(mine.shape)])
+    )
+    numbers, keys, X, facets = (np.concatenate(part) for part in zip(*parts, strict=True))
+    if not facets.size:
+        raise SurfaceError(f"surface '{name}' has no facets")
+    numbers, first = np.unique(numbers, return_index=True)
+    order = np.lexsort(keys[first].T[::-1])
+    place = np.empty(order.size, np.int64)
+    place[order] = np.arange(order.size)
+    facets = _ordered(place[np.searchsorted(numbers, facets)])
+    nodes, X = numbers[order], X[first][order]
+    is_open = _rim(facets, X, name)
+    _check_areas(X[facets], name)
+    return Faces(name=name, X=X, facets=facets, is_open=is_open, **place_of_nodes(space, nodes))
+
+
+def outward_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
+    """Local nodes (m, K) of facets, in the order of the module (local).
+
+    Args:
+        V: Space of the displacement.
+        facets: Local facets, shape (m,).
+    """
+    topology, layout, dofmap = V.mesh.topology, V.dofmap.dof_layout, compat.dofmap(V)
+    x = V.tabulate_dof_coordinates()
+    facet_cells, cell_facets = topology.connectivity(2, 3), topology.connectivity(3, 2)
+    cells = np.array([facet_cells.links(facet)[0] for facet in facets], np.int64)
+    places = np.array(
+        [np.flatnonzero(cell_facets.links(c) == f)[0] for f, c in zip(facets, cells, strict=True)],
+        np.int64,
+    )
+    cell = basix.topology(getattr(basix.CellType, compat.cell_name(V.mesh)))
+    corners = [layout.entity_dofs(0, k)[0] for k in range(len(cell[0]))]
+    found = np.empty((facets.size, len(layout.entity_closure_dofs(2, 0))), np.int64)
+    for place in range(len(cell[2])):
+        at = np.flatnonzero(places == place)
+        nodes = dofmap[cells[at]]
+        both = [nodes[:, _dofs_of_facet(layout, cell, place, turn)] for turn in (False, True)]
+        inside = x[nodes[:, corners]].mean(axis=1)
+        count = CORNERS[found.shape[1]]
+        p = x[both[0][:, :count]]
+        normal = np.cross(p[:, 1] - p[:, 0], p[:, -1] - p[:, 0])
+        outward = np.einsum("ec,ec->e", normal, p.mean(axis=1) - inside) > 0.0
+        found[at] = np.where(outward[:, None], *both)
+    return found
+
+
+def _dofs_of_facet(layout: Any, cell: Any, facet: int, turn: bool) -> list[int]:
+    """Dofs of a facet of a cell in the order of the module, in the reverse sense if ``turn``."""
+    vertices = list(cell[2][facet])
+    if len(vertices) == 4:  # a tensor product of two intervals
+        vertices[2], vertices[3] = vertices[3], vertices[2]
+    if turn:
+        vertices = [vertices[0], *vertices[:0:-1]]
+    dofs = [layout.entity_dofs(0, vertex)[0] for vertex in vertices]
+    for a, b in zip(vertices, vertices[1:] + vertices[:1], strict=True):
+        edge = next(e for e, ends in enumerate(cell[1]) if set(ends) == {a, b})
+        dofs.extend(layout.entity_dofs(1, edge))
+    return [*dofs, *layout.entity_dofs(2, facet)]
+
+
+def _ordered(facets: Indices) -> Indices:
+    """Facets (m, K) that begin with their smallest corner, sorted."""
+    count = CORNERS[facets.shape[1]]
+    start = facets[:, :count].argmin(axis=1)
+    turn = (start[:, None] + np.arange(count)) % count
+    parts = [facets[:, :count], facets[:, count : 2 * count], facets[:, 2 * count :]]
+    parts[:2] = [np.take_along_axis(p, turn, axis=1) if p.shape[1] else p for p in parts[:2]]
+    turned = np.concatenate(parts, axis=1)
+    return np.ascontiguousarray(turned[np.lexsort(turned.T[::-1])])
+
+
+def _rim(facets: Indices, X: Array, name: str) -> Flags:
+    """Whether nodes are on the rim of the surface, shape (n,), bool.
+
+    Raises:
+        SurfaceError: If more than two facets meet at an edge, or two in opposite senses.
+    """
+    count = CORNERS[facets.shape[1]]
+    corners = facets[:, :count]
+    ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
+    edges, number, times = np.unique(
+        np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    _, of_sense = np.unique(ends, axis=0, return_counts=True)
+    if (times > 2).any() or (of_sense > 1).any():
+        wrong = edges[times > 2] if (times > 2).any() else edges[times == 2]
+        raise SurfaceError(
+            f"surface '{name}': more than two facets meet at the edge at "
+            f"{format_point(X[wrong[0]].mean(axis=0))}; expected the outer surface of a body"
+        )
+    is_open = np.zeros(len(X), bool)
+    open_edges = np.flatnonzero(times[number.ravel()] == 1)
+    is_open[ends[open_edges]] = True
+    if facets.shape[1] > 4:
+        middles = facets[:, count : 2 * count].ravel()
+        is_open[middles[open_edges]] = True
+    return is_open
+
+
+def _check_areas(x: Array, name: str) -> None:
+    """Raise an error for facets at ``x`` (m, K, 3) without area.
+
+    Raises:
+        SurfaceError: If there is one.
+    """
+    areas = shape_integrals(x).sum(axis=1)
+    sizes = np.ptp(x, axis=1).max(axis=1)
+    flat = np.flatnonzero(~(areas > MIN_AREA * sizes**2))
+    if flat.size:
+        raise SurfaceError(
+            f"surface '{name}': the facet at {format_point(x[flat[0]].mean(axis=0))} has no area"
+        )

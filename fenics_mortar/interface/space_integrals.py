@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: MIT
+"""Evaluation of the mortar operators in space: normals, pairs of facets, integrals."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fenics_mortar.interface.faces import Faces, covers
+from fenics_mortar.interface.integrals import share_of, sum_over_facets
+from fenics_mortar.interface.linearization import Linearization
+from fenics_mortar.interface.nodal_normals import evaluate_normals
+from fenics_mortar.interface.options import AT_VERTICES, MortarOptions
+from fenics_mortar.interface.space_mortar import (
+    FacetPairs,
+    Moments,
+    SpaceOperators,
+    hand_over,
+    inverse_of,
+    merge,
+)
+from fenics_mortar.kernels import basis
+from fenics_mortar.kernels.space import integrals, pairs
+from fenics_mortar.kernels.space.rules import triangle_rule
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.clock import clock
+
+
+@clock("integrals")
+def evaluate_space(
+    slave: Faces,
+    master: Faces,
+    x: Array,
+    m: Array,
+    multiplier_nodes: Flags,
+    projectors: Array,
+    options: MortarOptions,
+    linearization: Linearization,
+    searched: SpaceOperators | None = None,
+) -> SpaceOperators:
+    """Evaluate the mortar operators at current positions (collective).
+
+    Args:
+        slave: The side that carries the multiplier.
+        master: The side projected to.
+        x: Current positions of the slave nodes, shape (slave nodes, 3) [length].
+        m: Current positions of the master nodes, shape (master nodes, 3) [length].
+        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool. The
+            functions of other nodes are handed over to the others of their facets.
+        projectors: See ``evaluate_normals``.
+        options: Discretization.
+        linearization: Derivatives to evaluate; the others are zero.
+        searched: Operators at the same positions and with the same linearization, but other
+            multiplier nodes: their normals and pairs are used if the facets are equal.
+
+    """
+    used = multiplier_nodes[slave.facets].any(axis=1)
+    share = share_of(used.nonzero()[0], slave.comm)
+    if searched is not None and np.array_equal(searched.segments.facets, share):
+        n, dn, s = searched.n, searched.dn, searched.segments
+    else:
+        n, dn = evaluate_normals(slave, x, options.weighting, projectors=projectors)
+        if not linearization.normals:
+            dn = np.zeros_like(dn)
+        s = find_pairs(slave, master, x, m, share, options)
+    nodes, rule = slave.facets[share], triangle_rule(options.points)
+    moments = _integrate((x, n, m), nodes, s, rule)
+    cover = sum_over_facets(slave, nodes, moments.Me, moments.De, moments.De)[2]
+    is_dual = options.kinds[0] == basis.DUAL
+    at_corners = options.basis in AT_VERTICES
+    carries = multiplier_nodes & (at_corners | (cover > 0.0))
+    H = hand_over(carries[nodes], at_corners=at_corners)
+    A = moments.De[:, :, None] * moments.inverse
+    if not is_dual:
+        A = np.tile(np.eye(nodes.shape[1]), (len(nodes), 1, 1))  # kernels need all entries
+    D, M = H @ (A @ moments.Me), (H @ A)[s.owner] @ moments.B
+    if is_dual:  # remove rounding
+        D = H * moments.De[:, None]
+    by_dual = is_dual and options.kinds[1] != basis.BY_STANDARD
+    gap = np.einsum("fjk,fk->fj", H @ A if by_dual else H, moments.G)
+    diagonal, gap, cover, weight = sum_over_facets(slave, nodes, D, gap, covers(moments.De))
+    count = s.num_segments
+    return SpaceOperators(
+        slave=slave, master=master, x=x, m=m, n=n, dn=dn, segments=s, D=D, M=M,
+        diagonal=diagonal, gap=gap, cover=cover, weight=weight,
+        num_segments=count if slave.comm.size == 1 else slave.comm.allreduce(count),
+        linearization=linearization, moments=moments, H=H, A=A, is_dual=is_dual,
+        gap_by_dual=by_dual, rule=rule,
+        offset=np.zeros(len(x)),
+    )  # fmt: skip
+
+
+def find_pairs(
+    slave: Faces, master: Faces, x: Array, m: Array, share: Indices, options: MortarOptions
+) -> FacetPairs:
+    """Master facets that the slave facets ``share`` (f,) face (local)."""
+    offsets, masters = pairs.find_pairs(
+        x, m, slave.facets, master.facets, share, options.radius, options.min_cosine
+    )
+    owner = np.repeat(np.arange(share.size), np.diff(offsets))
+    on_master = master.facets[masters]
+    merged, places = merge(owner, on_master, share.size)
+    return FacetPairs(
+        facets=share, offsets=offsets, slave=slave.facets[share][owner], master=on_master,
+        owner=owner, merged=merged, places=places,
+    )  # fmt: skip
+
+
+def _integrate(
+    geometry: tuple[Array, Array, Array], nodes: Indices, s: FacetPairs, rule: tuple[Array, Array]
+) -> Moments:
+    """Moments of the slave facets with ``nodes`` (f, K) (local).
+
+    The gap is nan on facets that are folded over their own plane, as in some Newton iterates: the
+    residual is not finite then, and the step is cut.
+    """
+    count, size = nodes.shape
+    De, Me, G = np.zeros((count, size)), np.zeros((count, size, size)), np.zeros((count, size))
+    B = np.zeros((s.num_segments, size, s.master.shape[1]))
+    complete, folded = np.zeros((2, count), bool)
+    integrals.integrate_facets(
+        geometry, nodes, s.master, s.offsets, rule, (De, Me, G, B, complete, folded)
+    )
+    G[folded] = np.nan
+    return Moments(De, Me, G, B, inverse_of(Me), complete)

@@ -1,0 +1,369 @@
+# SPDX-License-Identifier: MIT
+"""Mortar operators of faces in space, with their derivatives; see ``mortar``.
+
+=========  =========================================================================  ===========
+symbol     meaning, of a slave facet with K nodes                                     shape
+=========  =========================================================================  ===========
+De, Me     int N_j, int N_j N_k over the covered part                                 (K,), (K, K)
+B, G       int N_j N_l of a master facet, int N_j g                                   (K, K'), (K,)
+A          multiplier functions Phi = A N: diag(De) Me^-1 (dual) or 1 (standard)      (K, K)
+H          hand-over: H[j, k] is the fraction of function k added to that of j        (K, K)
+c          traction in the plain basis, Me c = diag(De) H^T z (dual), H^T z           (K, 3)
+=========  =========================================================================  ===========
+
+    D = H A Me,   M = H A B,   g~ = H A G;   forces  Me c  and  -B^T c.
+
+A depends on the whole cover of a facet. Its derivative is not formed: with c and gamma of
+
+    Me c = diag(De) z,   Me gamma = G,   Me v = B y,
+
+the derivatives of forces, gaps and distance vectors are integrals of functions whose coefficients
+are constant, plus -B^T dc with Me dc = d(De) z - d(Me) c; see ``kernels.space.linearize``. The
+columns of a facet are its own nodes, then the nodes of all master facets that it faces.
+
+Formulas: Puso & Laursen (2004); Popp, Gitterle, Gee & Wall (2010); dual functions of the covered
+part: Cichosz & Bischoff (2011), Popp, Seitz, Gee & Wall (2013).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from fenics_mortar.interface.faces import CORNERS, linear_values
+from fenics_mortar.interface.linearization import LINEARIZATIONS, Block
+from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.kernels.space.integrals import most_corners, sample_gaps, tabulate_corners
+from fenics_mortar.kernels.space.linearize import linearize_facets
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+
+
+@dataclass(frozen=True)
+class FacetPairs:
+    """Slave facets and the master facets that they face.
+
+    Attributes:
+        facets: Slave facets that were searched, shape (f,).
+        offsets: Pairs of facet i are offsets[i]:offsets[i + 1], shape (f + 1,).
+        slave: Slave nodes of each pair, shape (p, K).
+        master: Master nodes of each pair, shape (p, K').
+        owner: Position in ``facets`` of the slave facet of each pair, shape (p,).
+        merged: Master nodes of all pairs of a facet, -1 for none, shape (f, L).
+        places: Positions in ``merged`` of the master nodes of each pair, shape (p, K').
+    """
+
+    facets: Indices
+    offsets: Indices
+    slave: Indices
+    master: Indices
+    owner: Indices
+    merged: Indices
+    places: Indices
+
+    @property
+    def num_segments(self) -> int:
+        """Number of pairs."""
+        return len(self.slave)
+
+
+class Moments(NamedTuple):
+    """Integrals over the covered parts of f facets and of p pairs, see the module (local).
+
+    Attributes:
+        De: Shape (f, K) [area].
+        Me: Shape (f, K, K) [area].
+        G: Shape (f, K) [volume].
+        B: Shape (p, K, K') [area].
+        inverse: Inverse of Me, zero without cover, shape (f, K, K) [1 / area].
+        complete: Whether the whole facet has partners, shape (f,), bool.
+    """
+
+    De: Array
+    Me: Array
+    G: Array
+    B: Array
+    inverse: Array
+    complete: Flags
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpaceOperators(MortarOperators):
+    """D, M, weighted gap and normals of two surfaces in space.
+
+    Attributes:
+        moments: Integrals of the facets of this share.
+        H: Hand-over, shape (f, K, K) [1].
+        A: Coefficients of the multiplier functions, shape (f, K, K) [1].
+        is_dual: Whether they are dual.
+        gap_by_dual: Whether they weight the gap too, or the plain functions (Petrov-Galerkin).
+        rule: Points (q, 2) and weights (q,) of a triangle.
+        offset: Length subtracted from the gap, shape (slave nodes,) [length].
+    """
+
+    moments: Moments
+    H: Array
+    A: Array
+    is_dual: bool
+    gap_by_dual: bool
+    rule: tuple[Array, Array]
+    offset: Array
+
+    @cached_property
+    def columns(self) -> Indices:
+        """Displacement dofs of the columns of each facet, -1 for none, shape (f, 3 (K + L))."""
+        on_slave = self.slave.dofs_of(self.facet_nodes)
+        return np.concatenate([on_slave, self._master_dofs], axis=1)
+
+    @cached_property
+    def _master_dofs(self) -> Indices:
+        """Displacement dofs of the master nodes that each facet faces, (f, 3 L); -1 for none."""
+        return np.asarray(self.master.dofs_of(self.segments.merged))
+
+    @cached_property
+    def _found(self) -> dict[str, Array]:
+        """Derivatives found so far, and the multipliers ``z`` (slave nodes, c) of the forces."""
+        return {}
+
+    def linearize_at(self, z: Array) -> None:
+        """Compute the derivatives of weights and gaps, and those of the forces of ``z`` (local).
+
+        All in one pass over the points: without this call the first two are computed at z = 0, and
+        all again for the forces.
+
+        Args:
+            z: Shape (slave nodes, 3) [stress].
+        """
+        found = self._found
+        if "z" in found and np.array_equal(found["z"], z):
+            return
+        moments, at_nodes = self.moments, self._handed_over(z)
+        gamma = np.einsum("fjk,fk->fj", moments.inverse, moments.G) * self.gap_by_dual
+        of_gap = self.A if self.gap_by_dual else np.tile(np.eye(gamma.shape[1]), (len(gamma), 1, 1))
+        c, fixed = at_nodes, np.zeros_like(at_nodes)
+        if self.is_dual:
+            c, fixed = moments.inverse @ (moments.De[:, :, None] * at_nodes), at_nodes
+        (count, size), width = gamma.shape, self.columns.shape[1]
+        out = (
+            np.empty((count, size, width)), np.empty((count, size, width + 3 * size)),
+            np.empty((count, 3 * size, width)), np.empty((count, width - 3 * size, width)), None,
+        )  # fmt: skip
+        self._fill((of_gap, gamma, fixed, c, None, None), out)
+        found.update(weight=out[0], gap=out[1], X=out[2], Y=out[3], z=z.copy())
+
+    def _fill(self, coefficients: tuple[Array | None, ...], out: tuple[Array | None, ...]) -> None:
+        """Call ``linearize_facets`` for the facets of this share (local)."""
+        s = self.segments
+        linearize_facets(
+            (self.x, self.n, self.m), self.facet_nodes, s.master, s.offsets, s.places, self.rule,
+            coefficients, out,
+        )  # fmt: skip
+
+    @property
+    def _weights_and_gaps(self) -> tuple[Array, Array]:
+        """Derivatives of De and of g~ before the hand-over; the latter also by normals (local)."""
+        if "gap" not in self._found:
+            self.linearize_at(np.zeros_like(self.x))
+        return self._found["weight"], self._found["gap"]
+
+    def weight_derivative(self) -> list[Block]:
+        """See ``MortarOperators``."""
+        if self.linearization.frozen:
+            return []
+        by_weight = self._weights_and_gaps[0]
+        return [Block(self.facet_nodes, self.columns, self.H @ by_weight)]
+
+    def gap_derivative(self) -> list[Block]:
+        """See ``MortarOperators``."""
+        if self.linearization.frozen:
+            return self.jump_derivative(-self.n)
+        by_weight, by_gap = self._weights_and_gaps
+        nodes, size = self.facet_nodes, self.facet_nodes.shape[1]
+        of_positions = by_gap[..., : -3 * size]
+        if self.offset.any():
+            of_positions = of_positions - self._by_offset(by_weight)
+        blocks = [Block(nodes, self.columns, self.H @ of_positions)]
+        if self.linearization.normals:
+            of_normals = (self.H @ by_gap[..., -3 * size :]).reshape(len(nodes), size, size, 3)
+            values = np.einsum("fjkc,fkcq->fkjq", of_normals, self.dn[nodes])
+            rows = np.repeat(nodes, size, axis=0)
+            columns = self.normal_columns()[nodes].reshape(rows.shape[0], values.shape[3])
+            blocks.append(Block(rows, columns, values.reshape(*rows.shape, values.shape[3])))
+        return blocks
+
+    def _by_offset(self, by_weight: Array) -> Array:
+        """Derivative of int Phi_j offset before the hand-over, (f, K, C) [length] (local).
+
+        ``by_weight`` is that of De.
+        """
+        at_nodes = self.offset[self.facet_nodes]
+        if self.is_dual:
+            return by_weight * at_nodes[:, :, None]
+        c = np.zeros((*at_nodes.shape, 3))
+        c[..., 0] = at_nodes
+        change = np.empty((*c.shape[:1], 3 * c.shape[1], self.columns.shape[1]))
+        self._fill((None, None, np.zeros_like(c), c, None, None), (None, None, change, None, None))
+        return -change[:, ::3]
+
+    def slave_force_derivative(self, z: Array, dofs: Indices | None = None) -> Block:
+        """See ``MortarOperators``; in space c is 3."""
+        self.linearize_at(z)
+        nodes, found = self.facet_nodes, self._found
+        if self.linearization.frozen:
+            values = np.zeros_like(found["X"])
+        elif self.is_dual:
+            values = self._handed_over(z)[..., None] * found["weight"][:, :, None]
+        else:
+            values = -found["X"]
+        rows = (self.slave.dofs if dofs is None else dofs)[nodes]
+        shape, width = (len(nodes), 3 * nodes.shape[1]), self.columns.shape[1]
+        return Block(rows.reshape(shape), self.columns, values.reshape(*shape, width))
+
+    def master_force_derivative(self, z: Array, dofs: Indices | None = None) -> Block:
+        """See ``MortarOperators``; in space c is 3."""
+        self.linearize_at(z)
+        s, moments, values = self.segments, self.moments, self._found["Y"]
+        count, size = self.facet_nodes.shape
+        if self.linearization.frozen:
+            values = np.zeros_like(values)
+        elif self.is_dual:
+            of_c = np.zeros((count, size, s.merged.shape[1]))
+            at = s.owner[:, None, None], np.arange(size)[:, None], s.places[:, None]
+            np.add.at(of_c, at, moments.inverse[s.owner] @ moments.B)
+            X = self._found["X"].reshape(count, size, 3 * self.columns.shape[1])
+            by_c = np.swapaxes(of_c, 1, 2) @ X
+            values = values - by_c.reshape(values.shape)
+        of_nodes = self.master.dofs if dofs is None else dofs
+        rows = np.where(s.merged[..., None] >= 0, of_nodes[s.merged], -1)
+        return Block(rows.reshape(count, 3 * s.merged.shape[1]), self.columns, values)
+
+    def _handed_over(self, z: Array) -> Array:
+        """Multipliers of the functions of the facets' nodes before the hand-over, (f, K, c)."""
+        return np.einsum("fjk,fjc->fkc", self.H, z[self.facet_nodes])
+
+    def vector_derivative(self, along: Array) -> list[Block]:
+        """See ``MortarOperators``."""
+        if self.linearization.frozen:
+            return []
+        nodes = self.facet_nodes
+        values = np.einsum("fjk,fjb,fkbq->fjq", self.H, along[nodes], self._by_matrices)
+        return [*self.jump_derivative(along), Block(nodes, self.columns, values)]
+
+    @cached_property
+    def _by_matrices(self) -> Array:
+        """Derivative of D x - M m at constant x, m before the hand-over, (f, K, 3, C) (local)."""
+        s, moments = self.segments, self.moments
+        x = v = self.x[self.facet_nodes]
+        q = np.zeros_like(x)
+        if self.is_dual:
+            seen = np.zeros_like(x)
+            np.add.at(seen, s.owner, moments.B @ self.m[s.master])
+            v = moments.inverse @ seen
+            q = x - v
+        change = np.empty((*x.shape, self.columns.shape[1]))
+        self._fill((self.A, None, None, None, q, v), (None, None, None, None, change))
+        return change
+
+    def smallest_gaps(self, offset: Array) -> tuple[Array, Array]:
+        """Smallest gap of each pair at corners and points of its cells, and its place (local).
+
+        Args:
+            offset: Subtracted from the gaps, shape (slave nodes,) [length].
+
+        Returns:
+            Gaps, inf without a common part, (p,), and places on the slave, (p, 3), both [length].
+        """
+        s, corners = self.segments, np.eye(3)
+        rule = np.concatenate([corners, self.rule[0]]), np.ones(3 + len(self.rule[0]))
+        smallest, where = np.empty(s.num_segments), np.empty((s.num_segments, 3))
+        geometry = self.x + offset[:, None] * self.n, self.n, self.m
+        sample_gaps(geometry, self.facet_nodes, s.master, s.offsets, rule, smallest, where)
+        return smallest, where
+
+    def covered_corners(self, facets: Flags) -> tuple[Indices, Array]:
+        """Corners of the covered parts of some ``facets`` (f,) of this share, bool (local).
+
+        Returns:
+            Number of the pair of each corner (c,), and the slave's shape functions there (c, K)
+            [1].
+        """
+        s, mine = self.segments, facets[self.segments.owner]
+        nodes, master = self.facet_nodes, s.master[mine]
+        sizes = np.where(facets, np.diff(s.offsets), 0)
+        most = most_corners(nodes.shape[1], master.shape[1])
+        counts = np.zeros(len(master), np.int64)
+        shares = np.zeros((len(master), most, nodes.shape[1]))
+        tabulate_corners(
+            (self.x, self.n, self.m), nodes, master, np.append(0, np.cumsum(sizes)), counts, shares
+        )
+        pair, _ = found = np.nonzero(np.arange(most) < counts[:, None])
+        return np.flatnonzero(mine)[pair], shares[found]
+
+    def freeze(self) -> Self:
+        """See ``MortarOperators``."""
+        return replace(self, dn=np.zeros_like(self.dn), linearization=LINEARIZATIONS["frozen"])
+
+    def minus_offset(self, offset: Array) -> Self:
+        """See ``MortarOperators``."""
+        jump = self.jump(np.repeat(offset[:, None], 3, axis=1), np.zeros_like(self.m))
+        return replace(self, gap=self.gap - jump[:, 0], offset=self.offset + offset)
+
+
+def inverse_of(Me: Array) -> Array:
+    """Inverses of mass matrices (f, K, K), [1 / area], zero without cover.
+
+    They are scaled by the diagonals: integrals of quadratic functions over a small cover may be
+    negative, the diagonals are not. A small cover at a corner has a condition number of 1e10
+    even so.
+    """
+    diagonal = np.einsum("fkk->fk", Me)
+    inverse, covered = np.zeros_like(Me), (diagonal > 0.0).all(axis=1)
+    root = np.sqrt(diagonal[covered])
+    scaled = Me[covered] / (root[:, :, None] * root[:, None])
+    inverse[covered] = np.linalg.inv(scaled) / (root[:, :, None] * root[:, None])
+    return inverse
+
+
+def hand_over(multiplier_nodes: Flags, *, at_corners: bool) -> Array:
+    """Fraction of node k's function that is added to node j's, per facet, shape (f, K, K) [1].
+
+    Multiplier nodes keep their own function; other functions are split equally among the multiplier
+    nodes of the facet. With multipliers at corners only, those of other nodes are first added to
+    the corners such that the sums are linear functions.
+
+    Args:
+        multiplier_nodes: Whether a node of a facet carries a multiplier, shape (f, K), bool.
+        at_corners: Whether only corners carry multipliers.
+    """
+    size, linear = multiplier_nodes.shape[1], np.eye(multiplier_nodes.shape[1])
+    carries = multiplier_nodes.astype(float)
+    if at_corners:
+        count = CORNERS[size]
+        linear = np.zeros((size, size))
+        linear[:count] = linear_values(size).T
+    shares = carries / np.maximum(carries.sum(axis=1, keepdims=True), 1.0)
+    own = np.eye(size) * carries[:, None]
+    return (own + shares[:, :, None] * (1.0 - carries[:, None])) @ linear
+
+
+def merge(owner: Indices, master: Indices, count: int) -> tuple[Indices, Indices]:
+    """Master nodes of all pairs of a facet, and the places of each pair's nodes among them (local).
+
+    Args:
+        owner: Facet of each pair, ascending, shape (p,).
+        master: Master nodes of the pairs, shape (p, K').
+        count: Number of facets.
+
+    Returns:
+        Nodes, ascending, -1 for none, shape (count, L), and places, shape (p, K').
+    """
+    size = master.max(initial=0) + 1
+    keys, number = np.unique((owner[:, None] * size + master).ravel(), return_inverse=True)
+    facet, node = np.divmod(keys, size)
+    starts = np.searchsorted(facet, np.arange(count + 1))
+    at = np.arange(keys.size) - starts[facet]
+    merged = np.full((count, int(np.diff(starts).max(initial=0))), -1)
+    merged[facet, at] = node
+    return merged, at[number].reshape(master.shape)

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: MIT
+"""Points inside closed surfaces of triangles: winding numbers, and distances from the surface.
+
+The winding number is the sum of the signs of the triangles that a ray leaves or enters through. The
+ray has a direction that is not parallel to anything in a mesh. Where it passes a triangle's edge
+within rounding the number is that of the solid angles of all triangles (van Oosterom & Strackee
+1983).
+"""
+
+import numpy as np
+
+from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.tree import query_tree
+from fenics_mortar.utils.rounding import ROUNDING
+
+# Direction of the rays, and two directions across, a right-handed orthonormal frame (Rodrigues
+# rotation of the axes by an angle [radian] that no mesh has).
+_ANGLE, _AXIS = 0.7368062997, np.array([0.3711, 0.5423, 0.7537])
+_UNIT = _AXIS / np.linalg.norm(_AXIS)
+_CROSS = np.array(
+    [[0.0, -_UNIT[2], _UNIT[1]], [_UNIT[2], 0.0, -_UNIT[0]], [-_UNIT[1], _UNIT[0], 0.0]]
+)
+# The frame: direction of the rays first [1].
+FRAME = np.eye(3) + np.sin(_ANGLE) * _CROSS + (1.0 - np.cos(_ANGLE)) * _CROSS @ _CROSS
+
+
+@kernel
+def dot(a, b):
+    """Product of two vectors (3,)."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def solid_angle(a, b, c):
+    """Solid angle of the triangle of three vectors (3,) from a point, over 4 pi."""
+    la, lb, lc = np.sqrt(dot(a, a)), np.sqrt(dot(b, b)), np.sqrt(dot(c, c))
+    volume = (
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
+    rest = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
+    return np.arctan2(volume, rest) / (2.0 * np.pi)
+
+
+@kernel
+def winding_by_angles(x, triangles, p):
+    """Number of times that closed triangles (m, 3) contain p (3,), by their solid angles."""
+    total = 0.0
+    for nodes in triangles:
+        total += solid_angle(x[nodes[0]] - p, x[nodes[1]] - p, x[nodes[2]] - p)
+    return int(np.rint(total))
+
+
+@kernel
+def meets_ray(x, nodes, p):
+    """How the ray from p (3,) meets a triangle: 1 leaving, -1 entering, 0 not, 2 uncertain."""
+    u, v, w = np.empty(3), np.empty(3), np.empty(3)
+    for k in range(3):
+        u[k] = v[k] = w[k] = 0.0
+        for d in range(3):
+            distance = x[nodes[k], d] - p[d]
+            u[k] += FRAME[0, d] * distance
+            v[k] += FRAME[1, d] * distance
+            w[k] += FRAME[2, d] * distance
+    size, height, area = 0.0, 0.0, 0.0
+    positive = negative = True
+    near = False
+    for k in range(3):
+        size = max(size, u[k] * u[k] + v[k] * v[k])
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        part = u[i] * v[j] - u[j] * v[i]
+        near = near or abs(part) <= ROUNDING * size
+        positive, negative = positive and part > 0.0, negative and part < 0.0
+        area, height = area + part, height + part * w[k]
+    if near:
+        return 2
+    if not (positive or negative) or not height / area > 0.0:
+        return 0
+    return 1 if positive else -1
+
+
+@kernel
+def winding_number(x, triangles, boxes, hits, p):
+    """Number of times that closed triangles (m, 3) with a tree of ``boxes`` contain p (3,)."""
+    box, along = np.empty(6), np.empty((2, 5))
+    size = 0.0
+    for d in range(3):
+        size = max(size, boxes[1, 3 + d] - boxes[1, d])
+        if not (boxes[1, d] <= p[d] <= boxes[1, 3 + d]):
+            return 0
+    margin = ROUNDING * size
+    for d in range(3):
+        ahead = FRAME[2, d] > 0.0
+        box[d] = p[d] - margin if ahead else boxes[1, d]
+        box[3 + d] = boxes[1, 3 + d] if ahead else p[d] + margin
+    for r in range(2):
+        place = 0.0
+        for d in range(3):
+            along[r, d] = FRAME[r, d]
+            place += FRAME[r, d] * p[d]
+        along[r, 3], along[r, 4] = place - margin, place + margin
+    total = 0
+    for f in hits[: query_tree(boxes, box, along, hits)]:
+        sign = meets_ray(x, triangles[f], p)
+        if sign == 2:
+            return winding_by_angles(x, triangles, p)
+        total += sign
+    return total
+
+
+@kernel
+def square_on_edge(p, a, b):
+    """Squared distance of p (3,) from the segment a b."""
+    length = along = square = 0.0
+    for d in range(3):
+        length += (b[d] - a[d]) ** 2
+        along += (p[d] - a[d]) * (b[d] - a[d])
+    t = min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0
+    for d in range(3):
+        square += (p[d] - a[d] - t * (b[d] - a[d])) ** 2
+    return square
+
+
+@kernel
+def square_on_triangle(p, a, b, c):
+    """Squared distance of p (3,) from a triangle."""
+    u, v, q = b - a, c - a, p - a
+    uu, uv, vv, uq, vq = dot(u, u), dot(u, v), dot(v, v), dot(u, q), dot(v, q)
+    det = uu * vv - uv * uv
+    s, t = vv * uq - uv * vq, uu * vq - uv * uq
+    if det > 0.0 and s >= 0.0 and t >= 0.0 and s + t <= det:
+        square = 0.0
+        for d in range(3):
+            square += (q[d] - (s * u[d] + t * v[d]) / det) ** 2
+        return square
+    ab, bc, ca = square_on_edge(p, a, b), square_on_edge(p, b, c), square_on_edge(p, c, a)
+    return min(ab, min(bc, ca))
+
+
+@kernel
+def nearest_triangle(x, triangles, boxes, hits, p, radius):
+    """Distance of p (3,) from triangles (m, 3) with a tree of ``boxes``, and the nearest one.
+
+    ``radius``: first guess of the distance [length], positive.
+    """
+    box, none = np.empty(6), np.empty((0, 5))
+    while True:
+        for d in range(3):
+            box[d], box[3 + d] = p[d] - radius, p[d] + radius
+        best, nearest = np.inf, -1
+        for f in hits[: query_tree(boxes, box, none, hits)]:
+            a, b, c = x[triangles[f, 0]], x[triangles[f, 1]], x[triangles[f, 2]]
+            square = square_on_triangle(p, a, b, c)
+            if square < best:
+                best, nearest = square, f
+        if best <= radius * radius or not radius < np.inf:
+            return np.sqrt(best), nearest
+        radius *= 2.0
+
+
+@kernel
+def depths_inside(x, triangles, boxes, points, size):
+    """Depths of ``points`` (k, 3) in a body, zero outside, and the nearest triangles, -1 outside.
+
+    Args:
+        x: Positions of the nodes, shape (n, 3) [length].
+        triangles: Closed surface of the body, shape (m, 3).
+        boxes: ``build_tree(x, triangles)``.
+        points: The points [length].
+        size: Length of a facet [length].
+    """
+    depths, nearest = np.zeros(len(points)), np.full(len(points), -1)
+    hits = np.empty(boxes.shape[0] // 2, np.int64)
+    for k in range(len(points)):
+        if winding_number(x, triangles, boxes, hits, points[k]) > 0:
+            found = nearest_triangle(x, triangles, boxes, hits, points[k], size)
+            depths[k], nearest[k] = found
+    return depths, nearest

@@ -1,0 +1,331 @@
+# SPDX-License-Identifier: MIT
+"""Derivatives of integrals over slave facets, by the positions of their nodes and of their masters.
+
+The derivative of int W F(xi, eta, g) with a function F whose coefficients are constant is the sum
+over the points of the factors of ``weighing`` times the derivatives of W, xi, eta and g (Popp,
+Gitterle, Gee & Wall 2010). In the auxiliary plane, with J the derivatives of the image of a facet,
+
+    dxi = J^-1 (dV - N dX),    deta = (J^m)^-1 (dV - N^m dY),    W = w A(V)
+
+so a point gives each row two numbers for its cell's vertices and for each node, instead of one for
+every position. They are chained once for a polygon to the images, see ``clipping``, and from these
+to the positions: dX = t_d . dx - h t_d . dn_0. Only the gap depends on more than the images:
+
+    dg = [dn/dxi_a . t - n^ . (dN/dxi_a x)] dxi_a + n^ . (dN^m/deta_a y) deta_a
+         + n^ . (N^m dy - N dx) + t . (N dn),    t = (N^m y - N x - g n^) / |N n|
+
+==========  ======================================================================  ============
+symbol      meaning                                                                 shape
+==========  ======================================================================  ============
+by          factors of a point, see ``weighing``                                    (5, r)
+by_point    derivatives of r rows by V through xi, and through eta                  (4, r)
+by_V        derivatives by the vertices                                             (v, 2, r)
+by_A        derivative by the area of a cell                                        (r,)
+by_image    derivatives by the images of slave and master nodes                     (K + K', 2, r)
+direct      derivatives of the gap through x, y and n alone: c = 3 (2 K + K')       (K, c)
+==========  ======================================================================  ============
+"""
+
+import numpy as np
+
+from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.facets import add_row
+from fenics_mortar.kernels.space.clipping import chain_vertices
+from fenics_mortar.kernels.space.normals import dot
+from fenics_mortar.kernels.space.plane import cross2, flatten, jacobian, set_plane
+from fenics_mortar.kernels.space.points import common_part, gap_at, points_work, tabulate_points
+from fenics_mortar.kernels.space.weighing import (
+    combine,
+    combine_scalar,
+    row_starts,
+    weigh_gap,
+    weigh_master_force,
+    weigh_slave_force,
+    weigh_vector,
+    weigh_weight,
+)
+
+
+@kernel
+def differentiate_gap(geometry, slave, master, N, L, gap, slopes):
+    """Fill ``slopes`` (4,), derivatives of g by xi and eta; ``gap`` (4, 3): t in the last row.
+
+    Returns g.
+    """
+    x, n, m = geometry
+    g, size = gap_at(geometry, slave, master, N, L, gap)
+    for c in range(3):
+        gap[3, c] = (gap[2, c] - g * gap[1, c]) / size
+    for a in range(2):
+        slopes[a] = slopes[2 + a] = 0.0
+        for k in range(slave.size):
+            turn, along = dot(gap[3], n[slave[k]]), dot(gap[1], x[slave[k]])
+            slopes[a] += N[1 + a, k] * (turn - along)
+        for l in range(master.size):
+            slopes[2 + a] += L[1 + a, l] * dot(gap[1], m[master[l]])
+    return g
+
+
+@kernel
+def add_direct(W, N, L, Phi, gap, direct):
+    """Add the derivatives of a point's gap through x, y and n, times W Phi, to ``direct``."""
+    own, others = N.shape[1], L.shape[1]
+    for j in range(own):
+        factor, row = W * Phi[0, j], direct[j]
+        for c in range(3):
+            along, turn = factor * gap[1, c], factor * gap[3, c]
+            for k in range(own):
+                row[3 * k + c] -= along * N[0, k]
+                row[3 * (own + others + k) + c] += turn * N[0, k]
+            for l in range(others):
+                row[3 * (own + l) + c] += along * L[0, l]
+
+
+@kernel
+def through_image(images, start, N, one, other, out):
+    """Fill ``out`` (2, r) with (``one``, ``other``) (r,) times the inverse of J, see above."""
+    xa, ya, xb, yb = jacobian(images, start, N)
+    det = cross2(xa, ya, xb, yb)
+    xa, ya, xb, yb = xa / det, ya / det, xb / det, yb / det
+    for r in range(one.size):
+        out[0, r] = one[r] * yb - other[r] * ya
+        out[1, r] = other[r] * xa - one[r] * xb
+
+
+@kernel
+def add_point(images, N, L, weight, bary, cell, first, by, by_point, by_V, by_A, by_image):
+    """Add the contributions of a point to the derivatives by images, vertices and area.
+
+    ``weight`` and ``bary`` (3,) are those of the rule, ``cell`` the number of the cell; rows from
+    ``first`` on depend on eta.
+    """
+    own = N.shape[1]
+    through_image(images, 0, N, by[1], by[2], by_point[:2])
+    through_image(images, own, L, by[3, first:], by[4, first:], by_point[2:, first:])
+    add_row(weight, by[0], by_A)
+    for d in range(2):
+        of_xi, of_eta = by_point[d], by_point[2 + d, first:]
+        for k in range(own):
+            add_row(-N[0, k], of_xi, by_image[k, d])
+        for l in range(L.shape[1]):
+            add_row(-L[0, l], of_eta, by_image[own + l, d, first:])
+        add_row(1.0, of_eta, of_xi[first:])
+        for i in range(3):
+            add_row(bary[i], of_xi, by_V[cell + i if i > 0 else 0, d])
+
+
+@kernel
+def add_area(V, cell, by_A, by_V):
+    """Add the derivatives by the vertices of a cell through its area; set ``by_A`` to zero."""
+    for i in range(3):
+        vertex = cell + i if i > 0 else 0
+        after, before = cell + (i + 1) % 3, cell + (i + 2) % 3
+        after, before = (after if i != 2 else 0), (before if i != 1 else 0)
+        add_row(0.5 * (V[after, 1] - V[before, 1]), by_A, by_V[vertex, 0])
+        add_row(0.5 * (V[before, 0] - V[after, 0]), by_A, by_V[vertex, 1])
+    by_A[:] = 0.0
+
+
+@kernel
+def to_positions(plane, corners, by_image, out):
+    """Fill ``out`` (r, 3 (K + K')) with derivatives by positions, given those by the images.
+
+    ``corners`` are those of the slave piece, whose positions turn the plane.
+    """
+    frame, images, heights = plane
+    last = corners.size - 1
+    start = corners[0] if last == 2 else corners[1]
+    ex = images[corners[last - 1], 0] - images[corners[0], 0]
+    ey = images[corners[last - 1], 1] - images[corners[0], 1]
+    fx = images[corners[last], 0] - images[start, 0]
+    fy = images[corners[last], 1] - images[start, 1]
+    area = cross2(ex, ey, fx, fy)
+    for r in range(out.shape[0]):
+        x = y = 0.0 * images[0, 0]
+        for k in range(heights.size):
+            one, other = by_image[k, 0, r], by_image[k, 1, r]
+            x -= heights[k] * one
+            y -= heights[k] * other
+            for c in range(3):
+                out[r, 3 * k + c] = one * frame[0, c] + other * frame[1, c]
+        by_e, by_f = cross2(fx, fy, x, y) / area, cross2(x, y, ex, ey) / area
+        for c in range(3):
+            normal = frame[2, c]
+            out[r, 3 * corners[last - 1] + c] += by_e * normal
+            out[r, 3 * corners[0] + c] -= by_e * normal
+            out[r, 3 * corners[last] + c] += by_f * normal
+            out[r, 3 * start + c] -= by_f * normal
+
+
+@kernel
+def scatter(by_position, places, own, out):
+    """Add the derivatives of a row by the nodes of a pair, (3 (K + K'),), to those of its facet."""
+    for k in range(3 * own):
+        out[k] += by_position[k]
+    for l in range(places.size):
+        for c in range(3):
+            out[3 * (own + places[l]) + c] += by_position[3 * (own + l) + c]
+
+
+@kernel
+def scatter_rows(by_position, direct, places, starts, own, e, out):
+    """Add the derivatives of all rows of a pair to those of the facet ``e``."""
+    weight, X, gap, Y, vector = out
+    for r in range(starts[0], starts[1]):
+        scatter(by_position[r], places, own, weight[e, r - starts[0]])
+    for r in range(starts[1], starts[2]):
+        scatter(by_position[r], places, own, X[e, r - starts[1]])
+    for r in range(starts[2], starts[3]):
+        j, end = r - starts[2], gap.shape[2] - 3 * own
+        scatter(by_position[r], places, own, gap[e, j])
+        scatter(direct[j], places, own, gap[e, j])
+        add_row(1.0, direct[j, 3 * (own + places.size) :], gap[e, j, end:])
+    for r in range(starts[3], starts[4]):
+        l, c = (r - starts[3]) // 3, (r - starts[3]) % 3
+        scatter(by_position[r], places, own, Y[e, 3 * places[l] + c])
+    for r in range(starts[4], starts[5]):
+        j, c = (r - starts[4]) // 3, (r - starts[4]) % 3
+        scatter(by_position[r], places, own, vector[e, j, c])
+
+
+@kernel
+def weigh_point(geometry, nodes, W, N, L, coefficients, e, y, starts, wanted, work, direct, by):
+    """Fill ``by`` for a point of the facet ``e``; add to ``direct``.
+
+    ``nodes`` = (slave, master) nodes of the pair, ``y`` (K', 3) the positions of the latter; for
+    others see ``linearize_wanted``.
+    """
+    A, gamma, s, c, q, v = coefficients
+    Phi, fields, level, gap, slopes = work
+    if wanted[2] or wanted[4]:
+        for a in range(3):
+            for j in range(Phi.shape[1]):
+                Phi[a, j] = 0.0
+                for k in range(Phi.shape[1]):
+                    Phi[a, j] += A[e, j, k] * N[a, k]
+    if wanted[0]:
+        weigh_weight(W, N, starts[0], by)
+    if wanted[1] or wanted[3]:
+        combine(c[e], N, fields[0])
+    if wanted[1]:
+        weigh_slave_force(W, N, s[e], fields[0], starts[1], by)
+    if wanted[2]:
+        combine_scalar(gamma[e], N, level)
+        g = differentiate_gap(geometry, nodes[0], nodes[1], N, L, gap, slopes)
+        weigh_gap(W, N, Phi, g, slopes, gamma[e], level, starts[2], by)
+        add_direct(W, N, L, Phi, gap, direct)
+    if wanted[3]:
+        weigh_master_force(W, L, fields[0], starts[3], by)
+    if wanted[4]:
+        combine(v[e], N, fields[1])
+        combine(y, L, fields[2])
+        weigh_vector(W, N, Phi, q[e], fields[1], fields[2], starts[4], by)
+
+
+@kernel
+def linearize_wanted(geometry, slave, masters, offsets, places, rule, coefficients, wanted, out):
+    """As ``linearize_facets``, with arrays of size zero for what is not ``wanted`` (5,).
+
+    ``wanted`` and ``out`` are in the order weight, X, gap, Y, vector.
+    """
+    x, _, m = geometry
+    own, others = slave.shape[1], masters.shape[1]
+    starts = row_starts(own, others, wanted)
+    rows, first = starts[5], starts[2]
+    facets, plane, polygon, table = points_work(x, (own, others), rule)
+    (frame, images, heights), (W, N, L), (bary, weights) = plane, table, rule
+    by, by_point, by_A = np.zeros((5, rows)), np.empty((4, rows)), np.zeros(rows)
+    by_V, by_image = np.empty((polygon[1].shape[0], 2, rows)), np.empty((own + others, 2, rows))
+    by_position, direct = (
+        np.empty((rows, 3 * (own + others))),
+        np.empty((own, 3 * (2 * own + others))),
+    )
+    work = (
+        np.empty((3, own)), np.empty((3, 3, 3)), np.empty(3), np.empty((4, 3)), np.empty(4)
+    )  # fmt: skip
+    y = np.empty((others, 3))
+    for e in range(slave.shape[0]):
+        for piece in range(facets[0].shape[0]):
+            corners = facets[0][piece]
+            area = set_plane(x, slave[e], corners, frame)
+            flatten(x, slave[e], frame, 0, images, heights)
+            for i in range(offsets[e], offsets[e + 1]):
+                flatten(m, masters[i], frame, own, images, heights)
+                for l in range(others):
+                    for c in range(3):
+                        y[l, c] = m[masters[i, l], c]
+                by_image[:] = 0.0
+                direct[:] = 0.0
+                met = False
+                for other in range(facets[2].shape[0]):
+                    count = common_part(images, corners, facets[2][other], area, polygon)
+                    if count == 0:
+                        continue
+                    met = True
+                    points, _ = tabulate_points(
+                        images, count, facets, (piece, other), rule, polygon, table
+                    )
+                    by_V[:count] = 0.0
+                    for p in range(points):
+                        cell, g = p // weights.size, p % weights.size
+                        weigh_point(
+                            geometry, (slave[e], masters[i]), W[p], N[p], L[p], coefficients, e, y,
+                            starts, wanted, work, direct, by,
+                        )  # fmt: skip
+                        add_point(
+                            images, N[p], L[p], weights[g], bary[g], cell, first, by, by_point,
+                            by_V, by_A, by_image,
+                        )  # fmt: skip
+                        if g == weights.size - 1:
+                            add_area(polygon[1], cell, by_A, by_V)
+                    chain_vertices(images, polygon[0][1], count, polygon[2], by_V, by_image)
+                if met:
+                    to_positions(plane, corners, by_image, by_position)
+                    scatter_rows(by_position, direct, places[i], starts, own, e, out)
+
+
+def linearize_facets(geometry, slave, masters, offsets, places, rule, coefficients, out):
+    """Differentiate the integrals of functions F over slave facets and their pairs.
+
+    Columns of a facet: 3 K positions of the slave nodes, then 3 L of the master nodes of all its
+    pairs; columns that a facet does not need are zero. Each F is a function of the point with
+    constant coefficients: Phi = A N, c = sum_k N_k c_k, likewise gamma and v; y = sum_l N^m_l y_l
+    with the present positions y_l as constants. No facet may be folded, see ``integrate_facets``.
+
+    ========  ==============================================  ======================
+    result    functions                                       shape
+    ========  ==============================================  ======================
+    weight    F_j = N_j                                       (s, K, C)
+    gap       F_j = N_j gamma_j + Phi_j (g - gamma)           (s, K, C + 3 K): then
+                                                              by the nodal normals
+    X         F_kc = N_k (s_kc - c_c)                         (s, 3 K, C)
+    Y         F_lc = -N^m_l c_c                               (s, 3 L, C)
+    vector    F_jb = N_j q_jb + Phi_j (v_b - y_b)             (s, K, 3, C)
+    ========  ==============================================  ======================
+
+    Args:
+        geometry: (x (n, 3), n (n, 3), m (k, 3)): slave positions, normals, master positions.
+        slave: Nodes of the slave facets, shape (s, K).
+        masters: Nodes of the master facet of each pair, shape (p, K').
+        offsets: Pairs of facet e are offsets[e]:offsets[e + 1], shape (s + 1,).
+        places: Number 0 ... L - 1 of each master node among those of the slave facet, (p, K').
+        rule: (barycentric coordinates (q, 3), weights (q,)), see ``rules``.
+        coefficients: (A (s, K, K), gamma (s, K), s, c, q, v), the last four (s, K, 3); None where
+            no result needs it.
+        out: (weight, gap, X, Y, vector); filled, None where a result is not wanted.
+    """
+    weight, gap, X, Y, vector = out
+    results = [weight, X, gap, Y, vector]
+    wanted = np.array([result is not None for result in results])
+    for i, dimensions in enumerate((3, 3, 3, 3, 4)):
+        results[i] = _given_or_empty(results[i], dimensions)
+        results[i][:] = 0.0
+    constants = [_given_or_empty(a, d) for a, d in zip(coefficients, (3, 2, 3, 3, 3, 3))]
+    linearize_wanted(
+        geometry, slave, masters, offsets, places, rule, tuple(constants), wanted, tuple(results)
+    )
+
+
+def _given_or_empty(array, dimensions):
+    """``array``, or one of size zero for None: numba compiles the kernel for one kind only."""
+    return np.empty((0,) * dimensions) if array is None else array

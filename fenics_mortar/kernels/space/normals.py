@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: MIT
+"""Averaged nodal normals of a surface of facets, flat or curved, with their derivatives.
+
+=========  ==========================================================================  ============
+symbol     meaning                                                                     shape
+=========  ==========================================================================  ============
+p, q       edges of a facet that leave a node, counter-clockwise: P x and Q x          (3,)
+s          weighted sum of p x q over the facets at a node                             (3,)
+n          unit normal s / |s|, or Q s / |Q s| with a projector                        (3,)
+ring       nodes on which n depends                                                    (S,)
+dn         derivative of n by the positions of the ring                                (3, 3 S)
+=========  ==========================================================================  ============
+
+At the node on an edge p is along the edge and q points to the opposite corner or edge; edges of
+curved facets are tangents at the node. With the weight ``OPPOSITE``, 1 / (|p|^2 |q|^2), normals are
+exact on a sphere for any mesh (Max 1999); ``UNIT`` is 1 / |p x q| (Popp, Gitterle, Gee & Wall
+2010), ``OWN`` is 1.
+"""
+
+import numpy as np
+
+from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.normals import OPPOSITE, UNIT
+from fenics_mortar.kernels.space.shapes import (
+    QUADRILATERAL,
+    TRIANGLE,
+    reference_nodes,
+    tabulate_shapes,
+)
+
+
+def _edge_directions(nodes, corners):
+    """Directions of the edges p and q at the ``nodes`` (K, 2) of a reference facet, (K, 2, 2)."""
+    edges = []
+    for j in range(corners):
+        edges.append((nodes[(j + 1) % corners] - nodes[j], nodes[(j - 1) % corners] - nodes[j]))
+    for j in range(corners):
+        opposite = nodes[(j + 2) % 3] if corners == 3 else nodes[4 + (j + 2) % 4]
+        edges.append((nodes[(j + 1) % corners] - nodes[j], opposite - nodes[corners + j]))
+    if corners == 4:
+        edges.append((nodes[1] - nodes[0], nodes[3] - nodes[0]))
+    return np.array(edges)
+
+
+EDGES_OF_TRIANGLE = _edge_directions(TRIANGLE, 3)
+EDGES_OF_QUADRILATERAL = _edge_directions(QUADRILATERAL, 4)
+
+
+@kernel
+def edge_coefficients(count):
+    """P and Q (K, K): edges at node j of a facet are sum_k P[j, k] x_k and sum_k Q[j, k] x_k."""
+    P, Q, N = np.empty((count, count)), np.empty((count, count)), np.empty((3, count))
+    nodes = reference_nodes(count)
+    edges = EDGES_OF_TRIANGLE if count % 3 == 0 and count < 9 else EDGES_OF_QUADRILATERAL
+    for j in range(count):
+        tabulate_shapes(nodes[j, 0], nodes[j, 1], N)
+        for k in range(count):
+            P[j, k] = N[1, k] * edges[j, 0, 0] + N[2, k] * edges[j, 0, 1]
+            Q[j, k] = N[1, k] * edges[j, 1, 0] + N[2, k] * edges[j, 1, 1]
+    return P, Q
+
+
+def facets_around(facets, num_nodes):
+    """Facets (f, K) at each node: starts (n + 1,), facets (e,), local numbers of the node (e,)."""
+    order = np.argsort(facets, axis=None, kind="stable")
+    counts = np.bincount(facets.ravel(), minlength=num_nodes)
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    return starts, order // facets.shape[1], order % facets.shape[1]
+
+
+def find_rings(facets, num_nodes):
+    """Nodes on which the normal of each node depends, increasing, shape (n, S); -1 for none."""
+    P, Q = edge_coefficients(facets.shape[1])
+    of_node, used = np.nonzero((P != 0.0) | (Q != 0.0))
+    pairs = np.unique(np.ravel(facets[:, of_node] * num_nodes + facets[:, used]))
+    nodes, others = pairs // num_nodes, pairs % num_nodes
+    counts = np.bincount(nodes, minlength=num_nodes)
+    ring = np.full((num_nodes, counts.max(initial=1)), -1)
+    ring[nodes, np.arange(len(pairs)) - np.repeat(np.cumsum(counts) - counts, counts)] = others
+    return ring
+
+
+@kernel
+def place_in(ring, node):
+    """Place of a node in its ``ring`` (S,); -1 if it is not in it."""
+    for i in range(ring.size):
+        if ring[i] == node:
+            return i
+    return -1
+
+
+@kernel
+def cross(p, q, out):
+    """Fill ``out`` (3,) with p x q."""
+    out[0] = p[1] * q[2] - p[2] * q[1]
+    out[1] = p[2] * q[0] - p[0] * q[2]
+    out[2] = p[0] * q[1] - p[1] * q[0]
+
+
+@kernel
+def dot(p, q):
+    """P . q, without complex conjugation."""
+    return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+
+
+@kernel
+def add_facet(x, nodes, P, Q, weighting, ring, s, ds, work):
+    """Add the contribution of one facet to ``s`` (3,) and ``ds`` (3, 3 S).
+
+    ``nodes`` (K,) are those of the facet, ``P`` and ``Q`` (K,) the coefficients of its edges at the
+    node, ``work`` has the shape (5, 3).
+    """
+    p, q, area, arm, turned = work[0], work[1], work[2], work[3], work[4]
+    for d in range(3):
+        p[d] = q[d] = 0.0 * x[0, 0]
+        for k in range(nodes.size):
+            p[d] += P[k] * x[nodes[k], d]
+            q[d] += Q[k] * x[nodes[k], d]
+    cross(p, q, area)
+    A, B, weight = dot(p, p), dot(q, q), 1.0 + 0.0 * p[0]
+    if weighting == OPPOSITE:
+        weight = 1.0 / (A * B)
+    elif weighting == UNIT:
+        weight = 1.0 / np.sqrt(dot(area, area))
+    for d in range(3):
+        s[d] += weight * area[d]
+    for k in range(nodes.size):
+        if P[k] == 0.0 and Q[k] == 0.0:
+            continue
+        at = 3 * place_in(ring, nodes[k])
+        for d in range(3):
+            arm[d] = P[k] * q[d] - Q[k] * p[d]
+        cross(arm, area, turned)
+        for d in range(3):
+            # d(p x q) = e_d x arm
+            one, other = (d + 1) % 3, (d + 2) % 3
+            ds[one, at + d] -= weight * arm[other]
+            ds[other, at + d] += weight * arm[one]
+            slope = 0.0 * weight
+            if weighting == OPPOSITE:
+                slope = -2.0 * weight * (p[d] * P[k] / A + q[d] * Q[k] / B)
+            elif weighting == UNIT:
+                slope = -(weight**3) * turned[d]
+            for c in range(3):
+                ds[c, at + d] += slope * area[c]
+
+
+@kernel
+def tabulate_normals(x, facets, around, ring, weighting, projectors, n, dn):
+    """Fill ``n`` and ``dn``, see above.
+
+    Args:
+        x: Positions of the nodes, shape (n, 3) [length].
+        facets: Nodes of the facets, shape (f, K).
+        around: (starts (n + 1,), facets (e,), local numbers (e,)), see ``facets_around``.
+        ring: Nodes on which each normal depends, shape (n, S), -1 for none: at least those of
+            ``find_rings``.
+        weighting: ``OPPOSITE``, ``UNIT`` or ``OWN``, see ``kernels.normals``.
+        projectors: Matrices that are applied to s, for symmetry planes, shape (n, 3, 3); or None.
+        n: Unit normals, shape (n, 3); filled. They are nan at nodes without facets.
+        dn: Derivatives, shape (n, 3, 3 S) [1 / length]; filled.
+    """
+    starts, facet, local = around
+    P, Q = edge_coefficients(facets.shape[1])
+    s, ds = np.empty(3, x.dtype), np.empty((3, dn.shape[2]), x.dtype)
+    work, column = np.empty((5, 3), x.dtype), np.empty(3, x.dtype)
+    for j in range(x.shape[0]):
+        s[:] = 0.0
+        ds[:] = 0.0
+        for i in range(starts[j], starts[j + 1]):
+            k = local[i]
+            add_facet(x, facets[facet[i]], P[k], Q[k], weighting, ring[j], s, ds, work)
+        if projectors is not None:
+            project(projectors[j], s, column)
+        size = np.sqrt(dot(s, s))
+        for c in range(3):
+            n[j, c] = s[c] / size
+        for k in range(dn.shape[2]):
+            if projectors is not None:
+                project(projectors[j], ds[:, k], column)
+            along = n[j, 0] * ds[0, k] + n[j, 1] * ds[1, k] + n[j, 2] * ds[2, k]
+            for c in range(3):
+                dn[j, c, k] = (ds[c, k] - n[j, c] * along) / size
+
+
+@kernel
+def project(projector, vector, work):
+    """Replace ``vector`` (3,) by its product with ``projector`` (3, 3)."""
+    for c in range(3):
+        work[c] = projector[c, 0] * vector[0] + projector[c, 1] * vector[1]
+        work[c] += projector[c, 2] * vector[2]
+    for c in range(3):
+        vector[c] = work[c]

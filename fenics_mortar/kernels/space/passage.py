@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: MIT
+"""Times in a step at which nodes meet triangles, and edges meet edges, in space.
+
+All nodes move along straight lines at constant speed. Four points are in one plane where a cubic
+polynomial of time vanishes; its roots are bracketed between the roots of its derivative.
+"""
+
+import numpy as np
+
+from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.rows import grown
+from fenics_mortar.kernels.space.inside import dot
+from fenics_mortar.kernels.tree import build_tree, query_tree
+from fenics_mortar.utils.rounding import MAX_STEPS, ROUNDING
+
+
+@kernel
+def det(a, b, c):
+    """Determinant of three vectors (3,)."""
+    return (
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
+
+
+@kernel
+def value(c, t):
+    """Value at t of the polynomial with coefficients (4,), of t^0 first."""
+    return c[0] + t * (c[1] + t * (c[2] + t * c[3]))
+
+
+@kernel
+def slope(c, t):
+    """Derivative at t of the polynomial with coefficients (4,)."""
+    return c[1] + t * (2.0 * c[2] + 3.0 * t * c[3])
+
+
+@kernel
+def bracketed_root(c, low, high):
+    """Root between ``low`` and ``high``, at which the values have opposite signs, by bisection."""
+    rises = value(c, low) < 0.0
+    for _ in range(MAX_STEPS):
+        middle = 0.5 * (low + high)
+        if (value(c, middle) < 0.0) == rises:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+@kernel
+def roots_of_cubic(c, knots, roots):
+    """Fill ``roots`` (4,) with the simple roots of c (4,) in [0, 1]; return their number.
+
+    ``knots`` (4,) is work space.
+    """
+    count, knots[0] = 1, 0.0
+    if (min(c[0], value(c, 1.0)) > 0.0 or max(c[0], value(c, 1.0)) < 0.0) and (
+        abs(c[1]) + abs(c[2]) + abs(c[3]) < abs(c[0])
+    ):
+        return 0
+    square = c[2] * c[2] - 3.0 * c[1] * c[3]
+    if square >= 0.0:
+        q = -(c[2] + (1.0 if c[2] >= 0.0 else -1.0) * np.sqrt(square))
+        first = q / (3.0 * c[3]) if c[3] != 0.0 else -1.0
+        second = c[1] / q if q != 0.0 else -1.0
+        for t in (min(first, second), max(first, second)):
+            if 0.0 < t < 1.0:
+                knots[count] = t
+                count += 1
+    knots[count] = 1.0
+    found = 0
+    for i in range(count):
+        low, high = value(c, knots[i]), value(c, knots[i + 1])
+        if low == 0.0 and i == 0:
+            roots[found] = 0.0
+            found += 1
+        if low * high < 0.0:
+            roots[found] = bracketed_root(c, knots[i], knots[i + 1])
+            found += 1
+        if high == 0.0 and i == count - 1 and found < 4:
+            roots[found] = 1.0
+            found += 1
+    return found
+
+
+@kernel
+def set_cubic(e, g, f, h, q, r, c):
+    """Fill c (4,): coefficients of det(e + t g, f + t h, q + t r)."""
+    c[0] = det(e, f, q)
+    c[1] = det(g, f, q) + det(e, h, q) + det(e, f, r)
+    c[2] = det(g, h, q) + det(g, f, r) + det(e, h, r)
+    c[3] = det(g, h, r)
+
+
+@kernel
+def place_on_axes(e, f, q):
+    """Coefficients (s, t) of s e + t f, the point nearest to q (3,); nan for parallel vectors."""
+    ee, ef, ff, eq, fq = dot(e, e), dot(e, f), dot(f, f), dot(e, q), dot(f, q)
+    size = ee * ff - ef * ef
+    if not size > ROUNDING * ROUNDING * ee * ff:
+        return np.nan, np.nan
+    return (ff * eq - ef * fq) / size, (ee * fq - ef * eq) / size
+
+
+@kernel
+def swept(x0, x1, i, j, box):
+    """Fill the box (6,) around two nodes at both ends of the step."""
+    for d in range(3):
+        box[d] = min(min(x0[i, d], x1[i, d]), min(x0[j, d], x1[j, d]))
+        box[3 + d] = max(max(x0[i, d], x1[i, d]), max(x0[j, d], x1[j, d]))
+
+
+@kernel
+def swept_tree(x0, x1, pieces):
+    """Tree of boxes around ``pieces`` (m, K) at both ends of the step."""
+    n, size = x0.shape[0], pieces.shape[1]
+    both, facets = np.empty((2 * n, 3)), np.empty((pieces.shape[0], 2 * size), np.int64)
+    both[:n], both[n:] = x0, x1
+    facets[:, :size], facets[:, size:] = pieces, pieces + n
+    return build_tree(both, facets)
+
+
+@kernel
+def find_node_events(x0, x1, nodes, triangles):
+    """Find where nodes meet moving triangles: rows (node, triangle, time, sign), (r, 4).
+
+    ``sign`` is 1 if the node goes below the triangle, else -1; triangles with the node do not
+    count. ``nodes``: shape (k,); ``triangles``: (m, 3); ``x0``, ``x1``: both ends, (n, 3) [length].
+    """
+    boxes = swept_tree(x0, x1, triangles)
+    hits, none = np.empty(boxes.shape[0] // 2, np.int64), np.empty((0, 5))
+    box, c, knots, roots = np.empty(6), np.empty(4), np.empty(4), np.empty(4)
+    rows, count = np.empty((64, 4)), 0
+    for p in nodes:
+        swept(x0, x1, p, p, box)
+        for f in hits[: query_tree(boxes, box, none, hits)]:
+            a, b, d = triangles[f]
+            if p in (a, b, d):
+                continue
+            e, h, q = x0[b] - x0[a], x0[d] - x0[a], x0[p] - x0[a]
+            de, dh = x1[b] - x1[a] - e, x1[d] - x1[a] - h
+            dq = x1[p] - x1[a] - q
+            set_cubic(e, de, h, dh, q, dq, c)
+            for t in roots[: roots_of_cubic(c, knots, roots)]:
+                s, u = place_on_axes(e + t * de, h + t * dh, q + t * dq)
+                if not (min(s, u) >= -ROUNDING and s + u <= 1.0 + ROUNDING):
+                    continue
+                if slope(c, t) == 0.0:
+                    continue
+                rows = grown(rows, count, count + 1)
+                rows[count, 0], rows[count, 1], rows[count, 2] = float(p), float(f), t
+                rows[count, 3] = -np.sign(slope(c, t))
+                count += 1
+    return rows[:count].copy()
+
+
+@kernel
+def find_edge_events(x0, x1, edges, others, normals):
+    """Find where edges meet other moving edges: rows (edge, other, time, sign, place), (r, 5).
+
+    ``sign`` is 1 if the edge moves against the outward normal of the other one, else -1; ``place``
+    is the coordinate on the edge, 0 to 1. ``edges``: (k, 2); ``others``: (m, 2), with ``normals``
+    (m, 3); ``x0``, ``x1``: both ends, (n, 3) [length].
+    """
+    boxes = swept_tree(x0, x1, others)
+    hits, none = np.empty(boxes.shape[0] // 2, np.int64), np.empty((0, 5))
+    box, c, knots, roots = np.empty(6), np.empty(4), np.empty(4), np.empty(4)
+    rows, count = np.empty((64, 5)), 0
+    for k in range(len(edges)):
+        a, b = edges[k]
+        swept(x0, x1, a, b, box)
+        for f in hits[: query_tree(boxes, box, none, hits)]:
+            i, j = others[f]
+            if a in (i, j) or b in (i, j):
+                continue
+            e, h, q = x0[b] - x0[a], x0[j] - x0[i], x0[i] - x0[a]
+            de, dh = x1[b] - x1[a] - e, x1[j] - x1[i] - h
+            dq = x1[i] - x1[a] - q
+            set_cubic(e, de, h, dh, q, dq, c)
+            for t in roots[: roots_of_cubic(c, knots, roots)]:
+                s, u = place_on_axes(e + t * de, -(h + t * dh), q + t * dq)
+                if not (min(s, u) >= -ROUNDING and max(s, u) <= 1.0 + ROUNDING):
+                    continue
+                moves = dot(s * de - u * dh - dq, normals[f])
+                if moves == 0.0:
+                    continue
+                rows = grown(rows, count, count + 1)
+                rows[count, 0], rows[count, 1], rows[count, 2] = float(k), float(f), t
+                rows[count, 3], rows[count, 4] = -np.sign(moves), s
+                count += 1
+    return rows[:count].copy()

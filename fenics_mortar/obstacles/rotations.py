@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: MIT
+"""Rotations of the plane by an angle and of space by a rotation vector, axis times angle.
+
+With W v = w x v, a = sin t / t, b = (1 - cos t) / t^2 and t = |w|, the rotation by w is
+R = 1 + a W + b W^2.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.rounding import ROUNDING
+
+# Square of an angle [radian^2] below which a, b are sums of the first terms of their series: the
+# next one is below 1e-20.
+SMALL_SQUARE, TERMS = 1e-2, 6
+# Matrices of the products e x r with the axes of rotation e: of the plane, of space.
+TURNS = {
+    2: np.array([[[0.0, -1.0], [1.0, 0.0]]]),
+    3: np.array(
+        [
+            [[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
+            [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]],
+            [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+        ]
+    ),
+}
+
+
+def rotation_by(turn: Array) -> Array:
+    """Rotation matrix of an angle, shape (1,), or a rotation vector (3,) [radian] (local)."""
+    if turn.size == 1:
+        c, s = np.cos(turn[0]), np.sin(turn[0])
+        return np.array([[c, -s], [s, c]])
+    a, b = _factors(turn)
+    W = _cross(turn)
+    return np.eye(3) + a * W + b * W @ W
+
+
+def rotation_less_one(turn: Array) -> Array:
+    """The rotation matrix minus one, without cancellation, (d, d) [1] (local)."""
+    if turn.size == 1:
+        c, s = -2.0 * np.sin(0.5 * turn[0]) ** 2, np.sin(turn[0])
+        return np.array([[c, -s], [s, c]])
+    a, b = _factors(turn)
+    W = _cross(turn)
+    return a * W + b * W @ W
+
+
+def vector_of(R: Array) -> Array:
+    """The rotation vector (3,) [radian] of a matrix (3, 3), of at most half a turn (local).
+
+    By its unit quaternion, from its largest component.
+    """
+    q = np.empty(4)
+    traces = np.append(np.diag(R), np.trace(R))
+    largest = int(np.argmax(traces))
+    if largest == 3:
+        q[:] = *_axial(R), 1.0 + traces[3]
+    else:
+        i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
+        q[i] = 1.0 - traces[3] + 2.0 * R[i, i]
+        q[j], q[k] = R[j, i] + R[i, j], R[k, i] + R[i, k]
+        q[3] = R[k, j] - R[j, k]
+    q /= np.linalg.norm(q) * (1.0 if q[3] >= 0.0 else -1.0)
+    sine = float(np.linalg.norm(q[:3]))
+    if sine == 0.0:
+        return np.zeros(3)
+    return np.asarray(2.0 * np.arctan2(sine, q[3]) / sine * q[:3])
+
+
+def turn_between(first: Array, last: Array, *, shortest: bool = False) -> Array:
+    """The rotation vector (3,) [radian] that leads from one rotation vector to another (local).
+
+    About one axis it is the difference, of any size, unless the shortest way is asked for.
+    """
+    size = np.linalg.norm(first) * np.linalg.norm(last)
+    if not shortest and np.linalg.norm(np.cross(first, last)) <= ROUNDING * size:
+        return last - first
+    return vector_of(rotation_by(last) @ rotation_by(first).T)
+
+
+def _axial(R: Array) -> Array:
+    """The vector w of W = R - R^T, shape (3,)."""
+    return np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+
+
+def _cross(turn: Array) -> Array:
+    """The matrix W of a vector."""
+    return np.einsum("i,iab->ab", turn, TURNS[3])
+
+
+def _factors(turn: Array) -> tuple[Array, Array]:
+    """The factors a, b of a rotation vector; see above."""
+    t2 = turn @ turn
+    if np.real(t2) < SMALL_SQUARE:
+        return _series(t2, 1), _series(t2, 2)
+    t = np.sqrt(t2)
+    return np.sin(t) / t, (1.0 - np.cos(t)) / t2
+
+
+def _series(t2: Array, first: int) -> Array:
+    """Sum of (-t2)^k / (2 k + first)!."""
+    term = 1.0 / math.factorial(first) + 0.0 * t2
+    total = term
+    for k in range(1, TERMS):
+        term = -term * t2 / ((2 * k + first - 1) * (2 * k + first))
+        total = total + term
+    return total

@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: MIT
+"""Time steps: the scheme, and sequences in which failed steps are cut and sizes follow the error.
+
+**Generalized-alpha method with all forces at the end of the step (Chung & Hulbert 1993).** In the
+form of Arnold & Bruels (2007), w is the acceleration that balances all forces at the same time,
+
+    M w_(n+1) + f_int(u_(n+1)) - f_ext + B^T z_(n+1) = 0,
+
+and a an average of it,
+
+    (1 - am) a_(n+1) + am a_n = (1 - af) w_(n+1) + af w_n.
+
+With Newmark's formulas for u and v from a, this is the generalized-alpha method whose internal,
+external and contact forces are (1 - af) f_(n+1) + af f_n. Multipliers are those of the end of the
+step, in balance with gaps, loads and prescribed values of the same time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fenics_mortar.bulk.inertia import Rates
+from fenics_mortar.equations.state import State
+from fenics_mortar.equations.undo import Snapshot, raise_cause
+from fenics_mortar.newton.report import NewtonReport
+from fenics_mortar.path.energy import Forces, Work, forces_of
+from fenics_mortar.path.prescribed_turns import PrescribedTurns
+from fenics_mortar.path.progress import Progress
+from fenics_mortar.path.report import DynamicsReport, TimeStep
+from fenics_mortar.path.stepping import SteppingOptions
+from fenics_mortar.utils.arguments import check_kind, check_number
+from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.errors import NotConvergedError, call_together
+from fenics_mortar.utils.rounding import EPSILON, ROUNDING, TINY
+
+
+class Line(NamedTuple):
+    """A quantity that is linear in the displacement at the end of a step, factor (u - origin)."""
+
+    factor: float
+    origin: Array
+
+    def __call__(self, u: Array) -> Array:
+        """Its value at the displacement ``u``."""
+        return self.factor * (u - self.origin)
+
+    def as_line(self, other: Line, dofs: Flags, u: Array) -> Line:
+        """This line with the values of another line at dofs of known displacement.
+
+        Args:
+            other: The other line.
+            dofs: Marks of these dofs, shape (dofs,), bool.
+            u: Displacement at the end of the step at these dofs, shape (dofs,) [length].
+        """
+        origin = u - other(u) / self.factor
+        return Line(self.factor, np.where(dofs, origin, self.origin))
+
+
+@dataclass(frozen=True)
+class GeneralizedAlpha:
+    """The method for a spectral radius rho at infinite frequency, between 0 and 1.
+
+    rho = 1 is the trapezoidal rule, which conserves the energy of linear bodies; with rho = 0
+    unresolved frequencies are damped within one step.
+    """
+
+    rho: float
+
+    @property
+    def inertia_shift(self) -> float:
+        """Weight am of the old inertia [1]."""
+        return (2.0 * self.rho - 1.0) / (self.rho + 1.0)
+
+    @property
+    def force_shift(self) -> float:
+        """Weight af of the old forces [1]."""
+        return self.rho / (self.rho + 1.0)
+
+    @property
+    def gamma(self) -> float:
+        """Newmark's gamma for second order [1]."""
+        return 0.5 + self.force_shift - self.inertia_shift
+
+    @property
+    def beta(self) -> float:
+        """Newmark's beta for the largest dissipation of high frequencies [1]."""
+        return 0.25 * (0.5 + self.gamma) ** 2
+
+    def lines(
+        self, u: Array, rates: Rates, dt: float, prescribed: Flags, end: Array
+    ) -> tuple[Line, Line, Line]:
+        """Velocity, acceleration and its average at the end of the step.
+
+        Rates of prescribed motions follow from these motions alone, by the method for rho = 0,
+        which is of second order as well. With rho = 1 they would alternate permanently after a jump
+        of the velocity or for inconsistent initial rates; with rho = 0 such errors vanish in three
+        steps. If prescribed motions accelerate, energies balance up to terms of second order.
+
+        Args:
+            u: Displacement at the start of the step, shape (dofs,) [length].
+            rates: Rates at the start of the step.
+            dt: The step [time].
+            prescribed: Marks of the prescribed dofs, shape (dofs,), bool.
+            end: Displacement of the prescribed dofs at the end of the step [length].
+        """
+        damped = GeneralizedAlpha(0.0)
+        of_all, of_prescribed = (
+            [line(u, rates, dt) for line in (s.velocity, s.acceleration, s.average)]
+            for s in (self, damped)
+        )
+        velocity, acceleration, average = (
+            line.as_line(other, prescribed, end)
+            for line, other in zip(of_all, of_prescribed, strict=True)
+        )
+        return velocity, acceleration, average
+
+    def average(self, u: Array, rates: Rates, dt: float) -> Line:
+        """A at the end of the step [length / time^2].
+
+        Args:
+            u: Displacement at the start of the step, shape (owned dofs,) [length].
+            rates: Rates at the start of the step.
+            dt: The step [time].
+        """
+        start = u + dt * rates.velocity + dt**2 * (0.5 - self.beta) * rates.average
+        return Line(1.0 / (self.beta * dt**2), start)
+
+    def velocity(self, u: Array, rates: Rates, dt: float) -> Line:
+        """V at the end of the step [length / time]; arguments: see ``average``."""
+        a = self.average(u, rates, dt)
+        factor = self.gamma * dt * a.factor
+        rest = rates.velocity + (1.0 - self.gamma) * dt * rates.average
+        return Line(factor, a.origin - rest / factor)
+
+    def acceleration(self, u: Array, rates: Rates, dt: float) -> Line:
+        """W at the end of the step [length / time^2]; arguments: see ``average``."""
+        am, af, a = self.inertia_shift, self.force_shift, self.average(u, rates, dt)
+        factor = (1.0 - am) / (1.0 - af) * a.factor
+        rest = (am * rates.average - af * rates.acceleration) / (1.0 - af)
+        return Line(factor, a.origin - rest / factor)
+
+
+# Function that takes a time step from forces at its start; returns record, forces at the end, work.
+Advance = Callable[[float, Forces], tuple[NewtonReport, Forces, Work]]
+SetLoads = Callable[[float], None]
+OnStep = Callable[[float, NewtonReport], None]
+
+
+class Motion:
+    """Steps of a motion to a given time; all methods are collective.
+
+    Args:
+        bodies: The ``Dynamics``.
+        advance: Function that takes a time step.
+        options: Sizes of the steps.
+        tolerance: Allowed error of a step, or ``None``.
+    """
+
+    def __init__(
+        self, bodies: Any, advance: Advance, options: SteppingOptions, tolerance: float | None
+    ) -> None:
+        self._bodies, self._advance = bodies, advance
+        self._options, self._tolerance = options, tolerance
+        self._largest = options.step if tolerance is None else (options.largest or options.step)
+
+    def run(
+        self, stop: float, set_loads: SetLoads | None, on_step: OnStep | None
+    ) -> DynamicsReport:
+        """Advance to the time ``stop``; see ``Dynamics.run``."""
+        bodies, problem, options = self._bodies, self._bodies.problem, self._options
+        report = DynamicsReport(bodies.energies(), scheme=bodies.scheme, rho_inf=bodies.rho_inf)
+        size, forces = options.step, forces_of(problem)
+        shown = Progress(problem.equations.comm)
+        turns = None if set_loads is None else PrescribedTurns(problem, self._together(set_loads))
+        # the sum of many steps is rounded
+        while stop - bodies.time > max(
+            ROUNDING * options.smallest, len(report.steps) * EPSILON * abs(stop)
+        ):
+            start = bodies.time
+            dt = min(size, stop - start)
+            dt = stop - start if stop - start - dt < ROUNDING * dt else dt
+            before = Snapshot(problem.equations)
+            accepted = problem.state()
+            try:
+                if turns is not None:
+                    turns.set_loads(start, start + dt)
+                newton, after, work = self._advance(dt, forces)
+                error = self._error(accepted, dt, newton)
+            except NotConvergedError as failure:
+                problem.restore(accepted)
+                report.failures.append(failure.report)
+                shown.cut(start + dt, str(failure), failure.report)
+                if dt <= options.smallest:
+                    message = f"the motion ends at time {start:.6g}: a step of {dt:.1e} fails"
+                    message = f"{message}; {failure}{_other_reasons(report.failures)}"
+                    raise NotConvergedError(message, report) from failure
+                size = max(options.cut * dt, options.smallest)
+                continue
+            except BaseException as interruption:
+                before.revert(renew=True)
+                raise_cause(interruption)
+            forces = after
+            measured = error, work, bodies.energies(), dt, bodies.energy_deficit
+            done = TimeStep(bodies.time, newton, report.failures, *measured)
+            report.steps.append(done)
+            shown.accept(bodies.time, newton)
+            report.failures = []
+            size = self._next_size(size, error)
+            if on_step is not None:
+                call_together(
+                    problem.equations.comm, "on_step", partial(on_step, bodies.time, newton)
+                )
+        return report
+
+    def _together(self, set_loads: SetLoads) -> SetLoads:
+        """The function of the user, whose errors are raised on all ranks."""
+        comm = self._bodies.problem.equations.comm
+        return lambda time: call_together(comm, "set_loads", partial(set_loads, time))
+
+    def _error(self, accepted: State, dt: float, newton: NewtonReport) -> float:
+        """Estimated error of the last step; see ``Dynamics.error``.
+
+        Raises:
+            NotConvergedError: If it exceeds the tolerance and the step may be cut.
+        """
+        error, tolerance = self._bodies.error(accepted, dt), self._tolerance
+        if tolerance is not None and error > tolerance and dt > self._options.smallest:
+            raise NotConvergedError(f"error of the step {error:.1e}", newton)
+        return error
+
+    def _next_size(self, size: float, error: float) -> float:
+        """Size of the next step; the error grows with its square.
+
+        Nine tenths of the size at which the error would be the tolerance, or less.
+        """
+        options, growth = self._options, self._options.growth
+        if self._tolerance is not None:
+            growth = min(growth, 0.9 * float(np.sqrt(self._tolerance / max(error, TINY))))
+        return min(max(growth * size, options.smallest), self._largest)
+
+
+def _other_reasons(failures: Sequence[NewtonReport]) -> str:
+    """Clause on the reason for which larger steps failed first, "" if that is the last one."""
+    first, last = failures[0].reason, failures[-1].reason
+    count = sum(report.reason == first for report in failures)
+    times = f" ({count} times)" if count > 1 else ""
+    return "" if first == last else f"; larger steps failed since{times}: {first}"
+
+
+def check_run(
+    stop: Any, options: Any, set_loads: Any, tolerance: Any, on_step: Any, time: float
+) -> None:
+    """Reject arguments of ``Dynamics.run`` (local)."""
+    expected = f"a time from the present one, {time:.6g}, on"
+    check_number("stop", stop, expected, lambda stop: time <= stop < np.inf)
+    expected = "an instance of SteppingOptions, such as SteppingOptions(step=0.1)"
+    check_kind("options", options, SteppingOptions, expected)
+    if tolerance is not None:
+        check_number("tolerance", tolerance, "a positive number", lambda t: 0.0 < t < np.inf)
+    for name, function in (("set_loads", set_loads), ("on_step", on_step)):
+        if function is not None and not callable(function):
+            raise ValueError(f"{name}={function!r}: expected a function, or None")

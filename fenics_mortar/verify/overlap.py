@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: MIT
+"""Overlap of outlines: names for messages, folds, obstacles inside bodies, the admitted depth.
+
+**Crossings of an outline with itself at which the body is inverted, not overlapped.** The winding
+number of a closed outline, the body on its left, is the number of times that the body covers a
+point, counted negative where det F < 0. Beside a crossing of two edges it is w + 1, w, w and w - 1
+in the four sectors: w is 1 where two parts of the body overlap, and 0 at a fold, beside which det F
+< 0. With linear strains and small sliding a fold has no meaning, since the sign of det F has none
+and the contact conditions are those of the undeformed surfaces. So below the tip of a cone the
+surface of a linear elastic body moves across the axis.
+
+**Rigid obstacles inside bodies: points of an obstacle below the outlines of bodies.** A small
+obstacle inside a body need not contain any node of the mesh. Therefore points of the obstacle are
+located in the bodies: the points nearest to the slave nodes and its salient points. If a user's
+function is not a distance, x + phi n may miss the obstacle; such points are left out.
+
+**Depth of crossing outlines that the discretization admits, with and without a pair.** Between the
+two sides of a pair, contact is enforced at the nodes: facets overlap between them, by less than
+half a facet. Elsewhere nothing keeps bodies apart, and any overlap is an error, beyond the sagittas
+of both curves with straight facets: L a / 8 for facets of the length L at an angle a.
+
+A crossing is one of a pair if each of its segments touches one of the two sides: a corner at the
+end of a surface overlaps with it. Two such corners alone, as at the junction of cracks, overlap as
+the sides of pairs: contact of the sides beside them keeps them where they are. Then the outlines
+cross an even number of times beside these two nodes; if they go on inside each other, an odd one.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.interface.curve_surface import Curve
+from fenics_mortar.interface.outline import Outline
+from fenics_mortar.kernels.passage import depths_inside
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.verify.finding import LIMITS
+
+
+class OutlineNames:
+    """Names of the segments, bodies and nodes of the outlines.
+
+    Args:
+        outline: The outlines of the bodies.
+        contacts: All pairs, whose surfaces have names.
+        name_of_body: Function that returns the name of a body by its number (collective).
+    """
+
+    def __init__(
+        self,
+        outline: Outline,
+        contacts: Sequence[Contact | Tie],
+        name_of_body: Callable[[int], str],
+    ) -> None:
+        self._outline, self._name_of_body = outline, name_of_body
+        self._bodies: dict[int, str] = {}
+        self._surfaces: list[str] = []
+        self._surface_of = np.full(len(outline.segments), -1)
+        for contact in contacts:
+            for surface in (contact.slave, contact.master):
+                if surface.num_nodes and f"'{surface.name}'" not in self._surfaces:
+                    self._surface_of[outline.are_of(surface)] = len(self._surfaces)
+                    self._surfaces.append(f"'{surface.name}'")
+
+    def segment(self, segment: int) -> str:
+        """Name of the surface of a segment, or else of its body (collective)."""
+        if self._surface_of[segment] >= 0:
+            return self._surfaces[self._surface_of[segment]]
+        return self.body(int(self._outline.segment_bodies[segment]))
+
+    def body(self, body: int) -> str:
+        """Name of a body (collective)."""
+        if body not in self._bodies:
+            self._bodies[body] = self._name_of_body(body)
+        return self._bodies[body]
+
+    def node(self, node: int) -> str:
+        """Name of a surface of a node, or else of its body (collective)."""
+        at = (self._outline.segments == node).any(axis=1)
+        surface = self._surface_of[at].max(initial=-1)
+        return self._surfaces[surface] if surface >= 0 else self.segment(int(np.argmax(at)))
+
+
+def slides_little(contact: Contact | Tie) -> bool:
+    """Whether the conditions of a pair are those of the undeformed surfaces (local)."""
+    return not isinstance(contact, Tie) and contact.pair.sliding == "small"
+
+
+def are_folds(
+    x: Array, segments: Indices, bodies: Indices, crossings: Array
+) -> npt.NDArray[np.bool_]:
+    """Whether crossings of outlines with themselves are folds, shape (k,), bool (local).
+
+    Args:
+        x: Positions of the nodes, shape (n, 2) [length].
+        segments: Nodes of the segments of all outlines, shape (m, 2).
+        bodies: Body of each segment, shape (m,).
+        crossings: Rows of ``find_crossings``, shape (k, 6).
+    """
+    folds = np.empty(len(crossings), bool)
+    for k, row in enumerate(crossings):
+        crossed = row[:2].astype(np.int64)
+        others = bodies == bodies[crossed[0]]
+        others[crossed] = False
+        folds[k] = _winding(x, segments[others], row[4:]) < 1
+    return folds
+
+
+def _winding(x: Array, segments: Indices, P: Array) -> int:
+    """Mean winding number around the crossing P (2,) of two segments, which are left out.
+
+    They pass straight through P, and on both sides of it contribute opposite angles.
+    """
+    a, b = np.moveaxis(x[segments] - P, 1, 0)
+    angles = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1))
+    return round(float(angles.sum()) / (2.0 * np.pi))
+
+
+class Deepest(NamedTuple):
+    """The point of an obstacle that is deepest in a body.
+
+    Attributes:
+        depth: Depth less the overlap admitted by the offset [length]; zero if no point is inside.
+        facets: The same over the length of the nearest facet [1].
+        point: Position, shape (2,) [length].
+        segment: Nearest segment of the outlines.
+    """
+
+    depth: float
+    facets: float
+    point: Array
+    segment: int
+
+
+def deepest_point(contact: Contact, outline: Outline, slave: Indices, x: Array) -> Deepest:
+    """Find the point of an obstacle that is deepest in a body of the slave (local).
+
+    Args:
+        contact: A pair with an obstacle, evaluated at the present state.
+        outline: Outlines of the bodies.
+        slave: Numbers of the slave nodes in the outlines, shape (slave nodes,).
+        x: Positions of the outlines' nodes, shape (n, 2) [length].
+    """
+    o = contact.now.on_obstacle
+    points = np.concatenate([o.nearest_points(), o.obstacle.to_space(o.obstacle.salient_points())])
+    lengths, bodies = outline.lengths(x), outline.segment_bodies
+    deepest = Deepest(0.0, 0.0, np.zeros(2), -1)
+    admitted = max(-float(contact.now.offset.min(initial=0.0)), 0.0)
+    for body in np.unique(outline.bodies[slave]):
+        mine = x[outline.bodies == body]
+        near = points[((points > mine.min(axis=0)) & (points < mine.max(axis=0))).all(axis=1)]
+        rows = depths_inside(x, outline.segments, bodies, body, near)
+        rows[:, 0] -= admitted
+        inside = rows[:, 0] > 0.0
+        if not inside.any():
+            continue
+        near, depths, nearest = near[inside], rows[inside, 0], rows[inside, 1].astype(np.int64)
+        facets = depths / lengths[nearest]
+        facets[o.obstacle.evaluate(near)[0] > LIMITS.coarse_distance * lengths[nearest]] = 0.0
+        first = int(np.argmax(facets))
+        if facets[first] > deepest.facets:
+            depth, segment = float(depths[first]), int(nearest[first])
+            deepest = Deepest(depth, float(facets[first]), near[first], segment)
+    return deepest
+
+
+class AdmittedDepth:
+    """Classification of crossings by pairs, and the depths admitted for them; all are local.
+
+    Args:
+        outline: The outlines of the bodies.
+        contacts: All pairs.
+    """
+
+    def __init__(self, outline: Outline, contacts: Sequence[Contact | Tie]) -> None:
+        self._outline = outline
+        self._after, self._before = outline.neighbours()
+        self._sides = [(self._touching(c.slave), self._touching(c.master)) for c in contacts]
+        self._are_ties = [isinstance(contact, Tie) for contact in contacts]
+        self._ends = np.zeros(len(outline.X), bool)
+        for surface in (side for c in contacts for side in (c.slave, c.master)):
+            ends = surface.nodes[(surface.previous < 0) | (surface.following < 0)]
+            self._ends[outline.indices_of(ends)] = True
+
+    def _touching(self, surface: Curve) -> Flags:
+        """Whether each segment has a node of a surface, shape (m,), bool."""
+        nodes = np.zeros(len(self._outline.X), bool)
+        nodes[self._outline.indices_of(surface.nodes)] = True
+        return np.asarray(nodes[self._outline.segments].any(axis=1))
+
+    def are_paired(self, rows: Array) -> Flags:
+        """Whether rows (k, 6) of ``find_crossings``, all, are between sides of pairs, (k,), bool.
+
+        Tied pairs count, and corners that overlap alone.
+        """
+        return self._between(rows, ties=True) | self._corners(rows)
+
+    def are_in_contact(self, rows: Array) -> Flags:
+        """Whether rows (k, 6) are between the two sides of a contact pair, shape (k,), bool."""
+        return self._between(rows, ties=False)
+
+    def _between(self, rows: Array, *, ties: bool) -> Flags:
+        e, f = rows[:, :2].astype(np.int64).T
+        paired = np.zeros(len(rows), bool)
+        for (slave, master), is_tie in zip(self._sides, self._are_ties, strict=True):
+            if ties or not is_tie:
+                paired |= (slave[e] & master[f]) | (slave[f] & master[e])
+        return paired
+
+    def _corners(self, rows: Array) -> Flags:
+        """Whether rows (k, 6) are crossings of two corners at ends of surfaces, (k,), bool."""
+        corners = list[set[tuple[int, int]]]()
+        for e, f in self._outline.segments[rows[:, :2].astype(np.int64)]:
+            mine, others = e[self._ends[e]].tolist(), f[self._ends[f]].tolist()
+            corners.append({(min(a, b), max(a, b)) for a, b in product(mine, others)})
+        count = Counter(pair for pairs in corners for pair in pairs)
+        return np.array([any(count[pair] % 2 == 0 for pair in pairs) for pairs in corners], bool)
+
+    def of(self, x: Array, rows: Array, paired: Flags) -> Array:
+        """Admitted depths of rows (k, 6) of ``find_crossings``, shape (k,) [facet lengths].
+
+        Args:
+            x: Positions of the nodes, shape (n, 2) [length].
+            rows: The crossings.
+            paired: Whether they are between sides of pairs, shape (k,), bool.
+        """
+        unpaired = self._sagittas(x)[rows[:, :2].astype(np.int64)].sum(axis=1)
+        unpaired = np.maximum(unpaired, LIMITS.unpaired)
+        return np.where(paired, LIMITS.penetration, unpaired)
+
+    def at_obstacle(self, x: Array, segment: int, pair: int) -> tuple[float, bool]:
+        """Admitted depth of an obstacle below a segment, and whether the pair includes the latter.
+
+        Args:
+            x: Positions of the nodes, shape (n, 2) [length].
+            segment: The segment.
+            pair: Number of the pair with the obstacle.
+
+        Returns:
+            Depth [facet lengths], flag.
+        """
+        if self._sides[pair][0][segment]:
+            return LIMITS.penetration, True
+        return max(float(self._sagittas(x)[segment]), LIMITS.unpaired), False
+
+    def _sagittas(self, x: Array) -> Array:
+        """Sagittas of curves through the segments, (m,) [facet lengths]; zero at corners."""
+        segments = self._outline.segments
+        t = x[segments[:, 1]] - x[segments[:, 0]]
+        t, sizes = t[:, 0] + 1j * t[:, 1], np.hypot(*t.T)
+        turns = np.zeros(len(segments))
+        for beside in (self._after, self._before):
+            angles = np.abs(np.angle(t * t[beside].conj()))
+            is_curve = (beside >= 0) & (angles < LIMITS.sharp_corner)
+            turns = np.where(is_curve, np.maximum(turns, angles), turns)
+        return np.asarray(turns * sizes / (8.0 * self._outline.lengths(x)))

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: MIT
+"""Crossed surfaces in space: bodies that overlap in a state, and passages in a step.
+
+The counterpart of ``crossing``, with the same meaning of depths and limits: after each solve the
+hulls of all bodies in pairs are checked, independently of the search for partners; ``overlaps``
+finds the points inside bodies, ``space_admitted`` the depths that the discretization admits,
+``space_passages`` the passages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from fenics_mortar.bulk.bodies import label_bodies
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.interface.hull import Hull, extract_hull
+from fenics_mortar.rigid.floating import FloatingBodies
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.errors import format_point
+from fenics_mortar.utils.rounding import HALF_FACET
+from fenics_mortar.verify.crossing import AcceptedPositions, Crossing, Crossings
+from fenics_mortar.verify.finding import LIMITS
+from fenics_mortar.verify.overlap import OutlineNames
+from fenics_mortar.verify.overlaps import Overlaps, find_overlaps
+from fenics_mortar.verify.space_admitted import Kind, SpaceAdmitted
+from fenics_mortar.verify.space_obstacles import SpaceObstacles
+from fenics_mortar.verify.space_passages import SpacePassages
+from fenics_mortar.verify.space_paths import SpacePaths
+
+# Bodies of a point and of the triangle above it, ascending.
+Bodies = tuple[int, int]
+
+
+class SpaceCrossings(Crossings):
+    """Detection of crossings and passages in space; see ``Crossings``."""
+
+    outline: Hull
+
+    def __init__(
+        self, bulk: Bulk, contacts: Sequence[Contact | Tie], floating: FloatingBodies
+    ) -> None:
+        self._bulk, self._contacts = bulk, contacts
+        self._labels, _ = label_bodies(bulk.V)
+        sides = [[self._bodies_of(side) for side in (c.slave, c.master)] for c in contacts]
+        self._in_contact = {
+            (min(one, other), max(one, other))
+            for contact, (slave, master) in zip(contacts, sides, strict=True)
+            for one, other in product(slave, master)
+            if not isinstance(contact, Tie)
+        }
+        self._of_pairs = [sorted(slave | master) for slave, master in sides]
+        bodies = np.array(sorted({body for pair in self._of_pairs for body in pair}), np.int64)
+        self.outline = extract_hull(bulk.space, self._labels, bodies)
+        self._slaves = [self.outline.indices_of(contact.slave.nodes) for contact in contacts]
+        self._free = 1.0 - self.outline.gather(bulk.prescribed.astype(float))
+        name_of_body = partial(floating.name_of, labels=self._labels)
+        self._names = OutlineNames(self.outline, contacts, name_of_body)
+        self._in_space = SpaceAdmitted(self.outline, contacts)
+        self._found_at: tuple[Array, Overlaps] | None = None
+        self._excused = self._overlaps_as_meshed()
+        self._through = SpacePassages(self.outline, self._names, self._excused)
+        self._obstacles = SpaceObstacles(
+            self.outline, contacts, self._slaves, self._names, self._in_space
+        )
+        self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)))
+        self._left = self.accepted.x
+        self._restored = None
+
+    def find(self) -> list[Crossing]:
+        """See ``Crossings``: of two bodies up to one for each ``Kind``."""
+        x = self._positions()
+        overlaps = self._overlaps(x)
+        kinds = self._in_space.kinds(overlaps)
+        limits = self._in_space.of(x, overlaps, kinds)
+        facets = self._facets(x, overlaps, self._allowed(x))
+        found = list[Crossing]()
+        for kind in Kind:
+            at = np.flatnonzero((kinds == kind) & (facets > 0.0))
+            found += self._deepest_of(overlaps.select(at), facets[at], limits[at], kind)
+        found += self._obstacles.find(x)
+        return sorted(found, key=lambda crossing: -crossing.facets)
+
+    def _overlaps(self, x: Array) -> Overlaps:
+        """``find_overlaps`` at positions ``x`` (n, 3), kept for the next call."""
+        if self._found_at is None or not np.array_equal(self._found_at[0], x):
+            self._found_at = x, find_overlaps(self.outline, x)
+        return self._found_at[1]
+
+    def _facets(self, x: Array, overlaps: Overlaps, allowed: Array) -> Array:
+        """Depths over the larger facet, without overlaps ``allowed`` (n,) [length], (k,) [1]."""
+        hull, (nodes, triangles, depths, _) = self.outline, overlaps
+        sizes = hull.node_sizes(x)[nodes].max(axis=1, initial=0.0)
+        sizes = np.maximum(sizes, hull.lengths(x)[triangles])
+        slack = np.maximum(
+            allowed[nodes].max(axis=1), allowed[hull.segments[triangles]].max(axis=1)
+        )
+        return np.asarray((depths - slack) / sizes)
+
+    def _bodies_of_overlaps(self, overlaps: Overlaps) -> Indices:
+        """The two bodies of each overlap, ascending, shape (k, 2)."""
+        nodes, triangles, _, _ = overlaps
+        both = self.outline.bodies[nodes[:, 0]], self.outline.segment_bodies[triangles]
+        return np.sort(np.stack(both, axis=1), axis=1)
+
+    def _firsts(self, overlaps: Overlaps, sizes: Array) -> dict[Bodies, int]:
+        """The overlap with the largest of ``sizes`` (k,) of each two bodies."""
+        bodies, found = self._bodies_of_overlaps(overlaps).tolist(), dict[Bodies, int]()
+        for k in np.argsort(-sizes, kind="stable").tolist():
+            found.setdefault((bodies[k][0], bodies[k][1]), k)
+        return found
+
+    def _deepest_of(
+        self, overlaps: Overlaps, facets: Array, limits: Array, kind: Kind
+    ) -> Iterator[Crossing]:
+        """The deepest of the overlaps of each two bodies, over their ``limits`` (k,)."""
+        in_contact = self._in_space.are_in_contact(overlaps)
+        for bodies, k in self._firsts(overlaps, facets / limits).items():
+            excused = 0.0 if in_contact[k] else self._excused.get(bodies, 0.0)
+            depth = float(facets[k]) - excused
+            if depth > 0.0:
+                sides = (
+                    self._names.node(int(overlaps.nodes[k, 0])),
+                    self._names.segment(int(overlaps.triangles[k])),
+                )
+                where = format_point(overlaps.points[k])
+                measures = float(overlaps.depths[k]), depth, float(limits[k])
+                is_paired, meet = kind != Kind.UNPAIRED, kind == Kind.WITHOUT_AREA
+                yield Crossing(sides, where, *measures, is_paired, edges_meet=meet)
+
+    def _overlaps_as_meshed(self) -> dict[Bodies, float]:
+        """See ``Crossings``: overlap of bodies in the mesh [facets]."""
+        hull, found = self.outline, dict[Bodies, float]()
+        overlaps = find_overlaps(hull, hull.X)
+        overlaps = overlaps.select(~self._in_space.are_in_contact(overlaps))
+        facets = self._facets(hull.X, overlaps, np.zeros(len(hull.X)))
+        for bodies, k in self._firsts(overlaps, facets).items():
+            if bodies[0] == bodies[1] or facets[k] <= HALF_FACET:
+                found[bodies] = float(facets[k])
+            elif bodies not in self._in_contact:
+                found[bodies] = np.inf
+        return found
+
+    def nodes_inside(self) -> list[Indices]:
+        """Nodes of the bodies of each pair inside another body of it, global numbers."""
+        x = self._positions()
+        overlaps = self._overlaps(x)
+        is_node = overlaps.nodes[:, 0] == overlaps.nodes[:, 1]
+        is_node &= self._facets(x, overlaps, self._allowed(x)) > LIMITS.unpaired
+        nodes, bodies = overlaps.nodes[:, 0], self._bodies_of_overlaps(overlaps)
+        return [
+            np.unique(self.outline.nodes[nodes[is_node & np.isin(bodies, pair).all(axis=1)]])
+            for pair in self._of_pairs
+        ]
+
+    def passages_of_step(self, places: Array) -> tuple[list[str], list[str]]:
+        """See ``Crossings``; other senses and centres of rotations are not examined in space."""
+        (x0, before), x1 = (self.accepted.x, self.accepted.places), self._positions()
+        bodies_rest = np.array_equal(x0, x1)
+        if not len(x0) or (bodies_rest and np.array_equal(before, places)):
+            return [], []
+        resolution = LIMITS.coarse_distance * float(self.outline.lengths(x1).min())
+        motions = self._obstacles.motions(before, places)
+        paths = SpacePaths(x0, x1, self.outline.bodies, motions, resolution)
+        found = [] if bodies_rest else self._through.find(paths)
+        return found + self._obstacles.passages(paths, self._through, before), []

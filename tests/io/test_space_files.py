@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: MIT
+"""Files and pictures of solids, and states that continue in another run."""
+
+import meshio
+import numpy as np
+import pytest
+from mesh_measures import COMM
+from space_scenes import EACH_CELL, SIZE, held, pressed, solid
+from test_results import steps
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.io.skin import skin_of
+from fenics_mortar.utils import compat
+
+EACH = pytest.mark.parametrize("cell, order", EACH_CELL)
+TYPES = {
+    ("tetrahedron", 1): "tetra",
+    ("tetrahedron", 2): "tetra10",
+    ("hexahedron", 1): "hexahedron",
+    ("hexahedron", 2): "hexahedron27",
+}
+A = np.array([[0.1, 0.2, 0.0], [-0.1, 0.3, 0.05], [0.0, 0.2, -0.2]])
+
+
+@pytest.mark.each
+@EACH
+def test_files_contain_cells_and_fields(shared_path, cell, order):
+    scene = pressed(cell, order, jiggle=0.2 if order == 1 else 0.0).set_up()
+    scene.u.interpolate(lambda x: A @ x)
+    V = compat.scalar_space(scene.data.mesh, 1)
+    height = fem.Function(V)
+    height.interpolate(lambda x: x[2])
+    fields = {"gradient": ufl.grad(scene.u), "first": scene.u[0], "height": height}
+    with fm.ResultsWriter(shared_path / "solid", scene.problem, fields) as results:
+        results.write(0.5)
+    files = steps(shared_path / "solid.pvd")
+    assert list(files) == [0.5]
+    volume, count = 0.0, 0
+    for mesh in map(meshio.read, files[0.5]):
+        (block,) = mesh.cells
+        assert block.type == TYPES[cell, order]
+        x, cells = mesh.points, block.data
+        assert np.allclose(mesh.point_data["displacement"], x @ A.T, atol=1e-14)
+        assert np.allclose(mesh.point_data["height"], x[:, 2], atol=1e-14)
+        assert np.allclose(mesh.cell_data["gradient"][0].reshape(-1, 3, 3), A, atol=1e-12)
+        middles = x[cells].mean(axis=1)
+        if order == 1:
+            assert np.allclose(mesh.cell_data["first"][0].ravel(), middles @ A[0], atol=1e-12)
+        corners = {"tetrahedron": 4, "hexahedron": 8}[cell]
+        if order == 2:  # VTK has the middles of the edges of the base first
+            base = cells[:, : 3 if corners == 4 else 4]
+            edges = 0.5 * (x[base] + x[np.roll(base, -1, axis=1)])
+            middle = x[cells[:, corners : corners + base.shape[1]]]
+            assert np.allclose(middle, edges, atol=1e-12)
+        tetrahedra = [[0, 1, 2, 3]]
+        if corners == 8:  # the volume of straight cells, from six tetrahedra
+            tetrahedra = [[0, a, b, 6] for a, b in ((1, 2), (2, 3), (3, 7), (7, 4), (4, 5), (5, 1))]
+        for one in tetrahedra:
+            edge = x[cells[:, one[1:]]] - x[cells[:, one[:1]]]
+            volume += np.abs(np.linalg.det(edge)).sum() / 6.0
+        count += len(cells)
+    assert count == scene.data.mesh.topology.index_map(3).size_global
+    assert volume == pytest.approx(SIZE.prod(), rel=0.02 if cell == "hexahedron" else 1e-12)
+
+
+@EACH
+def test_skin_covers_the_outside_once(cell, order):
+    """Polygons of the outer facets have the area of a block, seen along each axis twice."""
+    scene = solid(cell, order, jiggle=0.0)
+    V = scene.u.function_space
+    skin = skin_of(V)
+    X = V.tabulate_dof_coordinates()[skin.rings]
+    after = np.roll(X, -1, axis=1)
+    areas = 0.5 * np.abs(np.cross(X, after).sum(axis=1)).sum(axis=0)
+    found = np.array([COMM.allreduce(area) for area in areas])
+    assert np.allclose(found, 2.0 * SIZE[[1, 0, 0]] * SIZE[[2, 2, 1]], rtol=1e-12)
+    mean = COMM.allreduce(X.mean(axis=1).sum(axis=0)) / COMM.allreduce(len(X))
+    assert np.allclose(mean[:2], SIZE[:2] / 2, rtol=1e-12)
+
+
+@EACH
+def test_plot_draws_solids(shared_path, cell, order):
+    from matplotlib import image
+
+    scene = pressed(cell, order).set_up()
+    scene.problem.solve()
+    options = {"stress": ufl.tr(ufl.grad(scene.u)), "label": "strain", "scale": 1.5}
+    fm.plot(scene.problem, shared_path / "solid.png", title="Block", units=("mm", "MPa"), **options)
+    COMM.barrier()
+    pixels = image.imread(shared_path / "solid.png")[..., :3]
+    assert min(pixels.shape[:2]) > 500
+    blank = (pixels > 0.99).all(axis=-1).mean()
+    assert 0.2 < blank < 0.8
+    coloured = np.ptp(pixels, axis=-1) > 0.2
+    assert coloured.mean() > 0.05
+    fm.plot(scene.problem, shared_path / "grey.png")
+
+
+def test_plot_draws_into_given_axes():
+    from matplotlib.figure import Figure
+
+    scene = pressed().set_up()
+    axes = Figure().add_subplot(projection="3d") if COMM.rank == 0 else None
+    fm.plot(scene.problem, ax=axes, title="One")
+    if COMM.rank == 0:
+        (bodies,) = axes.collections
+        facets = 2 * 3 + 2 * 2 + 3 * 2  # the camera sees three sides
+        assert len(bodies.get_facecolor()) == facets
+        assert np.allclose(axes.get_xlim(), (0.0, SIZE[0])) and axes.get_title() == "One"
+
+
+@EACH
+def test_state_continues_in_another_problem(shared_path, cell, order):
+    """A state is read into a new problem, and both go on alike."""
+    scene, other = pressed(cell, order).set_up(), pressed(cell, order).set_up()
+    scene.problem.solve()
+    fm.save_state(scene.problem, shared_path / "state")
+    fm.load_state(other.problem, shared_path / "state")
+    assert np.array_equal(other.u.x.array, scene.u.x.array)
+    reactions = [s.problem.reaction("block/top", data=s.data) for s in (scene, other)]
+    assert np.allclose(reactions[0].force, reactions[1].force, rtol=1e-12)
+    with pytest.raises(fm.MortarError, match="another mesh or degree"):
+        fm.load_state(
+            pressed(cell, order, counts=(2, 2, 2)).set_up().problem, shared_path / "state"
+        )
+
+
+def test_moved_node_of_a_saved_mesh_is_named_with_three_coordinates(shared_path):
+    scene = pressed().set_up()
+    fm.save_state(scene.problem, shared_path / "state")
+    other = solid(jiggle=0.1)
+    held(other)
+    held(other, (0.1, 0.05, -0.3), "block/top")
+    with pytest.raises(fm.MortarError, match=r"its node at \(.*, .*, .*\) is .* away"):
+        fm.load_state(other.set_up().problem, shared_path / "state")
+
+
+def test_table_of_a_problem_without_pairs_has_a_head_only():
+    table = fm.contact_table(pressed().set_up().problem)
+    assert str(table).count("\n") == 1 and "force on slave" in str(table)
+
+
+@pytest.mark.each
+@EACH
+def test_ranks_without_cells_take_part(shared_path, cell, order):
+    """A body of one cube of nodes: solve, reactions, files, picture, state."""
+    scene = pressed(cell, order, counts=(1, 1, 1), push=(0.0, 0.0, -0.15)).set_up()
+    report = scene.problem.solve()
+    assert report.certificate.balance < 1e-10
+    above, below = (
+        scene.problem.reaction(f"block/{s}", data=scene.data) for s in ("top", "bottom")
+    )
+    assert np.allclose(above.force, -below.force, rtol=1e-10, atol=1e-12)
+    with fm.ResultsWriter(shared_path / "one", scene.problem, {"F": ufl.grad(scene.u)}) as results:
+        results.write(0.0)
+    fm.plot(scene.problem, shared_path / "one", stress=ufl.div(scene.u))
+    fm.save_state(scene.problem, shared_path / "one")
+    fm.load_state(scene.problem, shared_path / "one")
+    assert len(steps(shared_path / "one.pvd")[0.0]) <= COMM.size

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: MIT
+"""Rigid obstacles inside bodies in space, and passages of bodies and obstacles through each other.
+
+Each scene of the first kind has no nodal force, so that Newton's method is content with it.
+"""
+
+import numpy as np
+import pytest
+import space_scenes
+from refusal import refused
+
+import fenics_mortar as fm
+from meshes import mapped_boxes
+from meshes.mapped_boxes import Box, block
+
+CUBE = {"size": (1.0, 1.0, 1.0), "jiggle": 0.0, "counts": (3, 3, 3)}
+BLADE = [(0.0, -0.1), (2.0, -0.1), (2.0, 0.1), (0.0, 0.1)]
+
+
+def ball(radius=0.25, at=(0.5, 0.5, 1.3)):
+    return fm.Sphere(at, radius)
+
+
+def paddle(origin=(-0.5, 0.0, 1.5)):
+    """A blade that is turned about the y axis."""
+    shape = fm.Polygon(BLADE, 0.02, name="blade")
+    return fm.Extruded(shape, axis=(0, 1, 0), first=(1, 0, 0), origin=origin)
+
+
+def scene_with(obstacle, side="block/top", *, cell="hexahedron", law=None, **options):
+    """A cube on its bottom, with an obstacle for one side."""
+    scene = space_scenes.solid(cell, **{**CUBE, **options})
+    space_scenes.held(scene)
+    scene.set_up([fm.ContactPair(scene.data, side, obstacle, law=law)])
+    return scene.problem
+
+
+def solved(problem, obstacle, *moves):
+    """The last report; obstacles move between the solves."""
+    for move in moves:
+        obstacle.move(**move)
+        report = problem.solve()
+    assert report.certificate.passages == [] and report.certificate.violations() == []
+    return report
+
+
+INSIDE = {
+    "ball": (ball, {"z": -0.8}, "obstacle 'sphere' cross at .* 0.356 deep"),
+    "at a side": (lambda: ball(at=(1.3, 0.5, 0.5)), {"x": -0.15}, "cross at .* 0.1 deep"),
+    "at the start": (lambda: ball(at=(0.5, 0.5, 0.5)), {"x": 0.0}, "cross at .* 0.356 deep"),
+    "needle": (
+        lambda: fm.Cone((0.5, 0.5, 1.02), (0, 0, 1), 0.1), {"z": -0.3},
+        "'block/top' and obstacle 'cone' cross at .* 0.28 deep",
+    ),
+    "needle at a side": (
+        lambda: fm.Cone((1.05, 0.5, 0.5), (1, 0, 0), 0.2), {"x": -0.3},
+        "body 'block' and obstacle 'cone' cross at .* 0.25 deep .* no pair",
+    ),
+    "blade": (
+        lambda: fm.Extruded(
+            fm.Polygon([(-0.002, 0.0), (0.002, 0.0), (0.0, 1.0)], 0.001, name="blade"),
+            axis=(0, -1, 0), first=(1, 0, 0), origin=(0.45, 0.0, 1.02),
+        ),
+        {"z": -0.3}, "obstacle 'blade' cross at .* 0.2.* deep",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.each
+@pytest.mark.parametrize("name", INSIDE)
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+def test_obstacle_inside_a_body_is_a_violation(name, cell):
+    make, move, message = INSIDE[name]
+    obstacle = make()
+    problem = scene_with(obstacle, cell=cell)
+    obstacle.move(**move)
+    with refused(fm.NotConvergedError, message):
+        problem.solve()
+
+
+def test_tip_a_little_below_a_facet_is_a_remark():
+    """Between the nodes a tip of a quarter of a facet is admitted, as in the plane."""
+    obstacle = fm.Cone((0.5, 0.5, 1.02), (0, 0, 1), 0.2)
+    problem = scene_with(obstacle)
+    obstacle.move(z=-0.1)
+    report = problem.solve()
+    assert report.certificate.violations() == []
+    assert "cross at (0.5, 0.5, 0.92), 0.08 deep" in report.certificate.remarks()[0]
+
+
+PASSED = {
+    "ball": (ball, {"z": -3.0}, "went through body 'block'"),
+    "large ball": (lambda: ball(3.0, (0.5, 0.5, 4.1)), {"z": -8.0}, "went through"),
+    "rod": (
+        lambda: fm.Cylinder((0.0, 0.5, 1.2), (1, 0.1, 0), 0.05), {"z": -2.0},
+        "points of obstacle 'cylinder' went through body 'block'",
+    ),
+    "paddle": (paddle, {"angle": (0.0, 3.0, 0.0)}, "nodes of .* went through obstacle 'blade'"),
+    "paddle, a whole turn": (
+        paddle, {"angle": (0.0, 2.0 * np.pi, 0.0)}, "nodes of .* went through obstacle 'blade'",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.each
+@pytest.mark.parametrize("name", PASSED)
+def test_passage_in_a_step_is_a_violation(name):
+    make, move, message = PASSED[name]
+    obstacle = make()
+    problem = scene_with(obstacle)
+    solved(problem, obstacle, {"x": 0.0})
+    obstacle.move(**move)
+    with refused(fm.NotConvergedError, f"{message}.* since the last accepted state"):
+        problem.solve()
+
+
+FREE = {
+    "paddle beside": (lambda: paddle((-2.2, 0.0, 0.5)), {"angle": (0.0, 6.0, 0.0)}),
+    "ball past a side": (lambda: ball(at=(1.3, -1.0, 0.5)), {"y": 3.0}),
+    "lifted": (ball, {"x": 5.0, "z": 2.0}),
+    "spinning": (lambda: ball(0.3, (0.5, 0.5, 1.31)), {"angle": (0.0, 0.0, 7.0)}),
+}
+
+
+@pytest.mark.each
+@pytest.mark.parametrize("name", FREE)
+def test_obstacle_that_passes_beside_a_body_is_none(name):
+    make, move = FREE[name]
+    obstacle = make()
+    solved(scene_with(obstacle, law=fm.Coulomb(0.3)), obstacle, {"x": 0.0}, move)
+
+
+@pytest.mark.each
+@pytest.mark.parametrize("angle", [0.5, 2.0, 2.0 * np.pi])
+def test_wheel_that_turns_on_a_body_does_not_pass(angle):
+    """Nodes under a wheel are on chords of its surface in its frame."""
+    wheel = fm.Cylinder((0.5, 0.0, 2.0), (0, 1, 0), 1.0)
+    problem = scene_with(wheel, law=fm.Coulomb(0.1), counts=(6, 2, 3))
+    moves = {"z": -0.02}, {"z": -0.02, "angle": (0.0, angle, 0.0)}
+    solved(problem, wheel, *moves)
+    assert wheel.reaction[2] > 0.0
+
+
+def overhanging(size):
+    """Mesh of a body with a ledge, x < 1 and z > 0, and a part that hangs down beside it."""
+    ledge = Box("ledge", block((int(1 / size), 2, 2)))
+    low = Box("low", block((2, 2, 4), size=(0.5, 1.0, 2.0), corner=(1.0, 0.0, -1.0)))
+    found = mapped_boxes.arrays([ledge, low])
+    x, number = np.unique(np.round(found["points"], 9), axis=0, return_inverse=True)
+    number = number.ravel()
+    cells, sides = number[found["cells"]], found["boundaries"]
+    names = "ledge/bottom", "ledge/top"
+    sides = {name: number[sides[name]] for name in names}
+    return fm.mesh_from_arrays(x, cells, {"block": np.arange(len(cells))}, sides)
+
+
+@pytest.mark.parametrize("size", [0.5, 0.1])
+def test_body_over_the_edge_of_a_floor(size):
+    """A floor is a plane without an edge: what hangs over the edge is below it."""
+    data = overhanging(size)
+    floor = fm.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    scene = space_scenes.of(data)
+    space_scenes.held(scene, (0.0, 0.0, -0.02), "ledge/top")
+    scene.set_up([fm.ContactPair(data, "ledge/bottom", floor)])
+    report = scene.problem.solve()
+    assert report.certificate.violations() == []
+    assert floor.reaction[2] < 0.0

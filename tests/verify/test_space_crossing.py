@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: MIT
+"""Crossed bodies in space, in a state or in a step, are reported; sound states are not."""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from crossing_scenes import messages_with
+from space_pair_scenes import (
+    arc_and_block,
+    bent,
+    cap_on_block,
+    crossings_of,
+    plates,
+    rods,
+    two_blocks,
+)
+
+import fenics_mortar as fm
+from fenics_mortar.verify.space_paths import SpacePaths
+
+
+def is_sound(report):
+    return not (report.certificate.violations() or report.certificate.remarks())
+
+
+def is_above(X):
+    return X[:, 2] > 1.0 + 1e-9
+
+
+def is_second(X):
+    return X[:, 1] > 0.1
+
+
+def is_strip(X):
+    return X[:, 2] > 1.9
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+def test_pressed_and_sliding_blocks_are_sound(cell, order):
+    scene = two_blocks(cell=cell, order=order, law=fm.Coulomb(0.2))
+    for push in ((0, 0, -0.04), (0.1, 0.05, -0.06)):
+        report = scene.move("upper/top", push).solve()
+        assert is_sound(report)
+    crossing = max(report.certificate.crossings, key=lambda c: c.facets)
+    assert 0.0 < crossing.facets < 0.05 and crossing.is_paired and not crossing.edges_meet
+
+
+def test_ironing_with_a_cap_is_sound():
+    scene = cap_on_block(law=fm.Coulomb(0.3))
+    for push in ((0, 0, -0.03), (0, 0, -0.05), (0.1, 0.02, -0.05), (0.2, 0.04, -0.05)):
+        assert is_sound(scene.move("upper/top", push).solve())
+
+
+@pytest.mark.once
+def test_the_hull_does_not_depend_on_the_partition():
+    hulls = [two_blocks(comm=comm).crossings.outline for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)]
+    for name in ("X", "segments", "ends"):
+        assert np.allclose(*(getattr(hull, name) for hull in hulls))
+    hull = hulls[0]
+    areas = np.bincount(hull.segment_bodies, hull.lengths(hull.X) ** 2 / 2.0)
+    assert np.sort(areas[areas > 0]) == pytest.approx([4.0, 2 * 1.4 * 1.4 + 4 * 1.4])
+    assert len(hull.edges[0]) == 3 * len(hull.segments) // 2
+    x, n = hull.X, hull.normals(hull.X)
+    a, b, c = np.moveaxis(x[hull.segments], 1, 0)
+    volume = np.einsum("mc,mc->", np.cross(b - a, c - a) / 6.0, a)
+    assert volume == pytest.approx(0.5 + 1.96) and np.allclose(np.linalg.norm(n, axis=1), 1.0)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+def test_depth_of_a_block_in_another(cell, order):
+    scene = two_blocks(cell=cell, order=order)
+    crossing = crossings_of(scene, is_above, lambda X: X - [0, 0, 0.3])[0]
+    assert crossing.depth == pytest.approx(0.3)
+    assert crossing.facets == pytest.approx(
+        0.3 / (0.5 if cell == "hexahedron" else 0.5 / np.sqrt(2)), rel=0.1
+    )
+    assert "'upper/bottom'" in crossing.sides or "'lower/top'" in crossing.sides
+
+
+def test_deep_crossings_of_a_pair_are_violations():
+    scene = two_blocks()
+    crossing, *_ = crossings_of(scene, is_above, lambda X: X - [0, 0, 0.3])
+    assert crossing.facets > crossing.admitted
+
+
+@pytest.mark.once
+def test_bodies_without_a_pair_between_their_sides():
+    """The upper block goes sideways into the lower one, where no pair is."""
+    scene = two_blocks(pairs=[("upper/left", "lower/right")])
+    (crossing,) = crossings_of(scene, is_above, lambda X: X - [0, 0, 0.02])
+    assert crossing.depth == pytest.approx(0.02) and crossing.facets > crossing.admitted
+    assert not crossing.is_paired and "add a ContactPair" in str(crossing)
+
+
+@pytest.mark.once
+@pytest.mark.parametrize(
+    ("pair", "text"),
+    [
+        (("two/top", "one/top"), "add a ContactPair"),
+        (("two/bottom", "one/left"), "edges or corners meet"),
+    ],
+)
+def test_edges_that_cross_without_a_node_inside(pair, text):
+    scene = rods(pair)
+    found = crossings_of(scene, is_second, lambda X: X + np.array([0.02, -0.12, 0.013]))
+    (crossing,) = (crossing for crossing in found if text in str(crossing))
+    assert crossing.depth == pytest.approx(0.02) and crossing.facets > crossing.admitted
+    assert not crossings_of(scene, is_second, lambda X: X + np.array([0.02, -0.08, 0.013]))
+
+
+@pytest.mark.once
+def test_a_body_that_crosses_itself():
+    scene = arc_and_block()
+    assert not crossings_of(scene, is_strip, bent(1.8 * np.pi))
+    (crossing,) = crossings_of(scene, is_strip, bent(2.1 * np.pi))
+    assert "body 'arc' crosses itself" in str(crossing) and crossing.facets > crossing.admitted
+
+
+@pytest.mark.once
+def test_missed_contact_is_told():
+    scene = two_blocks(gap=0.3, radius=0.05)
+    report = scene.move("upper/top", (0, 0, -0.45)).solve(accept_violations=True)
+    assert messages_with(report, "13 nodes are inside another body and have no partner")
+    assert messages_with(report, "no facets of their pair face each other there")
+
+
+def test_a_plate_that_went_through_another_one():
+    scene = plates()
+    with pytest.raises(fm.MortarError, match="went through body 'lower'"):
+        scene.move("plate/top", (0, 0, -1.0)).solve()
+
+
+@pytest.mark.once
+def _passages(scene, x1):
+    """Messages on the step from the accepted positions to ``x1``."""
+    crossings = scene.crossings
+    paths = SpacePaths(crossings.accepted.x, x1, crossings.outline.bodies, {}, 1e-3)
+    return crossings._through.find(paths)
+
+
+def test_a_plate_that_went_through_in_turned_frames():
+    """All bodies turn by 100 degrees in the same step."""
+    scene = plates()
+    x0 = scene.crossings.accepted.x
+    hull = scene.crossings.outline
+    upper = hull.bodies == hull.bodies[np.argmax(hull.X[:, 2])]
+    c, s = np.cos(np.radians(100.0)), np.sin(np.radians(100.0))
+    turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    for drop, count in ((1.0, 2), (0.25, 0)):
+        x1 = (x0 - [0, 0, drop] * upper[:, None]) @ turn.T + [3.0, 1.0, -2.0]
+        assert len(_passages(scene, x1)) == count
+
+
+@pytest.mark.once
+def test_rods_that_crossed_without_a_node_within_the_other():
+    scene = rods()
+    for side in ("two/left", "two/right"):
+        scene.move(side, (0.01, -0.5, 0.013))
+    report = scene.solve(accept_violations=True)
+    assert not report.certificate.crossings
+    assert messages_with(report, "edges of 'two/front' went through body 'one'")
+
+
+@pytest.mark.once
+def test_bodies_that_pass_beside_each_other():
+    scene = plates()
+    hull, x0 = scene.crossings.outline, scene.crossings.accepted.x
+    upper = (hull.bodies == hull.bodies[np.argmax(hull.X[:, 2])])[:, None]
+    for moved in ((3.0, 0, -0.25), (0, 0, 1.0), (0.3, 0.2, -0.2)):
+        assert not _passages(scene, x0 + upper * moved)
+
+
+def test_nodes_of_a_body_that_turns_go_along_arcs():
+    rng = np.random.default_rng(0)
+    x0, angle = rng.normal(size=(20, 3)), np.radians(120.0)
+    c, s = np.cos(angle), np.sin(angle)
+    x1 = x0 @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T + [1, 2, 3]
+    paths = SpacePaths(x0, x1, np.zeros(20, np.int64), {}, resolution=np.inf)
+    assert len(paths.times) == 4
+    finer = SpacePaths(x0, x1, np.zeros(20, np.int64), {}, resolution=0.01)
+    sagitta = np.linalg.norm(x0 - x0.mean(axis=0), axis=1).max() * (
+        1.0 - np.cos(0.5 * angle / (len(finer.times) - 1))
+    )
+    assert 0.005 < sagitta < 0.01
+    assert np.allclose(paths.along[0], x0) and np.allclose(paths.along[-1], x1)
+    sizes = np.linalg.norm(paths.along - paths.along.mean(axis=1, keepdims=True), axis=2)
+    assert np.allclose(sizes, sizes[0])
+    assert np.allclose(paths.seen_from(0), paths.seen_from(0)[:1])

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: MIT
+"""Contact regions in space that facets do not resolve, and the work of friction in a step."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from space_pair_scenes import bodies, cap_on_block, cylinder_on_block, shaft_in_groove, two_blocks
+
+import fenics_mortar as fm
+from fenics_mortar.obstacles.rotations import rotation_by
+from fenics_mortar.verify.checks.space_friction_work import work_along_screws
+from meshes.mapped_boxes import Box, block
+
+
+def value_of(report, name):
+    return report.certificate.pairs[0][name].value
+
+
+def remarks_with(report, word):
+    return [remark for remark in report.certificate.remarks() if word in remark]
+
+
+@pytest.mark.parametrize(
+    ("cell", "order"), [("hexahedron", 1), ("tetrahedron", 1), ("hexahedron", 2)]
+)
+def test_a_cap_that_touches_with_a_node(cell, order):
+    scene = cap_on_block(4, cell=cell, order=order)
+    report = scene.move("upper/top", (0, 0, -0.002)).solve()
+    assert value_of(report, "unresolved_force") == pytest.approx(1.0)
+    assert remarks_with(report, "1 active node at (") and remarks_with(
+        report, "refine 'upper/bottom'"
+    )
+    report = scene.move("upper/top", (0, 0, -0.1)).solve()
+    assert value_of(report, "unresolved_force") == 0.0
+
+
+@pytest.mark.once
+def test_a_line_of_nodes_below_a_cylinder():
+    scene = cylinder_on_block(4)
+    report = scene.move("upper/top", (0, 0, -0.003)).solve()
+    assert value_of(report, "unresolved_force") == pytest.approx(1.0)
+    report = scene.move("upper/top", (0, 0, -0.05)).solve()
+    assert value_of(report, "unresolved_force") == 0.0
+
+
+@pytest.mark.once
+def test_coarse_facets_of_the_master():
+    scene = cap_on_block(12, coarse=1)
+    report = scene.move("upper/top", (0, 0, -0.01)).solve()
+    assert value_of(report, "unresolved_force") == pytest.approx(1.0)
+    assert remarks_with(report, "refine 'lower/top'")
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("count", [1, 3])
+def test_whole_sides_and_edges_are_no_narrow_regions(count):
+    scene = two_blocks(counts=((count, count, 1), (1, 1, 1)))
+    assert value_of(scene.move("upper/top", (0, 0, -0.01)).solve(), "unresolved_force") == 0.0
+
+
+@pytest.mark.once
+def test_a_tilted_block_on_its_edge():
+    upper = block((2, 2, 1), size=(1.0, 1.0, 0.5), corner=(0.0, 0.0, 0.0))
+    c, s = np.cos(0.15), np.sin(0.15)
+    upper = upper @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) + [0.3, 0.2, 1.001]
+    lower = block((3, 3, 1), size=(1.6, 1.4, 1.0), corner=(-0.1, 0.0, 0.0))
+    upper[..., 2] += 1.001 - upper[..., 2].min()
+    boxes = [Box("upper", upper), Box("lower", lower)]
+    scene = bodies(boxes, ["upper/top", "lower/bottom"], [("upper/bottom", "lower/top")])
+    report = scene.move("upper/top", (0, 0, -0.01)).solve(accept_violations=True)
+    assert scene.problem.contacts[0].active.any()
+    assert value_of(report, "unresolved_force") == 0.0
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("degrees", [5.0, 35.0])
+def test_work_of_friction_by_slip_is_that_of_the_motions(degrees):
+    scene, turn = shaft_in_groove(law=fm.Coulomb(0.3))
+    turn(0.0)
+    scene.solve()
+    turn(degrees)
+    turn(2.0 * degrees)
+    report = scene.solve(accept_violations=True)
+    assert 0.0 < value_of(report, "friction_work") < 0.03
+    assert not remarks_with(report, "work of friction by slip")
+
+
+@pytest.mark.parametrize("angle", [1e-9, 0.5, 1.5, 3.0])
+def test_work_along_a_circle(angle):
+    """A force that turns along with its node on a circle."""
+    Q = rotation_by(np.array([0.0, 0.0, angle]))
+    force, x = np.array([[0.0, 2.0, 0.7]]), np.array([[1.5, 0.0, 0.0]])
+    work = work_along_screws(force, force @ Q.T, x @ Q.T - x, Q[None])
+    assert work == pytest.approx(2.0 * 1.5 * angle)
