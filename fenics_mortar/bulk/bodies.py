@@ -53,7 +53,7 @@ class FloatingBody:
         size: Radius of gyration of its nodes [length].
         motions: Orthonormal combinations of the translations, of the rotations about the centre
             times ``size``, one in the plane and three in space, and of the motion of each section,
-            shape (number of free motions, 3 + s) or, in space, (number, 6).
+            shape (number of free motions, 3 + s) or, in space, (number, 6 + s).
         stiffest: Largest diagonal entry of K in the body [stress].
         num_nodes: Number of its nodes on all ranks.
         sections: The s sections that separate it.
@@ -115,13 +115,14 @@ class FloatingBody:
             directed: Whether the sign of a translation matters.
         """
         shares = np.round(motion @ self.motions / np.linalg.norm(motion), 4)
-        if len(self.centre) == 3:
-            return _describe_in_space(shares[:3] + 0.0, shares[3:] + 0.0)
-        (x, y, rotation), at_sections = shares[:3], shares[3:]
+        rigid, at_sections = np.split(shares + 0.0, [len(shares) - len(self.sections)])
         if np.abs(at_sections).max(initial=0.0) > MINOR:
             most = int(np.abs(at_sections).argmax())
             how = "be shortened" if at_sections[most] > 0.0 or not directed else "be pulled apart"
             return f"{how} at section '{self.sections[most].name}'"
+        if len(self.centre) == 3:
+            return describe_in_space(rigid[:3], rigid[3:])
+        x, y, rotation = rigid
         x, y = (x, y) if directed or rotation or (x, y) > (0.0, 0.0) else (-x, -y)
         if abs(rotation) > MINOR:
             pole = self.centre + self.size / rotation * np.array([-y, x])
@@ -129,11 +130,11 @@ class FloatingBody:
         return f"move along {format_point((x + 0.0, y + 0.0))}"
 
 
-def _describe_in_space(translation: Array, rotation: Array) -> str:
+def describe_in_space(translation: Array, rotation: Array, *, verb: str = "rotate") -> str:
     """Describe a motion of size one in space by its larger parts (local)."""
     parts = [
-        f"{verb} {format_point(vector)}"
-        for verb, vector in (("move along", translation), ("rotate about the axis", rotation))
+        f"{does} {format_point(vector)}"
+        for does, vector in (("move along", translation), (f"{verb} about the axis", rotation))
         if np.linalg.norm(vector) > MINOR
     ]
     return " and ".join(parts)

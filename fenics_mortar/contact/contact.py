@@ -225,10 +225,9 @@ class Contact(Interface):
 
         Always "partners" on obstacles and with small sliding, else "operators" in space.
         """
-        if self.slave.dim == 3 and self.obstacle is None:
-            return "operators"
-        one = self.obstacle is not None or self.pair.sliding == "small"
-        return "partners" if one else self.pair.discretization.slip
+        if self.obstacle is not None or self.pair.sliding == "small":
+            return "partners"
+        return "operators" if self.slave.dim == 3 else self.pair.discretization.slip
 
     @property
     def least_coverage(self) -> Array:
@@ -244,8 +243,7 @@ class Contact(Interface):
         """Evaluate the operators of the undeformed mesh of an earlier state (collective).
 
         Args:
-            place: ``place_of`` the state's reference, shape (3,); nan without
-                reference.
+            place: ``place_of`` the state's reference, shape (m,).
             multiplier_nodes: Multiplier nodes of that state, shape (slave nodes,), bool.
         """
         reference = self.evaluation.reference_at(place, multiplier_nodes)
@@ -334,8 +332,9 @@ class Contact(Interface):
             )
         if self.slave.dim == 3:
             return find_space_partners(
-                self.operators, self.covered, self.least_coverage, mirrored=mirrored
-            )
+                self.operators, self.covered, self.slip_measure, least=self.least_coverage,
+                mirrored=mirrored,
+            )  # fmt: skip
         return find_partners(
             self.operators, self.covered, self.slip_measure, least=self.least_coverage,
             master_planes=self.rotating_planes, between=self.pair.law.has_friction,

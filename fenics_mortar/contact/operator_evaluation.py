@@ -26,9 +26,6 @@ from fenics_mortar.interface.space_integrals import evaluate_space
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags
 
-# Position of the obstacle if there are no frozen operators.
-NO_PLACE = np.full(3, np.nan)
-
 
 class Reference(NamedTuple):
     """Frozen operators of the undeformed mesh, with multiplier nodes and obstacle position.
@@ -46,9 +43,13 @@ class Reference(NamedTuple):
         return Reference, (None, self.multiplier_nodes, self.place)
 
 
-def place_of(reference: Reference | None) -> Array:
-    """Position of the obstacle in frozen operators, (3,) [length, radian]; nan without them."""
-    return NO_PLACE if reference is None else reference.place
+def place_of(reference: Reference | None, obstacle: Obstacle | None) -> Array:
+    """Place of the obstacle in frozen operators, (m,) [length, radian]; nan without them.
+
+    With a master surface shape (3,), not used.
+    """
+    size = 3 if obstacle is None else obstacle.place.size
+    return np.full(size, np.nan) if reference is None else reference.place
 
 
 class OperatorEvaluation:
@@ -116,10 +117,8 @@ class OperatorEvaluation:
             kept = self.reference_at(kept.place, state.multiplier_nodes)
         if kept is None or not np.array_equal(kept.multiplier_nodes, state.multiplier_nodes):
             kept = self.evaluate_reference(state.multiplier_nodes)
-        if self.obstacle is None:
-            return kept.operators.after_small_motion(x, m), kept
-        dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
-        return kept.operators.after_small_motion(x, m, dq), kept
+        place = [] if self.obstacle is None else [kept.place]
+        return kept.operators.after_small_motion(x, m, *place), kept
 
     def _at(
         self, x: Array, m: Array, multiplier_nodes: Flags, linearization: Linearization,
@@ -155,7 +154,7 @@ class OperatorEvaluation:
         """Operators of the undeformed mesh of an earlier state (collective).
 
         Args:
-            place: Position of the obstacle in that state, shape (3,); nan without reference.
+            place: ``place_of`` the reference of that state.
             multiplier_nodes: Multiplier nodes of that state, shape (slave nodes,), bool.
         """
         if np.isnan(place).any():

@@ -30,7 +30,6 @@ A = P Q = sum_k x_k d_k^T has (tr P - P) a = sum_k (Q d_k) x dx_k.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -40,15 +39,13 @@ from fenics_mortar.contact.arcs import TILTED
 from fenics_mortar.interface.integrals import share_of
 from fenics_mortar.interface.linearization import Block
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.obstacles.rotations import TURNS
+from fenics_mortar.obstacles.rotations import (
+    crosses,
+    inverse_factors,
+    inverse_jacobians,
+)
 from fenics_mortar.utils.arrays import Array, Flags, Indices, norms
 from fenics_mortar.utils.rounding import TINY
-
-# Square of an angle [radian^2] below which the functions of ``inverse_factors`` are sums of their
-# series, with terms up to the rounding of the first one: B_2k / (2k)! of Bernoulli's numbers.
-FULL_SERIES_BELOW = 0.25
-BERNOULLI = (1 / 6, 1 / 30, 1 / 42, 1 / 30, 5 / 66, 691 / 2730, 7 / 6, 3617 / 510)
-SERIES = np.array([b / math.factorial(2 * k) for k, b in enumerate(BERNOULLI, start=1)])
 
 
 class Turned(NamedTuple):
@@ -88,7 +85,7 @@ class Material:
             spokes = spokes * kept[l]
         pairs = np.concatenate([j, j]) * surface.num_nodes + np.concatenate([k, l])
         pairs, number = np.unique(pairs, return_inverse=True)
-        both = np.concatenate([spokes, -spokes]).reshape(len(number), -1)
+        both = np.concatenate([spokes, -spokes]).reshape(len(number), 3 * spokes.shape[1])
         sums = [np.bincount(number.ravel(), c, pairs.size) for c in both.T]
         self.pairs: tuple[Indices, Indices] = np.divmod(pairs, surface.num_nodes)
         self._spokes: Array = np.stack(sums, axis=1).astype(float).reshape(-1, *spokes.shape[1:])
@@ -113,7 +110,7 @@ class Material:
         """Block of along_j . a_j of this rank, with the spins a of ``at``, for ``along`` (n, 3)."""
         mine = share_of(np.arange(len(self._spokes)), self._surface.comm)
         j, k = self.pairs[0][mine], self.pairs[1][mine]
-        across = _cross(_times(at.stiff, along)) @ at.Q
+        across = crosses(_times(at.stiff, along)) @ at.Q
         values = (across[j] * self._spokes[mine]).sum(axis=2)
         return Block(j[:, None], self._surface.dofs[k], values[:, None])
 
@@ -202,10 +199,10 @@ def past_obstacle(r: Array, r_0: Array, slave: Turned, w: Array) -> PastObstacle
     turned = np.cross(l, r_0)
     start = _times(slave.Q, r_0 + 0.5 * turned)
     slip = r - 0.5 * np.cross(l, r) - start
-    by_relative = 0.5 * (_cross(r) + slave.Q @ _cross(r_0))
-    by_vector = np.eye(3) - 0.5 * _cross(l)
+    by_relative = 0.5 * (crosses(r) + slave.Q @ crosses(r_0))
+    by_vector = np.eye(3) - 0.5 * crosses(l)
     return PastObstacle(
-        slip, doubt, slave, by_vector, _cross(start), by_relative, -inverse_jacobians(f)
+        slip, doubt, slave, by_vector, crosses(start), by_relative, -inverse_jacobians(f)
     )
 
 
@@ -238,29 +235,6 @@ def vectors_of(R: Array) -> tuple[Array, Array]:
     return np.asarray(axial / np.maximum(np.sinc(angle / np.pi), TINY)[:, None]), angle
 
 
-def inverse_factors(v: Array) -> tuple[Array, Array]:
-    """Functions b and b' / |v| of J(v)^-1 = 1 - V / 2 + b V^2, of rotation vectors, (n,) [1].
-
-    b = (1 - h cot h) / t^2 with t = |v| and h = t / 2; V is the matrix of the product v x.
-    """
-    t2: Array = (v * v).sum(axis=1)
-    small = t2 < FULL_SERIES_BELOW
-    powers = t2[:, None] ** np.arange(len(SERIES))
-    of_slope = 2.0 * np.arange(1, len(SERIES)) * SERIES[1:]
-    t: Array = np.sqrt(np.where(small, 1.0, t2))
-    cot, sine = 1.0 / np.tan(0.5 * t), np.sin(0.5 * t)
-    b = (1.0 - 0.5 * t * cot) / t**2
-    slope = 0.5 * (0.5 * t / sine**2 - cot) / t**3 - 2.0 * b / t**2
-    b[small], slope[small] = (powers @ SERIES)[small], (powers[:, :-1] @ of_slope)[small]
-    return b, slope
-
-
-def inverse_jacobians(v: Array) -> Array:
-    """J(v)^-1 of rotation vectors (n, 3) [radian]: change by a spin of the rotation, (n, 3, 3)."""
-    V, (b, _) = _cross(v), inverse_factors(v)
-    return np.asarray(np.eye(3) - 0.5 * V + b[:, None, None] * (V @ V), float)
-
-
 def _by_vector(L: Array, v: Array) -> Array:
     """Derivative of J(-L)^-1 v by L, shape (n, 3, 3), for vectors (n, 3) each."""
     b, slope = inverse_factors(L)
@@ -268,12 +242,7 @@ def _by_vector(L: Array, v: Array) -> Array:
     along = (L * v).sum(axis=1)[:, None, None] * np.eye(3)
     quadratic = along + L[:, :, None] * v[:, None] - 2.0 * v[:, :, None] * L[:, None]
     change = slope[:, None, None] * (twice[:, :, None] * L[:, None])
-    return -0.5 * _cross(v) + b[:, None, None] * quadratic + change
-
-
-def _cross(v: Array) -> Array:
-    """Matrices (n, 3, 3) of the products v x, for vectors (n, 3)."""
-    return np.einsum("ni,iab->nab", v, TURNS[3])
+    return -0.5 * crosses(v) + b[:, None, None] * quadratic + change
 
 
 def _times(matrices: Array, vectors: Array) -> Array:

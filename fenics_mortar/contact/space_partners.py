@@ -6,9 +6,10 @@ partners and nodes at that state and at present. On a surface these are
 
     r_j = {[D_old x - M_old y]_j - [D x - M y]_j} / w_j,old,
 
-zero at that state; only changes of D and M count (Gitterle, Popp, Gee & Wall 2010). A node without
-rows at the accepted state has there the nearest point of the master as its partner, and r is the
-distance vector.
+zero at that state; only changes of D and M count (Gitterle, Popp, Gee & Wall 2010). With small
+sliding, where D and M are constant and nothing but an obstacle rotates, r is the distance vector
+[D x - M y]_j / w_j, and slip its change. A node without rows at the accepted state has there the
+nearest point of the master as its partner, and r is the distance vector, too.
 
 On an obstacle the partner is the nearest point, and r leads from the pivot of the obstacle.
 """
@@ -24,12 +25,11 @@ from typing import Any
 import numpy as np
 from scipy.sparse import coo_array, csr_array, dia_array, eye
 
-from fenics_mortar.contact.slip import entries_of
+from fenics_mortar.contact.slip import Measure, entries_of
 from fenics_mortar.contact.space_arcs import (
     Material,
     PastObstacle,
     Screw,
-    inverse_jacobians,
     past_obstacle,
     screw,
 )
@@ -37,7 +37,7 @@ from fenics_mortar.interface.linearization import Block
 from fenics_mortar.interface.nearest_points import nearest_points
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.space_mortar import SpaceOperators
-from fenics_mortar.obstacles.rotations import rotation_by
+from fenics_mortar.obstacles.rotations import inverse_jacobians, rotation_by
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
@@ -85,9 +85,9 @@ class SpacePartners:
     Attributes:
         D: Weights of slave nodes, shape (slave nodes, slave nodes), rows sum to one [1].
         M: Weights of master nodes, shape (slave nodes, master nodes), rows sum to one [1].
-        start: Distance vectors at that state of nodes without rows, shape (slave nodes, 3)
-            [length]; zero elsewhere.
-        present: Weight of the present D and M, shape (slave nodes,) [1 / area].
+        start: Vectors r at that state, shape (slave nodes, 3) [length].
+        weight: w_j at that state, zero without rows, shape (slave nodes,) [area].
+        present: Weight of the present D and M in r, shape (slave nodes,) [1 / area].
         x, m: Positions at that state, shapes (nodes, 3) [length].
         mirrored: Components of slave and master nodes across symmetry planes, shapes (nodes, 3),
             bool; ``None`` if surfaces do not rotate, with small sliding.
@@ -101,6 +101,7 @@ class SpacePartners:
     D: csr_array
     M: csr_array
     start: Array
+    weight: Array
     present: Array
     x: Array
     m: Array
@@ -121,7 +122,9 @@ class SpacePartners:
         return self.found.at(o, self._evaluate)
 
     def _evaluate(self, o: SpaceOperators) -> Screw:
-        r = self.D @ o.x - self.M @ o.m - self.present[:, None] * o.vectors
+        r = self.D @ o.x - self.M @ o.m
+        if self.present.any():
+            r = r - self.present[:, None] * o.vectors
         sides = zip(self._materials(o), (o.x, o.m), strict=True)
         return screw(np.asarray(r), self.start, *(side.turned(x) for side, x in sides))
 
@@ -149,7 +152,8 @@ class SpacePartners:
             j, k, weights = entries.share(o.slave.comm)
             values = sign * weights[:, None] * by_vector[j]
             yield Block(j[:, None], surface.dofs[k], values[:, None])
-        yield from o.vector_derivative(-self.present[:, None] * by_vector)
+        if self.present.any():
+            yield from o.vector_derivative(-self.present[:, None] * by_vector)
         if self.mirrored is not None and o.linearization.normals:
             turned = zip(self._materials(o), (found.slave, found.master), by_spins, strict=True)
             yield from (material.rows(at, spin) for material, at, spin in turned)
@@ -247,13 +251,19 @@ def find_obstacle_partners(
 
 
 def find_space_partners(
-    o: SpaceOperators, faces: Flags, least: Array, *, mirrored: tuple[Flags, Flags] | None
+    o: SpaceOperators,
+    faces: Flags,
+    measure: Measure,
+    *,
+    least: Array,
+    mirrored: tuple[Flags, Flags] | None,
 ) -> SpacePartners:
     """Partners at the state of ``o`` (collective).
 
     Args:
         o: Operators of the accepted state.
         faces: Slave nodes with rows in D and M, shape (slave nodes,), bool.
+        measure: "operators", or "partners" for constant D and M.
         least: See ``SpacePartners``.
         mirrored: See ``SpacePartners``.
     """
@@ -265,7 +275,9 @@ def find_space_partners(
     at_nearest = coo_array((weights.ravel(), (np.repeat(j, 3), corners.ravel())), shape=M.shape)
     D = csr_array(D + coo_array((np.ones(j.size), (j, j)), shape=D.shape))
     M = csr_array(M + at_nearest)
-    start = np.where(faces[:, None], 0.0, D @ o.x - M @ o.m)
     none = np.zeros(len(o.x))
-    at = D, M, start, per_weight, o.x, o.m, mirrored, least
+    present = per_weight if measure == "operators" else none
+    start = np.where(present[:, None] > 0.0, 0.0, D @ o.x - M @ o.m)
+    weight = np.where(faces, o.weight, 0.0)
+    at = D, M, start, weight, present, o.x, o.m, mirrored, least
     return SpacePartners(*at, np.zeros_like(o.x), none, none, none)

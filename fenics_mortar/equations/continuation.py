@@ -100,16 +100,15 @@ class Continuation:
             for contact, interface in zip(equations.contacts, last.interfaces, strict=True)
             for name in COMPARED
         )
-        driven = equations.motions.driven
+        found = equations.motions.found
         same &= np.array_equal(history.accepted, last.history.accepted)
-        same &= np.array_equal(equations.motions.places[driven], last.places[driven])
+        same &= np.array_equal(equations.motions.places[found], last.places[found])
         return on_all_ranks(equations.comm, same)
 
     def _loads(self) -> _Loads:
         """The present loads (local)."""
         motions, contacts = self._equations.motions, self._equations.contacts
-        on_obstacles = np.where(motions.driven, motions.push(), motions.places)
-        values = [*self._equations.bulk.input_data.loads(), *on_obstacles]
+        values = [*self._equations.bulk.input_data.loads(), *motions.loads]
         values += [load.motion.load.copy() for load in motions.spread]
         values += [np.array(contact.offset, float).ravel() for contact in contacts]
         ties = [contact.pair for contact in contacts if isinstance(contact, Tie)]

@@ -25,8 +25,6 @@ def check_given_in_space(given: dict[str, Any], model_check: Any) -> None:
     for what, needed in (
         ("axisymmetric", given["geometry"] == "axisymmetric"),
         ("thickness", given["thickness"] is not None),
-        ("remote", len(given["remote"]) > 0),
-        ("linear_bulk", given["linear_bulk"] is True),
         ("model_check", model_check is not None),
     ):
         if needed:
@@ -49,7 +47,6 @@ def check_pairs_in_space(pairs: Sequence[Any]) -> None:
         integration = pair.discretization.integration
         for what, needed in (
             ("self_contact", pair.master is None),
-            ("small_sliding", contact and pair.sliding == "small"),
             ("fields", len(pair.fluxes if contact else pair.fields) > 0),
             ("integration", integration != "segments"),
             ("vertices", pair.discretization.basis == "vertices"),

@@ -7,13 +7,14 @@ from mpi4py import MPI
 
 import numpy as np
 
+from fenics_mortar.bulk.bodies import find_floating_bodies
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.reduced import ReducedEquations
 from fenics_mortar.equations.reduced_tangent import ReducedTangent
 from fenics_mortar.equations.small_sliding import SmallSlidingEquations
-from fenics_mortar.la.costs import COSTS
+from fenics_mortar.la.costs import costs_of
 from fenics_mortar.la.options import COMPLIANCE
 from fenics_mortar.la.sparse import is_symmetric
 from fenics_mortar.utils.arrays import Array
@@ -24,13 +25,15 @@ from fenics_mortar.utils.errors import MortarError
 class LinearBulk:
     """Choice, before each solve, between all dofs and the contact dofs alone.
 
-    Problems with driven obstacles or tied bodies, whose K may be singular, are solved on all dofs.
+    Problems with driven obstacles, or with a body that only ties hold, whose K is singular, are
+    solved on all dofs.
 
     Args:
         general: The general equations.
         requested: Whether to reduce. ``None``: yes with small sliding; otherwise if the residual is
             linear and the predicted cost of the compliance is below the past and future cost of
-            factorizations, with no more memory, see ``costs``.
+            factorizations, with no more memory, see ``costs``. In space that of the dense systems
+            counts as well, which the active nodes determine: all nodes, until they are known.
         prefix: Prefix of PETSc's options.
 
     Attributes:
@@ -45,8 +48,8 @@ class LinearBulk:
                 "linear_bulk=False"
             )
         linear = general.bulk.is_linear if requested is None else requested
-        is_plane = general.bulk.space.dim == 2  # not available in space yet
-        self._given = self._possible = linear and is_plane and bool(general.contacts)
+        self._given = self._possible = linear and bool(general.contacts)
+        self._costs = costs_of(general.bulk.space.dim)
         self._data: list[Array] = []
         self._equations: ReducedEquations | None = None
         self._num_iterations = 0
@@ -63,6 +66,8 @@ class LinearBulk:
             return None, []
         if self._data_changed():
             self._equations, self._num_iterations = None, 0
+        if self._equations is not None and not (self._asked or self._iterates_faster()):
+            self._equations = None  # many nodes have become active
         if self._equations is None and self._pays():
             obstacle = self._obstacle()
             if obstacle:
@@ -113,14 +118,37 @@ class LinearBulk:
             for pair in (contact.pair for contact in self._general.contacts)
         )
 
+    @property
+    def _asked(self) -> bool:
+        """Whether to reduce in any case."""
+        return bool(self._requested) or self._slides_little
+
+    @property
+    def _dense_size(self) -> int:
+        """Size of the dense systems: active nodes, about as many of the master, multipliers.
+
+        All nodes with multipliers before the first solve on all dofs.
+        """
+        contacts = self._general.contacts
+        nodes = [c.active if self._num_iterations else c.multiplier_nodes for c in contacts]
+        sizes = [int(n.sum()) * c.slave.dim for n, c in zip(nodes, contacts, strict=True)]
+        return 3 * sum(sizes)
+
+    def _iterates_faster(self) -> bool:
+        """Whether an iteration with the dense system is predicted to be the faster one (local)."""
+        unknowns = self._general.bulk.r.getSize()
+        return self._costs.dense_solves(self._dense_size, 1) <= self._costs.factors(unknowns, 1)
+
     def _pays(self) -> bool:
         """Whether to factorize once; sets ``choice`` (local)."""
-        unknowns = self._general.bulk.r.getSize()
-        dofs = 2 * sum(c.slave.num_nodes + c.master.num_nodes for c in self._general.contacts)
-        iterations = self._num_iterations + COSTS.expected
-        compliance = COSTS.compliance(unknowns, dofs)
-        factors, fits = COSTS.factors(unknowns, iterations), COSTS.fits(unknowns, dofs)
-        pays = bool(self._requested) or self._slides_little or (fits and compliance < factors)
+        costs, unknowns = self._costs, self._general.bulk.r.getSize()
+        dofs = sum(c.slave.dofs.size + c.master.dofs.size for c in self._general.contacts)
+        iterations = self._num_iterations + costs.expected
+        compliance = costs.compliance(unknowns, dofs)
+        compliance += costs.dense_solves(self._dense_size, costs.expected)
+        factors, fits = costs.factors(unknowns, iterations), costs.fits(unknowns, dofs)
+        cheaper = compliance < factors and self._iterates_faster()
+        pays = self._asked or (fits and cheaper)
         if pays:
             self.choice = f"linear bulk factored once, Newton's method on {dofs} contact dofs"
         else:
@@ -139,8 +167,6 @@ class LinearBulk:
         return pays
 
     def _obstacle(self) -> str:
-        if any(isinstance(contact, Tie) for contact in self._general.contacts):
-            return "bodies are tied"
         if self._general.motions.remote or self._general.motions.spread:
             return "there are remote loads"
         if any(contact.fluxes for contact in self._general.contacts):
@@ -150,6 +176,10 @@ class LinearBulk:
             names = " and ".join(sorted(floating.name_of(body.label) for body in floating.bodies))
             return f"Dirichlet conditions leave {names} free to move"
         self._general.bulk.assemble_tangent()
+        if any(isinstance(contact, Tie) for contact in self._general.contacts):
+            parts = floating.parts, floating.num_parts
+            if find_floating_bodies(self._general.bulk, *parts):
+                return "ties alone hold a body"
         return "" if is_symmetric(self._general.bulk.K) else "its tangent is not symmetric"
 
     def _data_changed(self) -> bool:

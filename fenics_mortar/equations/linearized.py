@@ -159,7 +159,7 @@ class LinearizedEquations:
             for load in motions.remote:
                 load.take_bulk_rows()
         self._tangent.assemble()
-        border, extra = border_of(motions, system), np.ones(2 * len(motions.spread))
+        border, extra = border_of(motions, system), np.ones(motions.num_of_spread)
         raise_stored(bulk.comm, contacts)
         self._border = border.scaled(np.append(motions.scales.ravel(), extra))
 

@@ -10,12 +10,11 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.obstacles.rigid_motion import RigidMotion
+from fenics_mortar.obstacles.rigid_motion import DRIVEN_TURNS, RigidMotion
 from fenics_mortar.rigid.motions import RigidMotions
 from fenics_mortar.rigid.spread import SpreadLoad
 from fenics_mortar.utils.arguments import check_no_effect, parameters_of
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.dimensions import refuse_in_space
 from fenics_mortar.utils.errors import MortarError, NotFiniteError, format_point
 
 
@@ -86,7 +85,6 @@ def check_numbers(mover: RigidMotion) -> None:
 
     Raises:
         MortarError: If a value has another shape or type, or is not finite.
-        NotImplementedError: If forces drive a motion in space.
         ValueError: If a dimension of a shape of the package was set as an attribute.
     """
     name = f"{mover.kind} '{mover.name}'"
@@ -100,8 +98,11 @@ def check_numbers(mover: RigidMotion) -> None:
             raise MortarError(f"{what} of {name} is {given!r}: {expected}")
         if not np.isfinite(allowed).all():
             raise NotFiniteError(f"{what} of {name} is {given}: {expected}")
-    if mover.dim == 3 and np.isfinite(mover.load).any():
-        refuse_in_space("driven", name)
+    turns = int(np.isfinite(mover.load[mover.dim :]).sum())
+    if turns not in DRIVEN_TURNS:
+        raise MortarError(
+            f"load of {name} is {mover.load}: expected moments about none, one or all of the axes"
+        )
     if isinstance(mover, Obstacle) and type(mover).__module__.startswith(
         Obstacle.__module__.rpartition(".")[0]
     ):
@@ -119,7 +120,7 @@ def _angle_of(mover: RigidMotion) -> float:
 
 def _check_pivot(mover: RigidMotion, pivot: Array, angle: float) -> None:
     """Reject a new pivot of what had turned by ``angle`` about ``pivot`` (local)."""
-    if np.isfinite(mover.load[mover.dim]):  # driven: turned by the last solve
+    if np.isfinite(mover.load[mover.dim :]).any():  # driven: turned by the last solve
         angle = _angle_of(mover)
     if angle != 0.0 and (np.asarray(mover.pivot) != pivot).any():
         raise MortarError(

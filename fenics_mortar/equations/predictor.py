@@ -148,7 +148,7 @@ class Predictor:
             guess = self._guess(kind, time - self.time)
             if guess is None:
                 continue
-            places = np.where(problem.motions.driven, guess.places, here.places)
+            places = np.where(problem.motions.found, guess.places, here.places)
             guess = guess.replaced(places=places).with_settings_of(here)
             guessed = self._residual_at(guess)
             if guessed < best[0] and not (presses & ~self._under_pressure()).any():

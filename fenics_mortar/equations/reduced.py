@@ -101,15 +101,14 @@ class ReducedEquations:
         return self._general.step(self._bulk.largest(moved), fraction)
 
     def _distorts(self, step: Array) -> bool:
-        """Whether a step may invert cells, by the relative motion of facet ends.
+        """Whether a step may invert cells, by the relative motion of corners.
 
         Local, equal on all ranks.
         """
         for contact in self._general.contacts:
             for side in (contact.slave, contact.master):
                 u = step[self._dofs.number(side.dofs)]
-                change = np.hypot(*(u[side.facets[:, -1]] - u[side.facets[:, 0]]).T)
-                if (change > EQUATIONS.distortion * side.facet_sizes).any():
+                if (side.distortions(u) > EQUATIONS.distortion).any():
                     return True
         return False
 

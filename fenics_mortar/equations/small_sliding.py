@@ -25,7 +25,7 @@ from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.reduced import ReducedEquations
 from fenics_mortar.equations.reduced_tangent import ReducedTangent
 from fenics_mortar.la.compliance import Compliance, FactoredBulk
-from fenics_mortar.la.costs import COSTS
+from fenics_mortar.la.costs import costs_of
 from fenics_mortar.la.factored import column_groups, factored_bulk
 from fenics_mortar.newton.loop import Step
 from fenics_mortar.utils.arrays import Array, Indices
@@ -61,8 +61,9 @@ class SmallSlidingEquations(ReducedEquations):
     def tangent(self) -> ReducedTangent | None:
         """See ``ReducedEquations``; the compliance is computed first if this reduces the cost."""
         unknowns, dofs = self._bulk.r.getSize(), self._dofs.size
-        factors = COSTS.factors(unknowns, COSTS.expected)
-        pays = COSTS.fits(unknowns, dofs) and COSTS.compliance(unknowns, dofs) < factors
+        costs = costs_of(self._bulk.space.dim)
+        factors = costs.factors(unknowns, costs.expected)
+        pays = costs.fits(unknowns, dofs) and costs.compliance(unknowns, dofs) < factors
         if self._tangent is None and pays:
             self._bulk.assemble_tangent()  # a step on all dofs may have added terms to it
             compliance = Compliance(self._bulk, self._dofs, self._prefix)

@@ -10,6 +10,7 @@ from typing import Any
 from fenics_mortar.bulk.history import HistoryValues
 from fenics_mortar.bulk.inertia import Rates
 from fenics_mortar.contact.state import InterfaceState
+from fenics_mortar.obstacles.places import places_towards
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array, Value
 from fenics_mortar.utils.errors import MortarError
@@ -78,7 +79,7 @@ class State(Value):
         return self.replaced(
             u=self.u + fraction * (other.u - self.u),
             interfaces=tuple(a.replaced(z=a.z + fraction * (b.z - a.z)) for a, b in pairs),
-            places=self.places + fraction * (other.places - self.places),
+            places=places_towards(self.places, other.places, fraction),
         )
 
 

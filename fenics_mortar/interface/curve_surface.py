@@ -20,7 +20,7 @@ from fenics_mortar.interface.roles import Roles
 from fenics_mortar.interface.surfaces import Surface, place_of_nodes
 from fenics_mortar.interface.tagged_facets import local_facets
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Indices, norms
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +68,11 @@ class Curve(Surface):
     def facet_sizes(self) -> Array:
         """See ``Surface``: lengths."""
         return self.lengths
+
+    def distortions(self, u: Array) -> Array:
+        """See ``Surface``: of both ends."""
+        change = u[self.facets[:, -1]] - u[self.facets[:, 0]]
+        return np.asarray(norms(change) / self.lengths)
 
     @cached_property
     def nodal_lengths(self) -> Array:

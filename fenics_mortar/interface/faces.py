@@ -88,6 +88,11 @@ class Faces(Surface):
         return self._on_nodes(covers(self.shape_integrals))
 
     @cached_property
+    def traction_weights(self) -> Array:
+        """See ``Surface``: zero at corners of triangles with six nodes."""
+        return self._on_nodes(self.shape_integrals)
+
+    @cached_property
     def weightless(self) -> Flags:
         """See ``Surface``: none, since corners without weight carry linear functions."""
         return np.zeros(self.num_nodes, bool)
@@ -113,6 +118,12 @@ class Faces(Surface):
     def facet_sizes(self) -> Array:
         """See ``Surface``: roots of areas."""
         return np.sqrt(self.facet_areas)
+
+    def distortions(self, u: Array) -> Array:
+        """See ``Surface``: the largest one of neighbouring corners."""
+        corners = u[self.facets[:, : CORNERS[self.facets.shape[1]]]]
+        change = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        return np.asarray(change.max(axis=1, initial=0.0) / self.facet_sizes)
 
     @property
     def mean_thickness(self) -> Array:

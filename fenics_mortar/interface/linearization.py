@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from fenics_mortar.utils.arrays import Array, Indices
 
 
@@ -18,6 +20,11 @@ class Block(NamedTuple):
     rows: Indices
     columns: Indices
     values: Array
+
+
+def without_values(rows: Indices, columns: Indices) -> Block:
+    """No blocks, where there would be some with rows (b, r) and columns (b, c) (local)."""
+    return Block(rows[:0], columns[:0], np.empty((0, rows.shape[1], columns.shape[1])))
 
 
 @dataclass(frozen=True)

@@ -60,13 +60,16 @@ def facing_facets(obstacle: Obstacle, x: Array, points: Array, options: MortarOp
     at = points_of(x, points)
     phi, gradient, _ = obstacle.evaluate(at.reshape(-1, at.shape[2]))
     near = np.abs(phi).reshape(at.shape[:2]).min(axis=1, initial=np.inf) <= options.radius
-    normal, towards = _outward(x), -gradient.reshape(at.shape).sum(axis=1)
+    normal, towards = outward_normals(x), -gradient.reshape(at.shape).sum(axis=1)
     sizes = np.linalg.norm(normal, axis=1) * np.linalg.norm(towards, axis=1)
     return near & ((normal * towards).sum(axis=1) >= options.min_cosine * sizes)
 
 
-def _outward(x: Array) -> Array:
-    """Normals of the chords or of the corners of facets at ``x`` (f, K, d), of any length."""
+def outward_normals(x: Array) -> Array:
+    """Outward normals of chords or corners of facets at ``x`` (f, K, d), (f, d) [length, area].
+
+    Their lengths are those of the chords, in space twice the areas (local).
+    """
     if x.shape[2] == 2:
         chord = x[:, -1] - x[:, 0]
         return np.stack([chord[:, 1], -chord[:, 0]], axis=1)

@@ -43,6 +43,7 @@ from fenics_mortar.interface.plane_mortar import PlaneOperators
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.obstacles.places import by_further_motion, motion_between
 from fenics_mortar.obstacles.rotations import TURNS
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
@@ -87,19 +88,23 @@ class ObstacleOperators(PlaneOperators):
         """Copy with constant D and n; the gap keeps its derivative with respect to the motions."""
         return replace(super().freeze(), dn_dq=np.zeros_like(self.dn_dq))
 
-    def after_small_motion(self, x: Array, m: Array, dq: Array | None = None) -> Self:
+    def after_small_motion(self, x: Array, m: Array, place: Array | None = None) -> Self:
         """Frozen operators after small motions of the nodes and of the obstacle (collective).
 
         Args:
             x: New positions of the slave nodes, shape (slave nodes, d) [length].
             m: Positions of master nodes, shape (0, d).
-            dq: Change of the motions, shape (m,) [length].
+            place: Place of the obstacle of these operators, shape (m,) [length, radian]; that of
+                the obstacle by default.
         """
-        dq = np.zeros(self.V.shape[1]) if dq is None else dq
+        place = self.obstacle.place if place is None else place
+        dq = motion_between(place, self.obstacle.place, self.arm)
         moved = super().after_small_motion(x, m)
         change = np.einsum("kmc,m->kc", self.V, dq) - (x - self.x)
         phi = self.phi + np.einsum("kc,kc->k", self.n, change)
-        return replace(moved, gap=moved.gap + self.dgap_dq @ dq, phi=phi)
+        by_motion = by_further_motion(dq, self.arm)
+        gap, dgap_dq = moved.gap + self.dgap_dq @ dq, self.dgap_dq @ by_motion
+        return replace(moved, gap=gap, dgap_dq=dgap_dq, phi=phi)
 
     def motion_force(self, z: Array) -> Array:
         """f_q for multipliers ``z`` (slave nodes, d): shape (m,) [stress length] (collective)."""

@@ -34,7 +34,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from fenics_mortar.interface.faces import CORNERS, linear_values
-from fenics_mortar.interface.linearization import LINEARIZATIONS, Block
+from fenics_mortar.interface.linearization import LINEARIZATIONS, Block, without_values
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.kernels.space.integrals import most_corners, sample_gaps, tabulate_corners
 from fenics_mortar.kernels.space.linearize import linearize_facets
@@ -131,13 +131,13 @@ class SpaceOperators(MortarOperators):
         """Compute the derivatives of weights and gaps, and those of the forces of ``z`` (local).
 
         All in one pass over the points: without this call the first two are computed at z = 0, and
-        all again for the forces.
+        all again for the forces. Frozen operators have none.
 
         Args:
             z: Shape (slave nodes, 3) [stress].
         """
         found = self._found
-        if "z" in found and np.array_equal(found["z"], z):
+        if self.linearization.frozen or ("z" in found and np.array_equal(found["z"], z)):
             return
         moments, at_nodes = self.moments, self._handed_over(z)
         gamma = np.einsum("fjk,fk->fj", moments.inverse, moments.G) * self.gap_by_dual
@@ -209,35 +209,36 @@ class SpaceOperators(MortarOperators):
 
     def slave_force_derivative(self, z: Array, dofs: Indices | None = None) -> Block:
         """See ``MortarOperators``; in space c is 3."""
-        self.linearize_at(z)
         nodes, found = self.facet_nodes, self._found
+        rows = (self.slave.dofs if dofs is None else dofs)[nodes]
+        shape, width = (len(nodes), 3 * nodes.shape[1]), self.columns.shape[1]
         if self.linearization.frozen:
-            values = np.zeros_like(found["X"])
-        elif self.is_dual:
+            return without_values(rows.reshape(shape), self.columns)
+        self.linearize_at(z)
+        if self.is_dual:
             values = self._handed_over(z)[..., None] * found["weight"][:, :, None]
         else:
             values = -found["X"]
-        rows = (self.slave.dofs if dofs is None else dofs)[nodes]
-        shape, width = (len(nodes), 3 * nodes.shape[1]), self.columns.shape[1]
         return Block(rows.reshape(shape), self.columns, values.reshape(*shape, width))
 
     def master_force_derivative(self, z: Array, dofs: Indices | None = None) -> Block:
         """See ``MortarOperators``; in space c is 3."""
-        self.linearize_at(z)
-        s, moments, values = self.segments, self.moments, self._found["Y"]
-        count, size = self.facet_nodes.shape
+        s, moments, (count, size) = self.segments, self.moments, self.facet_nodes.shape
+        of_nodes = self.master.dofs if dofs is None else dofs
+        rows = np.where(s.merged[..., None] >= 0, of_nodes[s.merged], -1)
+        rows = rows.reshape(count, 3 * s.merged.shape[1])
         if self.linearization.frozen:
-            values = np.zeros_like(values)
-        elif self.is_dual:
+            return without_values(rows, self.columns)
+        self.linearize_at(z)
+        values = self._found["Y"]
+        if self.is_dual:
             of_c = np.zeros((count, size, s.merged.shape[1]))
             at = s.owner[:, None, None], np.arange(size)[:, None], s.places[:, None]
             np.add.at(of_c, at, moments.inverse[s.owner] @ moments.B)
             X = self._found["X"].reshape(count, size, 3 * self.columns.shape[1])
             by_c = np.swapaxes(of_c, 1, 2) @ X
             values = values - by_c.reshape(values.shape)
-        of_nodes = self.master.dofs if dofs is None else dofs
-        rows = np.where(s.merged[..., None] >= 0, of_nodes[s.merged], -1)
-        return Block(rows.reshape(count, 3 * s.merged.shape[1]), self.columns, values)
+        return Block(rows, self.columns, values)
 
     def _handed_over(self, z: Array) -> Array:
         """Multipliers of the functions of the facets' nodes before the hand-over, (f, K, c)."""

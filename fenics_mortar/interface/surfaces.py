@@ -107,6 +107,14 @@ class Surface:
         """Sizes of the undeformed facets, shape (m,) [length]."""
         raise NotImplementedError
 
+    def distortions(self, u: Array) -> Array:
+        """Relative motion of the corners of each facet over its size, shape (m,) [1] (local).
+
+        Args:
+            u: Displacements of the nodes, shape (n, dim) [length].
+        """
+        raise NotImplementedError
+
     @property
     def nodal_lengths(self) -> Array:
         """Size of the surface around each node, shape (n,) [length]."""
@@ -116,6 +124,11 @@ class Surface:
     def full_cover(self) -> Array:
         """Integral of each nodal shape function, undeformed, shape (n,) [area]."""
         raise NotImplementedError
+
+    @property
+    def traction_weights(self) -> Array:
+        """Nodal forces of a uniform traction of one, undeformed, shape (n,) [area]."""
+        return self.full_cover
 
     @property
     def mean_thickness(self) -> Array | float:

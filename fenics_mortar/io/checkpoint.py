@@ -130,7 +130,7 @@ def _arrays_of(problem: ContactProblem) -> Arrays:
     data |= problem.equations.bulk.history.saved_data()
     for i, contact in enumerate(problem.equations.contacts):
         kept = {name: getattr(contact.state, name) for name in INDEPENDENT}
-        kept["reference_place"] = place_of(contact.state.reference)
+        kept["reference_place"] = place_of(contact.state.reference, contact.obstacle)
         data |= {f"{name}{i}": np.asarray(value) for name, value in kept.items()}
         names, data[f"clock{i}"], data[f"memory{i}"] = instant_arrays(contact)
         data[f"memorized{i}"] = np.array(names, str)

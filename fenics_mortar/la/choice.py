@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.la.condensed import CondensedSystem, obstacle_to_condensation
-from fenics_mortar.la.costs import COSTS
+from fenics_mortar.la.costs import costs_of
 from fenics_mortar.la.options import ITERATIVE, SMALL, SolverName
 from fenics_mortar.la.saddle import SaddleSystem
 from fenics_mortar.la.system import LinearSystem
@@ -59,11 +59,11 @@ def system_of(
     reason = f"solver='{solver}'"
     if automatic:
         against = f"'{with_itself}' is in contact with itself" if with_itself else against
-        reason = against or f"at least {COSTS.many:,} unknowns"
+        reason = against or f"at least {costs_of(bulk.space.dim).many:,} unknowns"
         solver = "direct" if against else solver
     small = solver == "direct" and form is CondensedSystem and _is_small(bulk, prefix, options)
     if small:
-        reason += f", at most {COSTS.few:,} on one rank"
+        reason += f", at most {costs_of(bulk.space.dim).few:,} on one rank"
     defaults: dict[str, Any] = (SMALL if small else {}) if solver == "direct" else ITERATIVE
 
     def create() -> LinearSystem:
@@ -71,7 +71,7 @@ def system_of(
         system.solver.given = set(options or {})
         system.solver.may_factor = small or solver == "auto"
         system.solver.reason, system.reason = reason, why
-        system.solver.reuses_mumps = bulk.space.dim == 3
+        system.solver.long_factors = bulk.space.dim == 3
         return system
 
     return create
@@ -83,9 +83,12 @@ def _in_contact_with_itself(contacts: Sequence[Interface]) -> str:
 
 
 def _is_small(bulk: Bulk, prefix: str, options: dict[str, Any] | None) -> bool:
-    """Whether factorization without pivoting is tried first: few unknowns on one rank."""
+    """Whether factorization without pivoting is tried first: few unknowns on one rank.
+
+    Not in space, where even small factors have long rows.
+    """
     given = PETSc.Options(prefix).getAll() or options
-    few = bulk.comm.size == 1 and bulk.r.getSize() <= COSTS.few
+    few = bulk.space.dim == 2 and bulk.comm.size == 1 and bulk.r.getSize() <= costs_of(2).few
     return few and not given
 
 
@@ -97,6 +100,8 @@ def _against_multigrid(
         return "PETSc options are given"
     if bulk.space.is_mixed:
         return "mixed functions"
-    if bulk.is_linear and linear_bulk is not False:
+    # in space multigrid is faster where only some solves, if any, reduce to the contact dofs
+    if bulk.is_linear and (linear_bulk or (linear_bulk is None and bulk.space.dim == 2)):
         return "the bulk is linear"
-    return "" if bulk.r.getSize() >= COSTS.many else f"fewer than {COSTS.many:,} unknowns"
+    many = costs_of(bulk.space.dim).many
+    return "" if bulk.r.getSize() >= many else f"fewer than {many:,} unknowns"

@@ -66,6 +66,11 @@ class FaceCoupling(Coupling):
         )
         return csr_array(hstack([reached, self._near]))[self._mine]
 
+    @cached_property
+    def _loaded(self) -> csr_array:
+        """Nodes that the forces of each facet act on, in the order of ``_nodes``."""
+        return csr_array(hstack([_incidence(self._slave), self._near]))[self._mine]
+
     @property
     def _dofs(self) -> Indices:
         """Dofs of slave nodes, then master nodes, shape (nodes, 3)."""
@@ -73,20 +78,17 @@ class FaceCoupling(Coupling):
 
     def derivative_pattern(self) -> Block:
         """See ``Coupling``."""
-        i, k = (self._nodes.T @ self._nodes).nonzero()
+        i, k = (self._loaded.T @ self._nodes).nonzero()
         return zero_block(self._dofs[i], self._dofs[k])
 
     def law_pattern(self) -> tuple[Indices, Indices]:
         """See ``Coupling``."""
-        i, k = (self._nodes.T @ self._nodes).nonzero()
-        on_slave = i < self._slave.num_nodes
-        return i[on_slave].astype(np.int64), self._dofs[k[on_slave]]
+        i, k = (_incidence(self._slave)[self._mine].T @ self._nodes).nonzero()
+        return i.astype(np.int64), self._dofs[k]
 
     def force_pattern(self) -> tuple[Indices, Indices]:
         """See ``Coupling``."""
-        own = _incidence(self._slave)[self._mine]
-        loaded = csr_array(hstack([own, self._near[self._mine]]))
-        i, j = (loaded.T @ own).nonzero()
+        i, j = (self._loaded.T @ _incidence(self._slave)[self._mine]).nonzero()
         return self._dofs[i], j.astype(np.int64)
 
 

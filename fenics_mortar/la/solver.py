@@ -16,6 +16,7 @@ from fenics_mortar.bulk.node_blocks import NodeBlocks, come_in_pairs
 from fenics_mortar.la.costs import COSTS
 from fenics_mortar.la.lagged import LaggedFactors
 from fenics_mortar.la.multigrid import ContactPreconditioner
+from fenics_mortar.la.nonzeros import WithoutZeros
 from fenics_mortar.la.options import (
     COMPLIANCE,
     DIRECT,
@@ -65,8 +66,9 @@ class LinearSolver:
         same_step: Whether the next matrix belongs to a further iteration of the same load step.
         may_factor: Whether MUMPS is used permanently after a failure of an iterative solver, or of
             one without pivoting.
-        reuses_mumps: Whether factors by MUMPS, too, serve further iterations of a load step: in
-            space a factorization takes ten to a hundred times as long as a solution.
+        long_factors: Whether a factorization takes ten to a hundred times as long as a solution,
+            as in space: factors by MUMPS, too, serve further iterations of a load step, and zeros
+            of the pattern are not factored.
         remark: Message on such a change of the solver or on unused options; else "".
         reason: Why this solver was chosen, as text; "" if unknown.
         given: Names of PETSc options given by the user, without the prefix.
@@ -84,7 +86,7 @@ class LinearSolver:
     ) -> None:
         self._comm, self._prefix, self._make_preconditioner = comm, prefix, preconditioner
         self.forcing, self.may_factor, self.remark, self.reason = 0.0, False, "", ""
-        self.same_step = self.reuses_mumps = False
+        self.same_step = self.long_factors = False
         self.count_anew()
         self.given: set[str] = set()
         self._used: set[str] = set()
@@ -121,6 +123,7 @@ class LinearSolver:
         self._reads_options = True
         self._vectors: list[PETSc.Vec] = []
         self._in_blocks: NodeBlocks | None = None
+        self._nonzeros = WithoutZeros()
         self._lagged: LaggedFactors | None = None
 
     def _reset(self) -> None:
@@ -210,7 +213,7 @@ class LinearSolver:
     def _may_lag(self, matrix: PETSc.Mat) -> bool:
         """Whether to try the factors of an earlier matrix (local)."""
         kept = self.same_step and not self._reads_options
-        kept = kept and (self.reuses_mumps or not self._pivots)
+        kept = kept and (self.long_factors or not self._pivots)
         return kept and self.forcing > 0.0 and matrix.getSize()[0] >= MIN_LAGGED
 
     def _solve_with_last_factors(self, matrix: PETSc.Mat, values: Array) -> Array | None:
@@ -243,7 +246,7 @@ class LinearSolver:
         rhs, solution, defect, correction = self._vectors
         rhs.array[:] = values
         solution.set(0.0)
-        self.ksp.setOperators(matrix, matrix if self._pivots else self._blocks_of(matrix))
+        self.ksp.setOperators(matrix, self._to_factor(matrix))
         try:
             self._run(rhs, solution, transpose)
         except MortarError as error:
@@ -261,6 +264,12 @@ class LinearSolver:
             return solution, ""
         size_of_rest = f"relative residual {relative:.1e} (allowed {self._allowed:g})"
         return solution, f", {self._describe(reason)}, {size_of_rest}"
+
+    def _to_factor(self, matrix: PETSc.Mat) -> PETSc.Mat:
+        """The matrix in the form of which factors are made."""
+        if not self._pivots:
+            return self._blocks_of(matrix)
+        return self._nonzeros.of(matrix) if self._is_direct and self.long_factors else matrix
 
     def _blocks_of(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """The matrix stored in blocks of the two dofs of a node, if its rows come in such pairs.

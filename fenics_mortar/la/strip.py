@@ -5,8 +5,9 @@ A solution in the strip is zero elsewhere, except at prescribed dofs: its produc
 differs from zero only in the rows next to these dofs. The product uses a copy of these entries
 instead of the whole matrix.
 
-The matrix is factored without pivoting, which takes half of the time, until the residual of a
-solution shows that pivots are needed, as with rows of multipliers.
+In the plane the matrix is factored without pivoting, which takes half of the time, until the
+residual of a solution shows that pivots are needed, as with rows of multipliers. In space MUMPS
+factors it without the zeros of its pattern.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.la.nonzeros import WithoutZeros
 from fenics_mortar.la.options import STRIP_FACTORS, STRIP_PIVOTS, WITHOUT_PIVOTING, options_added
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.ranks import on_all_ranks
@@ -59,7 +61,8 @@ class Strip:
         self._matrix: Any = None
         self._columns: Any = None
         self._factors: Any = None
-        self._options = STRIP_FACTORS
+        self._nonzeros = WithoutZeros() if bulk.space.dim == 3 else None
+        self._options = STRIP_FACTORS if self._nonzeros is None else STRIP_PIVOTS
         self._pattern = (0, 0.0)  # handle and number of entries of the matrix
 
     def factor(self, A: PETSc.Mat) -> None:
@@ -87,6 +90,8 @@ class Strip:
             if of_pattern is not None:
                 of_pattern.destroy()
         self._factors = self._matrix = self._columns = None
+        if self._nonzeros is not None:
+            self._nonzeros.forget()
 
     def _compute_factors(self) -> None:
         """Factor the matrix, without pivoting in the order of elimination of the last one."""
@@ -97,7 +102,8 @@ class Strip:
             self._factors.setOptionsPrefix(self._prefix)
         with options_added(self._prefix, self._options):
             self._factors.setFromOptions()
-            self._factors.setOperators(self._matrix)
+            matrix = self._matrix if self._nonzeros is None else self._nonzeros.of(self._matrix)
+            self._factors.setOperators(matrix)
             self._factors.setUp()
 
     def _is_accurate(self) -> bool:

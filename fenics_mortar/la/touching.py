@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from fenics_mortar.bulk.node_blocks import CSR, from_local_csr, local_csr
 from fenics_mortar.kernels.node_axes import count_blocks, turn_to_axes
+from fenics_mortar.la.nonzeros import without_zeros
 from fenics_mortar.la.sparse import SomeRows
 from fenics_mortar.utils.arrays import Array, Indices
 
@@ -69,9 +70,9 @@ def touching_in_space(
         equations: L^T - 1.
         R: Nodal axes [1].
     """
-    csr, size = _change_by_contact(A, near, motion, equations), A.getLocalSize()[0]
+    B = without_zeros(A)
+    csr, size = _change_by_contact(B, near, motion, equations), A.getLocalSize()[0]
     change = PETSc.Mat().createAIJ(((size, None), (size, None)), csr=csr, comm=A.comm)
-    B = A.copy()
     B.axpy(1.0, change, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     turned = B.ptap(R)
     for matrix in (change, B):

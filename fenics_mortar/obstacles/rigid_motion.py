@@ -15,16 +15,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.obstacles.rotations import (
-    TURNS,
-    rotation_by,
-    rotation_less_one,
-    turn_between,
-    vector_of,
-)
+from fenics_mortar.obstacles.rotations import TURNS, rotation_by, rotation_less_one, turn_between
 from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.dimensions import refuse_in_space
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.lines import lines_cross, near_pairs
 
@@ -126,8 +119,9 @@ def check_direction(name: str, value: npt.ArrayLike) -> Array:
 
 # Names of the translations.
 AXES = "xyz"
-# Number of coordinates by the number of motions.
-DIMENSIONS = {3: 2, 6: 3}
+# Numbers of axes in space about which forces may turn a body: rotations about two fixed axes, but
+# not about the third one, would depend on the way.
+DRIVEN_TURNS = (0, 1, 3)
 
 
 class RigidMotion:
@@ -146,10 +140,11 @@ class RigidMotion:
             counter-clockwise rotation about the pivot, (x, y, angle), in space the rotation vector,
             axis times angle, (x, y, z, three numbers), shape (m,) [length, radian].
         load: Driving force (x, y) and moment about the pivot, nan for prescribed motions, shape
-            (m,) [stress length, stress length, stress length^2].
+            (m,) [stress length, stress length, stress length^2]; in space three forces and the
+            moments about the fixed axes, of which none, one or all drive
+            [stress length^2, stress length^3].
         reaction: Force and moment about the pivot after the last solve, shape (m,), units as
-            ``load``; in space with three more and force and moments [stress length^2,
-            stress length^3].
+            ``load``.
 
     Raises:
         ValueError: If name or pivot is of another type, or the pivot is not finite.
@@ -199,32 +194,38 @@ class RigidMotion:
         *,
         x: float | None = None,
         y: float | None = None,
-        moment: float | None = None,
+        z: float | None = None,
+        moment: npt.ArrayLike | None = None,
     ) -> None:
         """Prescribe forces; the motions in these directions are unknowns of the next solve.
 
-        In the plane only.
-
         Args:
-            x: Force, 0 for a free motion; ``None`` leaves the direction unchanged [stress length].
-            y: Force along y, likewise [stress length].
+            x: Force, 0 for a free motion; ``None`` leaves the direction unchanged [stress length,
+                in space stress length^2].
+            y: Force along y, likewise [stress length, in space stress length^2].
+            z: Force along z, likewise, in space only [stress length^2].
             moment: Moment about the pivot; ``None`` leaves the rotation unchanged
-                [stress length^2].
+                [stress length^2]. In space the moments about the three axes through the pivot,
+                whose directions are fixed, shape (3,); or a moment about one of them and ``None``
+                for the others, about which it then does not turn, as on an axle
+                [stress length^3].
 
         Raises:
-            ValueError: If a value is not a finite number.
-            NotImplementedError: In space.
+            ValueError: If a value is not a finite number, z is given in the plane, or moments about
+                two axes.
         """
-        if self.dim == 3:
-            refuse_in_space("driven", f"{self.kind} '{self.name}'")
-        for i, value in self._along_axes(x, y, None):
+        for i, value in self._along_axes(x, y, z):
             self.load[i] = value
         if moment is not None:
-            self.load[2] = check_finite("moment", moment)
+            self.load[self.dim :] = self._checked_moment(moment)
 
     def _checked_turn(self, angle: Any) -> float | Array:
         """The angle, in space a copy of the rotation vector, checked."""
         return check_finite("angle", angle) if self.dim == 2 else check_turn(angle)
+
+    def _checked_moment(self, moment: Any) -> float | Array:
+        """The moment, in space those about three axes, nan for ``None``, checked."""
+        return check_finite("moment", moment) if self.dim == 2 else check_moments(moment)
 
     def _along_axes(self, *values: float | None) -> list[tuple[int, float]]:
         """Numbers of the axes along which values are given, and the values, checked."""
@@ -236,6 +237,10 @@ class RigidMotion:
                     "has a pivot of three numbers"
                 )
         return [(i, check_finite(AXES[i], value)) for i, value in given]
+
+    def scales(self, arm: float) -> Array:
+        """Motions per component of the place for a length ``arm``, shape (m,) [1, length]."""
+        return np.append(np.ones(self.dim), np.full(self.place.size - self.dim, arm))
 
     @property
     def turn(self) -> Array:
@@ -250,10 +255,11 @@ class RigidMotion:
     def turn_since(self, place: Array) -> Array:
         """Rotation vector in space from an earlier place (6,) to the present one, (3,) [radian].
 
-        Prescribed rotations about one axis have any size, others that of the shortest way.
+        Rotations about one axis have any size, others, and those free to take any axis, that of the
+        shortest way.
         """
-        free = not np.isnan(self.load[3:]).all()
-        return turn_between(place[3:], self.turn, shortest=free)
+        free = np.isfinite(self.load[3:]).all()
+        return turn_between(place[3:], self.turn, shortest=bool(free))
 
     def to_own_frame(self, x: Array) -> Array:
         """Points ``x`` (n, d) [length] in space, in the obstacle's frame."""
@@ -276,21 +282,6 @@ class RigidMotion:
         return V
 
 
-def place_after(mover: RigidMotion, motion: Array, arm: float) -> Array:
-    """The place of a mover after a further motion q (local).
-
-    Args:
-        mover: It is not changed.
-        motion: Shape (m,) [length]; its turns, over the arm, are in space a rotation vector about
-            fixed axes.
-        arm: Length by which angles are multiplied [length].
-    """
-    if mover.dim == 2:
-        return mover.place + motion / [1.0, 1.0, arm]
-    after = rotation_by(motion[3:] / arm) @ mover.rotation
-    return np.append(mover.place[:3] + motion[:3], vector_of(after))
-
-
 def check_turn(angle: npt.ArrayLike) -> Array:
     """Copy of a rotation vector, shape (3,) [radian] (local).
 
@@ -305,11 +296,18 @@ def check_turn(angle: npt.ArrayLike) -> Array:
     return check_vector("angle", angle, 3)
 
 
-def describe_place(where: Array) -> str:
-    """Description of a place, shape (m,); "" at the initial position (local)."""
-    dim = DIMENSIONS[where.size]
-    moved, turn = where[:dim], where[dim:]
-    phrases = [f"moved by {format_point(moved)}"] if moved.any() else []
-    by = f"{turn[0]:.4g}" if dim == 2 else format_point(turn)
-    phrases += [f"turned by {by}"] if turn.any() else []
-    return ", " + " and ".join(phrases) if phrases else ""
+def check_moments(moment: Any) -> Array:
+    """Moments about the three axes, nan for ``None``, shape (3,) [stress length^3] (local).
+
+    Raises:
+        ValueError: For other values, and for moments about two axes.
+    """
+    if np.shape(moment) != (3,):
+        raise ValueError(f"moment={moment!r}: expected in space moments about three axes")
+    given = [np.nan if one is None else check_finite("moment", one) for one in moment]
+    if np.isfinite(given).sum() not in DRIVEN_TURNS:
+        raise ValueError(
+            f"moment={moment!r}: expected moments about all three axes, or about one of them, "
+            "which is then an axle; turns about two fixed axes alone would depend on the way"
+        )
+    return np.array(given)

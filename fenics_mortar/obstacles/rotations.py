@@ -17,6 +17,11 @@ from fenics_mortar.utils.rounding import ROUNDING
 # Square of an angle [radian^2] below which a, b are sums of the first terms of their series: the
 # next one is below 1e-20.
 SMALL_SQUARE, TERMS = 1e-2, 6
+# Square of an angle [radian^2] below which the functions of ``inverse_factors`` are sums of their
+# series, with terms up to the rounding of the first one: B_2k / (2k)! of Bernoulli's numbers.
+FULL_SERIES_BELOW = 0.25
+BERNOULLI = (1 / 6, 1 / 30, 1 / 42, 1 / 30, 5 / 66, 691 / 2730, 7 / 6, 3617 / 510)
+SERIES = np.array([b / math.factorial(2 * k) for k, b in enumerate(BERNOULLI, start=1)])
 # Matrices of the products e x r with the axes of rotation e: of the plane, of space.
 TURNS = {
     2: np.array([[[0.0, -1.0], [1.0, 0.0]]]),
@@ -36,7 +41,7 @@ def rotation_by(turn: Array) -> Array:
         c, s = np.cos(turn[0]), np.sin(turn[0])
         return np.array([[c, -s], [s, c]])
     a, b = _factors(turn)
-    W = _cross(turn)
+    W = crosses(turn)
     return np.eye(3) + a * W + b * W @ W
 
 
@@ -46,7 +51,7 @@ def rotation_less_one(turn: Array) -> Array:
         c, s = -2.0 * np.sin(0.5 * turn[0]) ** 2, np.sin(turn[0])
         return np.array([[c, -s], [s, c]])
     a, b = _factors(turn)
-    W = _cross(turn)
+    W = crosses(turn)
     return a * W + b * W @ W
 
 
@@ -72,6 +77,31 @@ def vector_of(R: Array) -> Array:
     return np.asarray(2.0 * np.arctan2(sine, q[3]) / sine * q[:3])
 
 
+def vector_beside(R: Array, near: Array) -> Array:
+    """The rotation vector or angle (n,) [radian] of a matrix that is next to ``near`` (n,) (local).
+
+    Those of a matrix, (2, 2) or (3, 3), differ by full turns about its axis.
+    """
+    if near.size == 1:
+        angle = np.arctan2(R[1, 0], R[0, 0])
+        return np.asarray(angle + 2.0 * np.pi * np.round((near - angle) / (2.0 * np.pi)))
+    least = vector_of(R)
+    angle = float(np.linalg.norm(least))
+    axis = least if angle > 0.0 else near  # no rotation has any axis
+    size = float(np.linalg.norm(axis))
+    if size == 0.0:
+        return least
+    full = 2.0 * np.pi * np.round((axis @ near / size - angle) / (2.0 * np.pi))
+    return least + full / size * axis
+
+
+def polar_rotation(A: Array) -> Array:
+    """The rotation (d, d) [1] next to a matrix (d, d), R in A = P R with symmetric P (local)."""
+    left, _, right = np.linalg.svd(A)
+    left[:, -1] *= np.sign(np.linalg.det(left) * np.linalg.det(right))
+    return np.asarray(left @ right)
+
+
 def turn_between(first: Array, last: Array, *, shortest: bool = False) -> Array:
     """The rotation vector (3,) [radian] that leads from one rotation vector to another (local).
 
@@ -83,14 +113,38 @@ def turn_between(first: Array, last: Array, *, shortest: bool = False) -> Array:
     return vector_of(rotation_by(last) @ rotation_by(first).T)
 
 
+def inverse_factors(v: Array) -> tuple[Array, Array]:
+    """Functions b and b' / |v| of J(v)^-1 = 1 - V / 2 + b V^2, of vectors [radian], each (n,).
+
+    Local. J(v) = int_0^1 exp(t V) dt with the matrix V of the product v x; b = (1 - h cot h) / t^2
+    with t = |v| and h = t / 2.
+    """
+    t2: Array = (v * v).sum(axis=1)
+    small = t2 < FULL_SERIES_BELOW
+    powers = t2[:, None] ** np.arange(len(SERIES))
+    of_slope = 2.0 * np.arange(1, len(SERIES)) * SERIES[1:]
+    t: Array = np.sqrt(np.where(small, 1.0, t2))
+    cot, sine = 1.0 / np.tan(0.5 * t), np.sin(0.5 * t)
+    b = (1.0 - 0.5 * t * cot) / t**2
+    slope = 0.5 * (0.5 * t / sine**2 - cot) / t**3 - 2.0 * b / t**2
+    b[small], slope[small] = (powers @ SERIES)[small], (powers[:, :-1] @ of_slope)[small]
+    return b, slope
+
+
+def inverse_jacobians(v: Array) -> Array:
+    """J(v)^-1 of rotation vectors (n, 3) [radian]: change by a spin, (n, 3, 3) (local)."""
+    V, (b, _) = crosses(v), inverse_factors(v)
+    return np.asarray(np.eye(3) - 0.5 * V + b[:, None, None] * (V @ V), float)
+
+
+def crosses(v: Array) -> Array:
+    """Matrices (..., 3, 3) of the products v x, for vectors (..., 3) [any unit] (local)."""
+    return np.einsum("...i,iab->...ab", v, TURNS[3])
+
+
 def _axial(R: Array) -> Array:
     """The vector w of W = R - R^T, shape (3,)."""
     return np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-
-
-def _cross(turn: Array) -> Array:
-    """The matrix W of a vector."""
-    return np.einsum("i,iab->ab", turn, TURNS[3])
 
 
 def _factors(turn: Array) -> tuple[Array, Array]:

@@ -44,6 +44,7 @@ from fenics_mortar.bulk.inertia import Inertia
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.arcs import surface_rotation
 from fenics_mortar.equations.general import State
+from fenics_mortar.obstacles.places import motion_between
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.rounding import TINY
@@ -147,7 +148,8 @@ def work_of(
         friction = work_along_arcs(before[3][dofs], after[3][dofs], du[dofs], angles).sum()
     work = np.array([r @ du, supports, contact @ du, friction, friction - shear @ du])
     work = problem.equations.comm.allreduce(work)
-    moved = (end.places - start.places)[: len(on_obstacles)]
+    places = zip(start.places[: len(on_obstacles)], end.places, strict=False)
+    moved = np.reshape([motion_between(*ends, 1.0) for ends in places], on_obstacles.shape)
     work[1:3] += (on_obstacles * moved).sum()
     work[3] += (shear_on_obstacles * moved).sum()
     sizes = np.linalg.norm(contact[dofs], axis=1) @ np.linalg.norm(du[dofs], axis=1)

@@ -92,7 +92,7 @@ class IdleLoads:
         equations, motions = self._problem.equations, self._problem.equations.motions
         found: list[Any] = [
             *equations.bulk.input_data.loads(),
-            *np.where(motions.driven, motions.push(), motions.places),
+            *motions.loads,
         ]
         found += [value for o in self._problem.obstacles for value in o.shape().values()]
         found += [np.array(contact.offset, float) for contact in equations.contacts]

@@ -13,7 +13,8 @@ rows of the bodies have no entries in the new columns. Of rigid boundaries, C_q 
 the prescribed dofs, du - V dq, and [E_d, M_q] are the sums of the equations of these dofs, which
 the rows of the prescribed dofs replace, with the weights V.
 
-Spread loads have two more unknowns each, on which their forces depend; see ``spread``.
+Spread loads have two more unknowns each, in space six, on which their forces depend; see
+``spread``.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def border_of(motions: RigidMotions, system: LinearSystem) -> Border:
 
 
 def by_spread(motion: Border, spread: Border, system: LinearSystem) -> Array:
-    """Derivatives of f_q by angle and r of a spread load, (3 m, 2) [stress length] (collective).
+    """Derivatives of f_q by the unknowns of a spread load, (3 m, 2) [stress length] (collective).
 
     Its forces act on nodes that a rigid boundary prescribes, whose columns are -V.
     """
@@ -74,7 +75,7 @@ def linearize_balance(motions: RigidMotions, system: LinearSystem) -> Border:
             contact.slave.scatter_add(forces, row)
         corner[own, own] += E_q
     for number, load in enumerate(motions.remote, len(motions.obstacles)):
-        own = slice(3 * number, 3 * number + 3)
+        own = slice(each * number, each * (number + 1))
         border = load.linearize(system)
         columns[own], rows[own], corner[own, own] = border.columns, border.rows, border.corner
     return Border(columns, rows, corner)

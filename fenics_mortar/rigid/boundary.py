@@ -5,12 +5,19 @@ The nodes k of the boundary have the displacements
 
     u_k = U + (R(angle) - 1) (X_k - P)
 
-with the pivot P and q = (U, angle arm). They are prescribed dofs with values that depend on q. The
-forces r_k of bodies and contact on these nodes are in balance with force and moment at the pivot,
+with the pivot P and q = (U, angle arm), in space with the rotation vector. They are prescribed dofs
+with values that depend on q. The forces r_k of bodies and contact on these nodes are in balance
+with force and moment at the pivot,
 
     f_q = sum_k V_k(q) . r_k = push,    V_k = du_k / dq,
 
-which is one row of the border per motion, see ``balance``.
+which is one row of the border per motion, see ``balance``. With l_k from the present pivot to the
+node, V_k of a turn about e_i is e_i x l_k / arm, and the derivative of the moments by the turns at
+constant r is
+
+    E_ij = sum_k (e_i x (e_j x l_k)) . r_k / arm^2,
+
+in the plane -l . r / arm^2. Shapes below are those of the plane.
 """
 
 from __future__ import annotations
@@ -27,7 +34,8 @@ from fenics_mortar.interface.extraction import extract_surface
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.obstacles.rigid_motion import describe_place
+from fenics_mortar.obstacles.places import describe_place
+from fenics_mortar.obstacles.rotations import TURNS
 from fenics_mortar.rigid.bordered import Border
 from fenics_mortar.rigid.remote import BoundaryMotion
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -46,8 +54,8 @@ class RigidBoundary(BoundaryMotion):
     Args:
         data: Mesh with names.
         boundary: Name or tag of the boundary, or a list of them, which form one rigid boundary.
-        pivot: Point at which motions and loads are given, shape (2,) [length]; anywhere in the
-            plane, it moves with the boundary.
+        pivot: Point at which motions and loads are given, shape (2,), in space (3,) [length];
+            anywhere, it moves with the boundary.
         name: Name used in messages; by default that of the boundary.
 
     Attributes:
@@ -55,7 +63,7 @@ class RigidBoundary(BoundaryMotion):
             ``ContactProblem``.
         reaction: Force and moment about the pivot that the rest exerts on the body through this
             boundary after the last solve, shape (3,), units as ``load``: the push where there is
-            one. With axisymmetry the axial force [force] alone.
+            one; in space three of each, shape (6,). With axisymmetry the axial force [force] alone.
 
     Raises:
         ValueError: If name or pivot is of another type, or the pivot is not finite.
@@ -197,7 +205,7 @@ class BoundRigidBoundary:
 
     def push(self) -> Array:
         """Loads along driven motions, 0 for prescribed ones, (3,) [stress length] (local)."""
-        return np.nan_to_num(self.motion.load) / [1.0, 1.0, self.arm]
+        return np.nan_to_num(self.motion.load) / self.motion.scales(self.arm)
 
     def centripetal(self, v: Array) -> Array:
         """Acceleration towards the pivot of a rotating boundary, (owned dofs,) (collective).
@@ -205,9 +213,11 @@ class BoundRigidBoundary:
         Args:
             v: Velocities, of which it has the rotation, shape (local dofs,) [length / time].
         """
-        found, turns = np.zeros(self._bulk.num_owned), self._along_motions(v[self._dofs])
-        rate = np.linalg.solve(self._products(), turns)[2] / self.arm
-        found[self._dofs] = -(rate**2) * self._levers()
+        found, rates = np.zeros(self._bulk.num_owned), self._along_motions(v[self._dofs])
+        dim = self.motion.dim
+        spin = np.linalg.solve(self._products(), rates)[dim:] / self.arm
+        W = np.tensordot(spin, TURNS[dim], 1)
+        found[self._dofs] = self._levers() @ (W @ W).T
         return found
 
     def _products(self) -> Array:
@@ -222,7 +232,8 @@ class BoundRigidBoundary:
     def motions_by(self, body: FloatingBody) -> Array:
         """The motions due to those of a floating body, shape (motions, 3) [1] (local)."""
         velocity = body.displacement(self._pivot()[None], self._part)[:, 0]
-        return np.column_stack([velocity, body.motions[:, 2] * (self.arm / body.size)])
+        dim, count = self.motion.dim, self.motion.place.size
+        return np.column_stack([velocity, body.motions[:, dim:count] * (self.arm / body.size)])
 
     def labels(self, labels: Indices) -> Indices:
         """Bodies of the nodes, replicated, shape (n,), from those of local nodes (collective)."""
@@ -233,11 +244,12 @@ class BoundRigidBoundary:
 
     def record(self) -> str:
         """Set the reaction of the user's boundary; return a sentence (collective)."""
-        force = self.force() * [1.0, 1.0, self.arm]
+        force, dim = self.force() * self.motion.scales(self.arm), self.motion.dim
         if self._space.is_axisymmetric:
             force *= [0.0, 1.0, 0.0]
         self.motion.reaction = force
-        load = f"force {format_point(force[:2])}, moment {force[2] + 0.0:.4g}"
+        moment = f"{force[2] + 0.0:.4g}" if dim == 2 else format_point(force[3:])
+        load = f"force {format_point(force[:dim])}, moment {moment}"
         if self._space.is_axisymmetric:
             load = f"axial force {force[1] + 0.0:.4g}"
         return f"rigid boundary '{self.motion.name}'{describe_place(self.motion.place)}: {load}"
@@ -248,25 +260,26 @@ class BoundRigidBoundary:
 
     def nodal_motions(self) -> Array:
         """V at the owned dofs, zero elsewhere, shape (3, owned dofs) [1]."""
-        values = np.zeros((3, self._bulk.num_owned))
+        values = np.zeros((self.motion.place.size, self._bulk.num_owned))
         values[:, self._dofs] = np.moveaxis(self._velocities(), 1, 0)
         return values
 
     def linearize(self, system: LinearSystem) -> Border:
         """Columns of the prescribed dofs, rows and corner of the balance (collective)."""
-        V, size = self.nodal_motions(), self._bulk.num_owned
-        columns = np.zeros((3, size + system.num_z_dofs))
-        rows, corner = np.zeros_like(columns), np.zeros((3, 3))
+        V, size, dim = self.nodal_motions(), self._bulk.num_owned, self.motion.dim
+        columns = np.zeros((len(V), size + system.num_z_dofs))
+        rows, corner = np.zeros_like(columns), np.zeros((len(V), len(V)))
         columns[:, :size], rows[:, :size] = -V, self._by_bulk
         if self._touching:
             rows += _by_contact(system, V)
-        lever = self._levers() / self.arm**2
-        corner[2, 2] = -sum_over_ranks(self._comm, [(lever * self._forces()).sum()])[0]
+        moments = np.einsum("ka,kb->ab", self._forces(), self._levers()) / self.arm**2
+        twice = TURNS[dim][:, None] @ TURNS[dim]
+        corner[dim:, dim:] = np.einsum("ijab,ab->ij", twice, sum_over_ranks(self._comm, moments))
         return Border(columns, rows, corner)
 
     def _pivot(self) -> Array:
         """Present position of the pivot, shape (2,) [length]."""
-        return self.motion.pivot + self.motion.place[:2]
+        return self.motion.pivot + self.motion.place[: self.motion.dim]
 
 
 def _by_contact(system: LinearSystem, V: Array) -> Array:

@@ -15,9 +15,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.la.system import LinearSystem
+from fenics_mortar.obstacles.places import by_further_motion, motion_between
 from fenics_mortar.rigid import settling
 from fenics_mortar.rigid.balance import border_of
 from fenics_mortar.rigid.bordered import solve_bordered
@@ -48,7 +50,7 @@ class DrivenMotions(RigidMotions):
         for load in self.remote:
             load.bind_forces(bulk, contacts)
         self.springs: Springs | None = None
-        self._start: Array = np.zeros(self.scales.shape)
+        self._anchor = self._start = self.places
 
     def residual(self) -> Array:
         """f_q plus springs minus push, else 0, (m, 3) [stress length] (collective)."""
@@ -76,20 +78,20 @@ class DrivenMotions(RigidMotions):
             border.corner[:count, :count] += self._stiffness_of_springs(stiffness, force)
             border = border.restricted_to(self.unknowns)
             push = (self.push() - self._spring_forces() - self._constant_forces())[driven]
-            c = np.append(push, np.zeros(2 * len(self.spread)))
+            c = np.append(push, np.zeros(self.num_of_spread))
             x, found = solve_bordered(system.solve, border, x, c, system.comm)
             motion[driven] = found[: push.size]
         return x, motion
 
     def _constant_forces(self) -> Array:
         """Parts of f_q that are not linear in the multipliers, (m, 3) [stress length]."""
-        on_obstacles = np.zeros((len(self.obstacles), 3))
+        on_obstacles = np.zeros_like(self.scales[: len(self.obstacles)])
         return np.vstack([on_obstacles, *(load.constant_force() for load in self.remote)])
 
     def _stiffness_of_springs(self, stiffness: float, force: float) -> Array:
         """Stiffness of anchored springs, or of tangent springs on loose motions; added to E_q."""
         if self.springs is not None:
-            return np.diag(self.springs.stiffness.ravel())
+            return self.springs.stiffness.reshape(-1, 1) * self._strain_by_motions()
         return tangent_springs(self, self.residual(), stiffness, force)
 
     def describe(self, force: float) -> str:
@@ -115,7 +117,8 @@ class DrivenMotions(RigidMotions):
         )
         driven = np.zeros(self.scales.shape)
         driven[:count] = np.where(self.driven_obstacles, springs[:, None], 0.0)
-        self.springs = Springs(driven, self.motions_of(self.places))
+        self._anchor = self.places
+        self.springs = Springs(driven, np.zeros(driven.shape))
 
     def remove_springs(self) -> None:
         """Remove the anchored springs."""
@@ -125,9 +128,8 @@ class DrivenMotions(RigidMotions):
         """Largest motion of an obstacle since ``anchor`` [shortest facets]."""
         if self.springs is None:
             return 0.0
-        strain = self.motions_of(self.places) - self.springs.anchor
-        strain = np.where(self.driven, strain, 0.0)[: len(self.obstacles)]
-        moves = np.linalg.norm(strain, axis=1)
+        strain = np.where(self.driven, self.motions_since(self._anchor), 0.0)
+        moves = np.linalg.norm(strain[: len(self.obstacles)], axis=1)
         return float(moves.max(initial=0.0)) / self.shortest_facet()
 
     def spring_fractions(self) -> list[tuple[str, float, bool]]:
@@ -147,12 +149,21 @@ class DrivenMotions(RigidMotions):
 
     def spring_energy(self) -> float:
         """Energy of the anchored springs [stress length^2]."""
-        here = self.motions_of(self.places)
-        return 0.0 if self.springs is None else self.springs.energy(here)
+        return 0.0 if self.springs is None else self.springs.energy(self._strain())
 
     def _spring_forces(self) -> Array:
-        here = self.motions_of(self.places)
-        return np.zeros(self.scales.shape) if self.springs is None else self.springs.forces(here)
+        none = np.zeros(self.scales.shape)
+        return none if self.springs is None else self.springs.forces(self._strain())
+
+    def _strain(self) -> Array:
+        """Motions since ``anchor``, shape (m, 3) [length]."""
+        return self.motions_since(self._anchor)
+
+    def _strain_by_motions(self) -> Array:
+        """Derivative of ``_strain`` by further motions, shape (3 m, 3 m) [1]."""
+        each = zip(self.movers, self._anchor, self.scales, strict=True)
+        motions = ((motion_between(at, mover.place, s[-1]), s[-1]) for mover, at, s in each)
+        return block_diag(*(by_further_motion(*motion) for motion in motions))
 
     # Before and after a solve
 
@@ -169,11 +180,11 @@ class DrivenMotions(RigidMotions):
 
     def settle(self, evaluate: Callable[[], object]) -> list[str]:
         """Move driven obstacles until contact stops them; see ``settling`` (collective)."""
-        self._start = self.motions_of(self.places)
+        self._start = self.places
         if not self.driven_obstacles.any():
             return []
         moved = settling.settle(self, evaluate)
-        self._start = self.motions_of(self.places)
+        self._start = self.places
         return moved
 
     def slide_along_driven(self) -> float:

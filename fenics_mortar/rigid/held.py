@@ -14,6 +14,7 @@ import numpy as np
 
 from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
+from fenics_mortar.obstacles.places import place_after
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
@@ -60,8 +61,9 @@ class HeldBodies:
         """Loads of a body: number, load, its motions due to those of the body, (motions, 3) [1]."""
         found = [(n, load, load.motions_by(body)) for n, load in self._at.get(body.label, ())]
         at_sections = dict(self.sections)
-        for column, section in enumerate(body.sections, 3):
-            rates = np.outer(body.motions[:, column], [1.0, 0.0, 0.0])
+        of_body = body.motions.shape[1] - len(body.sections)
+        for column, section in enumerate(body.sections, of_body):
+            rates = np.outer(body.motions[:, column], np.eye(of_body)[0])
             found.append((section.number, at_sections[section.number], rates))
         return found
 
@@ -73,10 +75,8 @@ class HeldBodies:
             coefficients: Factors of its motions, shape (motions,) [length].
         """
         for _, load, rates in self._loads(body):
-            change = coefficients @ rates / [1.0, 1.0, load.arm]
-            load.motion.place = load.motion.place + np.where(
-                np.isfinite(load.motion.load), change, 0.0
-            )
+            change = np.where(np.isfinite(load.motion.load), coefficients @ rates, 0.0)
+            load.motion.place = place_after(load.motion.place, change, load.arm)
 
     def subtract(self, body: FloatingBody, coefficients: Array, motion: Array) -> None:
         """Subtract the motions due to those of a body from increments ``motion`` (local).

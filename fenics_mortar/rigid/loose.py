@@ -41,9 +41,9 @@ def tangent_springs(
     Returns:
         Addition to E_q, shape (3 m, 3 m) [stress].
     """
-    total = np.zeros((motions.scales.size, motions.scales.size))
+    total, each = np.zeros((motions.scales.size,) * 2), motions.scales.shape[1]
     for number, loose in enumerate(loose_motions(motions)):
-        own = slice(3 * number, 3 * number + 3)
+        own = slice(each * number, each * (number + 1))
         relative = tangent_stiffness(loose @ residual[number], force)
         total[own, own] = stiffness * relative * (loose.T @ loose)
     return total

@@ -2,8 +2,9 @@
 """Rigid motions of a problem, of obstacles and of remote loads, and the forces along them.
 
 Motions are x, y and turn, the angle times the ``arm`` of the pair or boundary, all in units of
-length; obstacles in space have six motions instead of three, see ``obstacles.rigid_motion``. Arrays
-have the rows of the obstacles, then those of the remote loads. All values are replicated.
+length. Shapes and units below are those of the plane; in space there are six motions instead of
+three, see ``obstacles.rigid_motion``. Arrays have the rows of the obstacles, then those of the
+remote loads. All values are replicated.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from fenics_mortar.bulk.bodies import MINOR
+from fenics_mortar.bulk.bodies import MINOR, describe_in_space
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.obstacles.rigid_motion import RigidMotion, describe_place, place_after
+from fenics_mortar.obstacles.places import describe_place, motion_between, place_after
+from fenics_mortar.obstacles.rigid_motion import RigidMotion
 from fenics_mortar.rigid.remote import RemoteMotion
 from fenics_mortar.rigid.spread import BoundSpreadLoad
 from fenics_mortar.utils.arrays import Array, Flags
@@ -60,14 +62,16 @@ class RigidMotions:
         ]
         self.movers: list[RigidMotion] = [*self.obstacles, *(load.motion for load in remote)]
         self.exist = bool(self.movers or spread)
-        self._dim: int = max((contact.slave.dim for contact in contacts), default=2)
+        sides: list[Any] = [contact.slave for contact in contacts]
+        sides += [load.motion for load in remote] + [load.motion for load in spread]
+        self._dim: int = max((each.dim for each in sides), default=2)
         self._size = 3 if self._dim == 2 else 6
         self.scales: Array = np.ones((len(self.movers), self._size))
         self._none: Array = np.zeros((0, self._size))
         for number, contact in self.pairs:
             self.scales[number, self._dim :] = contact.arm
         for number, load in enumerate(remote, len(self.obstacles)):
-            self.scales[number, 2] = load.arm
+            self.scales[number, self._dim :] = load.arm
 
     @property
     def places(self) -> Array:
@@ -88,15 +92,16 @@ class RigidMotions:
         """Motions x, y, turn [length] of ``places``, shape (m, 3)."""
         return places * self.scales
 
+    def motions_since(self, places: Array) -> Array:
+        """Motions from earlier places (m, 3) to the present ones, shape (m, 3) [length]."""
+        each = zip(places, self.places, self.scales, strict=True)
+        found = [motion_between(before, now, scale[-1]) for before, now, scale in each]
+        return np.reshape(found, self.scales.shape)
+
     def move(self, change: Array) -> None:
         """Add ``change`` to the motions, shape (m, 3) [length] (local)."""
-        if not self.movers:
-            return
-        if self._dim == 2:
-            self.places = self.places + change / self.scales
-            return
         for mover, motion, scale in zip(self.movers, change, self.scales, strict=True):
-            mover.place = place_after(mover, motion, scale[-1])
+            mover.place = place_after(mover.place, motion, scale[-1])
 
     def largest(self) -> float:
         """Largest motion since the movers were created [length]."""
@@ -115,14 +120,37 @@ class RigidMotions:
         return bool(self.spread) or self.any_driven
 
     @property
+    def num_of_spread(self) -> int:
+        """Number of unknowns of the spread loads, two each, in space six (local)."""
+        return sum(load.num_unknowns for load in self.spread)
+
+    @property
     def unknowns(self) -> Flags:
-        """Marks of the unknowns of the border, see ``balance``, shape (3 m + 2 spread,) (local)."""
-        return np.append(self.driven.ravel(), np.ones(2 * len(self.spread), bool))
+        """Marks of the unknowns of the border, see ``balance`` (local).
+
+        Shape (3 m + num_of_spread,), bool.
+        """
+        return np.append(self.driven.ravel(), np.ones(self.num_of_spread, bool))
 
     @property
     def driven(self) -> Flags:
         """Whether forces drive a motion, shape (m, 3), bool."""
         return np.isfinite(self._of_all("load"))
+
+    @property
+    def found(self) -> Flags:
+        """Components of the places that a solve determines, shape (m, 3), bool.
+
+        Those that forces drive; in space all components of a rotation that they drive in part.
+        """
+        found = self.driven
+        found[:, self._dim :] = found[:, self._dim :].any(axis=1, keepdims=True)
+        return found
+
+    @property
+    def loads(self) -> Array:
+        """Pushes where a solve determines a motion, else places, shape (m, 3) [their units]."""
+        return np.where(self.found, self.push(), self.places)
 
     @property
     def driven_obstacles(self) -> Flags:
@@ -199,16 +227,21 @@ class RigidMotions:
 def slip_by_motions(contact: Contact, nodes: Flags) -> Array:
     """Rate of slip of some nodes by obstacle motions at present, (n, 3) [1].
 
-    This is not the derivative of the slip of a step, which also depends on motions along the normal
-    if the obstacle has turned.
+    In space along both tangents, (n, 2, 6). This is not the derivative of the slip of a step, which
+    also depends on motions along the normal if the obstacle has turned.
     """
     o = contact.on_obstacle
-    return -np.einsum("jmc,jc->jm", o.obstacle.motions(o.x, o.arm), o.tau)[nodes]
+    V = np.moveaxis(o.obstacle.motions(o.x, o.arm), 1, 0)
+    return -np.stack([contact.now.along_tangents(each) for each in V], axis=-1)[nodes]
 
 
 def describe_motion(motion: Array) -> str:
-    """Description of a ``motion`` x, y, turn, shape (3,) [length] (local)."""
-    x, y, turn = motion / np.abs(motion).max()
+    """Description of a ``motion`` x, y, turn, shape (3,), in space (6,) [length] (local)."""
+    shares = motion / np.abs(motion).max()
+    if motion.size == 6:
+        shares = np.round(shares, 4) + 0.0
+        return describe_in_space(shares[:3], shares[3:], verb="turn")
+    x, y, turn = shares
     if abs(turn) < MINOR:
         return f"move along {format_point((x + 0.0, y + 0.0))}"
     return "turn" if max(abs(x), abs(y)) < MINOR else f"move along {format_point((x, y))} and turn"

@@ -15,7 +15,6 @@ from fenics_mortar.obstacles.rigid_motion import RigidMotion, check_vector
 from fenics_mortar.rigid.bordered import Border
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.dimensions import refuse_in_space
 from fenics_mortar.utils.errors import MortarError, check_same_texts, together
 
 
@@ -25,7 +24,7 @@ class BoundaryMotion(RigidMotion):
     Args:
         data: Mesh, tags and names.
         boundary: Name or tag of the boundary, or a list of names.
-        pivot: The point, shape (2,) [length].
+        pivot: The point, shape (2,), in space (3,) [length].
         name: Name used in messages; by default that of the boundary.
 
     Attributes:
@@ -36,7 +35,6 @@ class BoundaryMotion(RigidMotion):
     Raises:
         ValueError: If name or pivot is of another type, or the pivot is not finite.
         MeshError: If a name or tag is unknown or has no facets.
-        NotImplementedError: For a mesh in space.
     """
 
     unloaded = float("nan")
@@ -52,10 +50,8 @@ class BoundaryMotion(RigidMotion):
         check_kind("data", data, MeshData, "the MeshData of the mesh")
         self.data, own = data, type(self).__name__
         with together(data.mesh.comm, own):
-            if data.mesh.geometry.dim == 3:
-                refuse_in_space("remote", own)
             given = joined_names(boundary) if name is None else name
-            super().__init__(given, check_vector("pivot", pivot))
+            super().__init__(given, check_vector("pivot", pivot, data.mesh.geometry.dim))
             self.tags = data.boundary_tags(boundary)
         here = {"boundary": self.tags, "pivot": self.pivot, "name": self.name}
         check_same_texts(data.mesh.comm, own, here)

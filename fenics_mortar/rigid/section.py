@@ -20,10 +20,11 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.pretension import Pretension
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.interface.curve_surface import Curve
+from fenics_mortar.interface.obstacle_normals import outward_normals
+from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.bordered import Border
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, norms
 from fenics_mortar.utils.errors import SurfaceError
 from fenics_mortar.utils.rounding import SMALL_ANGLE
 
@@ -63,15 +64,20 @@ class BoundSection:
 
     def force(self) -> Array:
         """See ``RemoteMotion``."""
-        return np.array([float((self._by_multipliers() * self.tie.z).sum()), 0.0, 0.0])
+        return float((self._by_multipliers() * self.tie.z).sum()) * self._first
 
     def constant_force(self) -> Array:
         """See ``RemoteMotion``: zero."""
-        return np.zeros(3)
+        return 0.0 * self._first
+
+    @property
+    def _first(self) -> Array:
+        """The motion that is the shortening, (3,), in space (6,) [1]."""
+        return np.eye(self.motion.place.size)[0]
 
     @property
     def axis(self) -> Array:
-        """Direction in which the slave moves into the master, shape (2,) [1] (local)."""
+        """Direction in which the slave moves into the master, shape (dim,) [1] (local)."""
         return self._pair.axis
 
     def pushed_nodes(self) -> Array:
@@ -93,7 +99,7 @@ class BoundSection:
     def _by_multipliers(self) -> Array:
         """Derivative of f_q with respect to the multipliers, of their shape [length]."""
         by_z = np.zeros_like(self.tie.z)
-        by_z[:, :2] = -np.outer(self._weights(), self.axis)
+        by_z[:, : self.motion.dim] = -np.outer(self._weights(), self.axis)
         return by_z
 
     def _weights(self) -> Array:
@@ -105,10 +111,10 @@ class BoundSection:
         _, weight = self.tie.rows.frame()
         by_z = self._by_multipliers()
         columns, rows = (
-            np.outer([1.0, 0.0, 0.0], self._as_vector(values, system))
+            np.outer(self._first, self._as_vector(values, system))
             for values in (weight * by_z, by_z)
         )
-        return Border(columns, rows, np.zeros((3, 3)))
+        return Border(columns, rows, np.zeros((len(rows), len(rows))))
 
     def _as_vector(self, values: Array, system: LinearSystem) -> Array:
         """Vector (owned rows,) of ``values`` of the tie's multipliers, else zero."""
@@ -126,20 +132,17 @@ class BoundSection:
         return f"section '{self.motion.name}', shortened by {shortening:.4g}: force {force:.4g}"
 
 
-def _normal_of(slave: Curve) -> Array:
-    """Outward normal of a straight surface, shape (2,) [1] (local, equal on all ranks).
+def _normal_of(slave: Surface) -> Array:
+    """Outward normal of a straight or flat surface, shape (dim,) [1] (local, equal on all ranks).
 
     Raises:
-        SurfaceError: If the surface is not straight.
+        SurfaceError: If the surface is curved.
     """
-    ends = slave.X[slave.facets[:, [0, -1]]]
-    along = ends[:, 1] - ends[:, 0]
-    normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    normals = outward_normals(slave.X[slave.facets])
     mean = normals.sum(axis=0)
-    size = float(np.hypot(*normals.T).sum())
-    if np.hypot(*mean) < np.cos(SMALL_ANGLE) * size:
+    if np.linalg.norm(mean) < np.cos(SMALL_ANGLE) * norms(normals).sum():
         raise SurfaceError(
             f"section '{slave.name}' is not straight: give the axis= of the pretension, the "
             "direction in which the slave moves into the master"
         )
-    return mean / np.hypot(*mean)
+    return np.asarray(mean / np.linalg.norm(mean))

@@ -7,10 +7,11 @@ the prescribed motions, for instance a wheel that is turned.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.rows import gap_by_motions
 from fenics_mortar.rigid.motions import RigidMotions, describe_motion, slip_by_motions
 from fenics_mortar.rigid.moves import closest_move
@@ -33,17 +34,23 @@ def follow(motions: RigidMotions) -> Array:
     moves = np.zeros(motions.scales.shape)
     for number, driven in enumerate(motions.driven_obstacles):
         mine = motions.contacts_of(number)
-        slip = np.concatenate([c.slip[c.sticking] for c in mine])
-        along = np.concatenate([slip_by_motions(c, c.sticking) for c in mine])
+        slip = np.concatenate([_slip(c)[c.sticking].ravel() for c in mine])
+        along = [slip_by_motions(c, c.sticking).reshape(-1, driven.size) for c in mine]
         across = np.concatenate([gap_by_motions(c.now)[c.sticking] for c in mine])
-        rows = np.concatenate([along, across])[:, driven]
+        rows = np.concatenate([*along, across])[:, driven]
         sizes = np.linalg.norm(rows, axis=0)  # units of turn and translation differ
         sizes[sizes == 0.0] = 1.0
-        desired = np.concatenate([-slip, np.zeros(slip.size)])
+        desired = np.concatenate([-slip, np.zeros(len(across))])
         moves[number, driven] = (
             np.linalg.lstsq(rows / sizes, desired, rcond=RIGID.followed)[0] / sizes
         )
     return moves
+
+
+def _slip(contact: Contact) -> Array:
+    """Slip of the nodes, (nodes,) [length]; in space along both tangents, (nodes, 2)."""
+    now = contact.now
+    return contact.slip if contact.slave.dim == 2 else now.along_tangents(now.slip_in_space)
 
 
 def settle(motions: RigidMotions, evaluate: Callable[[], object]) -> list[str]:
@@ -88,15 +95,15 @@ def _next_move(motions: RigidMotions, number: int) -> Array:
     driven, push = motions.driven[number], motions.push()[number]
     loaded = any((c.pressure > SUM_ROUNDING * c.modulus).any() for c in contacts)
     if loaded or not push.any():
-        return np.zeros(3)
-    basis = np.eye(3)[driven]
+        return np.zeros(push.size)
+    basis = np.eye(push.size)[driven]
     along = (basis @ push) / np.linalg.norm(push)
     closing = [-gap_by_motions(contact.now) @ basis.T for contact in contacts]
     desired = RIGID.largest_move * contacts[0].arm * along
     move = closest_move(desired, closing, contacts, back=-along)
     if move @ along > RIGID.sliver * motions.shortest_facet():
         return move @ basis
-    return np.zeros(3)
+    return np.zeros(push.size)
 
 
 def slide_along_driven(motions: RigidMotions, start: Array) -> float:
@@ -106,15 +113,22 @@ def slide_along_driven(motions: RigidMotions, start: Array) -> float:
 
     Args:
         motions: The obstacles.
-        start: Motions at the start of the solve, shape (m, 3) [length].
+        start: Places at the start of the solve, shape (m, 3) [length, radian].
     """
-    found = np.where(motions.driven, motions.motions_of(motions.places) - start, 0.0)
+    found = np.where(motions.driven, motions.motions_since(start), 0.0)
     widths = [0.0]
     for number, motion in enumerate(found[: len(motions.obstacles)]):
         mine = motions.contacts_of(number)
         slides = np.concatenate([c.sliding[c.active] for c in mine])
         if motion.any() and slides.size and slides.all():
             slips = [slip_by_motions(c, c.active) @ motion for c in mine]
-            width = sum(float(c.slave.nodal_lengths[c.active].sum()) for c in mine)
-            widths.append(float(np.abs(np.concatenate(slips)).min()) / width)
+            each = np.concatenate([slip.reshape(len(slip), -1) for slip in slips])
+            widths.append(float(np.linalg.norm(each, axis=1).min()) / _width(mine))
     return max(widths)
+
+
+def _width(contacts: Sequence[Contact]) -> float:
+    """Width of the active part of contacts [length]; in space the root of its area."""
+    power = contacts[0].slave.dim - 1
+    sizes = [float((c.slave.nodal_lengths[c.active] ** power).sum()) for c in contacts]
+    return float(sum(sizes) ** (1.0 / power))

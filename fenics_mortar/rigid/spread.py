@@ -3,22 +3,26 @@
 
 The mean motion of the nodes k with areas a_k is the rigid one next to their displacements,
 
-    minimize  sum_k a_k |x_k - x_P - R(angle) (X_k - P)|^2.
+    minimize  sum_k a_k |x_k - x_P - R (X_k - P)|^2.
 
-With means X_0 and x_0, X'_k = X_k - X_0, and the numbers of the plane,
+With means X_0 and x_0, R is the polar rotation of sum_k a_k x_k X'_k^T with X'_k = X_k - X_0, and
+x_P = x_0 + R (P - X_0). In plane and space e_i are the axes of rotation. With v_k = R X'_k, the
+spin t of R follows from
 
-    r (cos, sin)(angle) = sum_k a_k (X'_k . x_k, X'_k x x_k),    x_P = x_0 + R (P - X_0).
+    S t = sum_k a_k (e_i x v_k) . dx_k,    S_ij = sum_k a_k (e_i x v_k) . (e_j x x_k).
 
-The nodal forces are work-conjugate to it: f_k = F . dx_P/dx_k + M dangle/dx_k, that is
+The nodal forces are work-conjugate to the mean motion, f_k = F . dx_P/dx_k + M . dt/dx_k, that is
 
-    f_k = a_k F / sum(a) + m g_k,    g_k = dangle/dx_k = a_k e_z x R X'_k / r,    m = M + l x F,
+    f_k = a_k (F / sum(a) + w x v_k),    S w = m = M + l x F,    l = R (P - X_0):
 
-with l = R (P - X_0): a traction c + A x with the resultants F and M about the moved pivot. They
-depend on angle and r. With h_k = dr/dx_k = a_k R X'_k their derivative is of rank two,
+a traction c + A x with the resultants F and M about the moved pivot. They depend on t and S. With
+q = sum_k a_k (e_i x v_k) . (w x dx_k), the part of dS w at constant v,
 
-    -df/dx = (l . F) g g^T + (m / r) (h g^T + g h^T),
+    df_k = a_k (dw x v_k + w x (t x v_k)),    S dw = (L - N) t - q,
 
-two columns and rows of the border, with (dangle, dr) as unknowns.
+    L_ij = (e_i x (e_j x l)) . F,    N_ij = sum_k a_k (e_i x (e_j x v_k)) . (w x x_k):
+
+columns and rows of the border, with t and q as unknowns, two in the plane and six in space.
 """
 
 from __future__ import annotations
@@ -30,7 +34,8 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.interface.extraction import extract_surface
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.obstacles.rigid_motion import describe_place
+from fenics_mortar.obstacles.places import describe_place
+from fenics_mortar.obstacles.rotations import TURNS, polar_rotation, vector_beside
 from fenics_mortar.rigid.bordered import Border
 from fenics_mortar.rigid.remote import BoundaryMotion
 from fenics_mortar.utils.arrays import Array
@@ -48,14 +53,15 @@ class SpreadLoad(BoundaryMotion):
     Args:
         data: Mesh with names.
         boundary: Name or tag of the boundary, or a list of them.
-        pivot: Point at which the load acts, shape (2,) [length]; anywhere in the plane.
+        pivot: Point at which the load acts, shape (2,), in space (3,) [length]; anywhere.
         name: Name used in messages; by default that of the boundary.
 
     Attributes:
         name, pivot, load: See ``RigidMotion``; no motion is prescribed.
         place: Mean motion after the last solve, work-conjugate to the load: translation of the
-            pivot and rotation, shape (3,) [length, length, radian].
-        reaction: The load, after the last solve, shape (3,).
+            pivot and rotation, shape (3,) [length, length, radian]; in space (6,), with a rotation
+            vector.
+        reaction: The load, after the last solve, of the shape of ``place``, units as ``load``.
 
     Raises:
         ValueError: If name or pivot is of another type, or the pivot is not finite.
@@ -116,11 +122,13 @@ class BoundSpreadLoad:
 
     Attributes:
         motion: The load of the user.
+        num_unknowns: Number of its unknowns t and q.
     """
 
     def __init__(self, motion: SpreadLoad, space: DisplacementSpace) -> None:
         """Find the nodes (collective)."""
-        self.motion, self._space = motion, space
+        self.motion, self._space, self._axes = motion, space, TURNS[motion.dim]
+        self.num_unknowns = 2 * len(self._axes)
         tags = motion.data.facet_tags, motion.tags
         self._surface = extract_surface(space, *tags, motion.name)
         self.update_reference()
@@ -128,33 +136,36 @@ class BoundSpreadLoad:
     def update_reference(self) -> None:
         """Read the reference positions from the mesh, which ties may move (collective)."""
         self._X = self._surface.gather(self._space.positions())
-        self._areas = self._surface.full_cover
+        self._areas = self._surface.traction_weights
         self._mean = self._areas @ self._X / self._areas.sum()
-        self._angle = 0.0
+        self._turn = np.zeros(len(self._axes))
 
     def evaluate(self, u: Array) -> None:
         """Compute the mean motion and forces at ``u``, shape (local dofs,) (collective)."""
         arms, here = self._X - self._mean, self._surface.gather(u)
-        x, total = self._X + here, self._areas.sum()
-        cosine = float(self._areas @ (arms * x).sum(axis=1))
-        sine = float(self._areas @ (arms[:, 0] * x[:, 1] - arms[:, 1] * x[:, 0]))
-        self._r, turn = float(np.hypot(cosine, sine)), float(np.arctan2(sine, cosine))
-        if self._space.is_axisymmetric:
-            turn, self._r = 0.0, np.inf  # nothing turns
-        turns = np.round((self._angle - turn) / (2.0 * np.pi))
-        self._angle = turn + 2.0 * np.pi * turns
-        rotation = _rotation(turn)
-        self._h = self._areas[:, None] * (arms @ rotation.T)
-        self._g = np.stack([-self._h[:, 1], self._h[:, 0]], axis=1) / self._r
-        self._lever = rotation @ (self.motion.pivot - self._mean)
-        moved = (rotation - np.eye(2)) @ (self.motion.pivot - self._mean)
-        self._place = np.array([*(self._areas @ here / total + moved), self._angle])
-        if self._space.is_axisymmetric:
+        areas, dim, total = self._areas, self.motion.dim, self._areas.sum()
+        self._x = self._X + here
+        is_axial = self._space.is_axisymmetric  # nothing turns
+        R = np.eye(dim) if is_axial else polar_rotation((areas * self._x.T) @ arms)
+        self._turn = vector_beside(R, self._turn)
+        self._v = arms @ R.T
+        around = self._around(self._v)
+        S = np.einsum("k,kia,kja->ij", areas, around, self._around(self._x))
+        self._per_moment = np.zeros(S.shape) if is_axial else np.linalg.inv(S)
+        self._g = np.einsum("ij,k,kja->kia", self._per_moment, areas, around)
+        self._lever = R @ (self.motion.pivot - self._mean)
+        moved = (R - np.eye(dim)) @ (self.motion.pivot - self._mean)
+        self._place = np.array([*(areas @ here / total + moved), *self._turn])
+        if is_axial:
             self._place[0] = 0.0
-        force = self.motion.load[:2]
-        twist = self._lever[0] * force[1] - self._lever[1] * force[0]
-        self._m = float(self.motion.load[2] + twist)
-        self._forces = np.outer(self._areas / total, force) + self._m * self._g
+        force, moment = np.split(self.motion.load, [dim])
+        w = self._per_moment @ (moment + self._around(self._lever[None])[0] @ force)
+        self._W = np.tensordot(w, self._axes, 1)
+        self._forces = areas[:, None] * (force / total + self._v @ self._W.T)
+
+    def _around(self, vectors: Array) -> Array:
+        """Products e_i x of vectors (n, 2), shape (n, 1, 2); in space (n, 3, 3) (local)."""
+        return np.einsum("iab,kb->kia", self._axes, vectors)
 
     def add_to_residual(self, bulk: Bulk) -> None:
         """Subtract the forces at the present displacement from ``bulk.r`` (collective)."""
@@ -168,25 +179,28 @@ class BoundSpreadLoad:
         return found
 
     def linearize(self, system: LinearSystem) -> Border:
-        """Columns and rows of (dangle, dr), at the last evaluated state (local)."""
-        by_r = self._m / self._r
-        by_angle = float(self._lever @ self.motion.load[:2]) * self._g + by_r * self._h
-        columns, rows = np.zeros((2, 2, system.bulk.num_owned + system.num_z_dofs))
-        for row, nodal in ((columns[0], by_angle), (columns[1], by_r * self._g)):
-            self._surface.scatter_add(nodal, row)
-        for row, nodal in ((rows[0], self._g), (rows[1], self._h)):
-            self._surface.scatter_add(nodal, row)
-        return Border(columns, rows, -np.eye(2))
+        """Columns and rows of t and q, at the last evaluated state (local)."""
+        force, around = self.motion.load[: self.motion.dim], self._around(self._v)
+        twice = self._axes[:, None] @ self._axes
+        W, areas, count = self._W, self._areas, self.num_unknowns
+        L = np.einsum("ijab,b,a->ij", twice, self._lever, force)
+        N = np.einsum("ijab,kb,k,ka->ij", twice, self._v, areas, self._x @ W.T)
+        dw = self._per_moment @ (L - N)
+        by_t = np.einsum("ij,kia->kja", dw, around) + around @ W.T
+        columns, rows = np.zeros((2, count, system.bulk.num_owned + system.num_z_dofs))
+        for target, fields in (
+            (columns, (-areas[:, None, None] * by_t, self._g)),
+            (rows, (self._g, areas[:, None, None] * (around @ W))),
+        ):
+            nodal = np.concatenate(fields, axis=1)
+            for number in range(count):
+                self._surface.scatter_add(nodal[:, number], target[number])
+        return Border(columns, rows, -np.eye(count))
 
     def record(self) -> str:
         """Set place and reaction of the user's load; return a sentence (local)."""
         self.motion.place, self.motion.reaction = self._place.copy(), self.motion.load.copy()
-        moment = self.motion.load[2]
-        load = f"force {format_point(self.motion.load[:2])}, moment {moment + 0.0:.4g}"
+        force, moment = np.split(self.motion.load, [self.motion.dim])
+        about = f"{moment[0] + 0.0:.4g}" if len(moment) == 1 else format_point(moment)
+        load = f"force {format_point(force)}, moment {about}"
         return f"spread load '{self.motion.name}'{describe_place(self._place)}: {load}"
-
-
-def _rotation(angle: float) -> Array:
-    """Rotation matrix, shape (2, 2) [1]."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s], [s, c]])

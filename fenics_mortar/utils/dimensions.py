@@ -9,17 +9,12 @@ NOT_IN_SPACE = {
     "gradients": "derivatives of solutions (sensitivity)",
     "model_check": "estimates of the error of a model (model_check)",
     "estimate": "estimates of the error of the mesh (estimate_error)",
-    "remote": "loads and motions given at points (RigidBoundary, SpreadLoad)",
     "thickness": "an out-of-plane thickness",
     "axisymmetric": "axisymmetry, which belongs to plane meshes",
     "cubic": "cells of order 3",
-    "linear_bulk": "the bulk reduced to the contact dofs (linear_bulk=True)",
-    "small_sliding": "small sliding (sliding='small')",
     "integration": "integration over elements or at nodes",
     "vertices": "dual multipliers at vertices (basis='vertices')",
     "self_contact": "contact of a surface with itself",
-    "driven": "motions driven by forces (push)",
-    "pretension": "pretension of a section",
     "fields": "contacts and ties that conduct heat or other fields",
 }  # fmt: skip
 

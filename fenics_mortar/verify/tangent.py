@@ -121,7 +121,7 @@ class _Probe:
         self.du[radial_dofs_on_axis(self.bulk.space)] = 0.0
         if self.bulk.space.dim == 3:
             # On symmetry planes edges of both sides coincide, where D and M have one-sided slopes.
-            self.du[self.bulk.prescribed[:size]] = 0.0
+            self.du[problem.floating.held.prescribed_otherwise[:size]] = 0.0
         self.u0 = self.bulk.u.x.array[:size].copy()
         self.motions, self.places = problem.motions, problem.motions.places
         self.dq: Array = rng.uniform(-length, length, self.places.shape)

@@ -328,6 +328,17 @@ def in_space(kind, folder):
             yield f"{name}: {what}", value
         yield f"{name}: reaction", obstacle.reaction
         yield f"{name}: evaluated", obstacle.evaluate(np.array([(0.4, 0.3, 0.9)]))[0]
+        obstacle.push(z=-1.1 * obstacle.reaction[2])
+        scene.problem.solve(accept_violations=True)
+        yield f"{name}: pushed to", obstacle.place
+    scene = space_scenes.solid("hexahedron" if even else "tetrahedron", **CUBE)
+    grip = fm.RigidBoundary(scene.data, "block/bottom", pivot=(0.5, 0.5, -0.5))
+    pull = fm.SpreadLoad(scene.data, "block/top", pivot=(0.5, 0.5, 1.5))
+    scene.set_up(remote=[grip, pull])
+    grip.move(x=0.1, angle=(0.1, -0.2, 0.3))
+    pull.push(x=0.1, z=-0.1, moment=(0.02, 0.01, -0.03))
+    scene.problem.solve()
+    yield "at points", [*grip.reaction, *pull.place]
 
 
 def tied(kind, folder):

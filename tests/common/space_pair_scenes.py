@@ -58,6 +58,7 @@ def bodies(
     radius=None,
     comm=MPI.COMM_WORLD,
     turned=(),
+    energy=energies.neo_hookean,
     **options,
 ):
     """Problem of ``boxes`` with the sides ``held`` prescribed and ``pairs`` (slave, master).
@@ -67,7 +68,7 @@ def bodies(
     data = mapped_boxes.mesh(boxes, cell=cell, order=order, comm=comm)
     V = fm.vector_space(data.mesh, order)
     u = fem.Function(V, name="u")
-    psi = energies.neo_hookean(u, *energies.lame(100.0, 0.3)) * ufl.dx(degree=2 * order + 1)
+    psi = energy(u, *energies.lame(100.0, 0.3)) * ufl.dx(degree=2 * order + 1)
     motions = {side: fem.Constant(data.mesh, (0.0, 0.0, 0.0)) for side in held}
     motions |= {side: fem.Function(V) for side in turned}
     bcs = [fm.dirichlet(V, data, side, value) for side, value in motions.items()]

@@ -128,6 +128,27 @@ def test_state_continues_in_another_problem(shared_path, cell, order):
         )
 
 
+def test_small_sliding_keeps_its_reference_operators(shared_path):
+    """Operators for the place of the obstacle at the set-up of the first run, turned about axes."""
+    made = []
+    for turn in ((0.0, 0.1, 0.0), (0.3, 0.0, 0.2)):
+        scene = solid()
+        held(scene)
+        ball = fm.Sphere((0.4, 1.1, 2.9), 1.45, pivot=(0.2, 0.8, 2.0))
+        ball.move(angle=turn)
+        pair = fm.ContactPair(scene.data, "block/top", ball, law=fm.Coulomb(0.3), sliding="small")
+        made.append((scene.set_up([pair]).problem, ball))
+    (problem, _), (again, _) = made
+    problem.solve()
+    fm.save_state(problem, shared_path / "state")
+    fm.load_state(again, shared_path / "state")
+    for one, ball in made:
+        ball.move(x=0.02, z=-0.01, angle=(0.02, 0.1, 0.0))
+        one.solve()
+    z, w = problem.equations.contacts[0].z, again.equations.contacts[0].z
+    assert np.abs(z).max() > 0.1 and np.abs(z - w).max() < 1e-9 * np.abs(z).max()
+
+
 def test_moved_node_of_a_saved_mesh_is_named_with_three_coordinates(shared_path):
     scene = pressed().set_up()
     fm.save_state(scene.problem, shared_path / "state")

@@ -270,7 +270,7 @@ def solver_of(problem):
     ],
 )
 def test_solver_depends_on_size_and_system(monkeypatch, many, options, expected):
-    monkeypatch.setattr("fenics_mortar.la.choice.COSTS", Costs(many=many))
+    monkeypatch.setattr("fenics_mortar.la.choice.costs_of", lambda dim, many=many: Costs(many=many))
     scene = {name: options[name] for name in ("material", "pair") if name in options}
     problem = {name: value for name, value in options.items() if name not in scene}
     assert solver_of(pressed_blocks(problem=problem, **scene, **MESH).problem) == expected
@@ -281,7 +281,9 @@ def test_failed_iterations_are_replaced_by_factors_and_reported(monkeypatch):
     options = {"newton": fm.NewtonOptions()}
     u, reports = [], []
     for many in (10**9, 0):
-        monkeypatch.setattr("fenics_mortar.la.choice.COSTS", Costs(many=many))
+        monkeypatch.setattr(
+            "fenics_mortar.la.choice.costs_of", lambda dim, many=many: Costs(many=many)
+        )
         monkeypatch.setitem(ITERATIVE, "ksp_max_it", 1)
         scene = pressed_blocks(problem=options, **MESH)
         for push in (-0.05, -0.1):
@@ -300,7 +302,7 @@ def test_failed_iterations_are_replaced_by_factors_and_reported(monkeypatch):
 @pytest.mark.once
 def test_petsc_errors_in_set_up_lead_to_factors_or_a_mortar_error(monkeypatch):
     """PETSc has no such factorization: an error, not a diverged solve."""
-    monkeypatch.setattr("fenics_mortar.la.choice.COSTS", Costs(many=0))
+    monkeypatch.setattr("fenics_mortar.la.choice.costs_of", lambda dim: Costs(many=0))
     monkeypatch.setitem(ITERATIVE, "strip_redundant_pc_factor_mat_solver_type", "nobody")
     scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
     scene.loads["push"].value[1] = -0.05
@@ -319,7 +321,7 @@ def test_petsc_error_in_an_iteration_unlocks_vectors(monkeypatch):
     def fail(*_):
         raise PETSc.Error(76)
 
-    monkeypatch.setattr("fenics_mortar.la.choice.COSTS", Costs(many=0))
+    monkeypatch.setattr("fenics_mortar.la.choice.costs_of", lambda dim: Costs(many=0))
     monkeypatch.setattr(ContactPreconditioner, "apply", fail)
     scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
     scene.loads["push"].value[1] = -0.05

@@ -8,6 +8,7 @@ from scenes import linear_elastic, pressed_blocks
 
 import fenics_mortar as fm
 from fenics_mortar.la import choice, solver
+from fenics_mortar.la.costs import COSTS
 from fenics_mortar.utils import compat
 
 pytestmark = pytest.mark.serial
@@ -48,9 +49,9 @@ def test_choices_have_reasons(options, phrase):
 
 def test_many_unknowns_and_long_rows_are_reasons(monkeypatch):
     with monkeypatch.context() as changed:
-        changed.setattr(choice, "COSTS", replace(choice.COSTS, many=10))
+        changed.setattr(choice, "costs_of", lambda dim: replace(COSTS, many=10))
         assert f"{MULTIGRID} (at least 10 unknowns)" in solver_of()
-    monkeypatch.setattr(solver, "COSTS", replace(choice.COSTS, long_rows=1))
+    monkeypatch.setattr(solver, "COSTS", replace(COSTS, long_rows=1))
     assert "factors by mumps (rows of factors longer than 1)" in solver_of()
 
 

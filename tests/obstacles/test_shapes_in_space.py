@@ -10,7 +10,7 @@ from fenics_mortar.interface.obstacle_normals import obstacle_normals
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.space_mortar import hand_over
 from fenics_mortar.kernels.space.shapes import reference_nodes
-from fenics_mortar.obstacles.rigid_motion import place_after
+from fenics_mortar.obstacles.places import by_further_motion, motion_between, place_after
 from fenics_mortar.obstacles.rotations import rotation_by, vector_of
 
 AXIS = np.array((0.3, -0.5, 1.0)) / np.linalg.norm((0.3, -0.5, 1.0))
@@ -157,11 +157,24 @@ def test_motions_add_by_rotations():
     sphere.place = PLACE.copy()
     x, motion = np.random.default_rng(4).normal(size=(5, 3)), np.array([1, 2, 3, 4, 5, 6]) * 0.1
     before, centre = sphere.to_space(x), sphere.pivot + sphere.place[:3]
-    sphere.place = place_after(sphere, motion, 2.0)
+    sphere.place = place_after(sphere.place, motion, 2.0)
     turned = (before - centre) @ rotation_by(motion[3:] / 2.0).T + centre + motion[:3]
     assert np.allclose(sphere.to_space(x), turned, atol=1e-14)
     assert np.allclose(sphere.displacement(x), turned - x, atol=1e-14)
     assert np.allclose(sphere.to_own_frame(turned), x, atol=1e-14)
+
+
+@pytest.mark.serial
+def test_motion_between_places_is_the_inverse_with_its_derivative():
+    arm, motion = 2.0, np.array([1, 2, 3, 4, 5, 6]) * 0.1
+    further, start = np.array([3, -1, 2, 2, -4, 1]) * 0.1, place_after(PLACE, motion, arm)
+    assert np.allclose(motion_between(PLACE, start, arm), motion, atol=1e-14)
+    ends = [
+        motion_between(PLACE, place_after(start, step * further, arm), arm)
+        for step in (1e-5, -1e-5)
+    ]
+    expected = by_further_motion(motion, arm) @ further
+    assert np.allclose((ends[0] - ends[1]) / 2e-5, expected, atol=1e-9)
 
 
 OPTIONS = {
@@ -266,9 +279,3 @@ def test_integrals_of_facets(size):
 def test_bad_input(make, error):
     with pytest.raises(ValueError, match=error):
         make()
-
-
-@pytest.mark.serial
-def test_forces_that_drive_are_refused():
-    with pytest.raises(NotImplementedError, match=r"push.*'sphere'"):
-        fm.Sphere((0, 0, 0), 1.0).push(x=1.0)

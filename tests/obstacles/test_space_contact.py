@@ -39,11 +39,11 @@ CASES = [
 ]
 
 
-def block_under(obstacle, cell="hexahedron", order=1, *, mu=0.0, **options):
+def block_under(obstacle, cell="hexahedron", order=1, *, mu=0.0, pair=None, energy=None, **options):
     """A jiggled block that stands on its bottom, with its top against an obstacle."""
-    scene = solid(cell, order, counts=(3, 4, 2))
+    scene = solid(cell, order, counts=(3, 4, 2), energy=energy or energies.neo_hookean)
     held(scene)
-    pair = fm.ContactPair(scene.data, "block/top", obstacle, law=law_of(mu))
+    pair = fm.ContactPair(scene.data, "block/top", obstacle, law=law_of(mu), **(pair or {}))
     return scene.set_up([pair], newton=TIGHT, **options)
 
 
@@ -73,6 +73,56 @@ def test_tangent(kind, cell, order, mu):
     assert all(slope > 1.9 for slope in check.slopes.values()), check.slopes
 
 
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+@pytest.mark.parametrize("kind", ["plane", "sphere"])
+def test_small_sliding(kind, mu):
+    """On obstacles that are translated and rotated: gaps are linear, but in rotations.
+
+    Force and moments on the obstacle balance, to second order in its motion and that of the nodes.
+    """
+    obstacle = KINDS[kind]()
+    options = {"pair": {"sliding": "small"}, "energy": energies.linear_elastic}
+    problem = block_under(obstacle, mu=mu, **options).problem
+    problem.solve()
+    operators = problem.equations.contacts[0].state.reference.operators
+    for way in (0.5, 1.0):
+        obstacle.move(
+            x=0.03 * way, y=0.05 * way, z=-0.01, angle=way * np.array((0.02, 0.05, -0.03))
+        )
+        assert problem.solve().converged
+    contact = problem.equations.contacts[0]
+    assert contact.state.reference.operators is operators
+    assert np.array_equal(contact.operators.n, operators.n) and contact.active.any()
+    slopes = problem.check_tangent(print_table=False).slopes
+    assert slopes.pop("bulk") == slopes.pop("n") == slopes.pop("D") == np.inf
+    assert all(1.9 < slope < 2.1 for slope in slopes.values() if np.isfinite(slope)), slopes
+    gap = contact.operators.gap[contact.active]
+    assert np.abs(gap).max() < 1e-12
+    below = problem.reaction("block/bottom", data=contact.pair.data).force
+    size = np.abs(obstacle.reaction[:3]).max()
+    assert size > 0.01 and np.allclose(obstacle.reaction[:3], below, rtol=0, atol=1e-9 * size)
+
+
+@pytest.mark.once
+def test_small_sliding_differs_in_second_order():
+    """Halved motions of a plane on a flat block leave a quarter of the difference."""
+    differences = []
+    for way in (1.0, 0.5):
+        forces = []
+        for sliding in ("small", "finite"):
+            scene = solid_at(mapped_boxes.block((3, 4, 2)), energies.linear_elastic)
+            held(scene)
+            plane = fm.Plane((0.5, 0.5, 1.0), (0.0, 0.0, -1.0), pivot=(0.5, 0.5, 1.0))
+            pair = fm.ContactPair(scene.data, "block/top", plane, law=law_of(0.3), sliding=sliding)
+            scene.set_up([pair], newton=TIGHT)
+            for x in (0.0, 0.01 * way):
+                plane.move(x=x, y=0.5 * x, z=-0.01 * way, angle=way * np.array((0.004, 0.002, 0.0)))
+                scene.problem.solve()
+            forces.append(plane.reaction / way)
+        differences.append(np.abs(forces[0] - forces[1])[:3].max())
+    assert 1.7 < differences[0] / differences[1] < 2.3
+
+
 @pytest.mark.once
 @pytest.mark.parametrize("kind", KINDS)
 def test_balance_and_algorithms(kind):
@@ -94,6 +144,26 @@ def test_balance_and_algorithms(kind):
         found.append((scene.problem.equations.contacts[0].z, report.num_iterations))
     assert np.allclose(found[0][0], found[1][0], atol=1e-9 * np.abs(found[0][0]).max())
     assert found[0][1] == found[1][1]
+
+
+def test_distance_of_a_user():
+    """A ball by its function acts as ``Sphere``; a wrong gradient is found on all axes."""
+    found = []
+    for turned in (None, 0.0, 0.3):
+        ball = fm.Sphere((0.4, 1.1, 2.9), 1.45)
+
+        def distance(x, ball=ball, turned=turned):
+            phi, gradient, hessian = ball.local(x)
+            return phi, gradient @ rotation_by(np.array((0.0, turned, 0.0))).T, hessian
+
+        obstacle = ball if turned is None else fm.SignedDistance(distance, pivot=ball.pivot)
+        scene = block_under(obstacle)
+        obstacle.move(z=-0.01)
+        report = scene.problem.solve(accept_violations=True)
+        found.append((obstacle.reaction, report.certificate.violations()))
+    (exact, _), (same, none), (_, (message,)) = found
+    assert np.abs(same - exact).max() < 1e-12 and none == []
+    assert "turned by 17.2 degrees" in message  # 0.3 radian
 
 
 def dragged(slope, ways, mu=0.3):

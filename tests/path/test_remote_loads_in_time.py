@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+import space_scenes
 from scenes import internal, linear_elastic, neo_hookean
 
 from dolfinx import fem
@@ -72,6 +73,59 @@ def test_spinning_disk_starts_with_centripetal_accelerations():
     bore = np.hypot(*X.T) < 0.31
     assert w[bore] == pytest.approx(-X[bore], abs=2e-2)
     assert hub.place[2] == pytest.approx(1e-4, rel=1e-6)
+
+
+def spinning_block(stiffness):
+    """A block on a grip at one side, which spins about an axis through the grip's pivot."""
+    scene = space_scenes.solid(counts=(3, 3, 3), size=(1.0, 1.0, 1.0), jiggle=0.0)
+    data, u = scene.data, scene.u
+    grip = fm.RigidBoundary(data, "block/left", pivot=(0.0, 0.5, 0.5), name="grip")
+    residual = internal(u, neo_hookean(u, stiffness, 0.3))
+    problem = fm.ContactProblem(residual, u, [], remote=[grip], petsc_options_prefix="spin_")
+    motion = fm.Dynamics(problem, density=DENSITY, scheme="generalized_alpha")
+    return problem, motion, grip
+
+
+def test_push_on_a_grip_moves_a_block_in_space():
+    """Momentum is force times time, to rounding; all six motions are driven."""
+    _, motion, grip = spinning_block(100.0)
+    force = np.array([*FORCE, -0.3])
+    grip.push(x=force[0], y=force[1], z=force[2], moment=(0.0, 0.0, 0.0))
+    for _ in range(4):
+        motion.step(0.05)
+    assert motion.momentum()[:3] == pytest.approx(force * motion.time, rel=1e-12)
+    assert grip.reaction == pytest.approx([*force, 0.0, 0.0, 0.0], abs=1e-12)
+
+
+def test_torque_turns_a_block_in_space():
+    """On an axle along x: angular acceleration M / J with J = rho / 6 of the cube."""
+    _, motion, grip = spinning_block(1e4)
+    grip.push(moment=(TORQUE, None, None))
+    for _ in range(10):
+        motion.step(0.02)
+    angle = 0.5 * TORQUE / (DENSITY / 6.0) * motion.time**2
+    assert grip.place[3] == pytest.approx(angle, rel=0.01)
+    assert np.abs(grip.place[[0, 1, 2, 4, 5]]).max() < 1e-12
+
+
+def test_spinning_block_starts_with_centripetal_accelerations():
+    """Other nodes, not yet under stress, do not accelerate: the grip turns as a free plate.
+
+    By Euler's equations with moments of inertia 2 J, J and J about x, y and z through its pivot.
+    """
+    problem, motion, grip = spinning_block(1e5)
+    spin = np.array([0.6, 0.0, 0.8])
+    motion.velocity.interpolate(lambda x: np.cross(spin, (x.T - grip.pivot)).T)
+    grip.push(moment=(0.0, 0.0, 0.0))
+    motion.step(1e-4)
+    space = problem.equations.bulk.space
+    w = problem.state().rates.acceleration[space.dofs]
+    r = space.positions()[space.dofs] - grip.pivot
+    on_grip = np.abs(r[:, 0]) < 1e-9
+    inertia = np.array([2.0, 1.0, 1.0])
+    change = np.cross(inertia * spin, spin) / inertia
+    exact = np.cross(spin, np.cross(spin, r)) + np.cross(change, r)
+    assert np.abs((w - exact)[on_grip]).max(initial=0.0) < 5e-3
 
 
 def test_section_pulls_two_halves_together():

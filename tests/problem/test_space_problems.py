@@ -255,16 +255,12 @@ def test_folded_meshes_are_refused(cell, order):
     [
         ({"geometry": "axisymmetric"}, "axisymmetric"),
         ({"thickness": 2.0}, "thickness"),
-        ({"linear_bulk": True}, "linear_bulk"),
-        ({"remote": [object]}, "remote"),
     ],
 )
 def test_options_of_the_plane_are_refused(options, what):
     scene = pressed()
     name = NOT_IN_SPACE[what].replace("(", r"\(").replace(")", r"\)")
     with refused(NotImplementedError, f"not yet available in three dimensions: {name}"):
-        if what == "remote":
-            fm.SpreadLoad(scene.data, "block/top", pivot=(0.0, 0.0, 0.0))
         scene.set_up(**options)
 
 
@@ -279,8 +275,6 @@ def test_features_of_the_plane_are_refused():
         scene.problem.estimate()
     with refused(NotImplementedError, "contact of a surface with itself .*block/left"):
         scene.set_up([fm.ContactPair(scene.data, "block/left")])
-    with refused(NotImplementedError, "small sliding"):
-        scene.set_up([fm.ContactPair(scene.data, "block/left", "block/right", sliding="small")])
 
 
 def test_energies_of_space():

@@ -123,7 +123,7 @@ def test_rigid_rotation_of_both_bodies_causes_no_slip(cell, degree, law):
 # Plane scenes
 
 
-def in_the_plane(law, turn, degree, motions):
+def in_the_plane(law, turn, degree, motions, sliding):
     """The plane scene of ``extruded``: displacements of the slave by position, and force."""
     lower = mapped_grids.block(5, 2, width=1.6, height=0.5, corner=(0.0, -0.5))
     upper = mapped_grids.block(4, 2, width=0.8, height=0.5, corner=(0.3, 0.0))
@@ -136,7 +136,8 @@ def in_the_plane(law, turn, degree, motions):
     bcs = [fm.dirichlet(V, data, name, fixed) for name in ("lower/bottom", "lower/top")]
     bcs.append(fm.dirichlet(V, data, "upper/top", push))
     choice = fm.Discretization(slip="operators", gap_weights="basis")
-    pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law, discretization=choice)
+    sides = "upper/bottom", "lower/top"
+    pair = fm.ContactPair(data, *sides, law=law, sliding=sliding, discretization=choice)
     problem = fm.ContactProblem(
         ufl.derivative(psi, u), u, [pair], bcs=bcs, petsc_options_prefix="plane_", newton=SOLVED
     )
@@ -150,7 +151,8 @@ def in_the_plane(law, turn, degree, motions):
 @pytest.mark.parametrize("angle", [0.0, 0.6])
 @pytest.mark.parametrize("law", [None, fm.Coulomb(MU)], ids=["frictionless", "Coulomb"])
 @pytest.mark.parametrize("degree", [1, 2])
-def test_extruded_plane_scenes_have_the_plane_solution(degree, law, angle):
+@pytest.mark.parametrize("sliding", ["finite", "small"])
+def test_extruded_plane_scenes_have_the_plane_solution(sliding, degree, law, angle):
     thickness, motions = 0.3, [(0.0, -0.02), (0.05, -0.02)]
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
@@ -170,10 +172,12 @@ def test_extruded_plane_scenes_have_the_plane_solution(degree, law, angle):
         scene.bcs.append(fem.dirichletbc(zero, dofs, V.sub(1)))
         assert np.isclose(y, thickness / 2).any()
     scene.hold("lower/top")
-    scene.press().set_up(law, newton=SOLVED)
+    scene.press().set_up(law, newton=SOLVED, pair={"sliding": sliding})
     for x, z in motions:
         scene.move(x, 0.0, z)
-    positions, force, pressure = in_the_plane(law, np.array([[c, -s], [s, c]]), degree, motions)
+    positions, force, pressure = in_the_plane(
+        law, np.array([[c, -s], [s, c]]), degree, motions, sliding
+    )
     contact = scene.contact
     found = contact.positions @ turn
     assert np.abs(contact.total_force @ turn / thickness - [force[0], 0.0, force[1]]).max() < 1e-9

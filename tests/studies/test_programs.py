@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 # Module in demos/studies with arguments.
 PROGRAMS = [
     "performance.linear_bulk 400",
+    "performance.linear_bulk 400 space",
     "performance.multigrid 1 0",
     "performance.newton 400",
     "performance.ranks 400",

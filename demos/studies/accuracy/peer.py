@@ -25,25 +25,32 @@ from demos.studies.accuracy.scenes_exact import hertz
 from fenics_mortar.energies import lame
 from fenics_mortar.utils import compat
 
-# Nodes of a cell in the order of most codes: corners counterclockwise, then the middles of the
-# sides
-AROUND = {3: [0, 1, 2], 4: [0, 1, 3, 2], 6: [0, 1, 2, 5, 3, 4], 9: [0, 1, 3, 2, 4, 6, 7, 5, 8]}
+# Nodes of a cell in the order of most codes, by dimension and number of nodes: corners
+# counterclockwise, then the middles of the sides
+AROUND = {
+    (2, 3): [0, 1, 2],
+    (2, 4): [0, 1, 3, 2],
+    (2, 6): [0, 1, 2, 5, 3, 4],
+    (2, 9): [0, 1, 3, 2, 4, 6, 7, 5, 8],
+    (3, 4): [0, 1, 2, 3],
+}
 
 
 @dataclass
 class Given:
-    """The problem as arrays.
+    """The problem as arrays, in the plane or of tetrahedra with four nodes (d = 2 or 3).
 
     Attributes:
-        x: Nodes, shape (n, 2) [length].
+        x: Nodes, shape (n, d) [length].
         cells: Nodes of the cells, counterclockwise, shape (m, nodes of a cell).
         upper: Whether a cell is of the upper body, which has the slave surface, shape (m,).
         slave: Nodes of the slave surface, shape (k,).
-        facets: Nodes of its facets, by their numbers in ``slave``, middle last, shape (f, 2 or 3).
+        facets: Nodes of its facets, by their numbers in ``slave``, middle last in the plane, shape
+            (f, 2 or 3).
         master: Nodes of the facets of the master surface, middle last, shape (g, 2 or 3).
-        prescribed: Whether a component is prescribed, shape (n, 2).
-        values: Prescribed values, shape (n, 2) [length].
-        load: Nodal loads per thickness, shape (n, 2) [stress length].
+        prescribed: Whether a component is prescribed, shape (n, d).
+        values: Prescribed values, shape (n, d) [length].
+        load: Nodal loads, shape (n, d) [stress length^(d - 1)].
         E: Young's modulus of the upper body [stress].
         nu: Poisson's ratio.
         stiffness: Young's modulus of the other body over E [1].
@@ -87,7 +94,7 @@ class Answer:
     """Result of a code.
 
     Attributes:
-        u: Displacement, shape (n, 2) [length].
+        u: Displacement, shape (n, d) [length].
         pressure: Pressure at the slave's nodes, shape (k,) [stress].
         iterations: Number of Newton iterations.
         solver: Kind of contact and linear solver.
@@ -99,7 +106,7 @@ class Answer:
     solver: str
 
 
-# Solves for prescribed displacements (n, 2), from the last solution on
+# Solves for prescribed displacements (n, d), from the last solution on
 Solve = Callable[[np.ndarray], Answer]
 # Creates a code's model; raises if it cannot pose the problem
 Pose = Callable[[Given], Solve]
@@ -109,14 +116,15 @@ def given(problem: Any, body: np.ndarray, E: float, nu: float, **options: Any) -
     """Arrays of our own, unsolved problem; ``body``: numbers of the cells of the slave body."""
     bulk, (contact,) = problem.equations.bulk, problem.equations.contacts
     cells = compat.dofmap(bulk.V)
-    cells = cells[:, AROUND[cells.shape[1]]]
-    x = bulk.V.tabulate_dof_coordinates()[:, :2].copy()
-    tail = x[cells[:, 1]] - x[cells[:, 0]], x[cells[:, 2]] - x[cells[:, 0]]
-    assert np.all(np.linalg.det(np.stack(tail, axis=-1)) > 0), "cells must be counterclockwise"
+    dim = bulk.space.dim
+    cells = cells[:, AROUND[dim, cells.shape[1]]]
+    x = bulk.V.tabulate_dof_coordinates()[:, :dim].copy()
+    edges = x[cells[:, 1 : dim + 1]] - x[cells[:, :1]]
+    assert np.all(np.linalg.det(edges) > 0.0), "cells must be counterclockwise"
     bulk.assemble_residual()
     upper = np.zeros(len(cells), bool)
     upper[body] = True
-    order = [0, -1, 1][: contact.slave.degree + 1]
+    order = [0, -1, 1][: contact.slave.degree + 1] if dim == 2 else [0, 1, 2]
     return Given(
         x=x,
         cells=cells,
@@ -124,9 +132,9 @@ def given(problem: Any, body: np.ndarray, E: float, nu: float, **options: Any) -
         slave=contact.slave.nodes,
         facets=contact.slave.facets[:, order],
         master=contact.master.nodes[contact.master.facets[:, order]],
-        prescribed=bulk.prescribed.reshape(-1, 2).copy(),
+        prescribed=bulk.prescribed.reshape(-1, dim).copy(),
         values=prescribed(problem),
-        load=-bulk.r.array_r.reshape(-1, 2),
+        load=-bulk.r.array_r.reshape(-1, dim),
         E=E,
         nu=nu,
         **options,
@@ -142,11 +150,11 @@ def given_hertz(posed: Posed) -> Given:
 
 
 def prescribed(problem: Any) -> np.ndarray:
-    """Present prescribed values, shape (n, 2) [length], 0 where there are none."""
+    """Present prescribed values, shape (n, d) [length], 0 where there are none."""
     bulk = problem.equations.bulk
     values = np.zeros_like(bulk.r.array_r)
     compat.set_prescribed(values, bulk.bcs)
-    return values.reshape(-1, 2)
+    return values.reshape(-1, bulk.space.dim)
 
 
 def areas(problem: Given) -> np.ndarray:

@@ -24,12 +24,18 @@ SIDES, CONTACT, PRESCRIBED = 1, 2, 3
 SYMMETRIC = 2
 # Release distance of contact by ray tracing over the longest facet [1]
 RELEASE = 3.0
-# By number of nodes of a cell: geometry, and our nodes in GetFEM's order
+# By dimension and number of nodes of a cell: geometry, and our nodes in GetFEM's order
 SHAPES = {
-    3: ("GT_PK(2,1)", "FEM_PK(2,1)", "IM_TRIANGLE(2)", [0, 1, 2]),
-    4: ("GT_QK(2,1)", "FEM_QK(2,1)", "IM_GAUSS_PARALLELEPIPED(2,3)", [0, 1, 3, 2]),
-    6: ("GT_PK(2,2)", "FEM_PK(2,2)", "IM_TRIANGLE(4)", [0, 3, 1, 5, 4, 2]),
-    9: ("GT_QK(2,2)", "FEM_QK(2,2)", "IM_GAUSS_PARALLELEPIPED(2,5)", [0, 4, 1, 7, 8, 5, 3, 6, 2]),
+    (3, 4): ("GT_PK(3,1)", "FEM_PK(3,1)", "IM_TETRAHEDRON(2)", [0, 1, 2, 3]),
+    (2, 3): ("GT_PK(2,1)", "FEM_PK(2,1)", "IM_TRIANGLE(2)", [0, 1, 2]),
+    (2, 4): ("GT_QK(2,1)", "FEM_QK(2,1)", "IM_GAUSS_PARALLELEPIPED(2,3)", [0, 1, 3, 2]),
+    (2, 6): ("GT_PK(2,2)", "FEM_PK(2,2)", "IM_TRIANGLE(4)", [0, 3, 1, 5, 4, 2]),
+    (2, 9): (
+        "GT_QK(2,2)",
+        "FEM_QK(2,2)",
+        "IM_GAUSS_PARALLELEPIPED(2,5)",
+        [0, 4, 1, 7, 8, 5, 3, 6, 2],
+    ),
 }
 
 
@@ -60,7 +66,7 @@ def pose(problem: Given) -> Solve:
             raise RuntimeError("GetFEM did not converge")
         u = np.zeros_like(problem.x)
         for number, body in enumerate(bodies, 1):
-            u[body.nodes] = model.variable(f"u{number}").reshape(-1, 2)
+            u[body.nodes] = model.variable(f"u{number}").reshape(-1, u.shape[1])
         kind = "ray tracing" if problem.deformed else "integral contact"
         solver = f"{kind}, augmented Lagrangian, factors by mumps"
         return Answer(u, pressure(model, multipliers, problem), int(iterations), solver)
@@ -71,7 +77,8 @@ def pose(problem: Given) -> Solve:
 def add_contact(model: gf.Model, bodies: list[Body], problem: Given) -> gf.MeshFem:
     """Add the multiplier and the contact; return the space of the multiplier."""
     slave, master = bodies
-    multipliers = gf.MeshFem(slave.mesh, 2 if problem.deformed else 1)
+    dim = problem.x.shape[1]
+    multipliers = gf.MeshFem(slave.mesh, dim if problem.deformed else 1)
     multipliers.set_classical_fem(1)
     model.add_filtered_fem_variable("pressure", multipliers, CONTACT)
     if not problem.deformed:
@@ -94,12 +101,13 @@ def add_contact(model: gf.Model, bodies: list[Body], problem: Given) -> gf.MeshF
 def add_body(model: gf.Model, problem: Given, number: int) -> Body:
     """Add the upper body, 1, or the lower one."""
     cells = problem.cells_of(number == 1)
-    geometry, element, rule, order = SHAPES[cells.shape[1]]
-    mesh = gf.Mesh("empty", 2)
+    dim = problem.x.shape[1]
+    geometry, element, rule, order = SHAPES[dim, cells.shape[1]]
+    mesh = gf.Mesh("empty", dim)
     mesh.add_convex(gf.GeoTrans(geometry), problem.x[cells[:, order]].transpose(2, 1, 0))
-    space, integration = gf.MeshFem(mesh, 2), gf.MeshIm(mesh, gf.Integ(rule))
+    space, integration = gf.MeshFem(mesh, dim), gf.MeshIm(mesh, gf.Integ(rule))
     space.set_fem(gf.Fem(element))
-    places = space.basic_dof_nodes()[:, ::2].T
+    places = space.basic_dof_nodes()[:, ::dim].T
     used = np.unique(cells)
     nodes = used[cKDTree(problem.x[used]).query(places)[1]]
     surface = problem.slave if number == 1 else np.unique(problem.master)
@@ -114,7 +122,7 @@ def add_body(model: gf.Model, problem: Given, number: int) -> Body:
     for name, value in zip((mu, lmbda), problem.lame(number == 1)):
         model.add_initialized_data(name, [value])
     if problem.finite:
-        F = f"(Id(2)+Grad_{u})"
+        F = f"(Id({dim})+Grad_{u})"
         stress = f"{mu}*({F}-Inv({F})')+{lmbda}*log(Det({F}))*Inv({F})'"
         model.add_nonlinear_term(integration, f"({stress}):Grad_Test_{u}")
     else:
@@ -131,11 +139,12 @@ def pressure(model: gf.Model, multipliers: gf.MeshFem, problem: Given) -> np.nda
     places = multipliers.basic_dof_nodes()[:, on].T
     values = -model.variable("pressure")
     if problem.deformed:  # a vector at each node
-        values, places = np.linalg.norm(values.reshape(-1, 2), axis=1), places[::2]
+        dim = problem.x.shape[1]
+        values, places = np.linalg.norm(values.reshape(-1, dim), axis=1), places[::dim]
     ends = problem.facets[:, :2]
     nearest = cKDTree(places).query(problem.x[problem.slave])[1]
     found = values[nearest]
-    if problem.facets.shape[1] == 3:
+    if problem.facets.shape[1] > problem.x.shape[1]:
         found[problem.facets[:, 2]] = found[ends].mean(axis=1)
     return found
 

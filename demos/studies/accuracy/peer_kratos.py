@@ -6,7 +6,8 @@
     kratos/bin/pip install KratosConstitutiveLawsApplication  # for finite strain
     kratos/bin/python -m demos.studies.accuracy.peer_kratos
 
-Kratos' contact in the plane has facets of two nodes: triangles and quadrilaterals of degree 1.
+Kratos' contact in the plane has facets of two nodes: triangles and quadrilaterals of degree 1. In
+space tetrahedra of degree 1 are posed here.
 Settings are its defaults, except for tolerances adapted to this small load. The linear solver is
 its fastest direct one in the package. Multigrid (AMGCL) takes a fifth less time on the finest
 uniform mesh, but converges to a wrong solution on graded ones. At finite strain the search lost
@@ -30,7 +31,8 @@ from KratosMultiphysics.ContactStructuralMechanicsApplication import (
 
 from demos.studies.accuracy.peer import Answer, Given, Solve, run
 
-DISPLACEMENT = (Kratos.DISPLACEMENT_X, Kratos.DISPLACEMENT_Y)
+DISPLACEMENT = (Kratos.DISPLACEMENT_X, Kratos.DISPLACEMENT_Y, Kratos.DISPLACEMENT_Z)
+CONDITIONS = {2: "LineCondition2D2N", 3: "SurfaceCondition3D3N"}
 SOLVER = """{
     "solver_type": "static",
     "model_part_name": "Structure",
@@ -62,14 +64,17 @@ CONTACT = """{
 
 def pose(problem: Given) -> Solve:
     """A function that solves for prescribed displacements."""
-    if problem.facets.shape[1] != 2:
+    dim = problem.x.shape[1]
+    if problem.facets.shape[1] != dim:
         raise NotImplementedError("contact in the plane only with facets of two nodes")
     if problem.finite:
         problem = problem.exchanged()
     model = Kratos.Model()
     part = model.CreateModelPart("Structure")
-    part.ProcessInfo[Kratos.DOMAIN_SIZE] = 2
-    solver = static_solver.CreateSolver(model, Kratos.Parameters(SOLVER))
+    part.ProcessInfo[Kratos.DOMAIN_SIZE] = dim
+    settings = Kratos.Parameters(SOLVER)
+    settings["domain_size"].SetInt(dim)
+    solver = static_solver.CreateSolver(model, settings)
     solver.AddVariables()
     solver.ImportModelPart()
     fill(part, problem)
@@ -99,13 +104,14 @@ def pose(problem: Given) -> Solve:
 def answer(part: Kratos.ModelPart, problem: Given) -> Answer:
     """The present solution."""
     variables = Kratos.VariableUtils()
-    u = variables.GetSolutionStepValuesVector(part.Nodes, Kratos.DISPLACEMENT, 0, 2)
+    dim = problem.x.shape[1]
+    u = variables.GetSolutionStepValuesVector(part.Nodes, Kratos.DISPLACEMENT, 0, dim)
     pressure = variables.GetSolutionStepValuesVector(
         part.Nodes, Contact.LAGRANGE_MULTIPLIER_CONTACT_PRESSURE, 0
     )
     scale = part.ProcessInfo[Kratos.SCALE_FACTOR]
     return Answer(
-        np.array(u).reshape(-1, 2),
+        np.array(u).reshape(-1, dim),
         -scale * np.array(pressure)[problem.slave],
         part.ProcessInfo[Kratos.NL_ITERATION_NUMBER],
         "mortar, augmented Lagrangian, factors by sparse_lu",
@@ -115,16 +121,17 @@ def answer(part: Kratos.ModelPart, problem: Given) -> Answer:
 def fill(part: Kratos.ModelPart, problem: Given) -> None:
     """Create nodes, cells, loads and the two surfaces; Kratos counts from 1."""
     bodies = [material(part, problem, upper) for upper in (False, True)]
-    for number, (x, y) in enumerate(problem.x.tolist(), 1):
-        part.CreateNewNode(number, x, y, 0.0)
+    dim = problem.x.shape[1]
+    for number, x in enumerate(problem.x.tolist(), 1):
+        part.CreateNewNode(number, *x, *(3 - dim) * [0.0])
     kind = "TotalLagrangian" if problem.finite else "SmallDisplacement"
-    element = f"{kind}Element2D{problem.cells.shape[1]}N"
+    element = f"{kind}Element{dim}D{problem.cells.shape[1]}N"
     for number, nodes in enumerate((problem.cells + 1).tolist(), 1):
         part.CreateNewElement(element, number, nodes, bodies[int(problem.upper[number - 1])])
     slave = problem.slave[problem.facets]
-    conditions = [("LineCondition2D2N", facet) for facet in np.vstack([slave, problem.master]) + 1]
+    conditions = [(CONDITIONS[dim], facet) for facet in np.vstack([slave, problem.master]) + 1]
     loaded = np.flatnonzero(np.any(problem.load, axis=1)) + 1
-    conditions += [("PointLoadCondition2D1N", [node]) for node in loaded]
+    conditions += [(f"PointLoadCondition{dim}D1N", [node]) for node in loaded]
     for number, (kind, nodes) in enumerate(conditions, 1):
         part.CreateNewCondition(kind, number, [int(node) for node in nodes], bodies[1])
     surfaces, mine = part.CreateSubModelPart("Surfaces"), part.CreateSubModelPart("Slave")
@@ -142,10 +149,12 @@ def material(part: Kratos.ModelPart, problem: Given, upper: bool) -> Kratos.Prop
     properties.SetValue(Kratos.YOUNG_MODULUS, factor * problem.E)
     properties.SetValue(Kratos.POISSON_RATIO, problem.nu)
     properties.SetValue(Kratos.THICKNESS, 1.0)
-    law = Structural.LinearElasticPlaneStrain2DLaw
+    source, kind = Structural, "LinearElastic"
     if problem.finite:
-        law = import_module("KratosMultiphysics.ConstitutiveLawsApplication")
-        law = law.HyperElasticPlaneStrain2DLaw
+        source = import_module("KratosMultiphysics.ConstitutiveLawsApplication")
+        kind = "HyperElastic"
+    dim = problem.x.shape[1]
+    law = getattr(source, f"{kind}{'PlaneStrain' if dim == 2 else ''}{dim}DLaw")
     properties.SetValue(Kratos.CONSTITUTIVE_LAW, law())
     return properties
 
@@ -154,7 +163,7 @@ def fix(part: Kratos.ModelPart, problem: Given) -> None:
     """Fix the prescribed dofs; apply the loads."""
     for node in np.flatnonzero(np.any(problem.load, axis=1)).tolist():
         part.GetNode(node + 1).SetSolutionStepValue(
-            Structural.POINT_LOAD, [*problem.load[node], 0.0]
+            Structural.POINT_LOAD, [*problem.load[node], 0.0][:3]
         )
     for node, component in np.argwhere(problem.prescribed).tolist():
         part.GetNode(node + 1).Fix(DISPLACEMENT[component])

@@ -56,13 +56,24 @@ def graded(s: np.ndarray, n: int) -> np.ndarray:
 
 
 def box(
-    kind: Kind, counts: tuple[int, int, int], side: float, sag: Callable, both: bool, stretch: float
+    kind: Kind,
+    counts: tuple[int, int, int],
+    side: float,
+    sag: Callable,
+    both: tuple[bool, bool],
+    stretch: float,
 ) -> np.ndarray:
-    """Nodes of the box on the ``side`` +1 or -1 of z = 0, whose surface is z = side * sag(x, y)."""
+    """Nodes of the box on the ``side`` +1 or -1 of z = 0, whose surface is z = side * sag(x, y).
+
+    ``both`` is whether x and y are on both sides of 0.
+    """
 
     def position(s: np.ndarray, t: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, ...]:
-        x = stretch * graded(2.0 * s - 1.0 if both else s, counts[1])
-        y, z = stretch * graded(t, counts[1]), graded(r if side > 0.0 else 1.0 - r, counts[2])
+        x, y = (
+            stretch * graded(2.0 * p - 1.0 if b else p, count // (1 + b))
+            for p, b, count in zip((s, t), both, counts[:2], strict=True)
+        )
+        z = graded(r if side > 0.0 else 1.0 - r, counts[2])
         return x, y, side * (z + (1.0 - z / SIZE) * sag(x, y))
 
     return mapped(counts, position, order=kind.degree)
@@ -82,7 +93,7 @@ def two_boxes(
     twice = 1 + both
     numbers = {"upper": (twice * n, n, n), "lower": (twice * (n + 2), n + 2, n)}
     boxes = [
-        Box(name, box(kind, counts, side, sag, both, stretch))
+        Box(name, box(kind, counts, side, sag, (both, False), stretch))
         for (name, counts), side, sag, stretch in zip(
             numbers.items(), (1.0, -1.0), sags, (1.0, 1.05), strict=True
         )

@@ -9,13 +9,8 @@ shift:
     c = a (1 - Q / (mu F))^(1/3),
     shift = 3 mu F (2 - nu) / (8 G a) [1 - (1 - Q / (mu F))^(2/3)]
 
-<<<<<<< HEAD
-(Johnson, 7.40 and 7.42; slip is assumed to be along Q, an error of a few per cent.) Half of both
-bodies is meshed. The radius that is computed is that of a disc of the same area as the
-=======
 (Johnson, 7.40 and 7.42; slip is assumed to be along Q, an error of a few per cent). Half of
 both bodies is meshed. The radius that is computed is that of a disc of the same area as the
->>>>>>> 15089c25 (Tests: sliding over an edge with all facets, tiny friction; thresholds)
 cells of the nodes that stick. Displacements far away are those of point forces: that of Boussinesq,
 and for Q that of Cerruti.
 """

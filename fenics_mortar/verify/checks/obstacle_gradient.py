@@ -15,7 +15,7 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.obstacles.obstacle import DIFFERENCE, Obstacle, SignedDistance
-from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.arrays import Array, Flags, norms
 from fenics_mortar.utils.errors import MortarError, call_together, format_point
 from fenics_mortar.utils.rounding import TINY
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
@@ -88,15 +88,16 @@ def _errors(obstacle: Obstacle, contact: Contact, nodes: Flags) -> Array:
     x = contact.operators.x[nodes]
     step = DIFFERENCE * contact.slave.nodal_lengths[nodes]
     _, gradient, _ = obstacle.evaluate(x)
-    moves = step[:, None, None] * np.eye(2)
+    moves = [step[:, None] * axis for axis in np.eye(obstacle.dim)]
     ahead, behind = (
-        np.stack([obstacle.evaluate(x + sign * moves[:, axis])[0] for axis in (0, 1)], axis=1)
+        np.stack([obstacle.evaluate(x + sign * move)[0] for move in moves], axis=1)
         for sign in (1.0, -1.0)
     )
     quotients = ahead - behind  # only the direction matters
-    across = gradient[:, 0] * quotients[:, 1] - gradient[:, 1] * quotients[:, 0]
-    along = (gradient * quotients).sum(axis=1)
-    sine = np.abs(across) / np.maximum(np.hypot(across, along), TINY)
+    unit = quotients / np.maximum(norms(quotients), TINY)[:, None]
+    along = (gradient * unit).sum(axis=1)
+    across = norms(gradient - along[:, None] * unit)
+    sine = across / np.maximum(np.hypot(across, along), TINY)
     return np.where(along > 0.0, sine, 1.0)
 
 

@@ -18,8 +18,9 @@ import numpy as np
 from scipy.sparse import csr_array, eye
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.space_arcs import Material, inverse_jacobians, vectors_of
+from fenics_mortar.contact.space_arcs import Material, vectors_of
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
+from fenics_mortar.obstacles.rotations import inverse_jacobians
 from fenics_mortar.utils.arrays import Array, norms
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import TINY
@@ -70,16 +71,16 @@ def _difference_of_work(contact: Contact) -> float:
         works = [_on_obstacle(contact, start, weight * after)]
         at_start = [start]
     else:
-        start = np.where(partners.present > 0.0, 1.0 / np.maximum(partners.present, TINY), 0.0)
-        start = start[:, None] * before
+        start = partners.weight[:, None] * before
         works, at_start = [], [partners.D.T @ start, -(partners.M.T @ start)]
     turned = np.einsum("nab,nb->na", at.slave.Q, start)
     by_slip = 0.5 * float(((turned + weight * after) * at.slip).sum())
     sides = (o.slave, partners.x, o.x), (o.master, partners.m, o.m)
     at_end = o.force(after)
+    turns = 1.0 if partners.mirrored is not None else 0.0  # directions of forces are kept then
     for f_0, f, (surface, x_0, x) in zip(at_start, at_end, sides):
         still = np.zeros(x.shape, bool)
-        material = Material(csr_array(eye(len(x))), surface, x_0, still)
+        material = Material(turns * csr_array(eye(len(x))), surface, x_0, still)
         works.append(_sums(f_0, f, x - x_0, material.turned(x).Q))
     by_motions, size = (sum(values) for values in zip(*works, strict=True))
     return float(abs(by_motions - by_slip)) / max(size, TINY)
