@@ -257,7 +257,8 @@ class ContactProblem:
 
         Args:
             name: Name or tag of a boundary of the ``MeshData``, or a list of them.
-            about: Point of reference of the moment, (2,) [length]; default: the origin.
+            about: Point of reference of the moment, (2,), in space (3,) [length]; default: the
+                origin.
             data: The ``MeshData`` with this name; default: that of the pairs.
 
         Raises:

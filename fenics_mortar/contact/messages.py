@@ -50,7 +50,7 @@ def describe_start(contact: Interface) -> str:
 def _overlaps(contact: Contact) -> bool:
     """Whether a point of a facet overlaps by more than the user prescribed (collective)."""
     o, s = contact.operators, contact.intersections()
-    if contact.slave.dim == 3 and contact.obstacle is None:
+    if contact.slave.dim == 3:
         gaps = o.smallest_gaps(contact.offset)[0][:, None]
     else:
         gaps = o.sample_gaps(o.x + contact.offset[:, None] * o.n, s, POINTS)

@@ -64,7 +64,8 @@ class Material:
     """Nodes around material points of a surface, and the rotations that these show (local).
 
     On a symmetry plane the nodes around a node are half of those of the whole body; their mirror
-    images remove the products x_a d_b of components across and along the plane.
+    images remove the products x_a d_b of components across and along the plane. Nodes on the plane
+    have no image, and count half.
 
     Args:
         weights: Weights of the nodes of the surface at n material points, (n, nodes) [1].
@@ -82,7 +83,8 @@ class Material:
         spokes = (np.abs(each.data[point])[:, None] * (x_0[k] - x_0[l]))[:, None]
         if mirrored.any():
             kept = ~(mirrored[:, :, None] | mirrored[:, None]) | np.eye(3, dtype=bool)
-            spokes = spokes * kept[l]
+            alone = (mirrored[l] & mirrored[k]).sum(axis=1)  # planes that hold both nodes
+            spokes = spokes * kept[l] * 0.5 ** alone[:, None, None]
         pairs = np.concatenate([j, j]) * surface.num_nodes + np.concatenate([k, l])
         pairs, number = np.unique(pairs, return_inverse=True)
         both = np.concatenate([spokes, -spokes]).reshape(len(number), 3 * spokes.shape[1])

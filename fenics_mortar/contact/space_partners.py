@@ -121,8 +121,12 @@ class SpacePartners:
         """
         return self.found.at(o, self._evaluate)
 
+    def gap_vectors(self, o: SpaceOperators) -> Array:
+        """Vectors from partners to nodes at positions of ``o``, (slave nodes, 3) [length]."""
+        return np.asarray(self.D @ o.x - self.M @ o.m)
+
     def _evaluate(self, o: SpaceOperators) -> Screw:
-        r = self.D @ o.x - self.M @ o.m
+        r = self.gap_vectors(o)
         if self.present.any():
             r = r - self.present[:, None] * o.vectors
         sides = zip(self._materials(o), (o.x, o.m), strict=True)
@@ -193,6 +197,10 @@ class ObstaclePartners:
     def at(self, o: ObstacleOperators) -> PastObstacle:
         """Rotations and slip since that state, without ``counted`` (local)."""
         return self.found.at(o, self._evaluate)
+
+    def gap_vectors(self, o: ObstacleOperators) -> Array:
+        """See ``SpacePartners`` [length]."""
+        return np.asarray(o.x - o.obstacle.to_space(self.feet))
 
     def _evaluate(self, o: ObstacleOperators) -> PastObstacle:
         obstacle, before = o.obstacle, rotation_by(self.place[3:])

@@ -24,6 +24,10 @@ from fenics_mortar.kernels.space.rules import triangle_rule
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 
+# Smallest weight of a multiplier node after the hand-over, over that of its own function [1]: below
+# it functions of negative integral cancel most of its own, and the mean gap is no longer a mean.
+LEAST_WEIGHT = 0.5
+
 
 @clock("integrals")
 def evaluate_space(
@@ -64,11 +68,8 @@ def evaluate_space(
         s = find_pairs(slave, master, x, m, share, options)
     nodes, rule = slave.facets[share], triangle_rule(options.points)
     moments = _integrate((x, n, m), nodes, s, rule)
-    cover = sum_over_facets(slave, nodes, moments.Me, moments.De, moments.De)[2]
     is_dual = options.kinds[0] == basis.DUAL
-    at_corners = options.basis in AT_VERTICES
-    carries = multiplier_nodes & (at_corners | (cover > 0.0))
-    H = hand_over(carries[nodes], at_corners=at_corners)
+    H = _hand_over(slave, nodes, moments, multiplier_nodes, options.basis in AT_VERTICES)
     A = moments.De[:, :, None] * moments.inverse
     if not is_dual:
         A = np.tile(np.eye(nodes.shape[1]), (len(nodes), 1, 1))  # kernels need all entries
@@ -87,6 +88,29 @@ def evaluate_space(
         gap_by_dual=by_dual, rule=rule,
         offset=np.zeros(len(x)),
     )  # fmt: skip
+
+
+def _hand_over(
+    slave: Faces, nodes: Indices, moments: Moments, multiplier_nodes: Flags, at_corners: bool
+) -> Array:
+    """Hand-over of the functions of nodes without multiplier, (f, K, K) [1] (collective).
+
+    Integrals of quadratic functions over a small cover may be negative, and so may their sum with
+    those that are handed over to a node: its pressure would pull, and its active set not converge.
+    Such nodes carry no multiplier, either.
+    """
+    own = sum_over_facets(slave, nodes, moments.Me, moments.De, moments.De)[2]
+    carries = multiplier_nodes & (at_corners | (own > 0.0))
+    while True:
+        H = hand_over(carries[nodes], at_corners=at_corners)
+        if at_corners or nodes.shape[1] < 6:  # no integral is negative
+            return H
+        given = np.einsum("fjk,fk->fj", H, moments.De)
+        weight = sum_over_facets(slave, nodes, moments.Me, given, given)[2]
+        reduced = carries & (weight < LEAST_WEIGHT * own)
+        if not reduced.any():
+            return H
+        carries &= ~reduced
 
 
 def find_pairs(

@@ -14,6 +14,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import energies
+from fenics_mortar.contact.messages import describe_start
 from fenics_mortar.obstacles.rotations import rotation_by
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, mapped
@@ -164,6 +165,21 @@ def test_distance_of_a_user():
     (exact, _), (same, none), (_, (message,)) = found
     assert np.abs(same - exact).max() < 1e-12 and none == []
     assert "turned by 17.2 degrees" in message  # 0.3 radian
+
+
+@pytest.mark.parametrize("cell", mapped_boxes.CELLS)
+@pytest.mark.parametrize("order", [1, 2])
+def test_overlap_of_the_mesh_is_told(cell, order):
+    """Of a ball that reaches below the top; none of one above it, although a mean gap is negative.
+
+    Its points were those of the plane, read beyond their end.
+    """
+    for radius, gap in ((1.45, -0.1), (0.3, 0.02)):
+        ball = fm.Sphere((1.0 / 3.0, 1.0, 1.5 + radius + gap), radius)
+        scene = solid(cell, order, counts=(3, 4, 2), jiggle=0.0)
+        scene.set_up([fm.ContactPair(scene.data, "block/top", ball)])
+        told = describe_start(scene.problem.equations.contacts[0])
+        assert ("overlap by up to" in told) == (gap < 0.0), told
 
 
 def dragged(slope, ways, mu=0.3):

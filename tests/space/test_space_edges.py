@@ -24,3 +24,23 @@ def test_forces_balance_beyond_an_edge(cell, degree):
         assert report.num_iterations <= 12
         covers.append(found.operators.diagonal.sum())
     assert covers[-1] < 0.8 * covers[0]
+
+
+def test_weights_of_multiplier_nodes_are_positive():
+    """A small block on quadratic facets that it covers in part, its edges at many places.
+
+    The functions of nodes beyond the edge have negative integrals. Handed over to a node with a
+    small integral of its own they made its weight negative: it pulled where it closed.
+    """
+    for corner in np.linspace(0.05, 0.45, 5):
+        scene = stack(
+            "hexahedron", 2, upper=(2, 2, 1), lower=(2, 2, 1), jiggle=0.0, poisson=0.3,
+            sizes=((0.5, 0.4, 0.3), (1.0, 1.0, 0.4)), offset=(corner, 0.4 * corner, -1e-3),
+        ).press()  # fmt: skip
+        scene.set_up(roles=("lower/top", "upper/bottom"), newton=fm.NewtonOptions())
+        report = scene.move(0.0, 0.0, -0.01)
+        found = scene.problem.equations.contacts[0]
+        used = found.covered
+        assert found.operators.weight[used].min() > 0.0
+        assert (found.operators.weight[~used] == 0.0).all()
+        assert report.certificate.violations() == [] and report.num_iterations < 15

@@ -86,7 +86,6 @@ def test_paths_with_friction():
 @pytest.mark.parametrize(
     "options, what",
     [
-        ({"sliding": "small"}, "small_sliding"),
         ({"discretization": fm.Discretization(integration="elements")}, "integration"),
         ({"discretization": fm.Discretization(integration="nodes")}, "integration"),
         ({"discretization": fm.Discretization(basis="vertices")}, "vertices"),

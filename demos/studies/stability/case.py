@@ -11,6 +11,11 @@ import numpy as np
 from demos.studies.stability.random_bodies import Array, Body
 
 
+def at_time(values: Array, time: float) -> Array:
+    """Values (times, k) at times 0, 1, 2 and so on, linear in between."""
+    return np.array([np.interp(time, np.arange(len(values)), column) for column in values.T])
+
+
 @dataclass(frozen=True)
 class Prescribed:
     """A boundary whose displacement is prescribed, linear between its values at times 0, 1, 2.

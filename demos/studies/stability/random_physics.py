@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Random problems beyond plane statics, checked by closed forms or conserved quantities.
+"""Random problems beyond plane statics, checked by closed forms, conservation or own sums.
 
 ==============  ============================================================================
 family          problems and judges
@@ -14,6 +14,10 @@ turning         obstacles that turn by up to 8 radian in a step: sampled motion
 spinning        wheels and shafts with friction: work is moment times angle; whole problems
 idle            bodies without load beside a pressed block: no force, no overlap
 cracks          straight cracks that open, slide or stick as in a plane; two ways
+towers          in space: blocks without supports; limit analysis, own sums and distances
+patches         in space: blocks pulled in any direction; own sums, distances and slips
+plates          in space: thin plates bent onto balls; likewise
+tools           in space: rough obstacles that move and turn; likewise
 ==============  ============================================================================
 
 Each draw returns the drawn values as text, and a function that solves the problem and returns the
@@ -35,8 +39,12 @@ from demos.studies.stability.random_idle import draw_idle
 from demos.studies.stability.random_itself import draw_itself
 from demos.studies.stability.random_memory import draw_memory
 from demos.studies.stability.random_moving import draw_moving
+from demos.studies.stability.random_patches import draw_patches
+from demos.studies.stability.random_plates import draw_plates
 from demos.studies.stability.random_revolved import draw_revolved
 from demos.studies.stability.random_spinning import draw_spinning
+from demos.studies.stability.random_tools import draw_tools
+from demos.studies.stability.random_towers import draw_towers
 from demos.studies.stability.random_turning import draw_turning
 
 DRAWS: dict[str, Callable[[np.random.Generator], tuple[dict[str, Any], Callable[[], Any]]]] = {
@@ -48,6 +56,10 @@ DRAWS: dict[str, Callable[[np.random.Generator], tuple[dict[str, Any], Callable[
     "spinning": draw_spinning,
     "idle": draw_idle,
     "cracks": draw_cracks,
+    "towers": draw_towers,
+    "patches": draw_patches,
+    "plates": draw_plates,
+    "tools": draw_tools,
 }
 
 

@@ -10,7 +10,9 @@ The families are blocks pushed or pressed, with defaults ("pushed"), bodies supp
 thin bodies ("thin"), users' laws ("laws"), exchanged roles ("roles"), and those of
 ``random_physics``: bodies of revolution ("revolved"), impacts ("moving"), laws with memory
 ("memory"), self-contact ("itself"), obstacles that turn far ("turning"), wheels and shafts with
-friction ("spinning"), bodies without load ("idle"), and cracks ("cracks").
+friction ("spinning"), bodies without load ("idle"), cracks ("cracks"), and those in space:
+blocks without supports ("towers"), blocks pulled with friction ("patches"), thin plates ("plates")
+and rough obstacles ("tools").
 
 The outcome of a case is one of
 

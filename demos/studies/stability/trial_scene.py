@@ -17,7 +17,7 @@ from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
 from demos.studies.common import neo_hookean
-from demos.studies.stability.case import Case, Prescribed
+from demos.studies.stability.case import Case, Prescribed, at_time
 from demos.studies.stability.random_bodies import Array, Body
 from demos.studies.stability.shape_case import ShapeCase
 from demos.studies.stability.shapes import Shape
@@ -44,9 +44,9 @@ class Scene:
         """Set prescribed displacements, traction and forces on bodies for a time from 0 on."""
         self.time = time
         for constant, prescribed in zip(self.prescribed, self.case.prescribed, strict=True):
-            value = _at(prescribed.motion, time)
+            value = at_time(prescribed.motion, time)
             constant.value = value if prescribed.component is None else value[prescribed.component]
-        self.traction.value = _at(self.case.traction, time)
+        self.traction.value = at_time(self.case.traction, time)
         if self.forces is not None:
             self.forces.set(time)
 
@@ -88,14 +88,9 @@ class Forces:
     def set(self, time: float) -> None:
         """Set the forces for a time in [0, 2]."""
         loads = self._case.loads
-        now = [_at(loads[:, i], time) for i in range(loads.shape[1])]
+        now = [at_time(loads[:, i], time) for i in range(loads.shape[1])]
         for part, values in zip(self._parts, self._case.densities(np.array(now)).T, strict=True):
             part.x.array[compat.dofmap(part.function_space)[:, 0]] = values[self._body]
-
-
-def _at(values: Array, time: float) -> Array:
-    """Values (times, k) at times 0, 1, 2 and so on, linear in between."""
-    return np.array([np.interp(time, np.arange(len(values)), column) for column in values.T])
 
 
 def build(case: Case, comm: MPI.Comm) -> Scene:
