@@ -50,7 +50,8 @@ class MortarOperators(ABC):
             the facets, and the nodes of both sides by intersection.
         D: Slave matrices of the facets of this share, shape (f, K, K) [length].
         M: Master matrices of the intersections, shape (s, K, K') [length].
-        diagonal: D[j, j] of every slave node, shape (slave nodes,) [length].
+        diagonal: D[j, j] of every slave node, shape (slave nodes,) [length]; in space the weight of
+            multipliers at corners alone.
         gap: Weighted gap of every slave node, shape (slave nodes,) [length^2].
         cover: Integral of N_j over the covered part, shape (slave nodes,) [length].
         weight: Integral of Phi_j, the row sum of D, shape (slave nodes,) [length].

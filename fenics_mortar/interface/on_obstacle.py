@@ -289,6 +289,8 @@ def evaluate_obstacle(
     if linearization.frozen:
         by_motions = np.einsum("ejk,ejc,ekmc->ejm", D, n[nodes], V[nodes])
     diagonal, gap, cover, weight = sum_over_facets(slave, nodes, D, gap, cover)
+    if dim == 3 and options.basis in AT_VERTICES:  # see ``space_integrals``
+        diagonal = weight
     dgap_dq = np.zeros(V.shape[:2])
     np.add.at(dgap_dq, nodes, by_motions)
     dgap_dq = sum_over_ranks(slave.comm, dgap_dq)

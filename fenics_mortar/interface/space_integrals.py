@@ -69,7 +69,8 @@ def evaluate_space(
     nodes, rule = slave.facets[share], triangle_rule(options.points)
     moments = _integrate((x, n, m), nodes, s, rule)
     is_dual = options.kinds[0] == basis.DUAL
-    H = _hand_over(slave, nodes, moments, multiplier_nodes, options.basis in AT_VERTICES)
+    at_corners = options.basis in AT_VERTICES
+    H = _hand_over(slave, nodes, moments, multiplier_nodes, at_corners)
     A = moments.De[:, :, None] * moments.inverse
     if not is_dual:
         A = np.tile(np.eye(nodes.shape[1]), (len(nodes), 1, 1))  # kernels need all entries
@@ -79,6 +80,8 @@ def evaluate_space(
     by_dual = is_dual and options.kinds[1] != basis.BY_STANDARD
     gap = np.einsum("fjk,fk->fj", H @ A if by_dual else H, moments.G)
     diagonal, gap, cover, weight = sum_over_facets(slave, nodes, D, gap, covers(moments.De))
+    if at_corners:  # integrals of linear times quadratic functions may be negative
+        diagonal = weight
     count = s.num_segments
     return SpaceOperators(
         slave=slave, master=master, x=x, m=m, n=n, dn=dn, segments=s, D=D, M=M,

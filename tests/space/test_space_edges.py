@@ -44,3 +44,24 @@ def test_weights_of_multiplier_nodes_are_positive():
         assert found.operators.weight[used].min() > 0.0
         assert (found.operators.weight[~used] == 0.0).all()
         assert report.certificate.violations() == [] and report.num_iterations < 15
+
+
+def test_all_corners_of_partly_covered_triangles_carry():
+    """As above; integrals of linear times quadratic functions over such a cover are negative.
+
+    They had been taken as the weight of the node, which then took no part in contact: a block that
+    rested on it could not be supported.
+    """
+    negative = 0
+    for corner in np.linspace(0.05, 0.45, 5):
+        scene = stack(
+            "tetrahedron", 2, upper=(2, 2, 1), lower=(2, 2, 1), jiggle=0.0, poisson=0.3,
+            sizes=((0.5, 0.4, 0.3), (1.0, 1.0, 0.4)), offset=(corner, 0.4 * corner, -1e-3),
+        ).press()  # fmt: skip
+        scene.set_up(roles=("lower/top", "upper/bottom"), newton=fm.NewtonOptions())
+        report = scene.move(0.0, 0.0, -0.01)
+        found = scene.problem.equations.contacts[0]
+        assert (found.covered == (found.multiplier_nodes & (found.operators.cover > 0.0))).all()
+        assert report.certificate.violations() == [] and report.num_iterations < 15
+        negative += int((found.operators.matrices[0].diagonal()[found.covered] < 0.0).sum())
+    assert negative > 0

@@ -46,6 +46,8 @@ COUNTS = {
     "revolved": 5, "moving": 2, "memory": 5, "itself": 2, "turning": 8, "spinning": 5, "idle": 4,
     "cracks": 4,
 }  # fmt: skip
+# Families of test_space_trial.
+IN_SPACE = {"towers", "patches", "plates", "tools"}
 # An idle block that touches the side of the pressed one; cracks by their scene.
 BESIDE, CRACKS = 20, {"open": 11, "slides": 1, "sticks": 3}
 # Largest relative difference of solutions on several ranks, by Newton's tolerance [1].
@@ -68,7 +70,7 @@ def test_random_cases_converge_and_none_is_wrong():
 def test_random_cases_beyond_plane_statics_have_known_solutions(family, count):
     records = [run_physics(family, number) for number in range(count)]
     assert [record["outcome"] for record in records] == ["converged"] * count, summary(records)
-    assert set(COUNTS) == set(DRAWS)
+    assert set(DRAWS) - set(COUNTS) == IN_SPACE
 
 
 @pytest.mark.serial
