@@ -33,7 +33,7 @@ def test_twist_of_a_bar_with_a_tied_cut_converges_as_that_of_one_bar(kind):
 
 
 def test_forces_across_openings_are_told():
-    """A facet beside the contact is three times as long as the contact is wide."""
+    """The facets beside the contact have lengths of one and five contact radii."""
     problem, ball = torsion.sphere_on_half_space(HEXAHEDRA, 6)
     certificate = problem.solve().certificate
     assert ball.reaction[2] > 2.0 * torsion.FORCE
