@@ -104,10 +104,11 @@ def leave_together(comm: MPI.Comm, what: str, error: Exception | None) -> None:
 
     Raises:
         Exception: ``error``, on ranks that have one.
-        MortarError: On the other ranks; the same error if it is one of the package, otherwise a
-            ``RaisedElsewhereError`` whose message has rank and error.
+        MortarError, NotImplementedError: On the other ranks; the same error if it is one of the
+            package, otherwise a ``RaisedElsewhereError`` whose message has rank and error.
     """
-    ours = isinstance(error, MortarError) and not isinstance(error, NotConvergedError)
+    common = isinstance(error, (MortarError, NotImplementedError))
+    ours = common and not isinstance(error, NotConvergedError)
     message = f"{what} raised on rank {comm.rank}: {type(error).__name__}: {error}"
     shared = error if ours or error is None else RaisedElsewhereError(message)
     everywhere = [other for other in comm.allgather(shared) if other is not None]

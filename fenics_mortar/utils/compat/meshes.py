@@ -60,8 +60,9 @@ def create_mesh(
     dim = DIMENSIONS.get(cell_name, 2)
     x = np.ascontiguousarray(x, dtype=np.float64).reshape(-1, dim)
     if hasattr(ufl, "VectorElement"):
-        element = ufl.VectorElement("Lagrange", cell_name, degree)
-        return dmesh.create_mesh(comm, cells, x, ufl.Mesh(element))
+        # With the variant that FFCx would give it: see settle_coordinate_element.
+        scalar = ufl.FiniteElement("Lagrange", cell_name, degree, variant="equispaced")
+        return dmesh.create_mesh(comm, cells, x, ufl.Mesh(ufl.VectorElement(scalar)))
     basix_ufl = importlib.import_module("basix.ufl")
     element = basix_ufl.element("Lagrange", cell_name, degree, shape=(dim,))
     return dmesh.create_mesh(comm, cells, x=x, e=ufl.Mesh(element))
