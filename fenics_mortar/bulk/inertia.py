@@ -22,6 +22,7 @@ from dolfinx import fem
 from fenics_mortar.bulk.massless import redistributed
 from fenics_mortar.mesh.numbering import by_input_node, set_by_input_node
 from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.obstacles.rotations import moments_of
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
 from fenics_mortar.utils.errors import MortarError
@@ -244,11 +245,8 @@ class Inertia:
         """
         dofs = self._space.owned_dofs
         p, x = self.times_mass(velocity)[dofs], x[dofs]
-        if self._space.dim == 2:
-            angular = [float((x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]).sum())]
-        else:
-            angular = np.cross(x, p).sum(axis=0)
-        return self._space.V.mesh.comm.allreduce(np.array([*p.sum(axis=0), *angular]))
+        mine = np.concatenate([p.sum(axis=0), moments_of(x, p).sum(axis=1)])
+        return self._space.V.mesh.comm.allreduce(mine)
 
     def acceleration_of(self, force: Array, prescribed: Flags) -> Array:
         """Acceleration due to forces on the bodies, zero at prescribed dofs.

@@ -32,8 +32,8 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MortarError, format_point
 from fenics_mortar.utils.rounding import EPSILON, MAX_STEPS, ROUNDING, SAME_PLACE
 
-# Pairs of the fields 1, x and y whose products are the moments of a body.
-MOMENTS = list(combinations_with_replacement(range(3), 2))
+# Pairs of the fields 1, x, y (and z) whose products are the moments of a body, by dimension.
+MOMENTS = {dim: list(combinations_with_replacement(range(1 + dim), 2)) for dim in (2, 3)}
 # Function from offsets of points to their weights; None if there are too few points.
 Weigh = Callable[[Array], Array | None]
 
@@ -63,19 +63,19 @@ def redistributed(space: DisplacementSpace, M: PETSc.Mat, nodes: Indices) -> tup
 
 def _scales(space: DisplacementSpace, M: PETSc.Mat, moved: PETSc.Mat) -> Array | None:
     """Factors of owned dofs that restore the moments of M; ``None`` if there are none."""
-    comm, dofs = space.V.mesh.comm, space.owned_dofs
+    comm, dofs, dim = space.V.mesh.comm, space.owned_dofs, space.dim
     labels, count = label_bodies(space.V)
-    labels, X = labels[: len(dofs)], space.V.tabulate_dof_coordinates()[: len(dofs), :2]
+    labels, X = labels[: len(dofs)], space.V.tabulate_dof_coordinates()[: len(dofs), :dim]
     num_nodes, scales = space.V.dofmap.index_map.size_global, np.ones(space.num_owned)
     for label in range(count):
         mine = labels == label
         centre, size = centre_and_size(X[mine], comm)
-        fields = np.zeros((3, space.num_owned))  # 1, x and y as first components
+        fields = np.zeros((1 + dim, space.num_owned))  # 1, x, y (and z) as first components
         fields[0, dofs[mine, 0]] = 1.0
         fields[1:, dofs[mine, 0]] = ((X[mine] - centre) / size).T
-        powers = np.array([fields[a] * fields[b] for a, b in MOMENTS])
+        powers = np.array([fields[a] * fields[b] for a, b in MOMENTS[dim]])
         target = _moments(M, fields, fields, comm)
-        factors = np.zeros(len(MOMENTS))
+        factors = np.zeros(len(MOMENTS[dim]))
         for _ in range(MAX_STEPS):
             scaled = (1.0 + factors @ powers) * fields
             missing = target - _moments(moved, scaled, scaled, comm)
@@ -95,7 +95,8 @@ def _scales(space: DisplacementSpace, M: PETSc.Mat, moved: PETSc.Mat) -> Array |
 def _moments(M: PETSc.Mat, one: Array, other: Array, comm: MPI.Comm) -> Array:
     """Symmetric parts of one_a . M other_b for all ``MOMENTS``, equal on all ranks."""
     products = comm.allreduce(one @ np.array([times(M, field) for field in other]).T)
-    return np.array([0.5 * (products[a, b] + products[b, a]) for a, b in MOMENTS])
+    pairs = MOMENTS[len(one) - 1]
+    return np.array([0.5 * (products[a, b] + products[b, a]) for a, b in pairs])
 
 
 def times(M: PETSc.Mat, values: Array) -> Array:
@@ -144,7 +145,7 @@ def _stencils(V: Any, nodes: Indices, weigh: Weigh) -> dict[int, tuple[Indices, 
     """Neighbours inside the body and their weights for each node, equal on all ranks."""
     cells, _ = _cells_at(V, nodes)
     near, at = _cells_at(V, np.unique(cells))
-    where = dict(zip(near.ravel().tolist(), at.reshape(-1, 2), strict=True))
+    where = dict(zip(near.ravel().tolist(), at.reshape(-1, at.shape[2]), strict=True))
     ring = _neighbours(near)
     without = set(nodes.tolist())
     found = {}
@@ -153,7 +154,9 @@ def _stencils(V: Any, nodes: Indices, weigh: Weigh) -> dict[int, tuple[Indices, 
         both = set().union(*(ring[n] for n in ring[node])) - without
         around = both if weigh is _extrapolating or not first else first
         numbers = np.array(sorted(around, key=lambda n: tuple(where[n])), np.int64)
-        offsets = np.array([where[n] for n in numbers.tolist()]).reshape(-1, 2) - where[node]
+        offsets = np.array([where[n] - where[node] for n in numbers.tolist()]).reshape(
+            -1, at.shape[2]
+        )
         weights = weigh(offsets)
         if weights is None:
             raise MortarError(
@@ -166,14 +169,14 @@ def _stencils(V: Any, nodes: Indices, weigh: Weigh) -> dict[int, tuple[Indices, 
 
 
 def _nearest(offsets: Array) -> Array | None:
-    """Weights of points at ``offsets`` (n, 2) for a value at the origin: 1 for the nearest one."""
+    """Weights of points at ``offsets`` (n, dim) for a value at the origin: 1 for the nearest."""
     square = (offsets**2).sum(axis=1)
     weights = (square.min(initial=np.inf) / square) ** 2
     return weights / weights.sum() if weights.size else None
 
 
 def _extrapolating(offsets: Array) -> Array | None:
-    """Smallest weights of points at ``offsets`` (n, 2) that extrapolate affine fields to zero.
+    """Smallest weights of points at ``offsets`` (n, dim) that extrapolate affine fields to zero.
 
     Squared weights are multiplied by r^2 in the norm, so that near points have larger weights.
     """
@@ -183,11 +186,11 @@ def _extrapolating(offsets: Array) -> Array | None:
     gram = (fields / square) @ fields.T
     if np.linalg.matrix_rank(gram, tol=SAME_PLACE * np.abs(gram).max(initial=1.0)) < len(gram):
         return None
-    return (np.linalg.solve(gram, [1.0, 0.0, 0.0]) @ fields) / square
+    return (np.linalg.solve(gram, np.eye(len(gram))[0]) @ fields) / square
 
 
 def _cells_at(V: Any, nodes: Indices) -> tuple[Indices, Array]:
-    """Nodes (n, k) of all cells at ``nodes``, and their positions (n, k, 2) [length]."""
+    """Nodes (n, k) of all cells at ``nodes``, and their positions (n, k, dim) [length]."""
     comm, mesh = V.mesh.comm, V.mesh
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
     local = compat.dofmap(V)[:owned]
@@ -196,7 +199,7 @@ def _cells_at(V: Any, nodes: Indices) -> tuple[Indices, Array]:
     numbers = index_map.local_to_global(np.arange(count, dtype=np.int32))
     touched = np.isin(numbers, nodes)[local].any(axis=1)
     cells = comm.allgather(numbers[local[touched]])
-    positions = comm.allgather(V.tabulate_dof_coordinates()[local[touched], :2])
+    positions = comm.allgather(V.tabulate_dof_coordinates()[local[touched], : mesh.geometry.dim])
     return np.concatenate(cells).astype(np.int64), np.concatenate(positions)
 
 

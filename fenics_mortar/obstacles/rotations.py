@@ -35,6 +35,19 @@ TURNS = {
 }
 
 
+def turned(r: Array) -> Array:
+    """Products e x r of the axes of rotation and ``r`` (n, dim), (axes, n, dim) [its unit] (local).
+
+    Velocities of points at ``r`` that turn by one per time about each axis.
+    """
+    return np.einsum("iab,nb->ina", TURNS[r.shape[1]], r)
+
+
+def moments_of(x: Array, p: Array) -> Array:
+    """Moments about the origin of ``p`` (n, dim) at ``x`` (n, dim), shape (axes, n) (local)."""
+    return np.einsum("ina,na->in", turned(x), p)
+
+
 def rotation_by(turn: Array) -> Array:
     """Rotation matrix of an angle, shape (1,), or a rotation vector (3,) [radian] (local)."""
     if turn.size == 1:

@@ -24,6 +24,7 @@ import numpy as np
 from fenics_mortar.bulk.bodies import join_bodies, label_bodies
 from fenics_mortar.bulk.inertia import Inertia
 from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.obstacles.rotations import moments_of, turned
 from fenics_mortar.path.energy import (
     MAX_SCALING,
     Forces,
@@ -56,7 +57,7 @@ class DeformationRate:
 
         Args:
             velocity: Array of all local dofs [length / time].
-            x: Positions of the local nodes, shape (n, 2) [length].
+            x: Positions of the local nodes, shape (n, dim) [length].
 
         Returns:
             An array of all local dofs [length / time].
@@ -64,13 +65,11 @@ class DeformationRate:
         space, inertia, size = self._space, self._inertia, self._space.num_owned
         comm, owned = space.V.mesh.comm, space.num_nodes
         centre = comm.allreduce(np.array([*x[:owned].sum(axis=0), owned]))
-        r, zero = x - centre[:2] / centre[2], np.zeros(len(x))
-        rigid = [(zero, zero + 1.0)]
-        if not space.is_axisymmetric:
-            rigid += [(zero + 1.0, zero), (-r[:, 1], r[:, 0])]
+        r = x - centre[:-1] / centre[-1]
+        shifts = np.broadcast_to(np.eye(space.dim)[:, None], (space.dim, *x.shape))
+        rigid = shifts[1:] if space.is_axisymmetric else np.concatenate([shifts, turned(r)])
         fields = np.zeros((len(rigid), velocity.size))
-        for field, components in zip(fields, rigid, strict=True):
-            field[space.dofs] = np.stack(components, axis=1)
+        fields[:, space.dofs] = rigid
         momenta = np.array([inertia.times_mass(field) for field in fields])
         rows = [m * v[:size] for m in momenta for v in (*fields, velocity)]
         sums = self._by_body(rows).reshape(len(rigid), len(rigid) + 1, self._count)
@@ -96,8 +95,9 @@ class Balance:
     """Angular momentum of each body and the moments on it, about the origin; equal on all ranks.
 
     Attributes:
-        momentum: Angular momentum, shape (bodies,) [stress length^2 time].
-        moment: Moment of all forces except those between bodies, shape (bodies,) [stress length^2].
+        momentum: Angular momentum, shape (axes, bodies) [stress length^2 time]; one axis in the
+            plane, three in space.
+        moment: Moment of all forces except those between bodies, likewise [stress length^2].
         touching: Whether a pair exerts forces on a body, shape (pairs, bodies), bool.
         on_obstacle: Whether an obstacle exerts forces on a body, shape (bodies,), bool.
     """
@@ -114,8 +114,9 @@ class Rotations:
 
     Attributes:
         group: Group of each body, shape (bodies,).
-        velocity: Velocity at a rotation by one per time, array of all local dofs [length].
-        inertia: Moments of inertia, shape (groups,) [stress length^2 time^2].
+        velocity: Velocity at a rotation by one per time about each axis, arrays of all local dofs,
+            (axes, local dofs) [length].
+        inertia: Tensors of inertia, shape (groups, axes, axes) [stress length^2 time^2].
         free: Whether no dof of a group is prescribed, shape (groups,), bool.
         between_bodies: Whether a group also has no forces from obstacles, (groups,), bool.
     """
@@ -140,29 +141,31 @@ class SpinReturn:
         self._space = problem.equations.bulk.space
         self._label, self._count = label_bodies(self._space.V)
         marks = problem.equations.bulk.prescribed[self._space.owned_dofs].any(axis=1)
-        self._supported = self._sum(marks.astype(float)) > 0.0
+        self._supported = self._sum(marks.astype(float)[None])[0] > 0.0
 
     def balance(self) -> Balance:
         """Momenta and moments at the last evaluated state."""
         inertia, owned = self._inertia, self._space.owned_dofs
         rates, x = inertia.rates, self._positions()[: len(owned)]
         rows = [
-            _moment(x, inertia.times_mass(values)[owned])
+            moments_of(x, inertia.times_mass(values)[owned])
             for values in (rates.velocity, rates.acceleration)
         ]
-        contacts = self._equations.contacts
+        contacts, axes = self._equations.contacts, len(rows[0])
         for contact in contacts:
             force = np.zeros(self._space.num_owned)
             on_slave, on_master = contact.now.forces
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
             f = force[owned]
-            rows += [_moment(x, f), np.abs(f).sum(axis=1)]
-        sums = self._sum(*rows).reshape(-1, self._count)
+            rows += [moments_of(x, f), np.abs(f).sum(axis=1)[None]]
+        sums = self._sum(np.concatenate(rows))
         meshed = np.array([contact.obstacle is None for contact in contacts], bool)
-        moments, sizes = sums[2::2], sums[3::2] > 0.0
-        moment = sums[1] + moments[meshed].sum(axis=0)
-        return Balance(sums[0], moment, sizes[meshed], sizes[~meshed].any(axis=0))
+        momentum, moment, of_pairs = np.split(sums, [axes, 2 * axes])
+        of_pairs = of_pairs.reshape(len(contacts), axes + 1, self._count)
+        sizes = of_pairs[:, axes] > 0.0
+        moment = moment + of_pairs[meshed, :axes].sum(axis=0)
+        return Balance(momentum, moment, sizes[meshed], sizes[~meshed].any(axis=0))
 
     def restore(self, before: Balance, after: Balance, dt: float) -> Rotations:
         """Balance the angular momentum at the end of a step.
@@ -199,7 +202,8 @@ class SpinReturn:
             The change without angular momentum, likewise.
         """
         x, owned = self._positions(), self._space.owned_dofs
-        momentum = self._sum(_moment(x[: len(owned)], self._inertia.times_mass(change)[owned]))
+        of_mass = self._inertia.times_mass(change)[owned]
+        momentum = self._sum(moments_of(x[: len(owned)], of_mass))
         return change - self._rotate(rotations, momentum, moved)
 
     def _rotations(self, before: Balance, after: Balance) -> Rotations:
@@ -210,41 +214,40 @@ class SpinReturn:
         one = space.spread(np.ones(len(x)))
         mass = self._inertia.times_mass(one)[space.owned_dofs]
         own = x[: len(mass)]
-        sums = self._sum(mass[:, 0], *(mass * own).T).reshape(3, self._count)
+        sums = self._sum(np.concatenate([mass[:, :1].T, (mass * own).T]))
         mass_of, *first = (np.bincount(group, row, count) for row in sums)
         r = x - (np.array(first) / mass_of).T[group[self._label]]
-        velocity = np.zeros_like(one)
-        velocity[space.dofs] = np.stack([-r[:, 1], r[:, 0]], axis=1)
-        of_mass = self._inertia.times_mass(velocity)[space.owned_dofs]
-        second = self._sum(_moment(r[: len(mass)], of_mass))
+        turns = turned(r)
+        velocity = np.zeros((len(turns), one.size))
+        velocity[:, space.dofs] = turns
+        of_mass = [self._inertia.times_mass(field)[space.owned_dofs] for field in velocity]
+        second = self._sum(np.concatenate([moments_of(r[: len(mass)], p) for p in of_mass]))
         free, obstacles = (
             np.bincount(group, marks, count) == 0.0
             for marks in (self._supported, before.on_obstacle | after.on_obstacle)
         )
-        inertia = np.bincount(group, second, count).astype(float)
+        inertia = np.array([np.bincount(group, row, count) for row in second])
+        inertia = inertia.T.reshape(count, len(turns), len(turns)).astype(float)
         return Rotations(group, velocity, inertia, free, free & obstacles)
 
     def _rotate(self, rotations: Rotations, momentum: Array, moved: Flags) -> Array:
         """Rotations of the groups ``moved`` by angular momenta of the bodies, (local dofs,)."""
         group, inertia = rotations.group, rotations.inertia
-        of_groups = np.bincount(group, momentum, len(inertia))
-        rate = np.where(moved, of_groups / inertia, 0.0)
-        return self._space.spread(rate[group[self._label]]) * rotations.velocity
+        of_groups = np.array([np.bincount(group, row, len(inertia)) for row in momentum])
+        rates = np.linalg.solve(inertia, of_groups.T[:, :, None])[:, :, 0]
+        rates = np.where(moved[:, None], rates, 0.0)[group[self._label]].T
+        parts = zip(rates, rotations.velocity, strict=True)
+        return np.asarray(sum(self._space.spread(rate) * field for rate, field in parts))
 
     def _positions(self) -> Array:
-        """Present positions of the local nodes, ghosts included, shape (n, 2) [length]."""
+        """Present positions of the local nodes, ghosts included, shape (n, dim) [length]."""
         return self._equations.bulk.positions()
 
-    def _sum(self, *rows: Array) -> Array:
-        """Sums of nodal values by body, of the owned nodes of all ranks, (rows times bodies,)."""
+    def _sum(self, rows: Array) -> Array:
+        """Sums of values of the owned nodes of all ranks, (k, nodes), by body: (k, bodies)."""
         label = self._label[: self._space.num_nodes]
-        mine = np.concatenate([np.bincount(label, row, self._count) for row in rows])
-        return self._space.V.mesh.comm.allreduce(mine)
-
-
-def _moment(x: Array, p: Array) -> Array:
-    """Moments about the origin of vectors ``p`` (n, 2) at ``x`` (n, 2), shape (n,)."""
-    return x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]
+        mine = np.array([np.bincount(label, row, self._count) for row in rows])
+        return np.asarray(self._space.V.mesh.comm.allreduce(mine))
 
 
 class Corrections:

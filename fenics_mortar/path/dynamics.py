@@ -45,7 +45,6 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Flags
-from fenics_mortar.utils.dimensions import refuse_in_space
 from fenics_mortar.utils.errors import MortarError, check_same_texts, together
 from fenics_mortar.utils.rounding import TINY
 
@@ -82,7 +81,6 @@ class Dynamics:
         ValueError: If an argument is not allowed.
         MortarError: On all ranks, if masses are not positive, or slave nodes are massless and a
             body has fewer than two layers of nodes behind them.
-        NotImplementedError: In space, unless the scheme is "generalized_alpha".
 
     Example:
         The block "upper" hits another one with the velocity 1::
@@ -105,8 +103,6 @@ class Dynamics:
         energy: Any | None = None,
     ) -> None:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
-        if problem.equations.bulk.space.dim == 3 and scheme in ("conserving", "massless"):
-            refuse_in_space("dynamics")
         check_dynamics(problem, density, scheme, rho_inf, velocity, energy)
         self.problem, equations = problem, problem.equations
         self._scheme = GeneralizedAlpha(SCHEMES[scheme] if rho_inf is None else float(rho_inf))

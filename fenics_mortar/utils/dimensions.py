@@ -5,7 +5,6 @@ from __future__ import annotations
 
 # What is refused at set-up, by a short key; the table of demos/guide/limits.md has these texts.
 NOT_IN_SPACE = {
-    "dynamics": "time steps with slave nodes without mass (take scheme='generalized_alpha')",
     "gradients": "derivatives of solutions (sensitivity)",
     "model_check": "estimates of the error of a model (model_check)",
     "estimate": "estimates of the error of the mesh (estimate_error)",
