@@ -13,9 +13,8 @@ import numpy.typing as npt
 
 import basix
 
-from fenics_mortar.kernels.cells import tabulate_areas
+from fenics_mortar.kernels.cells import tabulate_volumes
 from fenics_mortar.kernels.inside import find_inside
-from fenics_mortar.kernels.volumes import tabulate_volumes
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import count_points
@@ -210,8 +209,7 @@ def areas_at(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
         gradients: Gradients of the shape functions at the points, shape (p, k, dim) [1].
     """
     areas = np.empty((len(cells), len(gradients)))
-    tabulate = tabulate_areas if x.shape[1] == 2 else tabulate_volumes
-    tabulate(x, cells, gradients, areas)
+    tabulate_volumes(x, cells, gradients, areas)
     return areas
 
 

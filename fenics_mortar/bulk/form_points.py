@@ -31,8 +31,7 @@ from ufl.corealg.multifunction import MultiFunction
 
 from fenics_mortar.bulk.cells import areas_at, areas_or_nan, gradients_at, nodal_gradients
 from fenics_mortar.bulk.fluxes import Given
-from fenics_mortar.kernels.cells import keep_area
-from fenics_mortar.kernels.volumes import keep_volume
+from fenics_mortar.kernels.cells import keep_volume
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -83,7 +82,6 @@ class FormPoints:
         V = space.V
         nodes = compat.dofmap(V)[: V.mesh.topology.index_map(space.dim).size_local]
         X = V.tabulate_dof_coordinates()[:, : space.dim].copy()
-        self._keep_area = keep_area if space.dim == 2 else keep_volume
         groups = dict[Any, list[Indices]]()
         for integral in _with_finite_strains(residual, u, space):
             for rule, number in compat.quadrature_rules(residual, integral):
@@ -115,11 +113,11 @@ class FormPoints:
         """
         for g in self._finite:
             at = g.nodes, g.gradients, g.undeformed
-            if not self._keep_area(before, after, *at, fraction, -np.inf):
+            if not keep_volume(before, after, *at, fraction, -np.inf):
                 return False
         for g in (self._nodes_of_finite, self._linear) if linear else (self._nodes_of_finite,):
             at = g.nodes, g.gradients, g.undeformed
-            if not self._keep_area(before, after, *at, fraction, fraction):
+            if not keep_volume(before, after, *at, fraction, fraction):
                 return False
         return True
 

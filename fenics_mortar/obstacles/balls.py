@@ -17,6 +17,7 @@ class _Ball(Obstacle):
     """Solid disk or ball, or with ``inside`` a solid with a round hole."""
 
     _dim: int
+    _name: str
 
     def __init__(
         self,
@@ -25,11 +26,11 @@ class _Ball(Obstacle):
         *,
         inside: bool = False,
         pivot: npt.ArrayLike | None = None,
-        name: str,
+        name: str | None = None,
     ) -> None:
         """Check the radius."""
         self._centre = check_vector("centre", centre, self._dim)
-        super().__init__(name, self._centre if pivot is None else pivot)
+        super().__init__(name or self._name, self._centre if pivot is None else pivot)
         check_flag("inside", inside)
         self.set_shape("radius", np.asarray(radius))
         self._sign = -1.0 if inside else 1.0
@@ -81,24 +82,14 @@ class Circle(_Ball):
         radius: Radius [length].
         inside: Contact on the inside: the solid lies outside the circle.
         pivot: Centre of rotations; the centre of the circle by default [length].
-        name: Name used in messages.
+        name: Name used in messages; "circle" by default.
 
     Raises:
         ValueError: If an argument has a value that is not allowed.
     """
 
     _dim = 2
-
-    def __init__(
-        self,
-        centre: npt.ArrayLike,
-        radius: float,
-        *,
-        inside: bool = False,
-        pivot: npt.ArrayLike | None = None,
-        name: str = "circle",
-    ) -> None:
-        super().__init__(centre, radius, inside=inside, pivot=pivot, name=name)
+    _name = "circle"
 
 
 class Sphere(_Ball):
@@ -109,21 +100,11 @@ class Sphere(_Ball):
         radius: Radius [length].
         inside: Contact on the inside: the solid lies outside the sphere.
         pivot: Centre of rotations; the centre of the sphere by default [length].
-        name: Name used in messages.
+        name: Name used in messages; "sphere" by default.
 
     Raises:
         ValueError: If an argument has a value that is not allowed.
     """
 
     _dim = 3
-
-    def __init__(
-        self,
-        centre: npt.ArrayLike,
-        radius: float,
-        *,
-        inside: bool = False,
-        pivot: npt.ArrayLike | None = None,
-        name: str = "sphere",
-    ) -> None:
-        super().__init__(centre, radius, inside=inside, pivot=pivot, name=name)
+    _name = "sphere"
