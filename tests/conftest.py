@@ -28,7 +28,7 @@ ONE_OF = 20
 # Cases of a test function in the short run; 0, as in a plain pytest: all, with the long tests.
 # Tests marked once are left out of the short run if it has one case, and on several ranks.
 CASES = int(os.environ.get("FENICS_MORTAR_CASES", "0"))
-# Whether long tests are in the short run, too, in serial.
+# Whether long tests, and those marked once, are in the short run, too, in serial.
 LONG = os.environ.get("FENICS_MORTAR_LONG", "0") == "1"
 # Number of cases on several ranks, where only the partition matters: the first and the last one.
 CASES_ON_RANKS = 2
@@ -62,7 +62,7 @@ def pytest_collection_modifyitems(items):
     without = {"ranks" if alone else "serial"}
     if CASES and not (alone and LONG):
         without.add("long")
-    if CASES == 1 or (CASES and not alone):
+    if CASES and not (alone and (LONG or CASES > 1)):
         without.add("once")
     items[:] = [item for item in items if without.isdisjoint(item.keywords)]
     functions = enumerate(by_function(items))

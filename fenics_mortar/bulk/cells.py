@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, reduce
+from math import factorial
 from typing import Any
 
 from mpi4py import MPI
@@ -13,6 +14,7 @@ import numpy.typing as npt
 
 import basix
 
+from fenics_mortar.interface.obstacle_facets import gauss_points, tabulate
 from fenics_mortar.kernels.cells import tabulate_volumes
 from fenics_mortar.kernels.inside import find_inside
 from fenics_mortar.utils import compat
@@ -26,41 +28,57 @@ DEGREES = {3: 1, 4: 1, 6: 2, 9: 2, 10: 2, 8: 1, 27: 2}
 
 
 class ReferenceCell:
-    """A triangle or a square, its sides and quadrature points.
+    """A triangle, a square, a tetrahedron or a cube, its sides and quadrature points.
 
     Attributes:
-        sides: Vertices of each side, shape (sides, 2).
-        edges: Vectors from the first to the second vertex of a side, shape (sides, 2).
-        normals: Outer normals with the length of the sides, shape (sides, 2).
-        s: Gauss points along a side, between 0 and 1, shape (q,).
-        side_weights: Their weights with sum 1, shape (q,).
-        side_points: Gauss points of all sides in the cell, shape (sides q, 2).
-        points, weights: Quadrature rule of the cell, shapes (p, 2) and (p,).
-        midpoint: Midpoint of the cell, shape (1, 2).
-        fill: Area of the unit square over that of the cell.
+        sides: Vertices of each side, in space in order around it, shape (sides, c).
+        rule: Points (q,), in space (q, 2), of the reference facet, and weights (q,).
+        shapes: Linear functions of the vertices of a side at these points, shape (q, c) [1].
+        tangents: Derivatives of the position on a side, shape (sides, q, dim - 1, dim).
+        normals: Outer normals, shape (sides, dim).
+        side_points: Points of all sides in the cell, shape (sides q, dim).
+        side_fill: Area of the parallelogram of two edges over that of a side, 1 in the plane [1].
+        points, weights: Quadrature rule of the cell, shapes (p, dim) and (p,).
+        midpoint: Midpoint of the cell, shape (1, dim).
+        fill: Area or volume of the unit square or cube over that of the cell [1].
     """
 
     def __init__(self, name: str) -> None:
         kind = getattr(basix.CellType, name)
         corners = np.asarray(basix.geometry(kind))
-        self.sides: Indices = np.array(basix.topology(kind)[1], np.int64)
+        dim, is_simplex = corners.shape[1], len(corners) == corners.shape[1] + 1
+        sides = np.array(basix.topology(kind)[dim - 1], np.int64)
+        self.sides: Indices = sides[:, [0, 1, 3, 2]] if sides.shape[1] == 4 else sides
         self.midpoint: Array = midpoint_of(name)
-        starts, ends = corners[self.sides[:, 0]], corners[self.sides[:, 1]]
-        self.edges: Array = ends - starts
-        normals = np.stack([self.edges[:, 1], -self.edges[:, 0]], axis=1)
-        outward = np.sign(np.einsum("kc,kc->k", normals, starts - self.midpoint))
+        self.rule: tuple[Array, Array] = gauss_points(self.sides.shape[1])
+        table = tabulate(self.rule[0], self.sides.shape[1])
+        self.shapes: Array = table[:, 0]
+        self.tangents: Array = np.einsum("qak,skc->sqac", table[:, 1:], corners[self.sides])
+        normals = normals_of(self.tangents[:, 0])
+        outward = np.sign(np.einsum("kc,kc->k", normals, corners[sides[:, 0]] - self.midpoint))
         self.normals: Array = outward[:, None] * normals
+        points = np.einsum("qk,skc->sqc", self.shapes, corners[self.sides])
+        self.side_points: Array = points.reshape(-1, dim)
         x, w = np.polynomial.legendre.leggauss(3)  # exact to degree 5
-        self.s, self.side_weights = (x + 1) / 2, w / 2
-        self.side_points: Array = (starts[:, None] + self.s[:, None] * self.edges[:, None]).reshape(
-            -1, 2
-        )
-        s, t = (a.ravel() for a in np.meshgrid(self.s, self.s, indexing="ij"))
-        weights = np.outer(self.side_weights, self.side_weights).ravel()
-        triangle = len(corners) == 3
-        self.fill = 2.0 if triangle else 1.0
-        self.points: Array = np.stack([s, t * (1 - s) if triangle else t], axis=1)
-        self.weights: Array = weights * (1 - s) if triangle else weights
+        grid = np.meshgrid(*[(x + 1) / 2] * dim, indexing="ij")
+        self.points: Array = np.stack([axis.ravel() for axis in grid], axis=1)
+        self.weights: Array = reduce(np.multiply.outer, [w / 2] * dim).ravel()
+        for axis in range(1, dim) if is_simplex else ():  # sides of a square or cube collapse
+            rest = 1.0 - self.points[:, :axis].sum(axis=1)
+            self.points[:, axis] *= rest
+            self.weights *= rest
+        self.fill = float(factorial(dim)) if is_simplex else 1.0
+        self.side_fill = float(factorial(dim - 1)) if is_simplex else 1.0
+
+
+def normals_of(tangents: Array) -> Array:
+    """Vectors across one tangent of a curve, or two of a surface, as long as their area (local).
+
+    Shape (..., dim) [area] for tangents (..., dim - 1, dim).
+    """
+    if tangents.shape[-1] == 2:
+        return np.stack([tangents[..., 0, 1], -tangents[..., 0, 0]], axis=-1)
+    return np.cross(tangents[..., 0, :], tangents[..., 1, :])
 
 
 def midpoint_of(name: str) -> Array:

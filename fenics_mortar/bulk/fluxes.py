@@ -40,10 +40,10 @@ class Values(NamedTuple):
     """Values at points of cells, shape (...).
 
     Attributes:
-        jacobian: dx/dX, shape (..., 2, 2) [length].
-        gradient: grad u, shape (..., 2, 2).
-        stress: P, shape (..., 2, 2) [stress].
-        residual: div P + f, shape (..., 2) [stress / length].
+        jacobian: dx/dX, shape (..., dim, dim) [length].
+        gradient: grad u, shape (..., dim, dim).
+        stress: P, shape (..., dim, dim) [stress].
+        residual: div P + f, shape (..., dim) [stress / length].
         constraint: Residuals of the constraints, shape (..., constraints).
     """
 
@@ -68,9 +68,9 @@ class Fluxes:
 
     def __init__(self, residual: Any, u: fem.Function, space: DisplacementSpace) -> None:
         """Extract and compile (collective)."""
-        self._mesh = mesh = space.V.mesh
+        self._mesh, self._dim = space.V.mesh, space.dim
+        mesh, dim = self._mesh, self._dim
         self.cell = ReferenceCell(compat.cell_name(mesh))
-        self._num_cells = mesh.topology.index_map(2).size_local
         # Distance from the axis of revolution below which it is rounding; -1 without an axis
         self._axis = ROUNDING * _extent(mesh) if space.is_axisymmetric else -1.0
         # Test function of the form itself: with dolfinx 0.5 a new one may hash differently, since
@@ -78,64 +78,75 @@ class Fluxes:
         (test,), trial = residual.arguments(), ufl.TrialFunction(space.whole)
         displacement = u if not space.is_mixed else ufl.split(u)[space.part]
         size, first = _unknowns(space)
-        motion = first, first + 1
+        motion = range(first, first + dim)
         others = [k for k in range(size) if k not in motion]
         x = ufl.SpatialCoordinate(mesh)  # first entry of each list: an expression needs a mesh
         bulk, boundary = _integrands(expand_derivatives(residual))
         self._in_cells, self._on_boundary = list(bulk), list(boundary)
         self._num_constraints = len(others)
+        self._strain = fem.Constant(mesh, np.zeros((dim, dim)))
+        still = [0.0] * dim
+        rows = [[self._strain[k - first, J] for J in range(dim)] if k in motion else still
+                for k in range(size)]  # fmt: skip
+        change = ufl.as_tensor(rows)
         J, H = ufl.Jacobian(mesh), ufl.grad(displacement)
         at_points, moduli, loads = [*_entries(J), *_entries(H)], [x[0]], [x[0]]
         for integrand in bulk.values():
-            I = _Entries(integrand, test, size)
+            I = _Entries(integrand, test, (size, dim))
             P, minus_f = I.of_gradient(motion), I.of_value(motion)
             constraints, fluxes = I.of_value(others), _flat(I.of_gradient(others))
             at_points += [*_flat(P), *_entries(ufl.div(ufl.as_tensor(P)) - ufl.as_vector(minus_f))]
             at_points += [*constraints, *fluxes]
-            derivative = _Entries(
-                expand_derivatives(ufl.derivative(integrand, u, trial)), test, size
-            )
-            parts = _flat(derivative.of_gradient(motion)) + derivative.of_value(others)
-            for part in parts:
-                moduli += _flat(_Entries(part, trial, size).of_gradient(motion))
+            derivative = expand_derivatives(ufl.derivative(integrand, u, trial))
+            given = Given(trial, ufl.zero(size), change)
+            I = _Entries(map_integrand_dags(given, derivative), test, (size, dim))
+            moduli += [*_flat(I.of_gradient(motion)), *I.of_value(others)]
         at_points.append(x[0])
         everywhere = np.concatenate([self.cell.points, self.cell.side_points])
         self._values = self._compile(at_points, everywhere)
         self._moduli = self._compile(moduli, self.cell.midpoint)
-        self._normal = fem.Constant(mesh, np.zeros(2))
+        self._normal = fem.Constant(mesh, np.zeros(dim))
         K = ufl.JacobianInverse(mesh)
         normal = ufl.dot(self._normal, K)
         normal = normal / ufl.sqrt(ufl.dot(normal, normal))
         for integrand in boundary.values():
             normals = extract_type(integrand, ufl.FacetNormal)
             there = replace(integrand, dict.fromkeys(normals, normal))
-            loads += [-t for t in _Entries(there, test, size).of_value(motion)]
+            loads += [-t for t in _Entries(there, test, (size, dim)).of_value(motion)]
         self._loads = self._compile(loads, self.cell.side_points)
 
-    def in_cells(self) -> tuple[Values, Values]:
-        """Values in the owned cells (cells, p) and on their sides (cells, s, q) (collective).
+    def in_cells(self, cells: Indices) -> tuple[Values, Values, Array]:
+        """Values in owned ``cells`` (n,), (n, p), and on their sides, (n, s, q) (local).
+
+        Also the largest flux of other unknowns and the largest value, for ``refuse_fluxes``
+        [stress].
+        """
+        values, count, dim = self._evaluate(self._values, cells), self._num_constraints, self._dim
+        shape, size = values.shape[:2], dim**2
+        J, H = (values[..., i : i + size].reshape(*shape, dim, dim) for i in (0, size))
+        sums = np.zeros((*shape, size + dim + (1 + dim) * count))
+        for number, subdomain in enumerate(self._in_cells):
+            on, first = _within(subdomain, cells), 2 * size + sums.shape[2] * number
+            sums[on] += values[on, :, first : first + sums.shape[2]]
+        # Hoop strains are 0 / 0 on the axis, and weighted by a thickness of 0
+        sums[np.abs(values[..., -1]) <= self._axis] = 0.0
+        P, r, c, fluxes = np.split(sums, np.cumsum([size, dim, count]), axis=2)
+        P = P.reshape(H.shape)
+        largest = np.array([np.abs(a).max(initial=0.0) for a in (fluxes, sums)])
+        p, sides = len(self.cell.weights), (len(self.cell.sides), len(self.cell.shapes))
+        inside = Values(*(a[:, :p] for a in (J, H, P, r, c)))
+        along = (a[:, p:].reshape(len(a), *sides, *a.shape[2:]) for a in (J, H, P, r, c))
+        return inside, Values(*along), largest
+
+    def refuse_fluxes(self, mine: Array) -> None:
+        """Raise if fluxes are not rounding compared with all values (collective).
+
+        Args:
+            mine: The largest flux and the largest value on this rank, shape (2,).
 
         Raises:
             MortarError: On all ranks, if a gradient of another test function occurs.
         """
-        values, count = self._evaluate(self._values), self._num_constraints
-        J, H = (values[..., i : i + 4].reshape(*values.shape[:2], 2, 2) for i in (0, 4))
-        sums = np.zeros((*values.shape[:2], 6 + 3 * count))
-        for number, subdomain in enumerate(self._in_cells):
-            on, first = self._cells_of(subdomain), 8 + sums.shape[2] * number
-            sums[on] += values[on, :, first : first + sums.shape[2]]
-        # Hoop strains are 0 / 0 on the axis, and weighted by a thickness of 0
-        sums[np.abs(values[..., -1]) <= self._axis] = 0.0
-        P, r, c = sums[..., :4].reshape(H.shape), sums[..., 4:6], sums[..., 6 : 6 + count]
-        self._refuse_fluxes(sums[..., 6 + count :], sums)
-        p, sides = len(self.cell.weights), (len(self.cell.sides), self.cell.s.size)
-        inside = Values(*(a[:, :p] for a in (J, H, P, r, c)))
-        along = (a[:, p:].reshape(len(a), *sides, *a.shape[2:]) for a in (J, H, P, r, c))
-        return inside, Values(*along)
-
-    def _refuse_fluxes(self, fluxes: Array, values: Array) -> None:
-        """Raise if fluxes are not rounding compared with all values (collective)."""
-        mine = [np.abs(a).max(initial=0.0) for a in (fluxes, values)]
         largest = largest_over_ranks(self._mesh.comm, mine)
         if largest[0] > ROUNDING * largest[1]:
             raise MortarError(
@@ -144,20 +155,25 @@ class Fluxes:
                 "(div(u) - p / kappa) * q"
             )
 
-    def moduli(self) -> tuple[Array, Array]:
-        """Derivatives with respect to F at the midpoints of the owned cells (local).
+    def moduli(self, cells: Indices) -> tuple[Array, Array]:
+        """Derivatives with respect to F at the midpoints of owned ``cells`` (n,) (local).
 
         Returns:
-            dP_iJ / dF_kL, shape (cells, 2, 2, 2, 2) [stress], and derivatives of the constraints,
-            shape (cells, constraints, 2, 2).
+            dP_iJ / dF_kL, shape (n, dim, dim, dim, dim) [stress], and derivatives of the
+            constraints, shape (n, constraints, dim, dim).
         """
-        values, rows = self._evaluate(self._moduli)[:, 0, 1:], 4 + self._num_constraints
-        values = values.reshape(self._num_cells, len(self._in_cells), rows, 2, 2)
-        sums = np.zeros((self._num_cells, rows, 2, 2))
-        for number, subdomain in enumerate(self._in_cells):
-            on = self._cells_of(subdomain)
-            sums[on] += values[on, number]
-        return sums[:, :4].reshape(self._num_cells, 2, 2, 2, 2), sums[:, 4:]
+        dim, size = self._dim, self._dim**2
+        rows = size + self._num_constraints
+        sums = np.zeros((cells.size, rows, size))
+        for column, direction in enumerate(np.eye(size)):
+            self._strain.value[:] = direction.reshape(dim, dim)
+            values = self._evaluate(self._moduli, cells)[:, 0, 1:]
+            values = values.reshape(cells.size, len(self._in_cells), rows)
+            for number, subdomain in enumerate(self._in_cells):
+                on = _within(subdomain, cells)
+                sums[on, :, column] += values[on, number]
+        A, C = sums[:, :size], sums[:, size:]
+        return A.reshape(-1, *[dim] * 4), C.reshape(*C.shape[:2], dim, dim)
 
     def loads(self, cells: Indices, sides: Indices, facets: Indices) -> Array:
         """Tractions of the form on boundary sides of cells (local).
@@ -168,17 +184,17 @@ class Fluxes:
             facets: Local facets of these sides, shape (n,).
 
         Returns:
-            Tractions, shape (n, q, 2) [stress].
+            Tractions, shape (n, q, dim) [stress].
         """
-        q = self.cell.s.size
-        t = np.zeros((cells.size, q, 2))
+        q, dim = len(self.cell.shapes), self._dim
+        t = np.zeros((cells.size, q, dim))
         for side in range(len(self.cell.sides)):
             self._normal.value[:] = self.cell.normals[side]
             here = np.flatnonzero(sides == side)
             values = self._evaluate(self._loads, cells[here])[:, side * q : (side + 1) * q]
             for number, subdomain in enumerate(self._on_boundary):
                 on = _within(subdomain, facets[here])
-                t[here[on]] += values[on, :, 2 * number + 1 : 2 * number + 3]
+                t[here[on]] += values[on, :, dim * number + 1 : dim * (number + 1) + 1]
         return t
 
     def _compile(self, entries: list[Any], points: Array) -> tuple[Any, tuple[int, int]]:
@@ -186,17 +202,11 @@ class Fluxes:
         compiled = compat.create_expression(ufl.as_vector(entries), points)
         return compiled, (len(points), len(entries))
 
-    def _evaluate(
-        self, compiled: tuple[Any, tuple[int, int]], cells: Indices | None = None
-    ) -> Array:
-        """Values at all points in owned cells, shape (cells, points, entries) (local)."""
+    def _evaluate(self, compiled: tuple[Any, tuple[int, int]], cells: Indices) -> Array:
+        """Values at all points in local ``cells`` (n,), shape (n, points, entries) (local)."""
         expression, shape = compiled
-        cells = np.arange(self._num_cells) if cells is None else cells
         values = compat.evaluate_expression(expression, self._mesh, cells.astype(np.int32))
         return np.asarray(values, np.float64).reshape(cells.size, *shape)
-
-    def _cells_of(self, subdomain: Subdomain) -> npt.NDArray[np.bool_]:
-        return _within(subdomain, np.arange(self._num_cells))
 
 
 def _integrands(residual: Any) -> tuple[dict[Subdomain, Any], dict[Subdomain, Any]]:
@@ -242,7 +252,7 @@ def _within(subdomain: Subdomain, entities: Indices) -> npt.NDArray[np.bool_]:
 def _unknowns(space: DisplacementSpace) -> tuple[int, int]:
     """Number of components of the whole space, and the first one of the displacement."""
     if not space.is_mixed:
-        return 2, 0
+        return space.dim, 0
     sizes = [int(np.prod(part.ufl_shape)) for part in ufl.split(ufl.TestFunction(space.whole))]
     return sum(sizes), sum(sizes[: space.part])
 
@@ -253,11 +263,11 @@ class _Entries:
     Args:
         integrand: Linear in the argument, derivatives expanded.
         argument: The argument.
-        size: Number of its components.
+        shape: Shape of its gradient.
     """
 
-    def __init__(self, integrand: Any, argument: Any, size: int) -> None:
-        self._integrand, self._argument, self._size = integrand, argument, size
+    def __init__(self, integrand: Any, argument: Any, shape: tuple[int, int]) -> None:
+        self._integrand, self._argument, self._shape = integrand, argument, shape
 
     def of_value(self, components: Sequence[int]) -> list[Any]:
         """Coefficients of some components."""
@@ -265,11 +275,10 @@ class _Entries:
 
     def of_gradient(self, components: Sequence[int]) -> list[list[Any]]:
         """Coefficients of the gradient of some components, one row each."""
-        return [[self._at(None, (k, J)) for J in range(2)] for k in components]
+        return [[self._at(None, (k, J)) for J in range(self._shape[1])] for k in components]
 
     def _at(self, value: tuple[int, ...] | None, gradient: tuple[int, ...] | None) -> Any:
-        shape, size = (self._size,), (self._size, 2)
-        given = Given(self._argument, _unit(shape, value), _unit(size, gradient))
+        given = Given(self._argument, _unit(self._shape[:1], value), _unit(self._shape, gradient))
         return map_integrand_dags(given, self._integrand)
 
 

@@ -41,8 +41,8 @@ class ConductanceValue(NamedTuple):
 
 # Function of pressures and gaps, (slave nodes,) each, that returns h, dh/dp and dh/dg.
 ConductanceFunction = Callable[[Array, Array], Sequence[Any]]
-# Function of pressures (slave nodes,) and undeformed positions (slave nodes, 2) that returns power
-# per area and its derivative by pressure.
+# Function of pressures (slave nodes,) and undeformed positions (slave nodes, dim) that returns
+# power per area and its derivative by pressure.
 HeatingFunction = Callable[[Array, Array], Sequence[Any]]
 
 
@@ -144,8 +144,9 @@ class Conductance:
             added.
         heating: Source at closed contact [flux]: "friction", shear times slip over the length of
             the step, see ``ContactProblem.time``; a function of pressures (slave nodes,) and
-            undeformed positions (slave nodes, 2) that returns power per area and its derivative by
-            pressure, for sliding out of the plane: mu p omega r of a brake disc; or ``None``.
+            undeformed positions (slave nodes, dim) that returns power per area and its derivative
+            by pressure, for sliding that is not resolved: mu p omega r of a brake disc; or
+            ``None``.
         share: Fraction of the source that enters the slave, between 0 and 1, the rest enters the
             master: e_s / (e_s + e_m) with effusivities e = sqrt(k rho c) of two half spaces [1].
         temperature: Value of the field on a rigid obstacle, which is the master [field]: a number
@@ -228,7 +229,7 @@ class Conductance:
 
         Args:
             pressure: Contact pressure, zero where open, shape (slave nodes,) [stress].
-            X: Undeformed positions, shape (slave nodes, 2) [length].
+            X: Undeformed positions, shape (slave nodes, dim) [length].
 
         Returns:
             Power [flux] and derivative [flux / stress], (slave nodes,) each.

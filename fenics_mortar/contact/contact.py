@@ -24,6 +24,7 @@ system of units.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -92,6 +93,8 @@ class Contact(Interface):
         master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, dim).
         set_aside: Nodes of bodies that are set aside in a solve, see ``rigid.idle``, shape (slave
             nodes,), bool.
+        turns: Function of the angles by which rigid boundaries have turned the bodies of the slave
+            and the master nodes, nan without one, (nodes,) each [radian].
         offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length]. May be set.
     """
 
@@ -147,6 +150,7 @@ class Contact(Interface):
         if not self.may_carry.any():
             raise SurfaceError(f"all nodes of slave surface '{pair.slave_name}' are prescribed")
         self.set_aside: Flags = np.zeros(self.slave.num_nodes, bool)
+        self.turns: Callable[[], tuple[Array, ...]] = lambda: ()
         self.arm = self.slave.extent
         on_surface = self.obstacle is None
         radius = min(self.slave.extent, self.master.extent) if on_surface else np.inf
@@ -306,7 +310,7 @@ class Contact(Interface):
         Args:
             slid: Nodes that keep their present slip, shape (slave nodes,), bool.
         """
-        accepted_partners = self._find_partners()
+        accepted_partners = self.partners_at(self.now)
         slip = accepted_partners.counted
         if slid is not None:
             slip = np.zeros_like(slip)
@@ -321,22 +325,27 @@ class Contact(Interface):
             pressure=np.where(self.active, now.z_n, 0.0),
             gap=np.where(self.covered, now.mean_gap, np.inf),
         )
+        if self.slave.dim == 2:  # rigid moves before a solve leave prescribed nodes behind
+            turns = self.turns() if slid is None else self.partners.turns
+            accepted_partners = replace(accepted_partners, turns=turns)
         self.change(accepted_partners=accepted_partners)
 
-    def _find_partners(self) -> Any:
-        """Partners at the last evaluated state (collective)."""
+    def lead_by(self, turns: Callable[[], tuple[Array, ...]]) -> None:
+        """Set ``turns``: rigid boundaries lead the bodies of some nodes (local)."""
+        self.turns = turns
+
+    def partners_at(self, fields: Any) -> Any:
+        """Partners at the accepted state of some fields (collective)."""
+        o, least = fields.operators, self.least_coverage
         mirrored = None if self.pair.sliding == "small" else self._mirrored
         if self.slave.dim == 3 and self.obstacle is not None:
-            return find_obstacle_partners(
-                self.now.on_obstacle, self.least_coverage, mirrored=mirrored
-            )
+            return find_obstacle_partners(o, least, mirrored=mirrored)
         if self.slave.dim == 3:
             return find_space_partners(
-                self.operators, self.covered, self.slip_measure, least=self.least_coverage,
-                mirrored=mirrored,
-            )  # fmt: skip
+                o, fields.covered, self.slip_measure, least=least, mirrored=mirrored
+            )
         return find_partners(
-            self.operators, self.covered, self.slip_measure, least=self.least_coverage,
+            o, fields.covered, self.slip_measure, least=least,
             master_planes=self.rotating_planes, between=self.pair.law.has_friction,
         )  # fmt: skip
 

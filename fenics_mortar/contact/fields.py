@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from operator import attrgetter
 from typing import Any, NamedTuple, Protocol
 
@@ -11,7 +12,8 @@ import numpy as np
 from fenics_mortar.contact.interface_fields import InterfaceConstants, InterfaceFields, field
 from fenics_mortar.contact.law_calls import LawCalls
 from fenics_mortar.contact.laws import BUILT_IN, KINK, STICK, Frictionless, Nodal, Row
-from fenics_mortar.contact.nodal import with_gap_of_slip
+from fenics_mortar.contact.nodal import VectorRow, with_gap_of_slip
+from fenics_mortar.interface.linearization import Block, scaled
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.kernels import complementarity
 from fenics_mortar.utils.arrays import Array, Flags
@@ -235,6 +237,32 @@ class ContactFields(InterfaceFields):
         if not np.any(row.by_slip):
             return row
         return with_gap_of_slip(row, self.slip_by_gap)
+
+    @field(*RULED)
+    def vector_rows(self) -> tuple[VectorRow, ...]:
+        """``law_rows`` with derivatives by vectors."""
+        return tuple(self.by_vectors(row) for row in self.law_rows)
+
+    def by_vectors(self, row: Row) -> VectorRow:
+        """A row with its derivatives by the vectors of multiplier and normal."""
+        o, z = self.operators, self.state.z
+        residual, by_gap, by_slip, by_n, by_tau = (part + np.zeros(len(z)) for part in row)
+        turned = np.stack([z[:, 1], -z[:, 0]], axis=1)  # z . dtau = turned . dn
+        by_z = by_n[:, None] * o.n + by_tau[:, None] * o.tau
+        return VectorRow(
+            residual, by_z, by_slip, by_gap, by_n[:, None] * z + by_tau[:, None] * turned
+        )
+
+    def slip_derivative(self, along: Array) -> Iterator[Block]:
+        """Blocks of along_j times the slip's derivative of this rank at constant mean gaps.
+
+        Rows are slave nodes, columns displacement dofs; ``along`` has the shape (slave nodes,).
+        """
+        o, partners, own = self.operators, self.state.partners, self.interface.slave.owned
+        turned = o.tangential_derivative(along[:, None] * partners.rotated(o))
+        yield Block(own[:, None], o.normal_columns()[own], turned[own][:, None])
+        for block in partners.derivative(o):
+            yield scaled(block, along)
 
     @property
     def slip_by_gap(self) -> Array:

@@ -10,10 +10,10 @@ import numpy as np
 
 from fenics_mortar.contact.conductance import Conductance
 from fenics_mortar.contact.fields import ContactFields
-from fenics_mortar.contact.nodal import Row, with_gap_of_slip
-from fenics_mortar.contact.rows import row_by_displacements, row_by_multipliers, scaled
-from fenics_mortar.interface.linearization import Block
-from fenics_mortar.interface.plane_mortar import PlaneOperators
+from fenics_mortar.contact.nodal import Row, VectorRow
+from fenics_mortar.contact.rows import row_by_displacements
+from fenics_mortar.interface.linearization import Block, scaled
+from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.traces import Trace
 from fenics_mortar.utils.arrays import Array
 
@@ -39,7 +39,7 @@ class FluxValues:
         largest: float,
     ) -> None:
         self._law, self.f, self.T, self.T_master = law, f, T, T_master
-        self.o: PlaneOperators = f.operators
+        self.o: MortarOperators = f.operators
         self.on = f.covered
         self._per_weight = np.where(self.on, 1.0 / np.where(self.on, self.o.weight, 1.0), 0.0)
         D, M = self.o.matrices
@@ -69,7 +69,7 @@ class FluxValues:
         node = f.nodal
         rubs = np.where(closed & f.interface.follows_law, 1.0 / node.step, 0.0)
         row = Row(rubs * f.z_tau * f.slip, by_slip=rubs * f.z_tau, by_z_tau=rubs * f.slip)
-        return with_gap_of_slip(row, f.slip_by_gap)
+        return f.at_gaps(row)
 
     @property
     def friction(self) -> Array:
@@ -99,8 +99,8 @@ class FluxValues:
         return self.on_slave + self.friction
 
     @cached_property
-    def sides(self) -> list[tuple[Row, Array]]:
-        """Derivatives of both fluxes at fixed jumps [flux]: rows, and by multipliers (n, 2)."""
+    def sides(self) -> list[VectorRow]:
+        """Derivatives of both fluxes at fixed jumps [flux]."""
         closed, heating = self.f.state.active, self._heating
         pressed = closed & (self.f.z_n > 0.0)
         jump = self._admitted * self.jump
@@ -112,11 +112,11 @@ class FluxValues:
             Row(*(a + factor * b for a, b in zip(own, heating, strict=True)))
             for factor in (-share, 1.0 - share)
         ]
-        return [(row, row_by_multipliers(self.f, row)) for row in rows]
+        return [self.f.by_vectors(row) for row in rows]
 
-    def moved(self, side: tuple[Row, Array]) -> Iterator[Block]:
+    def moved(self, side: VectorRow) -> Iterator[Block]:
         """Blocks of a flux's derivative by displacements at fixed jumps; rows are slave nodes."""
-        return row_by_displacements(self.f, side[0])
+        return row_by_displacements(self.f, side)
 
     @cached_property
     def _factor(self) -> Array:
@@ -134,15 +134,8 @@ class FluxValues:
 
     def by_matrices(self) -> Iterator[Block]:
         """Blocks of the conduction's derivative by D, M and w; rows are slave nodes."""
-        o, s, factor = self.o, self.o.segments, self._factor
-        if o.linearization.frozen:
-            return
-        T, T_master = self.T - self._reference, self.T_master - self._reference
-        i, k = s.pairs[:, 0], s.pairs[:, 1]
-        by_D = np.einsum("sjkq,sk->sjq", o.dD, T[s.slave])
-        yield Block(s.slave, o.columns, factor[s.slave][:, :, None] * by_D)
-        if len(o.m):
-            by_M = np.einsum("pjlq,pl->pjq", o.dM, T_master[s.master[i]])
-            yield Block(s.slave[i], o.columns[k], -factor[s.slave[i]][:, :, None] * by_M)
+        o, factor = self.o, self._factor
+        for block in o.matrix_derivative(*(T - self._reference for T in (self.T, self.T_master))):
+            yield scaled(block, factor)
         for block in o.weight_derivative():
             yield scaled(block, -factor * self.jump)

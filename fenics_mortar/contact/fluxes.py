@@ -181,12 +181,16 @@ class Flux:
         return FluxValues(self.law, f, *self._values, self.perfect, self._largest)
 
     def nodal(self) -> NodalFlux:
-        """The flux at the present state (collective)."""
+        """The flux at the present state (collective); filled inside of facets as the pressure."""
         self.refresh()
         now = self.at(self._contact.now)
         weight = now.o.weight
         slave, master = (float(weight @ of_side) for of_side in (now.on_slave, now.on_master))
-        return NodalFlux(now.jump, now.h.h, now.conduction, now.friction, -slave, master)
+        jump, h, conduction, heating = (
+            now.f.fill_inside(values.copy())
+            for values in (now.jump, now.h.h, now.conduction, now.friction)
+        )
+        return NodalFlux(jump, h, conduction, heating, -slave, master)
 
     def loads(self) -> list[Array]:
         """Loads of the nodes of each trace, (nodes,) [flux length], replicated (collective)."""
@@ -253,12 +257,12 @@ class Flux:
         return _as_block(change, self.dofs, numbers)
 
     def by_multipliers(self) -> Block:
-        """Derivatives of the loads by multipliers; columns 2 j + component (collective)."""
+        """Derivatives of the loads by multipliers; columns index z.ravel() (collective)."""
         now = self.at(self._contact.now)
-        own = self._contact.slave.owned
-        columns = 2 * own[:, None] + np.arange(2)
+        own, dim = self._contact.slave.owned, self._contact.slave.dim
+        columns = dim * own[:, None] + np.arange(dim)
         parts = [
-            _sparse([Block(own[:, None], columns, side[1][own][:, None])], len(now.T))
+            _sparse([Block(own[:, None], columns, side.by_z[own][:, None])], len(now.T))
             for side in now.sides
         ]
         numbers, change = self._loads(now, *parts)
@@ -268,10 +272,10 @@ class Flux:
         """Add the loads' derivatives by the motions of the obstacle (collective).
 
         Args:
-            columns: Shape (3, owned dofs) or longer [load / length]; changed in place.
+            columns: Shape (m, owned dofs) or longer [load / length]; changed in place.
         """
         now = self.at(self._contact.now)
-        change = row_by_motions(now.f, now.sides[0][0])
+        change = row_by_motions(now.f, now.sides[0])
         self._add(self._to_loads(now)[0].T @ change, columns.T)
 
     def _add(self, values: Array, target: Array) -> None:
@@ -280,10 +284,10 @@ class Flux:
         target[self.dofs[mine] - self._owned[0]] += values[mine]
 
     def _linear_part(self, now: FluxValues, z: Array) -> Array:
-        """Derivatives of the loads by multipliers times ``z`` (slave nodes, 2): (d,) [load]."""
+        """Derivatives of the loads by multipliers times ``z`` (slave nodes, dim): (d,) [load]."""
         total = np.zeros(self.dofs.size)
         for matrix, sign, side in zip(self._to_loads(now), (1.0, -1.0), now.sides, strict=False):
-            total += sign * (matrix.T @ np.einsum("jc,jc->j", side[1], z))
+            total += sign * (matrix.T @ np.einsum("jc,jc->j", side.by_z, z))
         return total
 
     def _of_matrices(self, now: FluxValues) -> Iterator[Block]:

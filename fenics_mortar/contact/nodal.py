@@ -25,7 +25,7 @@ class Nodal:
         z_n, z_tau: Multiplier [stress].
         stiffness: Stiffness k_j / l_j of the bulk [stress / length].
         c_n: Weight of the gap in the active-set test, c k_j / l_j [stress / length].
-        X, x: Positions in the undeformed mesh and at present, shape (slave nodes, 2) [length].
+        X, x: Positions in the undeformed mesh and at present, shape (slave nodes, dim) [length].
         time: Time at the end of the step [time].
         step: Length of the step [time].
         memory: Numbers stored by the law at the start of the step, by the names in ``Law.memory``
@@ -64,6 +64,25 @@ class Row(NamedTuple):
     by_slip: Any = 0.0
     by_z_n: Any = 0.0
     by_z_tau: Any = 0.0
+
+
+class VectorRow(NamedTuple):
+    """A row of a law at the slave nodes, and its derivatives by vectors (local).
+
+    Attributes:
+        residual: Shape (slave nodes,).
+        by_z: Derivative by the multiplier, shape (slave nodes, dim).
+        by_slip: By the slip, shape (slave nodes,) in the plane; by its vector s^, shape (slave
+            nodes, 3), in space.
+        by_gap: By the mean gap, shape (slave nodes,).
+        by_normal: By the normal, shape (slave nodes, dim).
+    """
+
+    residual: Array
+    by_z: Array
+    by_slip: Array
+    by_gap: Array
+    by_normal: Array
 
 
 # Arguments with respect to which a row has derivatives, in the order of ``Row``.
@@ -112,15 +131,13 @@ def at_points(node: Nodal, of: Callable[[Any], Any]) -> Nodal:
 
     Args:
         node: State of the slave nodes.
-        of: Interpolates nodal values, shape (slave nodes,), to points, shape (n, q).
+        of: Interpolates nodal values, shape (slave nodes, ...), to points, shape (n, q, ...).
     """
     new: dict[str, Any] = {}
     for attribute in fields(node):
         value = getattr(node, attribute.name)
         if isinstance(value, Mapping):
             new[attribute.name] = {name: of(numbers) for name, numbers in value.items()}
-        elif attribute.name in ("X", "x"):
-            new[attribute.name] = np.stack([of(value[:, 0]), of(value[:, 1])], axis=-1)
         else:
             new[attribute.name] = of(value) if isinstance(value, np.ndarray) else value
     return Nodal(**new)

@@ -7,6 +7,7 @@ With small sliding, D, M and normals are those of the undeformed mesh; the gap i
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -118,7 +119,9 @@ class OperatorEvaluation:
         if kept is None or not np.array_equal(kept.multiplier_nodes, state.multiplier_nodes):
             kept = self.evaluate_reference(state.multiplier_nodes)
         place = [] if self.obstacle is None else [kept.place]
-        return kept.operators.after_small_motion(x, m, *place), kept
+        moved = kept.operators.after_small_motion(x, m, *place)
+        exact = replace(moved.linearization, exact=linearization.exact)
+        return replace(moved, linearization=exact), kept
 
     def _at(
         self, x: Array, m: Array, multiplier_nodes: Flags, linearization: Linearization,

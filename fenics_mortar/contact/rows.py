@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.fields import ContactFields
-from fenics_mortar.contact.nodal import Row
-from fenics_mortar.interface.linearization import Block
+from fenics_mortar.contact.nodal import VectorRow
+from fenics_mortar.interface.linearization import Block, scaled
 from fenics_mortar.kernels.blocks import expand_rows, linearize_law
 from fenics_mortar.kernels.complementarity import measure_rows, tabulate_frame
 from fenics_mortar.utils.arrays import Array
@@ -153,63 +153,47 @@ class ContactRows(InterfaceRows):
         return rows
 
     def by_motions(self) -> Array:
-        """Derivative of the rows with respect to obstacle motions, (slave nodes, 2, 3) [stress]."""
+        """Derivative of the rows by obstacle motions, (slave nodes, dim, m) [stress]."""
         f: ContactFields = self._interface.now
         normal, _, *weights = self.frame()
         rows = np.einsum("ja,jm->jam", normal, f.on_obstacle.dgap_dq)
-        for weight, row in zip(weights, f.law_rows, strict=True):
+        for weight, row in zip(weights, f.vector_rows, strict=True):
             rows = rows - np.einsum("ja,jm->jam", weight, row_by_motions(f, row))
         return rows
 
 
 def gap_by_motions(f: ContactFields) -> Array:
-    """d(mean gaps)/d(obstacle motions), (slave nodes, 3) [1]; zero at uncovered nodes."""
+    """d(mean gaps)/d(obstacle motions), (slave nodes, m) [1]; zero at uncovered nodes."""
     o, on = f.on_obstacle, f.covered[:, None]
     return np.where(on, o.dgap_dq / np.where(on, o.weight[:, None], 1.0), 0.0)
 
 
-def row_by_multipliers(f: ContactFields, row: Row) -> Array:
-    """Derivative of a row by multipliers, (slave nodes, 2) [row / stress] (local)."""
-    n, tau, none = f.operators.n, f.operators.tau, np.zeros(len(f.state.z))
-    return (row.by_z_n + none)[:, None] * n + (row.by_z_tau + none)[:, None] * tau
-
-
-def row_by_displacements(f: ContactFields, row: Row) -> Iterator[Block]:
+def row_by_displacements(f: ContactFields, row: VectorRow) -> Iterator[Block]:
     """Blocks of the derivative of a row by displacements, rows are slave nodes, of this rank."""
-    o, z, none = f.operators, f.state.z, np.zeros(len(f.state.z))
-    by_gap, by_slip, by_z_n, by_z_tau = (part + none for part in row[1:])
-    slips = by_slip.any()
-    across = by_z_tau[:, None] * z
-    if slips:
-        across = across + by_slip[:, None] * f.state.partners.rotated(o)
-    turned = o.normal_derivative(by_z_n[:, None] * z) + o.tangential_derivative(across)
-    own = f.interface.slave.owned
-    yield Block(own[:, None], o.normal_columns()[own], turned[own][:, None])
-    if by_gap.any():
-        per_weight = np.where(f.covered, by_gap / np.where(f.covered, o.weight, 1.0), 0.0)
+    o, own = f.operators, f.interface.slave.owned
+    turned = o.normal_derivative(row.by_normal)[own]
+    yield Block(own[:, None], o.normal_columns()[own], turned[:, None])
+    if row.by_gap.any():
+        per_weight = np.where(f.covered, row.by_gap / np.where(f.covered, o.weight, 1.0), 0.0)
         for block in o.gap_derivative():
             yield scaled(block, per_weight)
         for block in o.weight_derivative():
             yield scaled(block, -per_weight * f.mean_gap)
-    if slips:
-        for block in f.state.partners.derivative(o):
-            yield scaled(block, by_slip)
+    if row.by_slip.any():
+        yield from f.slip_derivative(row.by_slip)
 
 
-def row_by_motions(f: ContactFields, row: Row) -> Array:
-    """Derivative of a row by the motions of an obstacle, (slave nodes, 3) [1 / length] (local)."""
-    o, z, none = f.on_obstacle, f.state.z, np.zeros(len(f.state.z))
-    by_gap, by_slip, by_z_n, by_z_tau = ((part + none)[:, None] for part in row[1:])
-    shear = z[:, 1:] * o.dn_dq[:, 0] - z[:, :1] * o.dn_dq[:, 1]
-    pressure = np.einsum("ja,jam->jm", z, o.dn_dq)
-    slip = f.state.partners.derivative_by_motions(o)
-    gap = gap_by_motions(f)
-    return np.asarray(by_z_tau * shear + by_z_n * pressure + by_slip * slip + by_gap * gap)
-
-
-def scaled(block: Block, factors: Array) -> Block:
-    """A block with the rows of nodes, times ``factors`` (slave nodes,) of the nodes (local)."""
-    return block._replace(values=block.values * factors[block.rows][:, :, None])
+def row_by_motions(f: ContactFields, row: VectorRow) -> Array:
+    """Derivative of a row by motions of an obstacle, (slave nodes, m) [row / length] (local)."""
+    o = f.on_obstacle
+    change = np.einsum("ja,jam->jm", row.by_normal, o.dn_dq)
+    if row.by_gap.any():
+        change = change + row.by_gap[:, None] * gap_by_motions(f)
+    if row.by_slip.any():
+        slip, (count, motions) = f.state.partners.derivative_by_motions(o), change.shape
+        parts = row.by_slip.reshape(count, -1), slip.reshape(count, -1, motions)
+        change = change + np.einsum("ja,jam->jm", *parts)
+    return np.asarray(change)
 
 
 def gap_rows(f: ContactFields, normal: Array, scaled_tau: Array) -> list[Block]:

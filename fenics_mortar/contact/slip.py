@@ -189,6 +189,7 @@ class Partners:
         gap: Mean gap at that state, inf at uncovered nodes, shape (slave nodes,) [length].
         facing: Gauss points of both sides that face each other, for pairs of two bodies with
             friction; else ``None``.
+        turns: ``Contact.turns`` at that state; empty if no rigid boundary leads a body.
     """
 
     pairing: Pairing
@@ -206,6 +207,7 @@ class Partners:
     pressure: Array
     gap: Array
     facing: Facing | None = None
+    turns: tuple[Array, ...] = ()
 
     @property
     def D(self) -> csr_array:
@@ -242,6 +244,25 @@ class Partners:
     def at(self, o: MortarOperators) -> Evaluated:
         """Rotations and slip since that state, without ``counted`` (local)."""
         return self.pairing.at(o, self._evaluate)
+
+    def doubt(self, o: MortarOperators, turns: tuple[Array, ...]) -> Array:
+        """Difference between the rotations of ``arc`` and those that are known, (n,) [radian].
+
+        Local. ``Rotations.doubt`` where no rigid boundary tells by how much a body has turned.
+
+        Args:
+            o: Operators.
+            turns: ``Contact.turns`` at their positions.
+        """
+        found = self.at(o).rotations
+        if not turns:
+            return found.doubt
+        slave, master = (now - then for now, then in zip(turns, self.turns, strict=True))
+        if isinstance(o, ObstacleOperators):
+            known = float(o.obstacle.place[2] - self.place[2]) - slave
+            return np.where(np.isnan(slave), found.doubt, np.abs(found.theta - known))
+        known = self.M @ np.nan_to_num(master) - np.nan_to_num(slave)
+        return np.abs(found.theta - known)
 
     def _evaluate(self, o: MortarOperators) -> Evaluated:
         if isinstance(o, ObstacleOperators):

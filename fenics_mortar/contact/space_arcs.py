@@ -59,6 +59,14 @@ class Turned(NamedTuple):
     Q: Array
     stiff: Array
 
+    def by_products(self, along: Array) -> Array:
+        """Derivative of along . a by A, with the spins a, (n, 3, 3) [1 / length^2] (local).
+
+        Args:
+            along: Vectors, shape (n, 3) [1].
+        """
+        return np.asarray(crosses(_times(self.stiff, along)) @ self.Q)
+
 
 class Material:
     """Nodes around material points of a surface, and the rotations that these show (local).
@@ -72,25 +80,27 @@ class Material:
         surface: The surface.
         x_0: Positions of its nodes at the start of the step, shape (nodes, 3) [length].
         mirrored: Components of a node across symmetry planes, shape (nodes, 3), bool.
+
+    Attributes:
+        surface: The surface.
     """
 
     def __init__(self, weights: csr_array, surface: Surface, x_0: Array, mirrored: Flags) -> None:
-        self._surface, self._count = surface, weights.shape[0]
-        each = weights.tocoo()
-        ring = surface.stencil[each.col]
-        point, near = np.nonzero(ring >= 0)
-        j, l, k = each.row[point], each.col[point], ring[point, near]
-        spokes = (np.abs(each.data[point])[:, None] * (x_0[k] - x_0[l]))[:, None]
-        if mirrored.any():
-            kept = ~(mirrored[:, :, None] | mirrored[:, None]) | np.eye(3, dtype=bool)
-            alone = (mirrored[l] & mirrored[k]).sum(axis=1)  # planes that hold both nodes
-            spokes = spokes * kept[l] * 0.5 ** alone[:, None, None]
+        self.surface, self._count = surface, weights.shape[0]
+        self._of_spokes = weights, surface, mirrored
+        j, l, k, size, kept = self.spokes
+        spokes = (size[:, None] * (x_0[k] - x_0[l]))[:, None] * kept
         pairs = np.concatenate([j, j]) * surface.num_nodes + np.concatenate([k, l])
         pairs, number = np.unique(pairs, return_inverse=True)
         both = np.concatenate([spokes, -spokes]).reshape(len(number), 3 * spokes.shape[1])
         sums = [np.bincount(number.ravel(), c, pairs.size) for c in both.T]
         self.pairs: tuple[Indices, Indices] = np.divmod(pairs, surface.num_nodes)
         self._spokes: Array = np.stack(sums, axis=1).astype(float).reshape(-1, *spokes.shape[1:])
+
+    @property
+    def spokes(self) -> Spokes:
+        """The nodes around each node, for all material points."""
+        return spokes_of(*self._of_spokes)
 
     def turned(self, x: Array) -> Turned:
         """Rotations from ``x_0`` to the positions ``x`` (nodes, 3) [length]."""
@@ -110,11 +120,39 @@ class Material:
 
     def rows(self, at: Turned, along: Array) -> Block:
         """Block of along_j . a_j of this rank, with the spins a of ``at``, for ``along`` (n, 3)."""
-        mine = share_of(np.arange(len(self._spokes)), self._surface.comm)
+        mine = share_of(np.arange(len(self._spokes)), self.surface.comm)
         j, k = self.pairs[0][mine], self.pairs[1][mine]
-        across = crosses(_times(at.stiff, along)) @ at.Q
-        values = (across[j] * self._spokes[mine]).sum(axis=2)
-        return Block(j[:, None], self._surface.dofs[k], values[:, None])
+        values = (at.by_products(along)[j] * self._spokes[mine]).sum(axis=2)
+        return Block(j[:, None], self.surface.dofs[k], values[:, None])
+
+
+class Spokes(NamedTuple):
+    """Nodes around the nodes at material points: each spoke adds size dx dx_0^T kept to A.
+
+    Attributes:
+        point, node, end: Material point, node, and the node beside it, shape (s,) each.
+        size: Size of the node's weight, shape (s,) [1].
+        kept: Factors of the products of components, shape (s, 3, 3) or (1, 1, 1) [1].
+    """
+
+    point: Indices
+    node: Indices
+    end: Indices
+    size: Array
+    kept: Array
+
+
+def spokes_of(weights: csr_array, surface: Surface, mirrored: Flags) -> Spokes:
+    """The spokes at material points (local); arguments as of ``Material``."""
+    each = weights.tocoo()
+    ring = surface.stencil[each.col]
+    point, near = np.nonzero(ring >= 0)
+    l, k, kept = each.col[point], ring[point, near], np.ones((1, 1, 1))
+    if mirrored.any():
+        both = ~(mirrored[:, :, None] | mirrored[:, None]) | np.eye(3, dtype=bool)
+        alone = (mirrored[l] & mirrored[k]).sum(axis=1)  # planes that hold both nodes
+        kept = both[l] * 0.5 ** alone[:, None, None]
+    return Spokes(each.row[point], l, k, np.abs(each.data[point]), kept)
 
 
 class Screw(NamedTuple):

@@ -24,6 +24,7 @@ symmetry planes e is in the plane and the law is that of the plane.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -34,10 +35,12 @@ from fenics_mortar.contact.interface_fields import Parts, normal_parts, tangenti
 from fenics_mortar.contact.law import Stick
 from fenics_mortar.contact.law_fields import LawFields
 from fenics_mortar.contact.laws import STICK, Friction, Frictionless, Row
+from fenics_mortar.contact.nodal import VectorRow
+from fenics_mortar.interface.linearization import Block
 from fenics_mortar.utils.arrays import Array, Flags
 
 # Largest ratio of shear and |w| in the tangent [1], which is singular at 1: the node is about to
-# stick.
+# stick. Derivatives of a solution have the ratio itself.
 MAX_RATIO = 0.999
 
 
@@ -54,24 +57,6 @@ class Directions(NamedTuple):
     along: Array
     across: Array
     size: Array
-
-
-class VectorRow(NamedTuple):
-    """A row of a law at the slave nodes, and its derivatives (local).
-
-    Attributes:
-        residual: Shape (slave nodes,).
-        by_z: Derivative by the multiplier, shape (slave nodes, 3).
-        by_slip: By the vector of slip s^, shape (slave nodes, 3).
-        by_gap: By the mean gap, shape (slave nodes,).
-        by_normal: By the normal, shape (slave nodes, 3).
-    """
-
-    residual: Array
-    by_z: Array
-    by_slip: Array
-    by_gap: Array
-    by_normal: Array
 
 
 class SpaceFields(ContactFields):
@@ -171,7 +156,7 @@ class SpaceFields(ContactFields):
     def vector_rows(self) -> tuple[VectorRow, ...]:
         """Rows of the law along e and along t, then along n; see ``ContactFields.law_rows``."""
         tangential, *others = self.law_rows
-        return *self._tangential_rows(tangential), *(self._along_normal(row) for row in others)
+        return *self._tangential_rows(tangential), *(self.by_vectors(row) for row in others)
 
     @field(*RULED)
     def row_tangents(self) -> tuple[Array, Array]:
@@ -198,13 +183,19 @@ class SpaceFields(ContactFields):
             np.where(as_law, by_tau * e_z + by_u * e_s, rho), by_gap, by_n,
             ((by_tau, e), (turn, t)), ((by_u, e), (turn * weight, t)),
         )  # fmt: skip
-        ratio = np.clip((e_z - rho) * per_size, 0.0, MAX_RATIO)
+        most = 1.0 if self.operators.linearization.exact else MAX_RATIO
+        ratio = np.clip((e_z - rho) * per_size, 0.0, most)
         of_z = np.where(as_law, by_tau, 1.0 - ratio)
         of_s = np.where(as_law, by_u, -ratio * weight)
         across = self._row(
             np.where(as_law, by_tau * t_z + by_u * t_s, t_z), none, none, ((of_z, t),), ((of_s, t),)
         )
         return along, across
+
+    @property
+    def slip_by_gap(self) -> Array:
+        """See ``ContactFields``: none."""
+        return np.zeros(len(self.z_u))
 
     @property
     def is_isotropic(self) -> Flags:
@@ -214,8 +205,8 @@ class SpaceFields(ContactFields):
         elastic = self.state.redundant  # see ``redundancy``
         return sticks | elastic | ~interface.follows_law | (type(law) is Frictionless)
 
-    def _along_normal(self, row: Row) -> VectorRow:
-        """A row along the normal, as that of open nodes or of a closing gap; see the module.
+    def by_vectors(self, row: Row) -> VectorRow:
+        """A row that is one number, as that of open nodes, a closing gap or a power of friction.
 
         Slip and shear along e are those of the law: d(e . a) = e . da + (t . a) t . dw / b.
         """
@@ -227,6 +218,10 @@ class SpaceFields(ContactFields):
             residual, by_gap, by_n, ((by_tau, e), (turn, t)),
             ((by_u, e), (turn * self.slip_weight, t)),
         )  # fmt: skip
+
+    def slip_derivative(self, along: Array) -> Iterator[Block]:
+        """See ``ContactFields``; for vectors ``along`` (slave nodes, 3)."""
+        return self.state.partners.derivative(self.operators, along)
 
     def _row(
         self,

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import coo_array, csr_array, dia_array, eye
 
-from fenics_mortar.contact.slip import Measure, entries_of
+from fenics_mortar.contact.slip import Entries, Measure, entries_of
 from fenics_mortar.contact.space_arcs import (
     Material,
     PastObstacle,
@@ -129,10 +129,10 @@ class SpacePartners:
         r = self.gap_vectors(o)
         if self.present.any():
             r = r - self.present[:, None] * o.vectors
-        sides = zip(self._materials(o), (o.x, o.m), strict=True)
+        sides = zip(self.materials(o), (o.x, o.m), strict=True)
         return screw(np.asarray(r), self.start, *(side.turned(x) for side, x in sides))
 
-    def _materials(self, o: SpaceOperators) -> list[Material]:
+    def materials(self, o: SpaceOperators) -> list[Material]:
         """Materials of both sides at the nodes and at their partners."""
         weights = csr_array(eye(len(o.x))), self.M
         return self.found.materials(weights, (o.slave, o.master), (self.x, self.m), self.mirrored)
@@ -151,7 +151,7 @@ class SpacePartners:
         """
         found = self.at(o)
         by_vector, *by_spins = found.weights(along)
-        sides = zip((o.slave, o.master), self._entries, (1.0, -1.0), strict=True)
+        sides = zip((o.slave, o.master), self.entries, (1.0, -1.0), strict=True)
         for surface, entries, sign in sides:
             j, k, weights = entries.share(o.slave.comm)
             values = sign * weights[:, None] * by_vector[j]
@@ -159,16 +159,17 @@ class SpacePartners:
         if self.present.any():
             yield from o.vector_derivative(-self.present[:, None] * by_vector)
         if self.mirrored is not None and o.linearization.normals:
-            turned = zip(self._materials(o), (found.slave, found.master), by_spins, strict=True)
+            turned = zip(self.materials(o), (found.slave, found.master), by_spins, strict=True)
             yield from (material.rows(at, spin) for material, at, spin in turned)
 
     @cached_property
-    def _entries(self):
+    def entries(self) -> tuple[Entries, Entries]:
+        """Entries of D and M."""
         return entries_of(self.D), entries_of(self.M)
 
     def pairs(self, o: SpaceOperators) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them, each (k,)."""
-        return self._materials(o)[1].pairs if self.mirrored is not None else self._entries[1][:2]
+        return self.materials(o)[1].pairs if self.mirrored is not None else self.entries[1][:2]
 
 
 @dataclass(frozen=True)
@@ -205,10 +206,14 @@ class ObstaclePartners:
     def _evaluate(self, o: ObstacleOperators) -> PastObstacle:
         obstacle, before = o.obstacle, rotation_by(self.place[3:])
         r, r_0 = o.x - obstacle.pivot - obstacle.place[:3], self.feet - obstacle.pivot
-        slave = self._material(o).turned(o.x)
-        return past_obstacle(r, r_0 @ before.T, slave, obstacle.turn_since(self.place))
+        slave = self.material(o).turned(o.x)
+        return past_obstacle(r, r_0 @ before.T, slave, self.turn(o))
 
-    def _material(self, o: ObstacleOperators) -> Material:
+    def turn(self, o: ObstacleOperators) -> Array:
+        """Rotation vector of the obstacle since that state, shape (3,) [radian]."""
+        return o.obstacle.turn_since(self.place)
+
+    def material(self, o: ObstacleOperators) -> Material:
         """The slave's material at its nodes."""
         return self.found.materials([self.D], [o.slave], [self.x], self.mirrored)[0]
 
@@ -225,7 +230,7 @@ class ObstaclePartners:
         by_vector, by_spin = found.weights(along)
         yield Block(own[:, None], o.slave.dofs[own], by_vector[own][:, None])
         if self.mirrored is not None and o.linearization.normals:
-            yield self._material(o).rows(found.slave, by_spin)
+            yield self.material(o).rows(found.slave, by_spin)
 
     @cached_property
     def D(self) -> csr_array:
@@ -239,8 +244,7 @@ class ObstaclePartners:
 
     def derivative_by_motions(self, o: ObstacleOperators) -> Array:
         """Derivative of the slip by the motions of the obstacle, shape (slave nodes, 3, 6) [1]."""
-        found, turn = self.at(o), o.obstacle.turn_since(self.place)
-        spin = inverse_jacobians(turn[None])
+        found, spin = self.at(o), inverse_jacobians(self.turn(o)[None])
         return np.concatenate([-found.by_vector, found.by_relative @ spin / o.arm], axis=2)
 
     def pairs(self, o: ObstacleOperators) -> tuple[Indices, Indices]:

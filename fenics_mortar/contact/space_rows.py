@@ -8,14 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fenics_mortar.contact.rows import (
-    ContactRows,
-    Frame,
-    Rows,
-    gap_by_motions,
-    gap_rows,
-    normal_rows,
-)
+from fenics_mortar.contact.rows import ContactRows, Frame, Rows, gap_rows, normal_rows
 from fenics_mortar.contact.space_fields import SpaceFields
 from fenics_mortar.interface.linearization import Block
 from fenics_mortar.interface.space_mortar import SpaceOperators
@@ -91,16 +84,4 @@ class SpaceRows(ContactRows):
             rows = rows - weight * component[:, None]
         for weight, row in zip((opening, *frame[5:]), others, strict=True):
             rows = rows - weight * row.residual[:, None]
-        return rows
-
-    def by_motions(self) -> Array:
-        """See ``ContactRows``: shape (slave nodes, 3, 6) [stress]."""
-        f: SpaceFields = self._interface.now
-        o, (normal, _, *weights) = f.on_obstacle, self.frame()
-        slip, gap = f.state.partners.derivative_by_motions(o), gap_by_motions(f)
-        rows = np.einsum("ja,jm->jam", normal, o.dgap_dq)
-        for weight, row in zip(weights, f.vector_rows, strict=True):
-            change = np.einsum("ja,jam->jm", row.by_normal, o.dn_dq) + row.by_gap[:, None] * gap
-            change = change + np.einsum("ja,jam->jm", row.by_slip, slip)
-            rows = rows - np.einsum("ja,jm->jam", weight, change)
         return rows

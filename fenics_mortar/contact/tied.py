@@ -37,15 +37,13 @@ from scipy.sparse.linalg import spsolve
 from fenics_mortar.contact.interface import NO_WELDS, Interface, read_only, settable
 from fenics_mortar.contact.sides import points_per_segment
 from fenics_mortar.contact.tied_components import TiedComponents
-from fenics_mortar.contact.tied_field import TiedField, rows_of
+from fenics_mortar.contact.tied_field import TiedField, evaluate_reference, rows_of
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.tied_rows import TiedCurves, TiedFaces, TiedFields, TiedRows
-from fenics_mortar.interface.integrals import evaluate_mortar
 from fenics_mortar.interface.linearization import Block, Linearization
 from fenics_mortar.interface.nodal_normals import evaluate_normals
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
-from fenics_mortar.interface.space_integrals import evaluate_space
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -161,15 +159,7 @@ class Tie(Interface):
         Raises:
             SurfaceError: On all ranks, if no slave node has a partner.
         """
-        slave, master = self.slave, self.master
-        no_planes, nothing = np.full((slave.num_nodes, 2), np.nan), Linearization(False, False)
-        evaluate: Any = evaluate_mortar
-        if slave.dim == 3:
-            no_planes, evaluate = np.tile(np.eye(3), (slave.num_nodes, 1, 1)), evaluate_space
-        o = evaluate(
-            slave, master, slave.X, master.X, self.multiplier_nodes, no_planes, self.options,
-            nothing,
-        )  # fmt: skip
+        o = evaluate_reference(self.slave, self.master, self.multiplier_nodes, self.options)
         if not (o.cover > 0.0).any():
             raise SurfaceError(
                 f"{self._names} are farther apart than {self.options.radius:.3g} everywhere: "
@@ -179,7 +169,7 @@ class Tie(Interface):
         for name in {"dD", "dM", "dgap", "gap"} & values.keys():
             values[name] = np.zeros_like(values[name])
         values["linearization"] = Linearization(False, False, frozen=True)
-        kind: Any = TiedCurves if slave.dim == 2 else TiedFaces
+        kind: Any = TiedCurves if self.slave.dim == 2 else TiedFaces
         self.set_operators(kind(**values, weighted_jump=np.zeros(self.z.shape)))
         self.may_carry = self.multiplier_nodes & (o.diagonal > 0.0)
         self.change(active=self.may_carry)

@@ -10,7 +10,7 @@ at which it is not prescribed. On a symmetry plane the displacement is prescribe
 is not. Since D and M reproduce constants, the fluxes of both sides cancel to rounding.
 
 A field of degree 1 beside a displacement of degree 2 has no dofs inside facets. Its D and M are
-those of straight facets with multipliers at vertices, one for each dof of the slave. With the
+those of linear facets with multipliers at vertices, one for each dof of the slave. With the
 quadratic functions it would have two constraints for each dof.
 """
 
@@ -26,6 +26,8 @@ from fenics_mortar.contact.interface import acting_entries
 from fenics_mortar.interface.integrals import evaluate_mortar
 from fenics_mortar.interface.linearization import Block, Linearization
 from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.interface.options import MortarOptions
+from fenics_mortar.interface.space_integrals import evaluate_space
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.interface.traces import Trace, trace_of
 from fenics_mortar.interface.vertices import surface_of_vertices
@@ -81,7 +83,7 @@ class TiedField:
 
     @property
     def slave(self) -> Any:
-        """The slave, with straight facets for a field of degree 1 (local)."""
+        """The slave, with linear facets for a field of degree 1 (local)."""
         return self.traces[0].surface
 
     @property
@@ -129,11 +131,7 @@ class TiedField:
         if self.slave is tie.slave and np.array_equal(nodes, tie.multiplier_nodes):
             return tie.operators
         slave, master = (trace.surface for trace in self.traces)
-        no_normals = np.full((slave.num_nodes, 2), np.nan)
-        return evaluate_mortar(
-            slave, master, slave.X, master.X, nodes, no_normals, tie.options,
-            Linearization(False, False),
-        )  # fmt: skip
+        return evaluate_reference(slave, master, nodes, tie.options)
 
     def _load_block(self) -> Block:
         """Loads by the fluxes; columns index z.ravel() of the tie."""
@@ -178,16 +176,17 @@ class TiedField:
     def nodal(self) -> NodalFlux:
         """The flux at the slave nodes of the tie, zero at nodes without multiplier (local).
 
-        If there are multipliers at vertices only, values inside facets are the mean of the ends.
+        If there are multipliers at vertices only, values inside facets are means of the corners'.
         """
         nodal = np.zeros((3, self._tie.slave.num_nodes))
-        jump, flux, conductance = nodal
+        jump, flux, tied = nodal
         on, weight = self.carriers, self.operators.weight[self.active]
         jump[on] = self._tie.now.jumps[on, self._component] / weight
-        flux[on], conductance[on] = self.flux[self.active], np.inf
+        flux[on], tied[on] = self.flux[self.active], 1.0
         if self._tie.at_vertices or self.at.size < self._tie.slave.num_nodes:
-            facets = self._tie.slave.facets
-            nodal[:, facets[:, 1:-1]] = nodal[:, facets[:, [0, -1]]].mean(axis=2, keepdims=True)
+            inner, corners, weights = self._tie.slave.between_corners
+            nodal[:, inner] = (nodal[:, corners] * weights).sum(axis=2)
+        conductance = np.where(tied > 0.0, np.inf, 0.0)
         total = float(self.operators.weight @ self.flux)
         return NodalFlux(jump, conductance, flux, np.zeros_like(flux), -total, total)
 
@@ -229,6 +228,20 @@ class TiedField:
         """Zeros at all entries of the constraint, in the rows of the slave's dofs (local)."""
         rows = self._tie.components.dofs.ravel()[self._block.columns]
         return Block(rows, self._block.rows, np.zeros_like(self._block.values))
+
+
+def evaluate_reference(slave: Any, master: Any, nodes: Flags, options: MortarOptions) -> Any:
+    """Operators at the reference positions with these multiplier nodes (collective).
+
+    There are no derivatives, and no normals of symmetry planes.
+    """
+    evaluate: Any = evaluate_mortar
+    no_planes = np.full((slave.num_nodes, 2), np.nan)
+    if slave.dim == 3:
+        evaluate, no_planes = evaluate_space, np.tile(np.eye(3), (slave.num_nodes, 1, 1))
+    return evaluate(
+        slave, master, slave.X, master.X, nodes, no_planes, options, Linearization(False, False)
+    )
 
 
 def rows_of(active: Flags, matrix: csr_array) -> csr_array:

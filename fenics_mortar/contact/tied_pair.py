@@ -49,8 +49,8 @@ class TiedPair:
             solves. With a macroscopic deformation gradient F it is (F - 1) translation.
         fields: Numbers of the sub-spaces of a mixed function whose scalar fields T are tied too,
             D T_s = D T_m in weak form, without ``jump``: continuous Lagrange elements of degree 1
-            or of that of the displacement. The flux of field i from slave to master is column 2 + i
-            of the multipliers, see ``PairView.fluxes``; those of both sides cancel to rounding. A
+            or of that of the displacement. The flux of field i from slave to master is column dim +
+            i of the multipliers, see ``PairView.fluxes``; those of both sides cancel to rounding. A
             pressure of incompressible bodies has no flux and is not to be tied.
         discretization: ``Discretization``, of which a tie uses basis, points and max_angle only, or
         "default".

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.utils.dimensions import refuse_in_space
 
 
@@ -43,11 +42,9 @@ def check_pairs_in_space(pairs: Sequence[Any]) -> None:
     for pair in pairs:
         if pair.data.mesh.geometry.dim != 3:
             continue
-        contact = isinstance(pair, ContactPair)
         integration = pair.discretization.integration
         for what, needed in (
             ("self_contact", pair.master is None),
-            ("fields", len(pair.fluxes if contact else pair.fields) > 0),
             ("integration", integration != "segments"),
             ("vertices", pair.discretization.basis == "vertices"),
         ):

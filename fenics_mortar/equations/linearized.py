@@ -67,13 +67,14 @@ class LinearVector:
         u: Values of the owned dofs in the order of dolfinx, shape (owned dofs,): displacements
             [length]; in rows forces [stress length], at prescribed dofs displacements [length].
             ``None``: zero.
-        z: x and y components at the slave nodes of each pair, in the order along the surface, shape
-            (slave nodes, 2) each, replicated: multipliers [stress]; in rows those of the contact
-            law [stress length]. Tied fields have further columns [flux]. ``None``: zero.
+        z: Components at the slave nodes of each pair, in the order of the surface, shape (slave
+            nodes, 2), in space (slave nodes, 3) each, replicated: multipliers [stress]; in rows
+            those of the contact law [stress length]. Tied fields have further columns [flux].
+            ``None``: zero.
         q: x, y and angle of the m obstacles and remote loads, in the order of
             ``problem.obstacles`` and of the argument ``remote``, shape (m, 3), replicated [length,
-            length, radian]; in rows of driven motions forces and moment [stress length, stress
-            length, stress length^2]. ``None``: zero.
+            length, radian], in space (m, 6) with spins as rotations; in rows of driven motions
+            forces and moments [stress length, stress length^2]. ``None``: zero.
     """
 
     u: Array | None = None

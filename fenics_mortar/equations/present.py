@@ -18,7 +18,6 @@ from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.mesh.data import MeshData, Names
 from fenics_mortar.rigid.remote import refuse_remote
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.dimensions import refuse_in_space
 from fenics_mortar.utils.ranks import on_any_rank
 from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
 from fenics_mortar.verify.matrices import OperatorMatrices
@@ -70,8 +69,6 @@ class PresentState:
     def estimate(self) -> ErrorEstimate:
         """See ``ContactProblem.estimate``."""
         e = self._equations
-        if e.bulk.space.dim == 3:
-            refuse_in_space("estimate")
         refuse_inertia(e.bulk, "estimate()")
         refuse_remote(e.bulk.spread, "the error estimate is not implemented")
         refuse_history(e.bulk, "estimate()")

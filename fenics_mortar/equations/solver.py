@@ -16,9 +16,10 @@ from fenics_mortar.contact.steps import begin_step, commit, instants_of
 from fenics_mortar.equations.diagnosis import describe_idle
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linear_bulk import LinearBulk
+from fenics_mortar.equations.rigid_guess import turn, turns_of_prescribed
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.loop import Damped, solve
-from fenics_mortar.newton.report import NewtonReport, merge_repeated
+from fenics_mortar.newton.report import NewtonReport, merge_repeated, then_solve
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.proximal import solve_with_springs, solve_with_weak_springs
 from fenics_mortar.utils.clock import clock
@@ -231,23 +232,38 @@ class Solver:
         return status.residual <= allowed and not e.bulk.inverted_cells()[0]
 
     def _solve_on_all_dofs(self) -> NewtonReport:
-        """Newton's method; if it fails and bodies float, the proximal point method."""
+        """Newton's method; if it fails, from bodies that turn, then the proximal point method."""
         e = self._equations
-        start = e.state()
+        start, may_turn = e.state(), not e.newton.tentative and e.bulk.inertia is None
+        turns = turns_of_prescribed(e) if may_turn else {}
         try:
-            return solve(Damped(e, e.newton) if e.newton.damped else e, e.newton)
+            return self._newton()
         except NotConvergedError as error:
-            loose = bool(e.floating.bodies) or bool(e.motions.driven_obstacles.any())
-            if e.newton.tentative or not loose:
+            if e.newton.tentative:
                 raise
             failed = error
-            if e.remedies.drifts():
-                try:
-                    return solve_with_weak_springs(e, e.newton, error, max_fraction=RIGID.slight)
-                except NotConvergedError as with_springs:
-                    failed = NotConvergedError(error.report.reason, with_springs.report)
+        if turns:
             e.restore(start)
-            return solve_with_springs(e, e.newton, failed)
+            turn(e, turns)
+            failed.report.notes.append(f"{failed}: bodies turn with their prescribed nodes first")
+            try:
+                return then_solve(failed.report, self._newton)
+            except NotConvergedError as error:
+                failed = error
+        if not (e.floating.bodies or e.motions.driven_obstacles.any()):
+            raise failed
+        if e.remedies.drifts():
+            try:
+                return solve_with_weak_springs(e, e.newton, failed, max_fraction=RIGID.slight)
+            except NotConvergedError as with_springs:
+                failed = NotConvergedError(failed.report.reason, with_springs.report)
+        e.restore(start)
+        return solve_with_springs(e, e.newton, failed)
+
+    def _newton(self) -> NewtonReport:
+        """Newton's method from the present state."""
+        e = self._equations
+        return solve(Damped(e, e.newton) if e.newton.damped else e, e.newton)
 
     def _accept_moved(self) -> None:
         """Count slip from the positions after rigid moves, except for nodes that slid.

@@ -45,6 +45,11 @@ class Curve(Surface):
         """Polynomial degree of the facets."""
         return self.facets.shape[1] - 1
 
+    @property
+    def corners(self) -> Indices:
+        """See ``Surface``."""
+        return self.facets[:, [0, -1]]
+
     @cached_property
     def inner(self) -> npt.NDArray[np.bool_]:
         """Whether a node lies inside a facet, shape (n,)."""
@@ -61,7 +66,7 @@ class Curve(Surface):
     def between_corners(self) -> tuple[Indices, Indices, Array]:
         """See ``Surface``: the ends of a facet have the same weight."""
         inner = self.facets[:, 1:-1].ravel()
-        ends = self.facets[:, [0, -1]][: inner.size]  # none if facets have two nodes
+        ends = self.corners[: inner.size]  # none if facets have two nodes
         return inner, ends, np.full((inner.size, 1), 0.5)
 
     @property

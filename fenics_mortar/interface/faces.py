@@ -52,6 +52,11 @@ class Faces(Surface):
         """See ``Surface``."""
         return DEGREES[self.facets.shape[1]]
 
+    @property
+    def corners(self) -> Indices:
+        """See ``Surface``: counter-clockwise."""
+        return self.facets[:, : CORNERS[self.facets.shape[1]]]
+
     @cached_property
     def inner(self) -> Flags:
         """Whether a node is no corner of a facet, shape (n,), bool."""
@@ -121,7 +126,7 @@ class Faces(Surface):
 
     def distortions(self, u: Array) -> Array:
         """See ``Surface``: the largest one of neighbouring corners."""
-        corners = u[self.facets[:, : CORNERS[self.facets.shape[1]]]]
+        corners = u[self.corners]
         change = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
         return np.asarray(change.max(axis=1, initial=0.0) / self.facet_sizes)
 

@@ -1,16 +1,28 @@
 # SPDX-License-Identifier: MIT
-"""Quadrature points of slave facets and their partners on the master, as material points."""
+"""Quadrature points of slave facets and their partners on the master, as material points.
+
+Segments in the plane have a Gauss rule each; points on pairs of facets in space, which are those of
+the cells of their common parts, are listed one by one, as segments with q = 1. The reference facet
+is the interval [-1, 1], in space that of ``kernels.space.shapes``.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from fenics_mortar.interface.curve_surface import Curve
+from fenics_mortar.interface.obstacle_facets import face_rule, tabulate
+from fenics_mortar.interface.on_obstacle import WholeFacets
 from fenics_mortar.interface.plane_mortar import PlaneOperators
 from fenics_mortar.interface.segments import Segments, gauss_rule
+from fenics_mortar.interface.space_mortar import FacetPairs
 from fenics_mortar.kernels.shapes import lagrange
+from fenics_mortar.kernels.space.integrals import tabulate_pairs
+from fenics_mortar.kernels.space.rules import LINEAR, QUADRATIC
+from fenics_mortar.kernels.space.shapes import reference_nodes
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 Rule = tuple[Array, Array]
@@ -29,9 +41,10 @@ class Points:
     Attributes:
         facet: Facet of each segment, shape (n,).
         slave: Nodes of these facets, shape (n, K).
-        s: Coordinates on the facets, -1 ... 1, shape (n, q).
+        s: Coordinates on the reference facets, shape (n, q), in space (n, q, 2).
         weights: Quadrature weights in s, shape (n, q) [1].
         shape: Shape functions at the points, shape (n, q, K).
+        slopes: Their derivatives by the coordinates, shape (n, q, dim - 1, K).
     """
 
     facet: Indices
@@ -39,13 +52,14 @@ class Points:
     s: Array
     weights: Array
     shape: Array
+    slopes: Array
 
     def of(self, nodal: Array) -> Array:
         """Interpolate nodal values (nodes, ...) of this side, (n, q, ...) [their unit]."""
         return np.einsum("nqk,nk...->nq...", self.shape, nodal[self.slave])
 
     def direction(self, nodal: Array) -> Array:
-        """Interpolate nodal vectors (nodes, 2) and normalize them: (n, q, 2) [1]."""
+        """Interpolate nodal vectors (nodes, dim) and normalize them: (n, q, dim) [1]."""
         v = self.of(nodal)
         return np.asarray(v / np.linalg.norm(v, axis=2, keepdims=True))
 
@@ -65,10 +79,12 @@ class Points:
         return sizes * np.linalg.solve(mass, moments[..., None])[..., 0], sizes
 
     def measure(self, x: Array) -> Array:
-        """Tributary lengths (n, q) [length] of the points for nodes at ``x`` (nodes, 2)."""
-        _, slope = lagrange(self.s, self.shape.shape[2] - 1)
-        along = np.einsum("nqk,nkc->nqc", slope, x[self.slave])
-        return self.weights * np.linalg.norm(along, axis=2)
+        """Tributary lengths or areas (n, q) [area] of the points, for nodes at ``x``."""
+        tangents = np.einsum("nqak,nkc->nqac", self.slopes, x[self.slave])
+        across = tangents[:, :, 0]
+        if tangents.shape[2] == 2:
+            across = np.cross(across, tangents[:, :, 1])
+        return np.asarray(self.weights * np.linalg.norm(across, axis=2))
 
 
 @dataclass(frozen=True)
@@ -76,10 +92,10 @@ class Facing(Points):
     """Quadrature points of the slave and their partners on the master (all methods are local).
 
     Attributes:
-        master: Master nodes of each segment, shape (n, K).
-        on_master: Shape functions of these at the partners, shape (n, q, K).
-        start: Initial vectors from the partners to the points, shape (n, q, 2) [length].
-        normals: Initial normals at the points, shape (n, q, 2).
+        master: Master nodes of each segment, shape (n, K').
+        on_master: Shape functions of these at the partners, shape (n, q, K').
+        start: Initial vectors from the partners to the points, shape (n, q, dim) [length].
+        normals: Initial normals at the points, shape (n, q, dim).
     """
 
     master: Indices
@@ -88,7 +104,7 @@ class Facing(Points):
     normals: Array
 
     def difference(self, v: Array, w: Array) -> Array:
-        """Values v (slave nodes, 2) minus w (master nodes, 2) at the points, (n, q, 2) [as v]."""
+        """Values v (slave nodes, dim) minus w (master nodes, dim), (n, q, dim) [as v]."""
         return self.of(v) - np.einsum("nqk,nkc->nqc", self.on_master, w[self.master])
 
 
@@ -96,13 +112,39 @@ def points_between(facet: Indices, nodes: Indices, ends: Array, rule: Rule = GAU
     """Quadrature points between ``ends`` (n, 2) on facets (n,) with ``nodes`` (n, K) (local)."""
     middle, half = ends.mean(axis=1)[:, None], np.diff(ends) / 2
     s = middle + half * rule[0]
-    return Points(facet, nodes, s, half * rule[1], lagrange(s, nodes.shape[1] - 1)[0])
+    shape, slopes = lagrange(s, nodes.shape[1] - 1)
+    return Points(facet, nodes, s, half * rule[1], shape, slopes[:, :, None])
 
 
-def points_of(segments: Segments, rule: Rule = GAUSS) -> Points:
-    """Quadrature points of the segments on the slave (local)."""
+def rule_of(segments: Segments | WholeFacets) -> Rule:
+    """Points and weights on each segment, in space on each whole facet [1] (local)."""
+    if isinstance(segments, WholeFacets):
+        size = segments.slave.shape[1]
+        return face_rule(size, LINEAR if size < 6 else QUADRATIC)
+    return GAUSS
+
+
+def points_of(segments: Segments | WholeFacets, rule: Rule = GAUSS) -> Points:
+    """Quadrature points of segments, or of whole facets in space with their own rule (local)."""
+    if isinstance(segments, WholeFacets):
+        count, size = segments.slave.shape
+        points, weights = rule_of(segments)
+        table = np.tile(tabulate(points, size), (count, 1, 1, 1))
+        coordinates, w = np.tile(points, (count, 1, 1)), np.tile(weights, (count, 1))
+        at = segments.facets, segments.slave, coordinates, w
+        return Points(*at, table[:, :, 0], table[:, :, 1:])
     facet = np.repeat(segments.facets, np.diff(segments.offsets))
     return points_between(facet, segments.slave, segments.ends, rule)
+
+
+def both_sides(o: Any, segments: Segments | FacetPairs) -> tuple[Facing, Points]:
+    """Points of the parts of slave and master that face each other at the state of ``o`` (local).
+
+    Those of the master are other ones in the plane.
+    """
+    if isinstance(segments, FacetPairs):
+        return both_faces(o, segments)
+    return face(o, segments), points_behind(o, segments)
 
 
 def points_behind(o: PlaneOperators, segments: Segments) -> Points:
@@ -121,8 +163,41 @@ def face(o: PlaneOperators, segments: Segments, rule: Rule = GAUSS) -> Facing:
     y = here.of(o.x) + gap[..., None] * here.direction(o.n)
     master = segments.master
     on_master, _ = lagrange(_coordinates_on(o.m[master], y), o.master.degree)
-    on_both = {"master": master, "on_master": on_master}
-    found = Facing(**vars(here), **on_both, start=0.0 * y, normals=here.direction(o.n))
+    return _facing(o, here, master, on_master)
+
+
+def both_faces(o: Any, pairs: FacetPairs) -> tuple[Facing, Points]:
+    """See ``both_sides``, for faces, with the rule of ``o`` (local).
+
+    Any other rule would integrate tractions on distorted quadrilaterals differently from D and M.
+    """
+    nodes, counts = o.slave.facets[pairs.facets], np.empty(pairs.num_segments, np.int64)
+    own, others = pairs.slave.shape[1], pairs.master.shape[1]
+    table: Any = np.empty((0, 2)), np.empty((0, 3, own)), np.empty((0, 3, others))
+    for _ in range(2):  # the number of points is not known before
+        tabulate_pairs((o.x, o.m), nodes, pairs.master, pairs.offsets, o.rule, counts, table)
+        total = int(counts.sum())
+        if len(table[0]) == total:
+            break
+        table = np.empty((total, 2)), np.empty((total, 3, own)), np.empty((total, 3, others))
+    (weights, *shapes), pair = table, np.repeat(np.arange(counts.size), counts)
+    facets = pairs.facets[pairs.owner[pair]], pairs.numbers[pair]
+    here, behind = (
+        Points(
+            facet, side[pair], (N[:, :1] @ reference_nodes(N.shape[2])), w[:, None], N[:, :1],
+            N[:, None, 1:],
+        )
+        for facet, side, N, w in zip(facets, (pairs.slave, pairs.master), shapes, weights.T)
+    )  # fmt: skip
+    return _facing(o, here, behind.slave, behind.shape), behind
+
+
+def _facing(o: Any, here: Points, master: Indices, on_master: Array) -> Facing:
+    """``here`` with partners on the master, at the state of ``o`` (local)."""
+    found = Facing(
+        **vars(here), master=master, on_master=on_master, start=0.0 * here.of(o.x),
+        normals=here.direction(o.n),
+    )  # fmt: skip
     return replace(found, start=found.difference(o.x, o.m))
 
 

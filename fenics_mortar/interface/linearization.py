@@ -22,6 +22,11 @@ class Block(NamedTuple):
     values: Array
 
 
+def scaled(block: Block, factors: Array) -> Block:
+    """A block with the rows of nodes, times ``factors`` (nodes,) of the nodes (local)."""
+    return block._replace(values=block.values * factors[block.rows][:, :, None])
+
+
 def without_values(rows: Indices, columns: Indices) -> Block:
     """No blocks, where there would be some with rows (b, r) and columns (b, c) (local)."""
     return Block(rows[:0], columns[:0], np.empty((0, rows.shape[1], columns.shape[1])))

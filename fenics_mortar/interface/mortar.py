@@ -202,6 +202,18 @@ class MortarOperators(ABC):
         which is small in contact.
         """
 
+    @abstractmethod
+    def matrix_derivative(self, on_slave: Array, on_master: Array) -> list[Block]:
+        """Blocks of d(D v - M w)/dd at constant nodal values of a scalar field (local).
+
+        Rows are slave nodes, columns displacement dofs [unit of the field]; frozen operators have
+        none.
+
+        Args:
+            on_slave: v, shape (slave nodes,) [any unit].
+            on_master: w, shape (master nodes,) [that of v].
+        """
+
     def after_small_motion(self, x: Array, m: Array) -> Self:
         """Frozen operators after small motions of the nodes to ``x`` and ``m`` (collective).
 

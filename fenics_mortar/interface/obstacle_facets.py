@@ -145,14 +145,14 @@ def gaps_along(
     Returns:
         Shape (m, f, K) [length^2].
     """
-    (count, size, _), number = x.shape, len(distances)
+    (count, size, dim), number, points = x.shape, len(distances), len(rule[1])
     T = tabulate(rule[0], size)
-    values = np.zeros((count, rule[0].size, 2))
+    values = np.zeros((count, points, 2))
     values[..., 0] = rule[1] * measures(x, T)[0]
     if thickness is not None:
         values[..., 0] *= thickness[0] @ T[:, 0].T
-    rows = np.zeros((count, rule[0].size, 4, number))
-    rows[:, :, 3] = np.moveaxis(distances, 0, 2)
+    rows = np.zeros((count, points, 2 * dim, number))
+    rows[:, :, -1] = np.moveaxis(distances, 0, 2)
     D, g, d = np.zeros((count, size, size)), *np.zeros((2, count, size))
     dD, dg = np.empty((count, size**2, number)), np.empty((count, size, number))
     facets.integrate_whole_facets((values, rows, T), weights, options.kinds, (D, g, d), (dD, dg))
@@ -187,18 +187,23 @@ def whole_rule(options: MortarOptions, degree: int, size: int) -> tuple[Array, A
     """Points and weights of whole facets of ``size`` nodes; see ``integrate_facets`` (local)."""
     if size == degree + 1:  # in the plane
         return facet_rule(options.integration, size, options.points)
-    return _face_rule(size, options.points)
+    return face_rule(size, options.points)
+
+
+def gauss_points(corners: int) -> tuple[Array, Array]:
+    """Points (q,), in space (q, 2), and weights (q,) of a facet, exact to degree 5 [1] (local)."""
+    return np.polynomial.legendre.leggauss(3) if corners == 2 else face_rule(corners, LINEAR)
 
 
 def sample_points(size: int) -> Array:
     """Nodes of a reference facet in space, and points of a rule, shape (q, 2) [1] (local)."""
-    rule = _face_rule(size, LINEAR if size < 6 else QUADRATIC)
+    rule = face_rule(size, LINEAR if size < 6 else QUADRATIC)
     return np.concatenate([reference_nodes(size), rule[0]])
 
 
 @cache
-def _face_rule(size: int, points: int) -> tuple[Array, Array]:
-    """Points (q, 2) and weights (q,) of a reference facet in space with ``size`` nodes.
+def face_rule(size: int, points: int) -> tuple[Array, Array]:
+    """Points (q, 2) and weights (q,) of a facet in space with ``size`` nodes [1] (local).
 
     Args:
         size: Number of nodes.

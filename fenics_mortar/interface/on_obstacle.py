@@ -271,7 +271,7 @@ def evaluate_obstacle(
         facets = share_of(np.flatnonzero(multiplier_nodes[slave.facets].any(axis=1)), slave.comm)
         facets = facets[facing_facets(obstacle, x[slave.facets[facets]], rule[0], options)]
         nodes = slave.facets[facets]
-        weights = _hand_over(multiplier_nodes[nodes], dim, options)
+        weights = facet_hand_over(multiplier_nodes[nodes], dim, options)
         thickness = facet_thickness(slave, x, nodes)
         of_facets = integrate_facets(obstacle, arm, x[nodes], weights, rule, options, thickness)
         return normals, facets, of_facets
@@ -306,8 +306,11 @@ def evaluate_obstacle(
     )  # fmt: skip
 
 
-def _hand_over(carries: Flags, dim: int, options: MortarOptions) -> Array:
-    """H of facets in the plane or in space, by whether nodes carry multipliers, (f, K, K)."""
+def facet_hand_over(carries: Flags, dim: int, options: MortarOptions) -> Array:
+    """Hand-over H of facets in the plane or in space, (f, K, K) [1] (local).
+
+    ``carries`` (f, K) tells which nodes carry multipliers.
+    """
     if dim == 2:
         return integrals.hand_over(carries)
     return space_mortar.hand_over(carries, at_corners=options.basis in AT_VERTICES)

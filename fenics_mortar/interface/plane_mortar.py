@@ -119,6 +119,19 @@ class PlaneOperators(MortarOperators):
             Block(s.slave[i], self.columns[k], -by_M),
         ]
 
+    def matrix_derivative(self, on_slave: Array, on_master: Array) -> list[Block]:
+        """See ``MortarOperators``."""
+        s = self.segments
+        if self.linearization.frozen:
+            return []
+        by_D = np.einsum("sjkq,sk->sjq", self.dD, on_slave[s.slave])
+        blocks = [Block(s.slave, self.columns, by_D)]
+        if len(self.m):
+            i, k = s.pairs[:, 0], s.pairs[:, 1]
+            by_M = np.einsum("pjlq,pl->pjq", self.dM, on_master[s.master[i]])
+            blocks.append(Block(s.slave[i], self.columns[k], -by_M))
+        return blocks
+
     def freeze(self) -> Self:
         """Copy with constant D, M and n, for small motions; see ``after_small_motion``."""
         at_rest = {name: np.zeros_like(getattr(self, name)) for name in ("dn", "dD", "dM", "dgap")}

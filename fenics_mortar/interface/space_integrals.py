@@ -128,7 +128,7 @@ def find_pairs(
     merged, places = merge(owner, on_master, share.size)
     return FacetPairs(
         facets=share, offsets=offsets, slave=slave.facets[share][owner], master=on_master,
-        owner=owner, merged=merged, places=places,
+        numbers=masters, owner=owner, merged=merged, places=places,
     )  # fmt: skip
 
 

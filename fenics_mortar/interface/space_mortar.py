@@ -50,6 +50,7 @@ class FacetPairs:
         offsets: Pairs of facet i are offsets[i]:offsets[i + 1], shape (f + 1,).
         slave: Slave nodes of each pair, shape (p, K).
         master: Master nodes of each pair, shape (p, K').
+        numbers: Their facets, shape (p,).
         owner: Position in ``facets`` of the slave facet of each pair, shape (p,).
         merged: Master nodes of all pairs of a facet, -1 for none, shape (f, L).
         places: Positions in ``merged`` of the master nodes of each pair, shape (p, K').
@@ -59,6 +60,7 @@ class FacetPairs:
     offsets: Indices
     slave: Indices
     master: Indices
+    numbers: Indices
     owner: Indices
     merged: Indices
     places: Indices
@@ -139,19 +141,38 @@ class SpaceOperators(MortarOperators):
         found = self._found
         if self.linearization.frozen or ("z" in found and np.array_equal(found["z"], z)):
             return
-        moments, at_nodes = self.moments, self._handed_over(z)
-        gamma = np.einsum("fjk,fk->fj", moments.inverse, moments.G) * self.gap_by_dual
+        gamma = np.einsum("fjk,fk->fj", self.moments.inverse, self.moments.G) * self.gap_by_dual
         of_gap = self.A if self.gap_by_dual else np.tile(np.eye(gamma.shape[1]), (len(gamma), 1, 1))
-        c, fixed = at_nodes, np.zeros_like(at_nodes)
-        if self.is_dual:
-            c, fixed = moments.inverse @ (moments.De[:, :, None] * at_nodes), at_nodes
+        fixed, c = self._tractions(z)
         (count, size), width = gamma.shape, self.columns.shape[1]
         out = (
             np.empty((count, size, width)), np.empty((count, size, width + 3 * size)),
             np.empty((count, 3 * size, width)), np.empty((count, width - 3 * size, width)), None,
         )  # fmt: skip
-        self._fill((of_gap, gamma, fixed, c, None, None), out)
+        self._fill((of_gap, gamma, fixed, c, None, None, None), out)
         found.update(weight=out[0], gap=out[1], X=out[2], Y=out[3], z=z.copy())
+
+    def _tractions(self, z: Array) -> tuple[Array, Array]:
+        """Coefficients s, c of the forces of ``z``, see ``linearize``, (f, K, a) each (local)."""
+        moments, at_nodes = self.moments, self._handed_over(z)
+        if not self.is_dual:
+            return np.zeros_like(at_nodes), at_nodes
+        return at_nodes, moments.inverse @ (moments.De[:, :, None] * at_nodes)
+
+    def _of_forces(self, z: Array) -> tuple[Array, Array]:
+        """Derivatives X and Y of the forces of ``z``, see ``linearize`` (local).
+
+        Those of three components are kept with the derivatives of weights and gaps.
+        """
+        if z.shape[1] == 3:
+            self.linearize_at(z)
+            return self._found["X"], self._found["Y"]
+        fixed, c = self._tractions(z)
+        (count, size, parts), width = c.shape, self.columns.shape[1]
+        others = self.segments.merged.shape[1]
+        X, Y = np.empty((count, parts * size, width)), np.empty((count, parts * others, width))
+        self._fill((None, None, fixed, c, None, None, None), (None, None, X, Y, None))
+        return X, Y
 
     def _fill(self, coefficients: tuple[Array | None, ...], out: tuple[Array | None, ...]) -> None:
         """Call ``linearize_facets`` for the facets of this share (local)."""
@@ -201,42 +222,42 @@ class SpaceOperators(MortarOperators):
         at_nodes = self.offset[self.facet_nodes]
         if self.is_dual:
             return by_weight * at_nodes[:, :, None]
-        c = np.zeros((*at_nodes.shape, 3))
-        c[..., 0] = at_nodes
-        change = np.empty((*c.shape[:1], 3 * c.shape[1], self.columns.shape[1]))
-        self._fill((None, None, np.zeros_like(c), c, None, None), (None, None, change, None, None))
-        return -change[:, ::3]
+        c = at_nodes[:, :, None]
+        change = np.empty((*at_nodes.shape, self.columns.shape[1]))
+        fixed = np.zeros_like(c)
+        self._fill((None, None, fixed, c, None, None, None), (None, None, change, None, None))
+        return -change
 
     def slave_force_derivative(self, z: Array, dofs: Indices | None = None) -> Block:
-        """See ``MortarOperators``; in space c is 3."""
-        nodes, found = self.facet_nodes, self._found
+        """See ``MortarOperators``."""
+        nodes, parts = self.facet_nodes, z.shape[1]
         rows = (self.slave.dofs if dofs is None else dofs)[nodes]
-        shape, width = (len(nodes), 3 * nodes.shape[1]), self.columns.shape[1]
+        shape, width = (len(nodes), parts * nodes.shape[1]), self.columns.shape[1]
         if self.linearization.frozen:
             return without_values(rows.reshape(shape), self.columns)
-        self.linearize_at(z)
+        if parts == 3:
+            self.linearize_at(z)
         if self.is_dual:
-            values = self._handed_over(z)[..., None] * found["weight"][:, :, None]
+            values = self._handed_over(z)[..., None] * self._weights_and_gaps[0][:, :, None]
         else:
-            values = -found["X"]
+            values = -self._of_forces(z)[0]
         return Block(rows.reshape(shape), self.columns, values.reshape(*shape, width))
 
     def master_force_derivative(self, z: Array, dofs: Indices | None = None) -> Block:
-        """See ``MortarOperators``; in space c is 3."""
+        """See ``MortarOperators``."""
         s, moments, (count, size) = self.segments, self.moments, self.facet_nodes.shape
         of_nodes = self.master.dofs if dofs is None else dofs
         rows = np.where(s.merged[..., None] >= 0, of_nodes[s.merged], -1)
-        rows = rows.reshape(count, 3 * s.merged.shape[1])
+        rows = rows.reshape(count, z.shape[1] * s.merged.shape[1])
         if self.linearization.frozen:
             return without_values(rows, self.columns)
-        self.linearize_at(z)
-        values = self._found["Y"]
+        X, values = self._of_forces(z)
         if self.is_dual:
             of_c = np.zeros((count, size, s.merged.shape[1]))
             at = s.owner[:, None, None], np.arange(size)[:, None], s.places[:, None]
             np.add.at(of_c, at, moments.inverse[s.owner] @ moments.B)
-            X = self._found["X"].reshape(count, size, 3 * self.columns.shape[1])
-            by_c = np.swapaxes(of_c, 1, 2) @ X
+            by_tractions = X.reshape(count, size, z.shape[1] * self.columns.shape[1])
+            by_c = np.swapaxes(of_c, 1, 2) @ by_tractions
             values = values - by_c.reshape(values.shape)
         return Block(rows, self.columns, values)
 
@@ -249,23 +270,74 @@ class SpaceOperators(MortarOperators):
         if self.linearization.frozen:
             return []
         nodes = self.facet_nodes
-        values = np.einsum("fjk,fjb,fkbq->fjq", self.H, along[nodes], self._by_matrices)
+        values = np.einsum("fjk,fjb,fkbq->fjq", self.H, along[nodes], self._of_vectors)
         return [*self.jump_derivative(along), Block(nodes, self.columns, values)]
 
     @cached_property
-    def _by_matrices(self) -> Array:
-        """Derivative of D x - M m at constant x, m before the hand-over, (f, K, 3, C) (local)."""
-        s, moments = self.segments, self.moments
-        x = v = self.x[self.facet_nodes]
-        q = np.zeros_like(x)
+    def _of_vectors(self) -> Array:
+        """Derivative of D x - M m by D and M before the hand-over, (f, K, 3, C) (local)."""
+        return self._by_matrices(self.x[self.facet_nodes], self.m[self.segments.master])
+
+    def _by_matrices(self, v: Array, w: Array) -> Array:
+        """Derivative of D v - M w at constant v, w before the hand-over, (f, K, b, C) (local).
+
+        Args:
+            v: Constant values at the nodes of the facets, shape (f, K, b).
+            w: Those at the master nodes of the pairs, shape (p, K', b).
+        """
+        s, moments, seen, q = self.segments, self.moments, v, np.zeros_like(v)
         if self.is_dual:
-            seen = np.zeros_like(x)
-            np.add.at(seen, s.owner, moments.B @ self.m[s.master])
-            v = moments.inverse @ seen
-            q = x - v
-        change = np.empty((*x.shape, self.columns.shape[1]))
-        self._fill((self.A, None, None, None, q, v), (None, None, None, None, change))
+            seen = np.zeros_like(v)
+            np.add.at(seen, s.owner, moments.B @ w)
+            seen = moments.inverse @ seen
+            q = v - seen
+        change = np.empty((*v.shape, self.columns.shape[1]))
+        self._fill((self.A, None, None, None, q, seen, w), (None, None, None, None, change))
         return change
+
+    def matrix_derivative(self, on_slave: Array, on_master: Array) -> list[Block]:
+        """See ``MortarOperators``."""
+        if self.linearization.frozen:
+            return []
+        values = on_slave[self.facet_nodes], on_master[self.segments.master]
+        change = self._by_matrices(*(v[..., None] for v in values))[:, :, 0]
+        return [Block(self.facet_nodes, self.columns, self.H @ change)]
+
+    def matrices_derivative(self, by_D: Array, by_M: Array) -> Array:
+        """Derivative of a numbers at each node of the facets that are linear in its D and M.
+
+        Local. The matrices of a facet are differentiated three columns at a time.
+
+        Args:
+            by_D: Derivatives of the numbers by D[j, k], shape (f, K, a, K).
+            by_M: Those by M[j, l], with the nodes ``segments.merged`` as l, shape (f, K, a, L).
+
+        Returns:
+            Shape (f, K, a, C) [unit of the numbers / length].
+        """
+        s, (count, size), width = self.segments, self.facet_nodes.shape, self.columns.shape[1]
+        total = np.zeros((*by_D.shape[:3], width))
+        if self.linearization.frozen or not count:
+            return total
+        none_v, none_w = np.zeros((count, size, 3)), np.zeros((*s.master.shape, 3))
+        if self.is_dual:
+            diagonal = by_D * self.H[:, :, None]
+            total += np.einsum("fjak,fkq->fjaq", diagonal, self._weights_and_gaps[0])
+        for first in range(0, 0 if self.is_dual else size, 3):
+            v, used = none_v.copy(), np.arange(first, min(first + 3, size))
+            v[:, used, used - first] = 1.0
+            total += self._chained(by_D[..., used], self._by_matrices(v, none_w))
+        for first in range(0, by_M.shape[3], 3):
+            chosen = s.places[:, :, None] == first + np.arange(3)
+            change = self._by_matrices(none_v, chosen.astype(float))
+            total -= self._chained(by_M[..., first : first + 3], change)
+        return total
+
+    def _chained(self, by: Array, change: Array) -> Array:
+        """Chain rule with columns of D or M: shapes (f, K, a, b), (f, K, 3, C), (f, K, a, C)."""
+        return np.einsum(
+            "fjab,fji,fibq->fjaq", by, self.H, change[:, :, : by.shape[3]], optimize=True
+        )
 
     def smallest_gaps(self, offset: Array) -> tuple[Array, Array]:
         """Smallest gap of each pair at corners and points of its cells, and its place (local).

@@ -98,6 +98,11 @@ class Surface:
         raise NotImplementedError
 
     @property
+    def corners(self) -> Indices:
+        """Nodes at the corners of each facet, in the plane its ends, shape (m, c)."""
+        raise NotImplementedError
+
+    @property
     def between_corners(self) -> tuple[Indices, Indices, Array]:
         """Nodes that are no corners, (k,), the corners beside each, (k, c), and weights [1]."""
         raise NotImplementedError

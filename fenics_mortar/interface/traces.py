@@ -3,8 +3,8 @@
 
 The values at the surface's nodes are E times the dofs. A field of the displacement's degree has one
 dof at each node, with weight 1. A field of degree 1 beside a displacement of degree 2 has none at
-nodes inside facets; its value there is the mean of the facet's ends. E is then part of D and M of
-the field: jumps are D E T, and the loads of fluxes q are E^T D^T q.
+nodes inside edges and facets; its value there is the mean of their corners. E is then part of D and
+M of the field: jumps are D E T, and the loads of fluxes q are E^T D^T q.
 """
 
 from __future__ import annotations
@@ -103,8 +103,8 @@ def trace_of(space: DisplacementSpace, field: Any, surface: Surface) -> Trace:
     of_field = field.function_space if alone else _sub_space(space, field)
     _check(space, of_field, field)
     index_map = space.V.dofmap.index_map
-    count = index_map.size_local + index_map.num_ghosts
-    dofs, weights = np.full((count, 2), -1), np.zeros((count, 2))
+    shape = index_map.size_local + index_map.num_ghosts, 2 ** (surface.dim - 1)
+    dofs, weights = np.full(shape, -1), np.zeros(shape)
     for node, parts in _pairs(space.V, of_field):
         for part, (dof, weight) in enumerate(parts):
             dofs[node, part], weights[node, part] = dof, weight
@@ -117,7 +117,7 @@ def trace_of(space: DisplacementSpace, field: Any, surface: Surface) -> Trace:
     numbers = np.where(local_dofs >= 0, np.reshape(named, local_dofs.shape), -1)
     everywhere = replicate(numbers.astype(np.int64), surface.owners, comm)
     weights = replicate(weights, surface.owners, comm)
-    used = slice(0, 2 if comm.allreduce(bool((everywhere[:, 1] >= 0).any())) else 1)
+    used = slice(0, int((everywhere >= 0).sum(axis=1).max(initial=1)))
     everywhere, weights = everywhere[:, used].copy(), weights[:, used].copy()
     is_mine = (everywhere >= first) & (everywhere < first + num_owned)
     return Trace(surface, everywhere, weights, local_dofs[:, used].copy(), is_mine, first)
@@ -155,7 +155,8 @@ def _check(space: DisplacementSpace, V: Any, field: Any) -> None:
     if V.mesh is not space.V.mesh:
         raise ValueError(f"field={field!r}: expected a function on the mesh of the problem")
     (at_vertex, on_facet), (_, of_u) = _numbers_of_dofs(V), _numbers_of_dofs(space.V)
-    if ufl.TestFunction(V).ufl_shape or at_vertex != 1 or on_facet not in (2, of_u):
+    corners = len(_entities(V.mesh)[-2][0])
+    if ufl.TestFunction(V).ufl_shape or at_vertex != 1 or on_facet not in (corners, of_u):
         raise ValueError(
             f"field={field!r}: expected a continuous scalar field of Lagrange elements, of degree "
             "1 or of that of the displacement"
@@ -165,21 +166,26 @@ def _check(space: DisplacementSpace, V: Any, field: Any) -> None:
 def _numbers_of_dofs(V: Any) -> tuple[int, int]:
     """Numbers of dofs at a vertex, and on a facet with its ends, without components."""
     layout = V.dofmap.dof_layout
-    return len(layout.entity_dofs(0, 0)), len(layout.entity_closure_dofs(1, 0))
+    on_facet = layout.entity_closure_dofs(V.mesh.topology.dim - 1, 0)
+    return len(layout.entity_dofs(0, 0)), len(on_facet)
+
+
+def _entities(mesh: Any) -> Any:
+    """Vertices of the entities of a cell, by dimension and number."""
+    return basix.topology(getattr(basix.CellType, compat.cell_name(mesh)))
 
 
 def _pairs(V: Any, T: Any) -> Iterator[tuple[Any, list[tuple[Any, float]]]]:
-    """Nodes of ``V`` on vertices and edges, and the dofs of the field with their weights there."""
-    mesh = V.mesh
-    topology = basix.topology(getattr(basix.CellType, compat.cell_name(mesh)))
+    """Nodes of ``V`` on facets, and the dofs of the field with their weights there."""
     nodes, of_field = compat.dofmap(V), compat.dofmap(T)
     layouts = V.dofmap.dof_layout, T.dofmap.dof_layout
-    for dim in range(2):
-        for entity, vertices in enumerate(topology[dim]):
+    for dim, entities in enumerate(_entities(V.mesh)[:-1]):
+        for entity, vertices in enumerate(entities):
             for node in layouts[0].entity_dofs(dim, entity):
                 own = layouts[1].entity_dofs(dim, entity)
                 if len(own):
                     yield nodes[:, node], [(of_field[:, own[0]], 1.0)]
                     continue
-                ends = [layouts[1].entity_dofs(0, vertex)[0] for vertex in vertices]
-                yield nodes[:, node], [(of_field[:, end], 0.5) for end in ends]
+                corners = [layouts[1].entity_dofs(0, vertex)[0] for vertex in vertices]
+                share = 1.0 / len(corners)
+                yield nodes[:, node], [(of_field[:, corner], share) for corner in corners]

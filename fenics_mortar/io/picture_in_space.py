@@ -131,7 +131,8 @@ def _finish_axes(axes: Any, units: tuple[str, str] | None) -> None:
     axes.locator_params(nbins=4)
     if axes.get_legend_handles_labels()[1]:
         style = {"labelcolor": "linecolor", "frameon": False, "handletextpad": 0.0}
-        axes.legend(**style, loc="upper left", bbox_to_anchor=(0.0, 0.04), fontsize=9)
+        # below the labels of the axes, which reach lowest for tall bodies
+        axes.legend(**style, loc="upper left", bbox_to_anchor=(0.0, -0.11), fontsize=9)
 
 
 def _normals(facets: Facets) -> Array:

@@ -6,6 +6,7 @@ Patterns are products of incidence matrices, so that each pair of nodes occurs o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -90,6 +91,26 @@ class FaceCoupling(Coupling):
         """See ``Coupling``."""
         i, j = (self._loaded.T @ _incidence(self._slave)[self._mine]).nonzero()
         return self._dofs[i], j.astype(np.int64)
+
+    def _borne(self, dofs: Sequence[Indices]) -> tuple[Indices, Indices]:
+        """See ``Coupling``."""
+        return self._meeting(self._loaded, dofs)
+
+    def _reached(self, dofs: Sequence[Indices]) -> tuple[Indices, Indices]:
+        """See ``Coupling``."""
+        return self._meeting(self._nodes, dofs)
+
+    def _meeting(self, of_facets: csr_array, dofs: Sequence[Indices]) -> tuple[Indices, Indices]:
+        """Slave nodes, and ``dofs`` of the nodes ``of_facets`` at each of them, (p,) each."""
+        j, k = (_incidence(self._slave)[self._mine].T @ of_facets).nonzero()
+        starts, found = (0, self._slave.num_nodes), []
+        for start, of_nodes in zip(starts, dofs, strict=False):
+            here = (k >= start) & (k < start + len(of_nodes))
+            numbers = of_nodes[k[here] - start]
+            pairs = np.stack([np.repeat(j[here], numbers.shape[1]), numbers.ravel()])
+            found.append(np.unique(pairs[:, pairs[1] >= 0], axis=1))
+        carriers, numbers = np.concatenate(found, axis=1).astype(np.int64)
+        return carriers, numbers
 
 
 def _incidence(surface: Faces) -> csr_array:

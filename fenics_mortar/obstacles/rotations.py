@@ -44,7 +44,12 @@ def turned(r: Array) -> Array:
 
 
 def moments_of(x: Array, p: Array) -> Array:
-    """Moments about the origin of ``p`` (n, dim) at ``x`` (n, dim), shape (axes, n) (local)."""
+    """Moments x cross ``p`` about the origin, (axes, n) [length times the unit of p] (local).
+
+    Args:
+        x: Positions, shape (n, dim) [length].
+        p: Forces or momenta there, shape (n, dim) [any unit].
+    """
     return np.einsum("ina,na->in", turned(x), p)
 
 

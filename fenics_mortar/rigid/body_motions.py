@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from mpi4py import MPI
 
@@ -46,6 +47,7 @@ class BodyMotions:
         labels: Body of each local node, including ghosts, (local nodes,); bodies that are tied,
             also by sections under pretension, or have a rigid boundary in common are one.
         parts, num_parts: As ``labels`` without joining, and their number.
+        leaders: Motions of rigid boundaries by the parts that these lead.
         num_bodies: Number of bodies.
         bodies: The floating bodies, after ``find`` and ``restrict``.
         aside: Labels of idle bodies that are set aside at present, see ``idle``.
@@ -67,6 +69,11 @@ class BodyMotions:
         self._sections = self._separating(ties, links)
         self._periodic = [tie for tie in ties if tie.pair.translation.any()]
         self.held.set_bodies(self.labels)
+        self.leaders = self.held.leaders(self._body_of)
+        if self.leaders:
+            for contact in self.contacts:
+                sides = self.parts_of(contact.slave), self.parts_of(contact.master)
+                contact.lead_by(partial(self._turns, *sides))
         self.bodies: list[FloatingBody] = []
         self._candidates: list[FloatingBody] = []
         self.aside: set[int] = set()
@@ -116,6 +123,13 @@ class BodyMotions:
         self.bodies = [body for body in restricted if len(body.motions)]
 
     # Nodes
+
+    def _turns(self, *sides: Indices) -> tuple[Array, ...]:
+        """Angles of the leaders of nodes, nan without one, (nodes,) each [radian] (local)."""
+        angles = np.full(self.num_parts, np.nan)
+        for part, leader in self.leaders.items():
+            angles[part] = leader.place[2]
+        return tuple(angles[parts] for parts in sides)
 
     def labels_of(self, surface: Surface) -> Indices:
         """Numbers of the bodies of a surface's nodes, (nodes,) (collective the first time)."""

@@ -15,6 +15,7 @@ import numpy as np
 from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.obstacles.places import place_after
+from fenics_mortar.obstacles.rigid_motion import RigidMotion
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
@@ -47,6 +48,16 @@ class HeldBodies:
         """Set the bodies of all boundaries from labels of the local nodes (collective)."""
         for number, load in self._boundaries:
             self._at.setdefault(int(load.labels(labels)[0]), []).append((number, load))
+
+    def leaders(self, labels: Indices) -> dict[int, RigidMotion]:
+        """Motions of rigid boundaries by the number of a part that they lead (local).
+
+        Args:
+            labels: Body of each part, shape (parts,).
+        """
+        first = {label: loads[0][1].motion for label, loads in self._at.items()}
+        bodies = enumerate(labels.tolist())
+        return {part: first[label] for part, label in bodies if label in first}
 
     def restricted(self, body: FloatingBody) -> FloatingBody:
         """A body with the motions that its remote loads do not prescribe (local)."""

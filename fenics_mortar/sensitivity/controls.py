@@ -8,14 +8,16 @@ directly, places and loads of obstacles on the rows of the motions.
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.obstacles.rotations import inverse_jacobians
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.history import Before
+from fenics_mortar.sensitivity.history import Before, earlier_of_pair
 from fenics_mortar.sensitivity.pair_operators import OfPair, contact_of
-from fenics_mortar.sensitivity.partials.fields import fields_by_shape, gap_by_offset
+from fenics_mortar.sensitivity.partials.fields import gap_by_offset
 from fenics_mortar.sensitivity.partials.law import (
     PairMemory,
     by_parameter,
@@ -24,9 +26,11 @@ from fenics_mortar.sensitivity.partials.law import (
     parameter,
 )
 from fenics_mortar.sensitivity.partials.maps import Changes, Matrix
+from fenics_mortar.sensitivity.partials.obstacle_shapes import fields_by_shape
 from fenics_mortar.sensitivity.protocols import Control, OnePairControl, PairControl
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_lengths, check_number
 from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.errors import MortarError
 
 
 class LawParameter(OnePairControl):
@@ -57,11 +61,13 @@ class LawParameter(OnePairControl):
         setattr(law, self.parameter, new if new.ndim else new.item())
         law.check()
 
-    def rows(self, problem: ContactProblem, i: int) -> Matrix:
+    def rows(self, problem: ContactProblem, i: int, before: Before = None) -> Matrix:
         """See ``PairControl``."""
         return by_parameter(contact_of(problem.equations, i), self.parameter, change_of_rows)
 
-    def memory(self, problem: ContactProblem, i: int, memory: PairMemory) -> Matrix:
+    def memory(
+        self, problem: ContactProblem, i: int, memory: PairMemory, before: Before = None
+    ) -> Matrix:
         """See ``PairControl``."""
         return by_parameter(contact_of(problem.equations, i), self.parameter, change_of_memory)
 
@@ -86,7 +92,7 @@ class Offset(OnePairControl):
         contact = contact_of(problem.equations, self.pair)
         contact.change(offset=check_lengths("offset", values, contact.slave.num_nodes))
 
-    def fields(self, problem: ContactProblem, i: int) -> Changes:
+    def fields(self, problem: ContactProblem, i: int, before: Before = None) -> Changes:
         """See ``PairControl``."""
         return {"gap": gap_by_offset(contact_of(problem.equations, i).operators)}
 
@@ -113,7 +119,7 @@ class Interference(Offset):
         shift = np.asarray(values, float).item() - self.get(problem)
         super().set(problem, super().get(problem) + shift)
 
-    def fields(self, problem: ContactProblem, i: int) -> Changes:
+    def fields(self, problem: ContactProblem, i: int, before: Before = None) -> Changes:
         """See ``PairControl``."""
         change = super().fields(problem, i)["gap"]
         return {"gap": Matrix.dense((change @ np.ones(change.shape[1]))[:, None])}
@@ -201,7 +207,7 @@ class _OfMotions(_OfObstacle):
         return problem.obstacles.index(self.obstacle)
 
     def _mine(self) -> Flags:
-        """Motions whose rows depend on the values, shape (3,), bool."""
+        """Motions whose rows depend on the values, shape (m,), bool."""
         return np.isfinite(self.obstacle.load) == self.drives
 
     def pairs(self, problem: ContactProblem) -> list[int]:
@@ -211,20 +217,25 @@ class _OfMotions(_OfObstacle):
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""
         q = np.zeros(problem.equations.motions.scales.shape)
-        q[self._number(problem)] = np.where(self._mine(), -np.asarray(dm), 0.0)
+        q[self._number(problem)] = -self._motions() @ np.where(self._mine(), dm, 0.0)
         return LinearVector(q=q)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
         """See ``Control``; ``before`` is not used."""
         if y.q is None:
-            return np.zeros(3)
-        return np.where(self._mine(), -y.q[self._number(problem)], 0.0)
+            return np.zeros(self._mine().shape)
+        return np.where(self._mine(), -y.q[self._number(problem)] @ self._motions(), 0.0)
+
+    def _motions(self) -> Array:
+        """Derivative of the motions by the values, shape (m, m) [1] (local)."""
+        return np.eye(self._mine().size)
 
 
 class ObstaclePlace(_OfMotions):
     """Prescribed place (x, y, angle) of an obstacle in this step [length, length, radian].
 
-    Values of driven motions have no effect. The constructor is local.
+    In space with a rotation vector. Values of driven motions have no effect. The constructor is
+    local.
 
     Args:
         obstacle: The obstacle.
@@ -236,16 +247,33 @@ class ObstaclePlace(_OfMotions):
         super().__init__(obstacle, "place")
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``: shape (3,)."""
+        """See ``Control``: shape (m,)."""
         return self.obstacle.place.copy()
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """See ``Control``; driven motions are unchanged."""
         self.obstacle.place = np.where(self._mine(), values, self.obstacle.place)
 
+    def _motions(self) -> Array:
+        """See ``_OfMotions``: a motion in space is a spin, a place has the rotation vector.
+
+        Raises:
+            MortarError: On all ranks, if a moment turns an obstacle that is turned by prescribed
+                values, too.
+        """
+        turn, given = self.obstacle.place[None, 3:], self._mine()[3:]
+        if not turn.size:
+            return super()._motions()
+        if turn[0, given].any() and not given.all():
+            raise MortarError(
+                f"{self.name}: rotations about some axes are prescribed, about others driven by "
+                "moments: expected all of one kind, or no prescribed turn"
+            )
+        return block_diag(np.eye(3), np.linalg.inv(inverse_jacobians(turn)[0]))
+
 
 class ObstacleLoad(_OfMotions):
-    """Forces and moment that drive an obstacle [stress length, stress length, stress length^2].
+    """Forces and moments that drive an obstacle [stress length, stress length^2].
 
     Values of prescribed motions have no effect. The constructor is local.
 
@@ -259,7 +287,7 @@ class ObstacleLoad(_OfMotions):
         super().__init__(obstacle, "load")
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``: shape (3,), 0 for prescribed motions."""
+        """See ``Control``: shape (m,), 0 for prescribed motions."""
         return np.nan_to_num(self.obstacle.load)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
@@ -269,6 +297,9 @@ class ObstacleLoad(_OfMotions):
 
 class ObstacleShape(_OfObstacle, PairControl):
     """A parameter of the shape of an obstacle, see ``Obstacle.shape``; the constructor is local.
+
+    With friction in space slip counts from points of the same shape, so that of
+    ``Gradient.by_step`` only the sum over the steps has a meaning.
 
     Args:
         obstacle: The obstacle.
@@ -301,6 +332,9 @@ class ObstacleShape(_OfObstacle, PairControl):
         every = enumerate(problem.equations.contacts)
         return [i for i, contact in every if contact.obstacle is self.obstacle]
 
-    def fields(self, problem: ContactProblem, i: int) -> Changes:
+    def fields(self, problem: ContactProblem, i: int, before: Before = None) -> Changes:
         """See ``PairControl``."""
-        return fields_by_shape(contact_of(problem.equations, i), self.parameter)
+        contact, earlier = contact_of(problem.equations, i), None
+        if contact.slave.dim == 3:  # slip counts from points of the shape
+            earlier = earlier_of_pair(problem, before, i)
+        return fields_by_shape(contact, self.parameter, earlier)

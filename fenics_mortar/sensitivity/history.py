@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.partners import find_partners
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.state import State
 from fenics_mortar.problem import ContactProblem
@@ -96,6 +95,20 @@ def history_of(problem: ContactProblem, before: Before) -> StepHistory | None:
     return before
 
 
+def earlier_of_pair(problem: ContactProblem, before: Before, i: int) -> Earlier | None:
+    """The state of pair ``i`` before, ``None`` if it is not given or not needed (collective).
+
+    Raises:
+        MortarError: On all ranks, if slip is counted from another state.
+    """
+    contact = problem.equations.contacts[i]
+    if before is None or not isinstance(contact, Contact) or not has_history(contact):
+        return None
+    if isinstance(before, StepHistory):
+        return before.pairs[i].earlier
+    return earlier_state_of(problem.equations, i, contact, before)
+
+
 class StepMemory:
     """Derivatives of the memory of all pairs in a step; constructor and methods are collective.
 
@@ -105,7 +118,7 @@ class StepMemory:
     """
 
     def __init__(self, problem: ContactProblem, before: Before) -> None:
-        self._problem, self._equations = problem, problem.equations
+        self._problem, self._equations, self._before = problem, problem.equations, before
         self._history = before.pairs if isinstance(before, StepHistory) else {}
         self._pairs = {
             i: memory_of_pair(contact)
@@ -137,7 +150,7 @@ class StepMemory:
     def by_earlier(self) -> PairOperator:
         """Derivative of the memory with respect to the state before."""
         matrices = {
-            i: through_fields(pair.by_fields, {"slip": self._history[i].slip})
+            i: through_fields(pair.by_fields, self._history[i].fields)
             for i, pair in self._pairs.items()
             if i in self._history
         }
@@ -161,7 +174,8 @@ class StepMemory:
                 f"{min(self._pairs)}; expected a law without memory, or another control"
             )
         numbers = [i for i in pairs(self._problem) if i in self._pairs] if pairs else []
-        found = {i: control.memory(self._problem, i, self._pairs[i]) for i in numbers}
+        given = self._before
+        found = {i: control.memory(self._problem, i, self._pairs[i], given) for i in numbers}
         return self._operator(found, values_of(control.get(self._problem).shape), BY_PAIR)
 
 
@@ -192,12 +206,8 @@ def earlier_state_of(e: ContactEquations, i: int, contact: Contact, before: Stat
     if contact.obstacle is not None:
         place = before.places[e.motions.obstacles.index(contact.obstacle)]
     earlier = Earlier(contact, before.u, before.interfaces[i], place)
-    measure = contact.slip_measure
     with earlier.at_earlier_position():
-        found = find_partners(
-            earlier.operators, earlier.fields.covered, measure,
-            least=contact.least_coverage, master_planes=contact.rotating_planes,
-        )  # fmt: skip
+        found = contact.partners_at(earlier.fields)
     o, given = contact.operators, contact.partners
     difference = np.abs(found.gap_vectors(o) - given.gap_vectors(o)).max()
     difference = max(difference, np.abs(found.slip(o) - given.slip(o)).max())

@@ -38,6 +38,7 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.controls import LawParameter
 from fenics_mortar.sensitivity.protocols import Control
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import LAST_DIGITS
 
 Change = Literal["opens", "closes", "slides", "sticks", "cover"]
@@ -53,7 +54,7 @@ class Kink:
         step: Number of the step.
         pair: Number of the pair.
         node: Number of the slave node along the surface.
-        X: Reference position of the node, shape (2,) [length].
+        X: Reference position of the node, shape (d,) [length].
         change: The change.
     """
 
@@ -61,7 +62,7 @@ class Kink:
     step: int
     pair: int
     node: int
-    X: tuple[float, float]
+    X: tuple[float, ...]
     change: Change
 
     @property
@@ -71,9 +72,8 @@ class Kink:
 
     def __str__(self) -> str:
         """Node, change and distance as text."""
-        x, y = self.X
         return (
-            f"step {self.step}, pair {self.pair}: node {self.node} at ({x:.4g}, {y:.4g}) "
+            f"step {self.step}, pair {self.pair}: node {self.node} at {format_point(self.X)} "
             f"{self.change} at a distance of {self.distance:.1e}"
         )
 

@@ -23,7 +23,7 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.forms import FormControl, FormQuantity
 from fenics_mortar.sensitivity.history import Before
 from fenics_mortar.sensitivity.path_record import RecordedPath
-from fenics_mortar.sensitivity.protocols import Combined, Control, Quantity
+from fenics_mortar.sensitivity.protocols import Combined, ContactQuantity, Control, Quantity
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_same_texts, together
 
@@ -144,6 +144,8 @@ def _quantity_of(problem: ContactProblem, quantity: Any) -> Quantity:
             f"e.g. TotalForce(0, (0.0, 1.0))"
         )
     _check(quantity)
+    if isinstance(quantity, ContactQuantity):
+        quantity.check_dimension(bulk.space.dim)
     return quantity
 
 

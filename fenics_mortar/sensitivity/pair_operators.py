@@ -71,7 +71,7 @@ class PairOperator:
 
 
 def _motions_of(equations: ContactEquations, contact: Any) -> tuple[int, Array]:
-    """Number of a pair's obstacle; motions per (x, y, angle), (3,) [1, 1, length] (local)."""
+    """Number of a pair's obstacle; motions per value of its place, (m,) [1, length] (local)."""
     number = equations.motions.obstacles.index(contact.obstacle)
     return number, equations.motions.scales[number]
 
@@ -99,8 +99,8 @@ def from_pairs(equations: ContactEquations, parts: dict[int, Array]) -> LinearVe
     for i, values in parts.items():
         contact = equations.contacts[i]
         layout = Layout(contact)
-        contact.slave.scatter_add(values[layout.on_slave].reshape(-1, 2), u)
-        contact.master.scatter_add(values[layout.on_master].reshape(-1, 2), u)
+        contact.slave.scatter_add(values[layout.on_slave].reshape(-1, layout.dim), u)
+        contact.master.scatter_add(values[layout.on_master].reshape(-1, layout.dim), u)
         z[i] = values[layout.z].reshape(contact.z.shape)
         if contact.obstacle is not None:
             number, scales = _motions_of(equations, contact)
@@ -165,7 +165,7 @@ def interface_of(equations: ContactEquations, i: int) -> Interface:
     if not isinstance(i, (int, np.integer)) or not 0 <= i < count:
         raise ValueError(f"pair {i!r}: expected a number from 0 to {count - 1}, in order of pairs")
     contact = equations.contacts[i]
-    if contact.z.shape[1] > 2:
+    if contact.z.shape[1] > contact.slave.dim:
         raise MortarError(
             f"pair {i} ties fields: quantities of it have no derivatives; expected a UFL form"
         )

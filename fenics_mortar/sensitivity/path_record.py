@@ -26,7 +26,6 @@ from fenics_mortar.rigid.remote import refuse_remote
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.dimensions import refuse_in_space
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
 
 # Residual of a solution over that of Newton's tolerance [1]: the reference force of an iteration
@@ -44,8 +43,8 @@ class RecordedStep:
             ``Data``.
         laws: Attributes of the laws and conductances of the contacts.
         shapes: Parameters of the shape of each obstacle by name [their units].
-        loads: Forces and moments that drive the obstacles, shape (3,) each, nan where prescribed
-            [stress length, stress length, stress length^2].
+        loads: Forces and moments that drive the obstacles, shape (m,) each, nan where prescribed
+            [stress length, stress length^2].
     """
 
     state: State
@@ -138,8 +137,6 @@ class RecordedPath:
 
     def __init__(self, problem: ContactProblem, *, also: Sequence[Any] = ()) -> None:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
-        if problem.equations.bulk.space.dim == 3:
-            refuse_in_space("gradients")
         if problem.equations.bulk.inertia is not None:
             raise MortarError("dynamics have no derivatives: expected a static problem")
         if any(getattr(s, "heating", None) == "friction" for s in _settings(problem)):

@@ -36,7 +36,7 @@ from fenics_mortar.sensitivity.partials.maps import Changes, Matrix, through_fie
 from fenics_mortar.utils.arrays import Array
 
 # Derivatives of a functional with respect to nodal fields by name, see ``partials.fields``, shape
-# (slave nodes,) each, or (slave nodes, 2) for "z"; fields that are missing have zeros.
+# (slave nodes,) each, or (slave nodes, d) for "z"; fields that are missing have zeros.
 ByFields = dict[str, Array]
 
 
@@ -82,6 +82,13 @@ class ContactQuantity(Quantity):
             ValueError: If an argument has a value that is not allowed.
         """
 
+    def check_dimension(self, dim: int) -> None:
+        """Check vectors among the arguments for ``dim`` coordinates, as ``check`` (local).
+
+        Raises:
+            ValueError: If one has another number of components.
+        """
+
     def __add__(self, other: ContactQuantity | float) -> ContactQuantity:
         """Sum of quantities, or of a quantity and a number."""
         if isinstance(other, ContactQuantity):
@@ -124,6 +131,11 @@ class Combined(ContactQuantity):
         """See ``Quantity``."""
         for part in self.parts:
             part.check()
+
+    def check_dimension(self, dim: int) -> None:
+        """See ``ContactQuantity``."""
+        for part in self.parts:
+            part.check_dimension(dim)
 
     def _values(self, problem: ContactProblem, before: Before) -> Array:
         return np.array([part.value(problem, before) for part in self.parts])
@@ -204,7 +216,7 @@ class PairQuantity(OfPair, ContactQuantity):
         history = history_of(problem, before) if "slip" in by else None
         if history is None or self.pair not in history.pairs:
             return None
-        gradient = through(by, {"slip": history.pairs[self.pair].slip})
+        gradient = through(by, history.pairs[self.pair].fields)
         return from_pairs(problem.equations, {self.pair: gradient})
 
     def by_control(
@@ -213,7 +225,7 @@ class PairQuantity(OfPair, ContactQuantity):
         """See ``Quantity``; for controls that change nodal fields."""
         if not hasattr(control, "fields") or self.pair not in control.pairs(problem):
             return 0.0
-        changes = control.fields(problem, self.pair)
+        changes = control.fields(problem, self.pair, before)
         if not changes:
             return 0.0
         by = self._by_fields(interface_of(problem.equations, self.pair))
@@ -284,18 +296,18 @@ class PairControl(Control):
     def pairs(self, problem: ContactProblem) -> list[int]:
         """Numbers of the pairs whose rows or memory depend on it at fixed states (local)."""
 
-    def fields(self, problem: ContactProblem, i: int) -> Changes:
+    def fields(self, problem: ContactProblem, i: int, before: Before = None) -> Changes:
         """Derivatives of the nodal fields of pair ``i``, one of ``pairs`` (collective).
 
         By their names, shape (slave nodes, m) each [units of the field over those of the values];
-        empty if they do not depend on the control.
+        empty if they do not depend on the control. ``before``: see ``Control``.
         """
         return {}
 
-    def rows(self, problem: ContactProblem, i: int) -> Matrix:
+    def rows(self, problem: ContactProblem, i: int, before: Before = None) -> Matrix:
         """Derivative of the rows of pair ``i``, one of ``pairs`` (collective).
 
-        Shape (2 slave nodes, m) [stress length over the units of the values].
+        Shape (d slave nodes, m) [stress length over the units of the values].
 
         Raises:
             ValueError: On all ranks, if the pair is tied, or its law cannot be differentiated.
@@ -304,34 +316,40 @@ class PairControl(Control):
         contact = contact_of(problem.equations, i)
         check_exact(contact)
         refuse_fluxes(contact, self.name)
-        return through_fields(rows_by_fields(contact), self.fields(problem, i))
+        return through_fields(rows_by_fields(contact), self.fields(problem, i, before))
 
-    def memory(self, problem: ContactProblem, i: int, memory: PairMemory) -> Matrix:
+    def memory(
+        self, problem: ContactProblem, i: int, memory: PairMemory, before: Before = None
+    ) -> Matrix:
         """Derivative of the memory of the law of pair ``i``, one of ``pairs`` (collective).
 
         Args:
             problem: See ``Control``.
             i: Number of the pair.
             memory: Derivatives of this memory.
+            before: See ``Control``.
 
         Returns:
             Shape (slave nodes * names of the memory, m) [units of the memory over those of the
             values].
         """
-        return through_fields(memory.by_fields, self.fields(problem, i))
+        return through_fields(memory.by_fields, self.fields(problem, i, before))
 
-    def residuals(self, problem: ContactProblem) -> PairOperator:
-        """Derivative of the residuals of ``problem``, of any shape [any] (collective)."""
-        matrices = {i: self.rows(problem, i) for i in self.pairs(problem)}
+    def residuals(self, problem: ContactProblem, before: Before = None) -> PairOperator:
+        """Derivative of the residuals of ``problem``, of any shape [any] (collective).
+
+        ``before``: see ``Control``.
+        """
+        matrices = {i: self.rows(problem, i, before) for i in self.pairs(problem)}
         return PairOperator(problem.equations, matrices, values_of(self.get(problem).shape), ROWS)
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``Control``; ``before`` is not used."""
-        return self.residuals(problem) @ np.asarray(dm, float)
+        """See ``Control``."""
+        return self.residuals(problem, before) @ np.asarray(dm, float)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``Control``; ``before`` is not used."""
-        return self.residuals(problem).T @ y
+        """See ``Control``."""
+        return self.residuals(problem, before).T @ y
 
 
 class OnePairControl(OfPair, PairControl):

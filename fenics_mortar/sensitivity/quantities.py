@@ -4,6 +4,7 @@
 Nodal quadrature with the weights w_j, the integrals of the multiplier functions over the current
 surface and the thickness, gives int f(p) = sum_j w_j f(p_j); it is exact for f = p. Derivatives are
 taken at fixed sets, at the present state of the problem, which must be evaluated with ``EXACT``.
+In space integrals are over areas: units are those with a thickness.
 All values are equal on all ranks; all methods but constructors and operators are collective.
 
 Sums, products with numbers, and powers of quantities are quantities:
@@ -21,7 +22,7 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.obstacles.rigid_motion import check_vector
+from fenics_mortar.obstacles.rigid_motion import check_direction, check_vector
 from fenics_mortar.sensitivity.partials.fields import moment, moment_gradient
 from fenics_mortar.sensitivity.protocols import ByFields, Combined, ContactQuantity, PairQuantity
 from fenics_mortar.utils.arguments import check_number
@@ -33,17 +34,16 @@ class TotalForce(PairQuantity):
 
     Args:
         pair: Number of the pair, a contact or a tie.
-        direction: Vector by which the force is multiplied, shape (2,) [1].
+        direction: Vector by which the force is multiplied, shape (d,) [1].
     """
 
     def __init__(self, pair: int, direction: npt.ArrayLike) -> None:
         super().__init__(pair)
         self.direction = direction
 
-    def check(self) -> None:
+    def check_dimension(self, dim: int) -> None:
         """See ``ContactQuantity``."""
-        super().check()
-        check_vector("direction", self.direction)
+        check_vector("direction", self.direction, dim)
 
     def _of(self, contact: Interface) -> float:
         """See ``PairQuantity``."""
@@ -60,28 +60,45 @@ class Moment(PairQuantity):
 
     Args:
         pair: Number of the pair, a contact or a tie.
-        about: Fixed point, shape (2,) [length].
+        about: Fixed point, shape (d,) [length]; the origin by default.
+        axis: In space the direction of the axis through this point, of any length, shape (3,).
     """
 
-    def __init__(self, pair: int, about: npt.ArrayLike = (0.0, 0.0)) -> None:
+    def __init__(
+        self,
+        pair: int,
+        about: npt.ArrayLike | None = None,
+        axis: npt.ArrayLike | None = None,
+    ) -> None:
         super().__init__(pair)
-        self.about = about
+        self.about, self.axis = about, axis
 
-    def check(self) -> None:
+    def check_dimension(self, dim: int) -> None:
         """See ``ContactQuantity``."""
-        super().check()
-        check_vector("about", self.about)
+        self._line(dim)
+
+    def _line(self, dim: int) -> tuple[Array, Array | None]:
+        """The point (d,) [length], and the unit vector along the axis in space (local).
+
+        Raises:
+            ValueError: If one of them is not given as needed.
+        """
+        about = np.zeros(dim) if self.about is None else check_vector("about", self.about, dim)
+        if (self.axis is None) == (dim == 3):
+            expected = "the direction of an axis in space" if dim == 3 else "None in the plane"
+            raise ValueError(f"axis={self.axis!r}: expected {expected}")
+        return about, None if self.axis is None else check_direction("axis", self.axis)
 
     def _of(self, contact: Interface) -> float:
         """See ``PairQuantity``."""
-        return moment(contact, np.asarray(self.about, float))
+        return moment(contact, *self._line(contact.slave.dim))
 
     def _by_fields(self, contact: Interface) -> ByFields:
         """See ``PairQuantity``: no control changes the moment at a fixed state."""
         return {}
 
     def _by_state(self, contact: Interface) -> Array:
-        return moment_gradient(contact, np.asarray(self.about, float))
+        return moment_gradient(contact, *self._line(contact.slave.dim))
 
 
 class PressureFunctional(PairQuantity):

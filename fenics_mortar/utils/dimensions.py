@@ -5,16 +5,13 @@ from __future__ import annotations
 
 # What is refused at set-up, by a short key; the table of demos/guide/limits.md has these texts.
 NOT_IN_SPACE = {
-    "gradients": "derivatives of solutions (sensitivity)",
     "model_check": "estimates of the error of a model (model_check)",
-    "estimate": "estimates of the error of the mesh (estimate_error)",
     "thickness": "an out-of-plane thickness",
     "axisymmetric": "axisymmetry, which belongs to plane meshes",
     "cubic": "cells of order 3",
     "integration": "integration over elements or at nodes",
     "vertices": "dual multipliers at vertices (basis='vertices')",
     "self_contact": "contact of a surface with itself",
-    "fields": "contacts and ties that conduct heat or other fields",
 }  # fmt: skip
 
 

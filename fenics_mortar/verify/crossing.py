@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain, product
 
@@ -40,6 +40,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.finding import LIMITS
+from fenics_mortar.verify.node_paths import motion_of
 from fenics_mortar.verify.overlap import (
     AdmittedDepth,
     OutlineNames,
@@ -96,10 +97,12 @@ class AcceptedPositions(Value):
         x: Positions of the outlines' nodes, shape (n, 2) [length].
         places: Places (x, y, angle) of the obstacles, shape (obstacles, 3) [length, length,
             radian].
+        leaders: Those of the rigid boundaries that lead bodies, shape (leaders, 3) [as places].
     """
 
     x: Array
     places: Array
+    leaders: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 class Crossings:
@@ -141,7 +144,8 @@ class Crossings:
         self._admitted = AdmittedDepth(self.outline, contacts)
         self._excused = self._as_meshed()
         self.in_step = Passages(self.outline, contacts, self._slaves, self._names, self._excused)
-        self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)))
+        self._leaders = {b: m for b, m in floating.leaders.items() if b in self.outline.bodies}
+        self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)), self._led())
         self._left: Array = self.accepted.x
         self._restored: Array | None = None
 
@@ -274,8 +278,12 @@ class Crossings:
         Args:
             places: Positions of the obstacles, shape (obstacles, 3).
         """
-        self.accepted = AcceptedPositions(self._positions(), places.copy())
+        self.accepted = AcceptedPositions(self._positions(), places.copy(), self._led())
         self._left, self._restored = self.accepted.x, None
+
+    def _led(self) -> Array:
+        """Places of the rigid boundaries that lead bodies, shape (leaders, 3) (local)."""
+        return np.reshape([motion.place for motion in self._leaders.values()], (-1, 3))
 
     def restore(self, accepted: AcceptedPositions, u: Array) -> None:
         """Restore the start of a step at the displacement ``u``, shape (local dofs,) [length]."""
@@ -313,5 +321,7 @@ class Crossings:
             places: Present positions of the obstacles, shape (obstacles, 3).
         """
         x1 = self._positions()
-        ends = StepEnds(self.accepted.x, x1, self._prescribed, self.accepted.places, places)
+        led = zip(self._leaders.items(), self.accepted.leaders, self._led(), strict=True)
+        known = {body: motion_of(leader, *ends) for (body, leader), *ends in led}
+        ends = StepEnds(self.accepted.x, x1, self._prescribed, self.accepted.places, places, known)
         return self.in_step.find(ends, self._allowed)

@@ -2,25 +2,30 @@
 """A posteriori error estimate from the residual of equilibrium between the nodes, for each cell.
 
 The exact stress satisfies div P + f = 0 in the bodies and has equal tractions on both sides of
-every line; on the boundary the traction is given, or that of contact. The defects of the discrete
-solution in the energy norm are
+every line, in space of every face; on the boundary the traction is given, or that of contact. The
+defects of the discrete solution in the energy norm are
 
     eta_T^2 = b h^2 |div P + f|^2 / Q + sum over sides of c h [P N - t] . Q^-1 [P N - t] + gap,
 
 with Q_ik = dP_iJ / dF_kL N_J N_L, the stiffness of a layer across N (for linear elasticity
-lambda + 2 mu along N and mu across it); in a cell Q is averaged over N. t is the mean traction of
-the two cells of an inner side, the given traction on the boundary, and the multiplier on contact
-surfaces. The discrete gap is closed only in the mean: penetration g contributes (Q_nn / 2 h) g^2,
-the work of pressing it into the layers on both sides, and so does opening if all nodes of a facet
-are active; otherwise the gap contributes the work z_n g. The slip s of a step contributes with Q
-along the facet if all its nodes stick, otherwise by the work b |s| - z_tau s that friction with the
-limit b would dissipate in excess of the multiplier. The jump of tied surfaces contributes with the
-full Q. Straight facets of a curved surface cause gaps and overlaps that the exact surface does not
-have; the estimate is then too high. Residuals of the constraints of mixed functions, such as
-incompressibility, contribute the energy of the smallest change of grad u that removes them.
+lambda + 2 mu along N and mu across it); in a cell Q is averaged over N. On a side h is the height
+of the parallelogram or parallelepiped that a simplex fills in part, in a cell the root of its area
+or the cubic root of its volume. t is the mean traction of the two cells of an inner side, the given
+traction on the boundary, and the multiplier on contact surfaces. The discrete gap is closed only in
+the mean: penetration g contributes (Q_nn / 2 h) g^2, the work of pressing it into the layers on
+both sides, and so does opening if all corners of a facet are active; otherwise the gap contributes
+the work z_n g. The slip s of a step contributes with Q along the facet if all its corners stick,
+otherwise by the work b |s| - z_tau . s that friction with the limit b would dissipate in excess
+of the multiplier. The jump of tied surfaces contributes with the full Q. Straight facets of a
+curved surface cause gaps and overlaps that the exact surface does not have; the estimate is then
+too high. Residuals of the constraints of mixed functions, such as incompressibility, contribute the
+energy of the smallest change of grad u that removes them.
 
 The terms are those of Hild and Nicaise (Numer. Math. 101, 2005) and of Krause, Veeser and Walloth
-(Numer. Math. 130, 2015), who prove them for linear elasticity on a rigid obstacle.
+(Numer. Math. 130, 2015), who prove them for linear elasticity on a rigid obstacle, the latter for
+simplices in the plane and in space: error and estimate bound each other up to factors that depend
+on degree and shape of the cells and have no known values. Nothing here depends on the dimension but
+h and the measures of sides. For friction, two bodies and finite strains there is no proof.
 
 Averaging of stresses (Zienkiewicz and Zhu) is not used: it averages stresses across interfaces of
 materials, ignores loads and contact, and is less accurate with degree 2. Residual estimates have no
@@ -32,25 +37,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fenics_mortar.bulk.cells import ReferenceCell
+from fenics_mortar.bulk.cells import DEGREES, ReferenceCell, normals_of
 from fenics_mortar.bulk.fluxes import Fluxes
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.interface.segments import gauss_rule
+from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import together
 from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.utils.rounding import ROUNDING, TINY
-from fenics_mortar.verify.interface_defects import CellSides, interface_defects, interface_tractions
+from fenics_mortar.verify.cell_sides import CellSides
+from fenics_mortar.verify.interface_defects import interface_defects, interface_tractions
 
 # Factors b and c of the terms in cells and on sides, by degree [1].
 CELL_FACTOR = {1: 1 / 12, 2: 1 / 60}
 SIDE_FACTOR = {1: 1 / 6, 2: 1 / 10}
+# Cells whose values at points are in memory at a time.
+CELLS_AT_ONCE = 10_000
 
 
 @dataclass(frozen=True)
@@ -135,9 +143,11 @@ class Estimator:
     def __init__(self, bulk: Bulk) -> None:
         self._mesh = bulk.V.mesh
         self._fluxes = Fluxes(bulk.residual, bulk.u, bulk.space)
-        self._sides = CellSides(bulk, self._fluxes.cell.sides)
-        self._degree = self._sides.nodes.shape[2] - 1
+        self._sides = CellSides(bulk, self._fluxes.cell)
+        self._degree = DEGREES[bulk.V.dofmap.dof_layout.num_dofs]
         self._prescribed = bulk.prescribed.astype(float)
+        affine = compat.geometry_dofmap(self._mesh).shape[1] == bulk.space.dim + 1
+        self._varies = slice(1 if affine else None)  # points where Jacobians differ
 
     def evaluate(self, interfaces: Sequence[Interface]) -> ErrorEstimate:
         """Estimate the error of the present state, with interfaces evaluated there (collective).
@@ -148,28 +158,16 @@ class Estimator:
         Raises:
             Exception: An error of a user's law, raised on all ranks.
         """
-        cell, sides = self._fluxes.cell, self._sides
-        inside, along = self._fluxes.in_cells()
-        A, C = self._fluxes.moduli()
-        volume = np.abs(np.linalg.det(inside.jacobian)) * cell.weights
-        square = cell.fill * volume.sum(axis=1)
-        Q = 0.5 * np.einsum("tiJkJ->tik", A)[:, None]
-        work = (volume * _work(Q, inside.residual)).sum(axis=1)
-        parts = {"cells": CELL_FACTOR[self._degree] * square * work}
-        work = (volume * _work_of_constraints(A, C, inside.constraint)).sum(axis=1)
-        parts["constraint"] = work
-
-        N, measure = _outlines(along.jacobian, cell)
-        Q = np.einsum("tsqikL,tsqL->tsqik", np.einsum("tiJkL,tsqJ->tsqikL", A, N), N)
-        tractions = np.einsum("tsqiJ,tsqJ->tsqi", along.stress, N)
-        defects, touching = self._defects(tractions, interfaces)
-        height = square[:, None] / measure.sum(axis=2)
-        work = SIDE_FACTOR[self._degree] * height * (measure * _work(Q, defects)).sum(axis=2)
+        sides, (own, size) = self._sides, self._in_batches()
+        parts = {"cells": own.cells, "constraint": own.constraint}
+        defects, touching = self._defects(own.tractions, interfaces)
+        work = (own.measure * _work(own.Q, defects)).sum(axis=2)
+        work = SIDE_FACTOR[self._degree] * own.height * work
         boundary = ~sides.inner & ~touching
         for name, on in (("sides", sides.inner), ("boundary", boundary), ("contact", touching)):
             parts[name] = np.where(on, work, 0.0).sum(axis=1)
 
-        layer = Q.mean(axis=2) / height[..., None, None]
+        layer = own.Q.mean(axis=2) / own.height[..., None, None]
         parts |= {name: np.zeros(len(work)) for name in ("gap", "slip")}
         for pair in interfaces:
             t, s, facet = sides.of_surface(pair.slave)
@@ -178,61 +176,115 @@ class Estimator:
                 work = share * np.einsum("tik,tik->t", layer[t, s], dyads[facet]) + lost[facet]
                 np.add.at(parts[name], t, work)
 
-        size2 = np.sum(volume * np.einsum("tpiJ,tpiJ->tp", inside.stress, inside.gradient))
-        terms = [size2, *(part.sum() for part in parts.values())]
+        terms = [size, *(part.sum() for part in parts.values())]
         sums = self._mesh.comm.allreduce(np.array(terms))
         size, *norms = np.sqrt(np.abs(sums)).tolist()
         indicator = np.sqrt(np.sum(list(parts.values()), axis=0))
         return ErrorEstimate(indicator, size, dict(zip(parts, norms, strict=True)), self._mesh)
 
+    def _in_batches(self) -> tuple[_OwnTerms, float]:
+        """Terms of all owned cells, and the integral of P : grad u over them (collective)."""
+        count = len(self._sides.facets)
+        batches = np.array_split(np.arange(count), max(1, -(-count // CELLS_AT_ONCE)))
+        terms, sizes, rests = zip(*(self._own_terms(cells) for cells in batches), strict=True)
+        self._fluxes.refuse_fluxes(np.max(rests, axis=0))
+        return _OwnTerms(*(np.concatenate(parts) for parts in zip(*terms, strict=True))), sum(sizes)
+
+    def _own_terms(self, cells: Indices) -> tuple[_OwnTerms, float, Array]:
+        """Terms of ``cells`` (n,), the integral of P : grad u, and ``Fluxes.in_cells``' rest."""
+        cell = self._fluxes.cell
+        inside, along, rest = self._fluxes.in_cells(cells)
+        A, C = self._fluxes.moduli(cells)
+        dim, varies = A.shape[1], self._varies
+        volume = np.abs(np.linalg.det(inside.jacobian[:, varies])) * cell.weights
+        filled = cell.fill * volume.sum(axis=1)
+        Q = np.einsum("tiJkJ->tik", A)[:, None] / dim
+        work = (volume * _work(Q, inside.residual)).sum(axis=1)
+        of_cells = CELL_FACTOR[self._degree] * filled ** (2 / dim) * work
+        constraint = (volume * _work_of_constraints(A, C, inside.constraint)).sum(axis=1)
+        N, measure = _outlines(along.jacobian[:, :, varies], cell)
+        measure = measure * cell.rule[1]
+        tractions = np.einsum("tsqiJ,tsqJ->tsqi", along.stress, N)
+        Q = np.einsum("tsqikL,tsqL->tsqik", np.einsum("tiJkL,tsqJ->tsqikL", A, N), N)
+        height = filled[:, None] / (cell.side_fill * measure.sum(axis=2))
+        size = np.sum(volume * np.einsum("tpiJ,tpiJ->tp", inside.stress, inside.gradient))
+        return _OwnTerms(of_cells, constraint, tractions, measure, Q, height), float(size), rest
+
     def _defects(self, tractions: Array, interfaces: Sequence[Interface]) -> tuple[Array, Flags]:
-        """Errors of tractions (cells, sides, q, 2), and sides on interfaces (cells, sides)."""
+        """Errors of tractions (cells, sides, q, dim), and sides on interfaces (cells, sides)."""
         sides = self._sides
         outer, touching = ~sides.inner, np.zeros(sides.inner.shape, bool)
         defects = 0.5 * sides.sum_of_both(tractions)
         t, k = np.nonzero(outer)
         defects[t, k] = tractions[t, k] - self._fluxes.loads(t, k, sides.facets[t, k])
-        rule = gauss_rule(self._fluxes.cell.s.size)
         for pair in interfaces:
-            for surface, given in interface_tractions(pair, self._prescribed, rule):
-                t, k, facet = sides.of_surface(surface)
-                backward = surface.nodes[surface.facets[facet, 0]] != sides.first(t, k)
-                values = np.where(backward[:, None, None], given[facet, ::-1], given[facet])
+            for surface, given in interface_tractions(pair, self._prescribed):
+                t, k, values = sides.from_surface(surface, given)
                 defects[t, k] -= values
                 touching[t, k] = True
         prescribed = sides.prescribed & outer[..., None]
         return np.where(prescribed[:, :, None, :], 0.0, defects), touching
 
 
+class _OwnTerms(NamedTuple):
+    """Terms of cells that depend on nothing else, and what the others need of them.
+
+    Attributes:
+        cells: eta_T^2 of the residual in the cell, shape (cells,) [stress area length].
+        constraint: That of the constraints, shape (cells,).
+        tractions: P N at the points of the sides, shape (cells, sides, q, dim) [stress].
+        measure: Weights of these points, shape (cells, sides, q) [area].
+        Q: Stiffness of layers along the sides at their points, at one of them if the cells are
+            affine, shape (cells, sides, 1 or q, dim, dim) [stress].
+        height: Height h of the cell above its sides, shape (cells, sides) [length].
+    """
+
+    cells: Array
+    constraint: Array
+    tractions: Array
+    measure: Array
+    Q: Array
+    height: Array
+
+
 def _work(Q: Array, t: Array) -> Array:
-    """Work t . |Q|^-1 t for Q (..., 2, 2) and t (..., 2), |Q| with absolute eigenvalues m +- r."""
-    a, b, d = Q[..., 0, 0], 0.5 * (Q[..., 0, 1] + Q[..., 1, 0]), Q[..., 1, 1]
-    m, half = 0.5 * (a + d), 0.5 * (a - d)
-    r, square = np.hypot(half, b), (t**2).sum(axis=-1)
-    split = half * (t[..., 0] ** 2 - t[..., 1] ** 2) + 2.0 * b * t[..., 0] * t[..., 1]
-    split = split / np.maximum(r, TINY)
-    sizes = (np.maximum(np.abs(eigenvalue), TINY) for eigenvalue in (m + r, m - r))
-    parts = (
-        0.5 * (square + sign * split) / size for sign, size in zip((1, -1), sizes, strict=True)
-    )
-    return np.asarray(sum(parts))
+    """Work t . |Q|^-1 t for Q (..., dim, dim) and t (..., dim); |Q| has absolute eigenvalues."""
+    return np.asarray((t * np.einsum("...ij,...j->...i", _inverse(Q), t)).sum(axis=-1))
+
+
+def _inverse(Q: Array) -> Array:
+    """Inverses |Q|^-1 (..., dim, dim); most bodies are stable, and have definite matrices."""
+    Q = 0.5 * (Q + np.swapaxes(Q, -1, -2))
+    try:
+        np.linalg.cholesky(Q)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(Q)
+        scaled = vectors / np.maximum(np.abs(values), TINY)[..., None, :]
+        return scaled @ np.swapaxes(vectors, -1, -2)
+    return np.linalg.inv(Q)
 
 
 def _work_of_constraints(A: Array, C: Array, c: Array) -> Array:
     """Twice the energy of the smallest grad u that satisfies the constraints, (cells, p) (local).
 
     Args:
-        A: Moduli at fixed other unknowns [stress], shape (cells, 2, 2, 2, 2).
-        C: Derivative of the constraints with respect to grad u, shape (cells, constraints, 2, 2).
+        A: Moduli at fixed other unknowns [stress], shape (cells, dim, dim, dim, dim).
+        C: Derivative of the constraints with respect to grad u, (cells, constraints, dim, dim).
         c: Values of the constraints, shape (cells, p, constraints).
     """
-    flat = C.reshape(*C.shape[:2], 4)
+    size = A.shape[1] ** 2
+    flat = C.reshape(*C.shape[:2], size)
     H = np.einsum("tak,tpk->tpa", np.linalg.pinv(flat), c)
-    return np.abs(np.einsum("tpa,tab,tpb->tp", H, A.reshape(-1, 4, 4), H))
+    return np.abs(np.einsum("tpa,tab,tpb->tp", H, A.reshape(-1, size, size), H))
 
 
 def _outlines(jacobian: Array, cell: ReferenceCell) -> tuple[Array, Array]:
-    """Outer normals (cells, sides, q, 2) and weights (cells, sides, q) [length] (local)."""
-    length = np.linalg.norm(np.einsum("tsqcX,sX->tsqc", jacobian, cell.edges), axis=3)
-    N = np.einsum("sX,tsqXc->tsqc", cell.normals, np.linalg.inv(jacobian))
-    return N / np.linalg.norm(N, axis=3, keepdims=True), length * cell.side_weights
+    """Outer normals (cells, sides, k, dim) and areas over those of the reference (local).
+
+    ``jacobian`` (cells, sides, k, dim, dim): at the first k points of each side.
+    """
+    tangents = np.einsum("tskcX,skaX->tskac", jacobian, cell.tangents[:, : jacobian.shape[2]])
+    N = normals_of(tangents)
+    outward = np.einsum("tskcX,sX->tskc", jacobian, cell.normals)
+    measure = np.linalg.norm(N, axis=3)
+    return N * (np.sign((N * outward).sum(axis=3)) / measure)[..., None], measure

@@ -56,8 +56,7 @@ class Limits:
             does not slide along the surface. Paths through a round obstacle have 0.24 at least,
             those of nodes pressed into it the depth over the diameter.
         max_points: Largest number of points on a path, which limits the time of the check.
-        bare: Covered length of a facet, of length 2 in the reference element, below which it is
-            uncovered [1].
+        bare: Covered fraction of a reference facet below which it is uncovered [1].
         large_conductance: Conductance of a node over the conduction of the cells beside it above
             which rounding of the field may decide on the last digits of the flux that the
             tolerance of solves asks for [1]: nine digits are left.
@@ -83,7 +82,7 @@ class Limits:
     two_ways: float = np.pi / 3
     deep: float = 0.1
     max_points: int = 2000
-    bare: float = 0.02
+    bare: float = 0.01
     samples: int = POINTS
 
 

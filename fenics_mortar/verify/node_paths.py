@@ -2,13 +2,14 @@
 """Paths of nodes in a step: bodies and obstacles that turn, one seen from another.
 
 The motion of an obstacle between two places is known: its pivot moves on a straight line, and its
-angle grows from one value to the other, also by more than a full turn. Of a body only the ends of
-the path of each node are known. Its motion is fitted: a centre on a straight line and a rotation,
-of less than half a turn. The centre is that of the prescribed nodes, if there are any, or the
-fixed point of their motion if this point is nearer than the farthest node, as for a paddle that
-turns about its hub. The fixed point of a wheel that rolls is not: it is R a / (2 sin a/2) > R away.
-Other bodies may be carried along: their paths are fitted in the frame in which they move least,
-that of space, of an obstacle or of a body with prescribed nodes.
+angle grows from one value to the other, also by more than a full turn. So is that of a body on a
+rigid boundary. Of other bodies only the ends of the path of each node are known. Their motion is
+fitted: a centre on a straight line and a rotation, of less than half a turn. The centre is that of
+the prescribed nodes, if there are any, or the fixed point of their motion if this point is nearer
+than the farthest node, as for a paddle that turns about its hub. The fixed point of a wheel that
+rolls is not: it is R a / (2 sin a/2) > R away. Bodies without prescribed nodes may be carried
+along: their paths are fitted in the frame in which they move least, that of space, of an obstacle
+or of a body with prescribed nodes.
 
 A rotation by more than a sixth of a turn may as well have had the other sense, or another centre:
 see ``Alternative``.
@@ -16,13 +17,13 @@ see ``Alternative``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.obstacles.rigid_motion import RigidMotion
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import SMALL_ANGLE, TINY
 from fenics_mortar.verify.finding import LIMITS
@@ -53,12 +54,13 @@ class Rotation(NamedTuple):
 # Alternative to the motions of bodies, see ``Motions``; "" for none.
 Alternative = Literal["", "sense", "centre"]
 AT_REST = Rotation(np.zeros(2), np.zeros(2), 0.0)
+NONE_KNOWN: Mapping[int, Rotation] = {}
 
 
-def motion_of(obstacle: Obstacle, before: Array, after: Array) -> Rotation:
-    """The motion of an obstacle between two places (3,) [length, length, radian] (local)."""
+def motion_of(mover: RigidMotion, before: Array, after: Array) -> Rotation:
+    """Motion of an obstacle or a boundary between places (3,) [length, length, radian] (local)."""
     change = after - before
-    return Rotation(obstacle.pivot + before[:2], change[:2], float(change[2]))
+    return Rotation(mover.pivot + before[:2], change[:2], float(change[2]))
 
 
 class Motions:
@@ -72,11 +74,13 @@ class Motions:
         other: Alternative to rotations by more than a sixth of a turn: "sense" for rotations in the
             other sense, "centre" for those about the mean of the prescribed nodes instead of the
             fixed point, or the reverse.
+        known: Motions of rigid boundaries, by the body that these lead.
 
     Attributes:
         labels: The bodies, shape (b,).
         angles: Their rotations, shape (b,) [radian].
         are_led: Whether a body has prescribed nodes, shape (b,), bool.
+        are_known: Whether the motion of a body is known, shape (b,), bool.
     """
 
     def __init__(
@@ -87,6 +91,7 @@ class Motions:
         prescribed: Flags | None = None,
         *,
         other: Alternative = "",
+        known: Mapping[int, Rotation] = NONE_KNOWN,
     ) -> None:
         self._x0, self._x1 = x0, x1
         counts = np.bincount(bodies)
@@ -101,6 +106,19 @@ class Motions:
         if other == "sense":
             self.angles -= np.where(far, 2.0 * np.pi * np.sign(self.angles), 0.0)
         self._turn_about_fixed_points(far & (other == "centre"))
+        self.are_known: Flags = np.zeros(self.labels.size, bool)
+        for i, body in enumerate(self.labels.tolist()):
+            if body in known:
+                self._take(i, known[body])
+
+    def _take(self, i: int, known: Rotation) -> None:
+        """Take a known motion of body ``i``, if the fitted one equals it up to full turns."""
+        turns = (known.angle - self.angles[i]) / (2.0 * np.pi)
+        if 2.0 * np.pi * abs(turns - np.round(turns)) > SMALL_ANGLE:
+            return  # nodes were not where the boundary was at the start
+        self.are_known[i] = True
+        self._start[i], self._end[i] = known.point, known.point + known.shift
+        self.angles[i] = known.angle
 
     def _mean(self, values: Array, weight: Array) -> Array:
         """Means of values (n, 2) with weights (n, 1) over the nodes of each body, (b, 2)."""
@@ -190,6 +208,7 @@ class Paths:
         resolution: Largest distance of a path from its straight sections [length].
         other: Whether motions that the ends of the paths do not tell have the other alternative,
             see ``Motions``.
+        known: Known motions in space, by the body.
 
     Attributes:
         motions: Motions of the bodies in space.
@@ -205,14 +224,15 @@ class Paths:
         resolution: float,
         *,
         other: Alternative = "",
+        known: Mapping[int, Rotation] = NONE_KNOWN,
     ) -> None:
-        self._x0, self._x1, self._resolution = x0, x1, resolution
+        self._x0, self._x1, self._resolution, self._known = x0, x1, resolution, known
 
-        def fit(end: Array) -> Motions:
-            return Motions(x0, end, bodies, prescribed, other=other)
+        def fit(end: Array, known: Mapping[int, Rotation] = NONE_KNOWN) -> Motions:
+            return Motions(x0, end, bodies, prescribed, other=other, known=known)
 
-        self._fit: Callable[[Array], Motions] = fit
-        self.motions = fit(x1)
+        self._fit: Callable[..., Motions] = fit
+        self.motions = fit(x1, known)
         leaders = [self.motions.of(i) for i in np.flatnonzero(self.motions.are_led)]
         self._carriers = [AT_REST, *(c for c in (*obstacles, *leaders) if c.angle)]
         self._choose_carriers()
@@ -220,17 +240,19 @@ class Paths:
     @property
     def may_differ(self) -> bool:
         """Whether a body turned so far that its motion may have had another form."""
-        return float(np.abs(self._relative.angles).max(initial=0.0)) > LIMITS.two_ways
+        angles = self._relative.angles[~self._relative.are_known]
+        return float(np.abs(angles).max(initial=0.0)) > LIMITS.two_ways
 
     def _choose_carriers(self) -> None:
         """Find the frame in which each body moves least, and its motion there."""
         i, led = self.motions.of_node, self.motions.are_led
         ends = np.array([carrier.back(self._x1, 1.0) for carrier in self._carriers])
         distances = np.array([self.motions.distances_to(end) for end in ends])
-        distances[1:, led] = np.inf
+        distances[1:, led | self.motions.are_known] = np.inf
         self._carrier: Indices = distances.argmin(axis=0)
         self._least: Array = distances.min(axis=0)
-        self._relative = self._fit(ends[self._carrier[i], np.arange(len(i))])
+        self._relative = self._fit(ends[self._carrier[i], np.arange(len(i))], self._known)
+        self._least[self._relative.are_known] = 0.0
 
     def at(self, t: float) -> Array:
         """Positions of the nodes in space at the time ``t``, 0 to 1, shape (n, 2) [length]."""

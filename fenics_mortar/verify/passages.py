@@ -15,7 +15,7 @@ inside another body are reported as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
@@ -64,6 +64,7 @@ class StepEnds(NamedTuple):
         prescribed: Whether both components of a node are prescribed, shape (n,), bool.
         before: Places of the obstacles at the start, (obstacles, 3) [length, length, radian].
         after: Places at the end, shape (obstacles, 3).
+        known: Motions that rigid boundaries prescribe, by the body that they lead.
     """
 
     x0: Array
@@ -71,6 +72,7 @@ class StepEnds(NamedTuple):
     prescribed: Flags
     before: Array
     after: Array
+    known: Mapping[int, Rotation] = {}
 
 
 class Passages:
@@ -114,6 +116,7 @@ class Passages:
             allowed: Function of the overlaps admitted at the end.
         """
         still = np.array_equal(ends.before, ends.after) and np.array_equal(ends.x0, ends.x1)
+        still &= not any(motion.angle for motion in ends.known.values())
         if still or not len(ends.x0):
             return [], []
         paths = self._paths(ends, "")
@@ -132,12 +135,12 @@ class Passages:
         places = zip(self._obstacles, ends.before, ends.after, strict=True)
         motions = [motion_of(*each) for each in places]
         of_nodes = ends.x0, ends.x1, self.outline.bodies, ends.prescribed
-        return Paths(*of_nodes, motions, resolution, other=other)
+        return Paths(*of_nodes, motions, resolution, other=other, known=ends.known)
 
     def _on(self, paths: Paths, ends: StepEnds, allowed: AllowedOverlaps) -> list[str]:
         """Messages on passages on given paths."""
         found, motions = list[str](), paths.motions
-        if np.array_equal(ends.x0, ends.x1):
+        if np.array_equal(ends.x0, ends.x1) and motions.are_small:
             pass
         elif motions.are_small:
             found += self._through_bodies(np.array(ends[:2]), OTHERS, allowed)

@@ -68,6 +68,7 @@ class SpaceCrossings(Crossings):
         self._obstacles = SpaceObstacles(
             self.outline, contacts, self._slaves, self._names, self._in_space
         )
+        self._leaders = {}  # not followed in space
         self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)))
         self._left = self.accepted.x
         self._restored = None

@@ -326,6 +326,7 @@ def in_space(kind, folder):
         report = scene.problem.solve()
         for what, value in results(scene.problem, report):
             yield f"{name}: {what}", value
+        yield f"{name}: error", scene.problem.estimate().total
         yield f"{name}: reaction", obstacle.reaction
         yield f"{name}: evaluated", obstacle.evaluate(np.array([(0.4, 0.3, 0.9)]))[0]
         obstacle.push(z=-1.1 * obstacle.reaction[2])

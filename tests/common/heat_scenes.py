@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +14,8 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.energies import elastic_strain, lame, linear_elastic, stress
+from meshes import mapped_boxes
+from meshes.mapped_boxes import Box
 from meshes.mapped_grids import Grid, block, mesh
 
 
@@ -45,10 +48,17 @@ class Heated:
         space = self.w.function_space.sub(part)
         self.bcs.append(fm.dirichlet(space, self.data, boundary, self.given[name], component))
 
-    def set(self, **values: float) -> None:
-        """Set prescribed values."""
+    def hold(self, name: str, boundary: str) -> None:
+        """Prescribe all components of the displacement on a boundary, to be changed by ``set``."""
+        for component in range(self.data.mesh.geometry.dim):
+            self.prescribe(f"{name}{component}", boundary, 0, component)
+
+    def set(self, **values: Any) -> None:
+        """Set prescribed values, vectors of boundaries that are held."""
         for name, value in values.items():
-            self.given[name].value = value
+            names = [name] if name in self.given else [f"{name}{c}" for c in range(len(value))]
+            for of_name, number in zip(names, np.atleast_1d(value)):
+                self.given[of_name].value = number
 
     def problem(self, pairs: Any, **options: Any) -> fm.ContactProblem:
         """The problem with some pairs."""
@@ -62,14 +72,15 @@ class Heated:
         space, dofs = self.w.function_space.sub(part).collapse()
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         values = self.w.x.array[np.asarray(dofs)[:owned]]
-        X = space.tabulate_dof_coordinates()[: space.dofmap.index_map.size_local, :2]
+        X = space.tabulate_dof_coordinates()[: space.dofmap.index_map.size_local]
+        X = X[:, : self.data.mesh.geometry.dim]
         comm = self.data.mesh.comm
         values = values.reshape(len(X), -1)
         return np.concatenate(comm.allgather(values)), np.concatenate(comm.allgather(X))
 
 
 def heated(
-    grids: list[Grid],
+    bodies: Sequence[Grid | Box],
     *,
     degrees: tuple[int, int] = (1, 1),
     E: float = 100.0,
@@ -80,8 +91,10 @@ def heated(
     **options: Any,
 ) -> Heated:
     """Bodies of one material with displacement and temperature of these degrees."""
-    data = mesh(grids, **options)
-    W = fm.mixed_space(data.mesh, ("Lagrange", degrees[0], (2,)), ("Lagrange", degrees[1]))
+    in_space = isinstance(bodies[0], Box)
+    data = mapped_boxes.mesh(bodies, **options) if in_space else mesh(bodies, **options)
+    dim = data.mesh.geometry.dim
+    W = fm.mixed_space(data.mesh, ("Lagrange", degrees[0], (dim,)), ("Lagrange", degrees[1]))
     w, (v, s) = fem.Function(W), ufl.TestFunctions(W)
     u, T = ufl.split(w)
     dx = ufl.dx(metadata={"quadrature_degree": 4})
@@ -110,4 +123,46 @@ def stacked(columns: tuple[int, int] = (5, 7), *, overhang: float = 0.0, **optio
     scene.prescribe("top", "upper/top", 0, 1)
     scene.prescribe("cold", "lower/bottom", 1)
     scene.prescribe("hot", "upper/top", 1)
+    return scene
+
+
+def stacked_in_space(
+    upper: tuple[int, int, int] = (3, 2, 1),
+    lower: tuple[int, int, int] = (2, 3, 2),
+    *,
+    overhang: float = 0.0,
+    turn: Any = None,
+    jiggle: float = 0.0,
+    **options: Any,
+) -> Heated:
+    """A cube on a block of height 2, cold below and hot above; "bottom" and "top" are held.
+
+    Args:
+        upper: Numbers of cells of the cube.
+        lower: Numbers of cells of the block.
+        overhang: Width and depth of the block beyond those of the cube.
+        turn: Matrix of a rotation of the whole scene.
+        jiggle: See ``mapped_boxes.mapped``.
+        options: See ``heated``.
+    """
+    below = mapped_boxes.block(
+        lower, size=(1.0 + overhang, 1.0 + overhang, 2.0), jiggle=jiggle, seed=1
+    )
+    corner = 0.43 * overhang, 0.31 * overhang, 2.0
+    above = mapped_boxes.block(upper, corner=corner, jiggle=jiggle, seed=2)
+    places = [x if turn is None else x @ turn.T for x in (below, above)]
+    scene = heated([Box("lower", places[0]), Box("upper", places[1])], **options)
+    scene.hold("bottom", "lower/bottom")
+    scene.hold("top", "upper/top")
+    scene.prescribe("cold", "lower/bottom", 1)
+    scene.prescribe("hot", "upper/top", 1)
+    return scene
+
+
+def roll_sides(scene: Heated) -> Heated:
+    """Put all sides of both blocks in space on rollers."""
+    for body in ("lower", "upper"):
+        for component, sides in enumerate((("left", "right"), ("front", "back"))):
+            names = [f"{body}/{side}" for side in sides]
+            scene.prescribe(f"{body} {component}", names, 0, component)
     return scene

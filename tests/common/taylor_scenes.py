@@ -169,9 +169,10 @@ def tied_blocks(places, *, degree=1):
     return Path(problem, u, {"E": E, "load": load, "place": push}, move, places)
 
 
-def wave(x, y):
-    """A smooth field, shape (n, 2)."""
-    return np.stack([np.sin(3.0 * x + y), np.cos(2.0 * y - x)], axis=1)
+def wave(x, y, *z):
+    """A smooth field, shape (n, 2), in space (n, 3)."""
+    parts = np.sin(3.0 * x + y), np.cos(2.0 * y - x), *(np.sin(x - 2.0 * y + at) for at in z)
+    return np.stack(parts, axis=1)
 
 
 def value_of(path, objective, over_steps=last):
@@ -192,8 +193,9 @@ def directions_of(scene, names, sizes):
         (control,) = controls_of(scene.problem, scene.controls[name])
         value = control.get(scene.problem)
         if getattr(control, "is_distributed", False):
-            x, y = scene.problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2].T
-            found.append(size * wave(x, y).ravel()[: value.size])
+            space = scene.problem.equations.bulk.space
+            x = space.V.tabulate_dof_coordinates()[:, : space.dim]
+            found.append(size * wave(*x.T).ravel()[: value.size])
         else:
             found.append(size * rng.uniform(0.5, 1.0, value.shape))
     return found

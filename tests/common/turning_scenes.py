@@ -31,6 +31,7 @@ class Shaft(NamedTuple):
     problem: fm.ContactProblem
     bore: fem.Function
     outside: fem.Function
+    axle: fm.RigidBoundary | None = None
 
     def turn(self, angle, **options):
         """Turn the bore to an angle; return the report."""
@@ -40,6 +41,8 @@ class Shaft(NamedTuple):
     def set_angle(self, angle):
         """Prescribe an angle of the bore."""
         _turn(self.bore, angle)
+        if self.axle is not None:
+            self.axle.move(angle=angle)
 
     def set_both(self, angle):
         """Prescribe an angle of the bore and of the outer side."""
@@ -60,8 +63,13 @@ def _turn(values, angle):
     values.interpolate(lambda x: (rotation(angle) - np.eye(2)) @ x[:2])
 
 
-def shaft_in_ring(law, *, slave="shaft", columns=24, interference=0.03, degree=1, **pair):
-    """Shaft of radii 0.4 and 1 in a ring of radii 1 and 1.4, whose outer side is fixed at first."""
+def shaft_in_ring(
+    law, *, slave="shaft", columns=24, interference=0.03, degree=1, on_axle=False, **pair
+):
+    """Shaft of radii 0.4 and 1 in a ring of radii 1 and 1.4, whose outer side is fixed at first.
+
+    The bore is prescribed by Dirichlet values, or is a rigid boundary ``on_axle``.
+    """
     angles = (0.1, 0.1 + 2.0 * np.pi)
     inner = sector(columns * degree, 2 * degree, radii=(0.4, 1.0 + interference))
     outer = sector((columns + 4) * degree, 2 * degree, radii=(1.0, 1.4), angles=angles)
@@ -69,16 +77,17 @@ def shaft_in_ring(law, *, slave="shaft", columns=24, interference=0.03, degree=1
     data = read(lambda: mapped_grids.build(grids, order=degree))
     V = fm.vector_space(data.mesh, degree)
     u, bore, outside = fem.Function(V), fem.Function(V), fem.Function(V)
-    bcs = [
-        fm.dirichlet(V, data, "shaft/top", bore),
-        fm.dirichlet(V, data, "ring/bottom", outside),
-    ]
+    bcs = [fm.dirichlet(V, data, "ring/bottom", outside)]
+    axle = fm.RigidBoundary(data, "shaft/top", pivot=(0.0, 0.0)) if on_axle else None
+    if axle is None:
+        bcs.append(fm.dirichlet(V, data, "shaft/top", bore))
     sides = ["shaft/bottom", "ring/top"][:: 1 if slave == "shaft" else -1]
     pair = fm.ContactPair(data, *sides, **pair_options({"law": law, **pair}))
     residual = internal(u, neo_hookean(u, E, NU))
     problem = fm.ContactProblem(
-        residual, u, [pair], bcs=bcs, petsc_options_prefix="test_", newton=TIGHT
-    )
-    shaft = Shaft(problem, bore, outside)
+        residual, u, [pair], bcs=bcs, petsc_options_prefix="test_", newton=TIGHT,
+        remote=[axle] if axle else [],
+    )  # fmt: skip
+    shaft = Shaft(problem, bore, outside, axle)
     shaft.turn(0.0)
     return shaft

@@ -97,6 +97,22 @@ def test_turn_that_may_have_had_the_other_direction_is_remarked(angle):
     assert turned + other == 360.0
 
 
+@pytest.mark.parametrize("slave", ["shaft", "ring"])
+@pytest.mark.parametrize("degrees", [100.0, 150.0, -260.0, 300.0, 345.0, -360.0])
+def test_turn_of_a_rigid_boundary_is_known(degrees, slave):
+    """The ends of a step look like those of a turn by up to 180 degrees, maybe the other way."""
+    shaft = shaft_in_ring(fm.Coulomb(0.2), slave=slave, on_axle=True)
+    shaft.turn(np.radians(20.0))
+    angle = np.radians(20.0 + degrees)
+    if abs(degrees) > 180.0:
+        with pytest.raises(fm.NotConvergedError, match="known up to a full turn only"):
+            shaft.turn(angle)
+        return
+    assert shaft.turn(angle).certificate.remarks() == []
+    work = shaft.problem.equations.contacts[0].now.friction_work
+    assert work == pytest.approx(abs(shaft.moment) * np.radians(abs(degrees)), rel=1e-3)
+
+
 def test_turn_by_an_eighth_is_no_doubt():
     certificate = shaft_in_ring(fm.Coulomb(MU)).turn(TURN / 8).certificate
     assert certificate.remarks() == []

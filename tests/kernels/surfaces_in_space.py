@@ -127,11 +127,17 @@ def places_of(masters, offsets):
 
 
 def linearize(geometry, slave, masters, offsets, coefficients, rule=None):
-    """Derivatives (weight, gap, X, Y, vector), the places of master nodes, and L."""
+    """Derivatives (weight, gap, X, Y, vector), the places of master nodes, and L.
+
+    Without values y of the master nodes as seventh coefficient these are their positions.
+    """
     places, most = places_of(masters, offsets)
     (s, K), C = slave.shape, 3 * slave.shape[1] + 3 * most
-    shapes = (s, K, C), (s, K, C + 3 * K), (s, 3 * K, C), (s, 3 * most, C), (s, K, 3, C)
+    a, b = (coefficients[i].shape[2] for i in (3, 5))
+    shapes = (s, K, C), (s, K, C + 3 * K), (s, a * K, C), (s, a * most, C), (s, K, b, C)
     out = tuple(np.full(shape, np.nan) for shape in shapes)
+    y = coefficients[6] if len(coefficients) > 6 else geometry[2]
+    coefficients = (*coefficients[:6], y[masters])
     linearize_facets(
         geometry, slave, masters, offsets, places, rule or rule_of(K), coefficients, out
     )

@@ -14,6 +14,7 @@ from surfaces_in_space import (
     rotation,
 )
 
+from fenics_mortar.kernels.space.integrals import tabulate_pairs
 from fenics_mortar.kernels.space.rules import triangle_rule
 
 GAP = 0.03
@@ -57,6 +58,34 @@ def test_patch_of_any_two_kinds_of_facets_passes(kind, master_kind):
         errors, values, _ = defects(*pair)
         assert max(errors) < 1e-15
         assert values[4].all() and not values[5].any()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("master_kind", KINDS)
+def test_listed_points_have_the_integrals_of_both_sides(kind, master_kind):
+    """Areas by the weights of each reference facet, and the products of shape functions."""
+    (x, n, m), slave, master, _ = flat_pair(kind, master_kind)
+    offsets, found = find(x, slave, m, master)
+    on_master, rule = master[found], triangle_rule(7)
+    De, _, _, B = integrate((x, n, m), slave, on_master, offsets, rule)[:4]
+    counts, table = np.empty(len(found), np.int64), no_points(0, kind, master_kind)
+    tabulate_pairs((x, m), slave, on_master, offsets, rule, counts, table)
+    table = no_points(counts.sum(), kind, master_kind)
+    tabulate_pairs((x, m), slave, on_master, offsets, rule, counts, table)
+    (weights, N, L), pair = table, np.repeat(np.arange(counts.size), counts)
+    facet = np.repeat(np.arange(len(slave)), np.diff(offsets))[pair]
+    sides = zip(weights.T, (N, L), (x[slave][facet], m[on_master][pair]))
+    for w, shapes, nodes in sides:
+        a, b = (np.einsum("tk,tkc->tc", shapes[:, d], nodes) for d in (1, 2))
+        area = w * np.linalg.norm(np.cross(a, b), axis=1)
+        sums, products = np.zeros_like(De), np.zeros_like(B)
+        np.add.at(sums, facet, area[:, None] * N[:, 0])
+        np.add.at(products, pair, area[:, None, None] * N[:, 0, :, None] * L[:, 0, None])
+        assert np.abs(sums - De).max() < 1e-14 and np.abs(products - B).max() < 1e-14
+
+
+def no_points(count, kind, master_kind):
+    return np.empty((count, 2)), np.empty((count, 3, kind)), np.empty((count, 3, master_kind))
 
 
 @pytest.mark.parametrize("points", [3, 6, 12])

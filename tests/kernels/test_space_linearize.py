@@ -50,19 +50,22 @@ def scene(kind, master_kind, seed, warp=0.06):
     return geometry, np.arange(len(x))[None], np.array(masters), np.array([0, 2])
 
 
-def random_coefficients(rng, facets, K):
-    shapes = (K, K), (K,), (K, 3), (K, 3), (K, 3), (K, 3)
-    return tuple(rng.uniform(-1, 1, (facets, *shape)) for shape in shapes)
+def random_coefficients(rng, facets, K, masters, components=(3, 3)):
+    """Coefficients with this many components of multipliers, and of the fields q, v and y."""
+    of_force, of_vector = components
+    shapes = (K, K), (K,), (K, of_force), (K, of_force), (K, of_vector), (K, of_vector)
+    of_facets = (rng.uniform(-1, 1, (facets, *shape)) for shape in shapes)
+    return *of_facets, rng.uniform(-1, 1, (masters, of_vector))
 
 
-def combined(values, coefficients, masters, places, most, m):
-    """The integrals that ``linearize_facets`` differentiates, of one facet; y is constant."""
+def combined(values, coefficients, masters, places, most):
+    """The integrals that ``linearize_facets`` differentiates, of one facet."""
     De, Me, G, B = (values[0][0], values[1][0], values[2][0], values[3])
-    A, gamma, s, c, q, v = (a[0] for a in coefficients)
-    Y, By = np.zeros((most, 3), De.dtype), np.zeros((len(De), 3), De.dtype)
+    A, gamma, s, c, q, v = (a[0] for a in coefficients[:6])
+    Y, By = np.zeros((most, c.shape[1]), De.dtype), np.zeros(v.shape, De.dtype)
     for pair in range(len(masters)):
         np.add.at(Y, places[pair], -B[pair].T @ c)
-        By += B[pair] @ m[masters[pair]]
+        By += B[pair] @ coefficients[6][masters[pair]]
     return {
         "weight": De,
         "gap": De * gamma + A @ (G - Me @ gamma),
@@ -81,7 +84,7 @@ def steps(geometry, slave, masters, offsets, coefficients, rule=None):
         kind = np.result_type(x, n, moved)
         moved_geometry = x.astype(kind), n.astype(kind), moved.astype(kind)
         found = integrate(moved_geometry, slave, masters, offsets, rule)
-        results = combined(found, coefficients, masters, places, most, m)
+        results = combined(found, coefficients, masters, places, most)
         return np.concatenate([results[name].ravel() for name in NAMES])
 
     by_x = complex_step(lambda y: evaluate(y, n, m), x)[:, slave[0]]
@@ -93,7 +96,8 @@ def steps(geometry, slave, masters, offsets, coefficients, rule=None):
     rows = len(by_x)
     by_all = np.concatenate([by_x.reshape(rows, -1), merged.reshape(rows, -1)], axis=1)
     K, shapes, at = slave.shape[1], {}, 0
-    for name, size in zip(NAMES, (K, K, 3 * K, 3 * most, 3 * K)):
+    a, b = (coefficients[i].shape[2] for i in (3, 5))
+    for name, size in zip(NAMES, (K, K, a * K, a * most, b * K)):
         block = by_all[at : at + size]
         if name == "gap":
             block = np.concatenate([block, by_n.reshape(rows, -1)[at : at + size]], axis=1)
@@ -103,9 +107,10 @@ def steps(geometry, slave, masters, offsets, coefficients, rule=None):
     return shapes
 
 
-def largest_error(geometry, slave, masters, offsets, seed=0):
+def largest_error(geometry, slave, masters, offsets, seed=0, components=(3, 3)):
     """Largest relative difference of all results and the complex step of the integrals."""
-    coefficients = random_coefficients(np.random.default_rng(seed), 1, slave.shape[1])
+    rng, counts = np.random.default_rng(seed), (slave.shape[1], len(geometry[2]))
+    coefficients = random_coefficients(rng, 1, *counts, components)
     out, _, _ = linearize(geometry, slave, masters, offsets, coefficients)
     exact, errors = steps(geometry, slave, masters, offsets, coefficients), []
     for name, found in zip(NAMES, out):
@@ -122,6 +127,7 @@ def test_derivatives_equal_the_complex_step(kind, master_kind):
         values = integrate(*scene_of_seed)
         assert values[3].any(axis=(1, 2)).any() and not values[5].any()
         assert largest_error(*scene_of_seed, seed) < 1e-12
+        assert largest_error(*scene_of_seed, seed, (1, 2)) < 1e-12
 
 
 def stars(sides, others, rng):
@@ -179,7 +185,7 @@ def test_masters_with_common_nodes_share_columns(kind):
 @pytest.mark.parametrize("left_out", range(5))
 def test_results_that_are_not_wanted_are_left_out(left_out):
     geometry, slave, masters, offsets = scene(9, 6, 0)
-    coefficients = random_coefficients(np.random.default_rng(0), 1, 9)
+    coefficients = random_coefficients(np.random.default_rng(0), 1, 9, len(geometry[2]))
     everything, places, _ = linearize(geometry, slave, masters, offsets, coefficients)
     rule = rule_of(9)
     some = [
@@ -187,7 +193,8 @@ def test_results_that_are_not_wanted_are_left_out(left_out):
     ]
     one = [np.full_like(out, np.nan) if i == left_out else None for i, out in enumerate(everything)]
     for out in (some, one):
-        needed = coefficients if out is some or left_out else (None,) * 6
+        needed = (*coefficients[:6], coefficients[6][masters])
+        needed = needed if out is some or left_out else (None,) * 7
         linearize_facets(geometry, slave, masters, offsets, places, rule, needed, tuple(out))
         for found, exact in zip(out, everything):
             assert found is None or (found == exact).all()
@@ -196,6 +203,6 @@ def test_results_that_are_not_wanted_are_left_out(left_out):
 def test_facets_without_pairs_have_no_derivatives():
     geometry, slave, masters, _ = scene(4, 4, 0)
     both = np.concatenate([slave, slave])
-    coefficients = random_coefficients(np.random.default_rng(0), 2, 4)
+    coefficients = random_coefficients(np.random.default_rng(0), 2, 4, len(geometry[2]))
     out, _, _ = linearize(geometry, both, masters, np.array([0, 0, 2]), coefficients)
     assert all(not found[0].any() and found[1].any() for found in out)

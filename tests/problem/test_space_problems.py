@@ -267,12 +267,6 @@ def test_options_of_the_plane_are_refused(options, what):
 def test_features_of_the_plane_are_refused():
     scene = pressed().set_up()
     scene.problem.solve()
-    with refused(NotImplementedError, "generalized_alpha"):
-        fm.Dynamics(scene.problem, 1.0)
-    with refused(NotImplementedError, "sensitivity"):
-        fm.gradient(scene.u[0] * ufl.dx, fem.Constant(scene.data.mesh, 1.0), scene.problem)
-    with refused(NotImplementedError, "error of the mesh"):
-        scene.problem.estimate()
     with refused(NotImplementedError, "contact of a surface with itself .*block/left"):
         scene.set_up([fm.ContactPair(scene.data, "block/left")])
 

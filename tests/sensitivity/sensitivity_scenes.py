@@ -10,6 +10,7 @@ from scenes import Scene, pressed_blocks
 
 import fenics_mortar as fm
 from fenics_mortar.interface.linearization import EXACT
+from fenics_mortar.obstacles.places import place_after
 
 comm = MPI.COMM_WORLD
 STEPS = 1e-3 * 0.5 ** np.arange(6)
@@ -68,7 +69,9 @@ def moved(problem, state, d, t):
     interfaces = tuple(
         replace(a, z=a.z + t * dz) for a, dz in zip(state.interfaces, d.z, strict=True)
     )
-    return replace(state, u=new, interfaces=interfaces, places=state.places + t * d.q)
+    after = [place_after(place, t * dq, 1.0) for place, dq in zip(state.places, d.q, strict=True)]
+    places = np.reshape(after, state.places.shape)
+    return replace(state, u=new, interfaces=interfaces, places=places)
 
 
 def count_slip_from(problem, state, present):

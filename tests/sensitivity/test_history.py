@@ -21,13 +21,18 @@ comm = MPI.COMM_WORLD
 DOT = 1e-12
 
 
-def check(problem, before, sizes=(0.005, 1.0, 0.005), *, sticks=True):
-    """Taylor test of slip and rows, and dot product with the transpose; returns the history."""
+def check(problem, before, sizes=(0.005, 1.0, 0.005), *, sticks=True, held=False):
+    """Taylor test of slip and rows, and dot product with the transpose; returns the history.
+
+    Prescribed values do not change if ``held``.
+    """
     history = StepHistory(problem, before)
     contact = problem.equations.contacts[0]
     present = problem.state()
     frames = [c.rows.frame() for c in problem.equations.contacts]
     d, y = scenes.random_vector(problem, 1, sizes), scenes.random_vector(problem, 2)
+    if held:
+        d.u[problem.equations.bulk.prescribed_dofs] = 0.0
 
     def at(value):
         def of(t):
@@ -36,7 +41,7 @@ def check(problem, before, sizes=(0.005, 1.0, 0.005), *, sticks=True):
 
         return of
 
-    change = history.pairs[0].slip @ at_pair(problem.equations, 0, d)
+    change = history.pairs[0].fields["slip"] @ at_pair(problem.equations, 0, d)
     assert np.abs(change).max() > 0.1 * sizes[0]
     rate, errors = scenes.taylor(at(lambda: contact.slip.copy()), change)
     assert rate > 1.9, errors

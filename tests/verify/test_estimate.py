@@ -17,7 +17,7 @@ from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
 from fenics_mortar.bulk.fluxes import Fluxes
-from fenics_mortar.interface.segments import gauss_rule
+from fenics_mortar.interface.obstacle_facets import gauss_points
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.verify.estimate import ErrorEstimate
@@ -118,11 +118,11 @@ def test_partly_covered_facets_bear_their_force_on_the_cover(degree, slave):
     """Uniform pressure; the ends of the upper block are in the middle of lower facets."""
     wide = {"width_lower": 2.0, "n_lower": 7}
     problem = column(scenes.linear_elastic, degree, 0.0, slave=slave, **wide)
-    (contact,), rule = problem.equations.contacts, gauss_rule(3)
+    (contact,), rule = problem.equations.contacts, gauss_points(2)
     contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
     contact.change(z=np.tile([1.0, -3.0], (len(contact.z), 1)))
     prescribed = problem.equations.bulk.prescribed.astype(float)
-    for surface, tractions in interface_tractions(contact, prescribed, rule):
+    for surface, tractions in interface_tractions(contact, prescribed):
         ends = np.sort(surface.X[surface.facets[:, [0, -1]], 0])
         covered = np.diff(np.clip(ends, 0.5, 1.5))
         force = np.einsum("q,fqc->fc", rule[1], tractions) * np.diff(ends) / 2
@@ -298,7 +298,7 @@ def test_forms_are_read_after_the_first_compilation_on_a_mesh_as_before_it(tmp_p
     below = dmesh.locate_entities_boundary(mesh, 1, lambda x: x[1] == 0.0)
     mesh.topology.create_connectivity(1, 2)
     cells = np.array([mesh.topology.connectivity(1, 2).links(f)[0] for f in below], np.int32)
-    inside, _ = fluxes.in_cells()
+    inside, *_ = fluxes.in_cells(np.arange(mesh.topology.index_map(2).size_local))
     tractions = [fluxes.loads(cells, np.full(cells.size, side), below) for side in range(3)]
     assert np.abs(inside.stress).max() == 0.0
     # the pressure is along the normal of the lower side, whichever its number

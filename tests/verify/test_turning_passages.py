@@ -215,6 +215,29 @@ def test_body_whose_prescribed_nodes_turn_is_followed_about_their_centre(
     assert bool(possible) == (not touches and post != BEYOND)
 
 
+@pytest.mark.parametrize(
+    ("degrees", "touches"),
+    [(60, False), (150, True), (-200, False), (250, True), (-300, True), (350, True), (400, True)],
+)
+@pytest.mark.parametrize("post", [ABOVE, BEYOND])
+def test_body_on_a_rigid_boundary_is_followed_by_its_angle(post, degrees, touches):
+    """Also by more than half a turn, and by a full one."""
+    data = read(rectangles, size=0.1, arm=ARM, post=post)
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    bcs = [
+        fm.dirichlet(u.function_space, data, f"post/{side}", (0.0, 0.0))
+        for side in ("bottom", "top")
+    ]
+    hub = fm.RigidBoundary(data, ["arm/left", "arm/bottom"], pivot=(0.0, 0.0))
+    pair = fm.ContactPair(data, "post/left", "arm/top", search_radius=0.05)
+    problem = problem_of(data, [pair], bcs, u, remote=[hub])
+    hub.move(angle=np.radians(degrees))
+    certificate = problem.solve(accept_violations=True).certificate
+    assert bool(certificate.passages) == (touches and post == ABOVE)
+    assert certificate.possible_passages == []
+    assert not any("unless" in message for message in certificate.passages)
+
+
 def test_turn_whose_sense_is_unknown_is_a_remark_and_cut_in_a_path():
     """By 200 degrees, which could be -160: only the former passes the post."""
     problem, turning = arm_past(ABOVE, 200.0)

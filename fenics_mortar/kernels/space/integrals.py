@@ -5,7 +5,7 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.space.clipping import MAX_VERTICES, signed_area
-from fenics_mortar.kernels.space.plane import flatten, is_folded, set_plane
+from fenics_mortar.kernels.space.plane import cross2, flatten, is_folded, jacobian, set_plane
 from fenics_mortar.kernels.space.points import common_part, gap_at, points_work, tabulate_points
 from fenics_mortar.kernels.space.shapes import pieces_of
 from fenics_mortar.utils.rounding import SAME_PLACE
@@ -152,6 +152,55 @@ def tabulate_corners(geometry, slave, masters, offsets, counts, shares):
                     for q in range(points):
                         shares[i, counts[i]] = table[1][q, 0]
                         counts[i] += 1
+
+
+@kernel
+def tabulate_pairs(geometry, slave, masters, offsets, rule, counts, table):
+    """Tabulate the points of a rule in the cells of each pair; without a table count them only.
+
+    Args:
+        geometry: (x (n, 3), m (k, 3)): slave and master positions.
+        slave: See ``integrate_facets``.
+        masters: See ``integrate_facets``.
+        offsets: See ``integrate_facets``.
+        rule: See ``integrate_facets``.
+        counts: Number of points of each pair, shape (p,); filled.
+        table: (weights (t, 2), N (t, 3, K), N^m (t, 3, K')) of all pairs in order; filled, unless
+            they have no rows. The weights are those of the reference facets of slave and master,
+            the areas in the plane over the determinants of the flat images.
+    """
+    x, m = geometry
+    weights, of_slave, of_master = table
+    own = slave.shape[1]
+    facets, plane, polygon, points_table = points_work(x, (own, masters.shape[1]), rule)
+    (frame, images, heights), (W, N, L) = plane, points_table
+    counts[:] = 0
+    start = 0
+    for e in range(slave.shape[0]):
+        for i in range(offsets[e], offsets[e + 1]):
+            for piece in range(facets[0].shape[0]):
+                corners = facets[0][piece]
+                area = set_plane(x, slave[e], corners, frame)
+                flatten(x, slave[e], frame, 0, images, heights)
+                flatten(m, masters[i], frame, own, images, heights)
+                for other in range(facets[2].shape[0]):
+                    count = common_part(images, corners, facets[2][other], area, polygon)
+                    if count == 0:
+                        continue
+                    points = (count - 2) * rule[1].size
+                    counts[i] += points
+                    if len(weights) == 0:
+                        continue
+                    tabulate_points(
+                        images, count, facets, (piece, other), rule, polygon, points_table
+                    )
+                    for q in range(points):
+                        xa, ya, xb, yb = jacobian(images, 0, N[q])
+                        weights[start, 0] = W[q] / abs(cross2(xa, ya, xb, yb))
+                        xa, ya, xb, yb = jacobian(images, own, L[q])
+                        weights[start, 1] = W[q] / abs(cross2(xa, ya, xb, yb))
+                        of_slave[start], of_master[start] = N[q], L[q]
+                        start += 1
 
 
 def most_corners(own, others):

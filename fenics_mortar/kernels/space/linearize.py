@@ -168,9 +168,13 @@ def scatter(by_position, places, own, out):
 
 
 @kernel
-def scatter_rows(by_position, direct, places, starts, own, e, out):
-    """Add the derivatives of all rows of a pair to those of the facet ``e``."""
+def scatter_rows(by_position, direct, places, starts, counts, own, e, out):
+    """Add the derivatives of all rows of a pair to those of the facet ``e``.
+
+    ``counts``: numbers of components of X and Y, and of vector.
+    """
     weight, X, gap, Y, vector = out
+    of_force, of_vector = counts
     for r in range(starts[0], starts[1]):
         scatter(by_position[r], places, own, weight[e, r - starts[0]])
     for r in range(starts[1], starts[2]):
@@ -181,10 +185,10 @@ def scatter_rows(by_position, direct, places, starts, own, e, out):
         scatter(direct[j], places, own, gap[e, j])
         add_row(1.0, direct[j, 3 * (own + places.size) :], gap[e, j, end:])
     for r in range(starts[3], starts[4]):
-        l, c = (r - starts[3]) // 3, (r - starts[3]) % 3
-        scatter(by_position[r], places, own, Y[e, 3 * places[l] + c])
+        l, c = (r - starts[3]) // of_force, (r - starts[3]) % of_force
+        scatter(by_position[r], places, own, Y[e, of_force * places[l] + c])
     for r in range(starts[4], starts[5]):
-        j, c = (r - starts[4]) // 3, (r - starts[4]) % 3
+        j, c = (r - starts[4]) // of_vector, (r - starts[4]) % of_vector
         scatter(by_position[r], places, own, vector[e, j, c])
 
 
@@ -192,10 +196,10 @@ def scatter_rows(by_position, direct, places, starts, own, e, out):
 def weigh_point(geometry, nodes, W, N, L, coefficients, e, y, starts, wanted, work, direct, by):
     """Fill ``by`` for a point of the facet ``e``; add to ``direct``.
 
-    ``nodes`` = (slave, master) nodes of the pair, ``y`` (K', 3) the positions of the latter; for
-    others see ``linearize_wanted``.
+    ``nodes`` = (slave, master) nodes of the pair, ``y`` (K', b) values of the latter; for others
+    see ``linearize_wanted``.
     """
-    A, gamma, s, c, q, v = coefficients
+    A, gamma, s, c, q, v, _ = coefficients
     Phi, fields, level, gap, slopes = work
     if wanted[2] or wanted[4]:
         for a in range(3):
@@ -229,8 +233,9 @@ def linearize_wanted(geometry, slave, masters, offsets, places, rule, coefficien
     ``wanted`` and ``out`` are in the order weight, X, gap, Y, vector.
     """
     x, _, m = geometry
-    own, others = slave.shape[1], masters.shape[1]
-    starts = row_starts(own, others, wanted)
+    own, others, values = slave.shape[1], masters.shape[1], coefficients[6]
+    counts = coefficients[3].shape[2], coefficients[5].shape[2]
+    starts = row_starts(own, others, wanted, counts[0], counts[1])
     rows, first = starts[5], starts[2]
     facets, plane, polygon, table = points_work(x, (own, others), rule)
     (frame, images, heights), (W, N, L), (bary, weights) = plane, table, rule
@@ -240,10 +245,9 @@ def linearize_wanted(geometry, slave, masters, offsets, places, rule, coefficien
         np.empty((rows, 3 * (own + others))),
         np.empty((own, 3 * (2 * own + others))),
     )
-    work = (
-        np.empty((3, own)), np.empty((3, 3, 3)), np.empty(3), np.empty((4, 3)), np.empty(4)
-    )  # fmt: skip
-    y = np.empty((others, 3))
+    fields = np.empty((3, counts[0])), np.empty((3, counts[1])), np.empty((3, counts[1]))
+    work = np.empty((3, own)), fields, np.empty(3), np.empty((4, 3)), np.empty(4)
+    y = np.empty((others, counts[1]))
     for e in range(slave.shape[0]):
         for piece in range(facets[0].shape[0]):
             corners = facets[0][piece]
@@ -252,8 +256,8 @@ def linearize_wanted(geometry, slave, masters, offsets, places, rule, coefficien
             for i in range(offsets[e], offsets[e + 1]):
                 flatten(m, masters[i], frame, own, images, heights)
                 for l in range(others):
-                    for c in range(3):
-                        y[l, c] = m[masters[i, l], c]
+                    for c in range(counts[1]):
+                        y[l, c] = values[i, l, c]
                 by_image[:] = 0.0
                 direct[:] = 0.0
                 met = False
@@ -281,7 +285,7 @@ def linearize_wanted(geometry, slave, masters, offsets, places, rule, coefficien
                     chain_vertices(images, polygon[0][1], count, polygon[2], by_V, by_image)
                 if met:
                     to_positions(plane, corners, by_image, by_position)
-                    scatter_rows(by_position, direct, places[i], starts, own, e, out)
+                    scatter_rows(by_position, direct, places[i], starts, counts, own, e, out)
 
 
 def linearize_facets(geometry, slave, masters, offsets, places, rule, coefficients, out):
@@ -290,7 +294,7 @@ def linearize_facets(geometry, slave, masters, offsets, places, rule, coefficien
     Columns of a facet: 3 K positions of the slave nodes, then 3 L of the master nodes of all its
     pairs; columns that a facet does not need are zero. Each F is a function of the point with
     constant coefficients: Phi = A N, c = sum_k N_k c_k, likewise gamma and v; y = sum_l N^m_l y_l
-    with the present positions y_l as constants. No facet may be folded, see ``integrate_facets``.
+    of the master nodes of each pair. No facet may be folded, see ``integrate_facets``.
 
     ========  ==============================================  ======================
     result    functions                                       shape
@@ -298,9 +302,9 @@ def linearize_facets(geometry, slave, masters, offsets, places, rule, coefficien
     weight    F_j = N_j                                       (s, K, C)
     gap       F_j = N_j gamma_j + Phi_j (g - gamma)           (s, K, C + 3 K): then
                                                               by the nodal normals
-    X         F_kc = N_k (s_kc - c_c)                         (s, 3 K, C)
-    Y         F_lc = -N^m_l c_c                               (s, 3 L, C)
-    vector    F_jb = N_j q_jb + Phi_j (v_b - y_b)             (s, K, 3, C)
+    X         F_kc = N_k (s_kc - c_c)                         (s, a K, C)
+    Y         F_lc = -N^m_l c_c                               (s, a L, C)
+    vector    F_jb = N_j q_jb + Phi_j (v_b - y_b)             (s, K, b, C)
     ========  ==============================================  ======================
 
     Args:
@@ -310,8 +314,9 @@ def linearize_facets(geometry, slave, masters, offsets, places, rule, coefficien
         offsets: Pairs of facet e are offsets[e]:offsets[e + 1], shape (s + 1,).
         places: Number 0 ... L - 1 of each master node among those of the slave facet, (p, K').
         rule: (barycentric coordinates (q, 3), weights (q,)), see ``rules``.
-        coefficients: (A (s, K, K), gamma (s, K), s, c, q, v), the last four (s, K, 3); None where
-            no result needs it.
+        coefficients: (A (s, K, K), gamma (s, K), s, c (s, K, a), q, v (s, K, b), y (p, K', b));
+            None where no result needs it. The numbers a and b of components are those of the
+            values: 3 of multipliers and positions, 1 of a scalar field.
         out: (weight, gap, X, Y, vector); filled, None where a result is not wanted.
     """
     weight, gap, X, Y, vector = out
@@ -320,7 +325,7 @@ def linearize_facets(geometry, slave, masters, offsets, places, rule, coefficien
     for i, dimensions in enumerate((3, 3, 3, 3, 4)):
         results[i] = _given_or_empty(results[i], dimensions)
         results[i][:] = 0.0
-    constants = [_given_or_empty(a, d) for a, d in zip(coefficients, (3, 2, 3, 3, 3, 3))]
+    constants = [_given_or_empty(a, d) for a, d in zip(coefficients, (3, 2, 3, 3, 3, 3, 3))]
     linearize_wanted(
         geometry, slave, masters, offsets, places, rule, tuple(constants), wanted, tuple(results)
     )

@@ -10,7 +10,7 @@ of the weight have no part in eta: they come first.
 ==========  ======================================================================  ============
 symbol      meaning                                                                 shape
 ==========  ======================================================================  ============
-fields      c, v and y at a point, with derivatives by xi, by eta for y             (3, 3, 3)
+fields      c, v and y at a point, with derivatives by xi, by eta for y             (3, b) each
 Phi         functions A N at a point, with derivatives                              (3, K)
 gamma       gamma at a point, with derivatives                                      (3,)
 ==========  ======================================================================  ============
@@ -22,13 +22,14 @@ from fenics_mortar.kernels import kernel
 
 
 @kernel
-def row_starts(own, others, wanted):
+def row_starts(own, others, wanted, of_force, of_vector):
     """First rows of weight, X, gap, Y and vector, and the number of rows, shape (6,).
 
-    ``wanted`` (5,): whether each of them is, in this order.
+    ``wanted`` (5,): whether each of them is, in this order. ``of_force`` and ``of_vector`` are the
+    numbers of components of X and Y, and of vector.
     """
     starts = np.zeros(6, np.int64)
-    sizes = (own, 3 * own, own, 3 * others, 3 * own)
+    sizes = (own, of_force * own, own, of_force * others, of_vector * own)
     for i in range(5):
         starts[i + 1] = starts[i] + (sizes[i] if wanted[i] else 0)
     return starts
@@ -65,10 +66,11 @@ def weigh_weight(W, N, first, by):
 
 @kernel
 def weigh_slave_force(W, N, s, c, first, by):
-    """F_kc = N_k (s_kc - c_c), with ``s`` (K, 3) and the field ``c`` (3, 3)."""
+    """F_kc = N_k (s_kc - c_c), with ``s`` (K, b) and the field ``c`` (3, b)."""
+    count = c.shape[1]
     for k in range(N.shape[1]):
-        for d in range(3):
-            r, difference = first + 3 * k + d, s[k, d] - c[0, d]
+        for d in range(count):
+            r, difference = first + count * k + d, s[k, d] - c[0, d]
             by[0, r] = N[0, k] * difference
             for a in range(1, 3):
                 by[a, r] = W * (N[a, k] * difference - N[0, k] * c[a, d])
@@ -76,10 +78,11 @@ def weigh_slave_force(W, N, s, c, first, by):
 
 @kernel
 def weigh_master_force(W, L, c, first, by):
-    """F_lc = -N^m_l c_c, with the field ``c`` (3, 3)."""
+    """F_lc = -N^m_l c_c, with the field ``c`` (3, b)."""
+    count = c.shape[1]
     for l in range(L.shape[1]):
-        for d in range(3):
-            r = first + 3 * l + d
+        for d in range(count):
+            r = first + count * l + d
             by[0, r] = -L[0, l] * c[0, d]
             for a in range(1, 3):
                 by[a, r], by[2 + a, r] = -W * L[0, l] * c[a, d], -W * L[a, l] * c[0, d]
@@ -103,10 +106,11 @@ def weigh_gap(W, N, Phi, g, slopes, of_nodes, gamma, first, by):
 
 @kernel
 def weigh_vector(W, N, Phi, q, v, y, first, by):
-    """F_jb = N_j q_jb + Phi_j (v_b - y_b), with ``q`` (K, 3) and the fields ``v``, ``y`` (3, 3)."""
+    """F_jb = N_j q_jb + Phi_j (v_b - y_b), with ``q`` (K, b) and the fields ``v``, ``y`` (3, b)."""
+    count = v.shape[1]
     for j in range(N.shape[1]):
-        for d in range(3):
-            r, difference = first + 3 * j + d, v[0, d] - y[0, d]
+        for d in range(count):
+            r, difference = first + count * j + d, v[0, d] - y[0, d]
             by[0, r] = N[0, j] * q[j, d] + Phi[0, j] * difference
             for a in range(1, 3):
                 by[a, r] = W * (N[a, j] * q[j, d] + Phi[a, j] * difference + Phi[0, j] * v[a, d])

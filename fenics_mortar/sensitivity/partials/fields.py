@@ -3,17 +3,14 @@
 
 Rows, memory of laws and functionals depend on state and controls through the fields w (weights), g
 (weighted gaps), z_n, z_tau, slip of the step at constant gaps, and z; see ``maps.through_fields``.
+In space slip and z_tau are components along the law's direction, see ``space_fields``; rows depend
+on the vectors of slip and normals, "slip_vector" and "normal".
 
-**Derivatives of a contact with respect to shapes: of its obstacle, and of its bodies.** If the
-shape of the obstacle changes, the distance of a point changes by dphi, its gradient by dgrad. This
-changes the weighted gaps int Phi_j phi, the normals n = -grad phi / |grad phi| of the slave nodes,
-and the slip, through the present tangents and the nearest points of the accepted state from which
-it is counted. Forces of given multipliers do not depend on the obstacle.
-
-With finite sliding, the equations depend on the present positions x = X + u of the nodes: forces
-and rows change with X as with the displacement, at fixed sets, offset and weights of the rows.
-Lengths of undeformed facets occur only in weights of rows, and in the stiffness of redundant sticks
-and of users' laws, which is considered fixed.
+**Derivatives of a contact with respect to the shapes of its bodies.** With finite sliding, the
+equations depend on the present positions x = X + u of the nodes: forces and rows change with X as
+with the displacement, at fixed sets, offset and weights of the rows. Lengths of undeformed facets
+occur only in weights of rows, and in the stiffness of redundant sticks and of users' laws, which is
+considered fixed.
 """
 
 from __future__ import annotations
@@ -26,31 +23,33 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.interface.integrals import hand_over
+from fenics_mortar.contact.nodal import Row
+from fenics_mortar.contact.space_fields import SpaceFields, VectorRow
 from fenics_mortar.interface.linearization import Block
-from fenics_mortar.interface.obstacle_facets import gaps_along, points_of
-from fenics_mortar.interface.on_obstacle import ObstacleOperators, facet_thickness
+from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.plane_mortar import PlaneOperators
 from fenics_mortar.sensitivity.partials.maps import (
     Changes,
     Layout,
     Matrix,
     assembled,
+    interleaved,
     rows_at_nodes,
     through_fields,
 )
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MortarError, call_together
-from fenics_mortar.utils.ranks import sum_over_ranks
+from fenics_mortar.utils.errors import MortarError
 
 
 def fields_by_state(contact: Interface, names: Iterable[str]) -> Changes:
     """Derivatives of fields with respect to the vector of the pair, (slave nodes, size) each.
 
-    Collective. That of "z" has the shape (2 slave nodes, size).
+    Collective. That of "z" has the shape (d slave nodes, size).
     """
     layout = Layout(contact)
-    return {name: DERIVATIVES[name](contact, layout) for name in names}
+    derivatives = DERIVATIVES if layout.dim == 2 else IN_SPACE
+    return {name: derivatives[name](contact, layout) for name in names}
 
 
 def _weight(contact: Interface, layout: Layout) -> Matrix:
@@ -107,6 +106,68 @@ DERIVATIVES: dict[str, Callable[[Interface, Layout], Matrix]] = {
 }
 
 
+def by_vectors(o: MortarOperators, partners: Any, layout: Layout, row: VectorRow) -> Matrix:
+    """Derivative of a function of multiplier, slip and normal of a node in space (collective).
+
+    Shape (slave nodes, size).
+    """
+    turned, by_motion = np.einsum("ja,jaq->jq", row.by_normal, o.dn), None
+    blocks = [rows_at_nodes(o.slave, o.normal_columns(), turned)]
+    slips = row.by_slip.any()
+    if slips:
+        blocks += partners.derivative(o, row.by_slip)
+    if isinstance(o, ObstacleOperators):
+        by_motion = np.einsum("ja,jam->jm", row.by_normal, o.dn_dq)
+        if slips:
+            of_slip = partners.derivative_by_motions(o)
+            by_motion += np.einsum("ja,jam->jm", row.by_slip, of_slip)
+    return layout.nodal(blocks, row.by_z, by_motion)
+
+
+# Numbers of a node in space as functions of the law's arguments.
+OF_LAW = {
+    "z_n": Row(0.0, by_z_n=1.0),
+    "z_tau": Row(0.0, by_z_tau=1.0),
+    "slip": Row(0.0, by_slip=1.0),
+}
+
+
+def _of_law(name: str) -> Callable[[Interface, Layout], Matrix]:
+    def derivative(contact: Interface, layout: Layout) -> Matrix:
+        f: Any = contact.now
+        row = f.by_vectors(OF_LAW[name])
+        return by_vectors(f.operators, f.state.partners, layout, row)
+
+    return derivative
+
+
+IN_SPACE = DERIVATIVES | {name: _of_law(name) for name in OF_LAW}
+
+
+def of_vectors(f: SpaceFields) -> dict[str, dict[str, Array]]:
+    """Derivatives of arguments of the law by the vectors of slip and normals (local).
+
+    By their names, shape (slave nodes, 1, 3) each [unit of the argument over that of the vector].
+    """
+    rows = {name: f.by_vectors(row) for name, row in OF_LAW.items()}
+    return {
+        name: {"slip_vector": row.by_slip[:, None], "normal": row.by_normal[:, None]}
+        for name, row in rows.items()
+    }
+
+
+def shear_vector_derivative(f: SpaceFields, layout: Layout) -> Matrix:
+    """Derivative of the shear P z in space, (3 slave nodes, size) (collective)."""
+    o, z, z_n = f.operators, f.z_u, f.z_n
+    none, (count, dim) = np.zeros(len(z)), z.shape
+    found = []
+    for a in np.eye(dim):
+        n_a = (o.n @ a)[:, None]
+        row = VectorRow(none, a - n_a * o.n, np.zeros_like(z), none, -z_n[:, None] * a - n_a * z)
+        found.append(by_vectors(o, None, layout, row))
+    return interleaved(found, count)
+
+
 def off_planes(derivative: Matrix, contact: Contact) -> Matrix:
     """The derivative of slip with zeros at nodes on symmetry planes (local)."""
     kept = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, 1.0)
@@ -119,13 +180,16 @@ def over_weights(f: ContactFields, values: Array) -> Array:
 
 
 def rows_by_fields(contact: Contact) -> dict[str, Array]:
-    """Derivatives of the two rows of a node with respect to its fields, (slave nodes, 2) (local).
+    """Derivatives of the d rows of a node with respect to its fields, (slave nodes, d) (local).
 
-    Multipliers, active set and weights of the rows are fixed. Rows of closed gaps and of the law
-    depend on gaps. In the unit of the rows [stress length] over that of the field.
+    With respect to vectors (slave nodes, d, d). Multipliers, active set and weights of the rows are
+    fixed. Rows of closed gaps and of the law depend on gaps. In the unit of the rows [stress
+    length] over that of the field.
     """
     f = contact.now
     normal, _, *weights = contact.rows.frame()
+    if isinstance(f, SpaceFields):
+        return _rows_in_space(f, normal, weights)
     by = {name: np.zeros_like(normal) for name in ("z_n", "z_tau", "slip")} | {"gap": normal.copy()}
     for weight, row in zip(weights, f.law_rows, strict=True):
         by["gap"] -= weight * over_weights(f, row.by_gap)[:, None]
@@ -134,7 +198,19 @@ def rows_by_fields(contact: Contact) -> dict[str, Array]:
     return by
 
 
-def gap_by_offset(o: PlaneOperators) -> Matrix:
+def _rows_in_space(f: SpaceFields, normal: Array, weights: list[Array]) -> dict[str, Array]:
+    """See ``rows_by_fields``; along vectors of slip and normals."""
+    count, dim = normal.shape
+    by = {name: np.zeros((count, dim, dim)) for name in ("slip_vector", "normal")}
+    by["gap"] = normal.copy()
+    for weight, row in zip(weights, f.vector_rows, strict=True):
+        by["gap"] -= weight * over_weights(f, row.by_gap)[:, None]
+        by["slip_vector"] -= weight[:, :, None] * row.by_slip[:, None]
+        by["normal"] -= weight[:, :, None] * row.by_normal[:, None]
+    return by
+
+
+def gap_by_offset(o: MortarOperators) -> Matrix:
     """Derivative of the weighted gaps g_j - D_jk offset_k, (slave nodes, slave nodes) [length].
 
     Collective.
@@ -143,25 +219,33 @@ def gap_by_offset(o: PlaneOperators) -> Matrix:
     return assembled([Block(nodes, nodes, -o.D)], (count, count), o.slave.comm)
 
 
-def moment(contact: Interface, about: Array) -> float:
-    """Moment of the contact forces on the slave body [stress length^2] (collective)."""
+def moment(contact: Interface, about: Array, axis: Array | None) -> float:
+    """Moment of the contact forces on the slave body [stress length^2] (collective).
+
+    In space its component along the unit vector ``axis`` (3,).
+    """
     force, _ = contact.now.forces
-    r = contact.operators.x - about
-    return -float((r[:, 0] * force[:, 1] - r[:, 1] * force[:, 0]).sum())
+    return -float((_around(axis, contact.operators.x - about) * force).sum())
 
 
-def moment_gradient(contact: Interface, about: Array) -> Array:
-    """Derivative of ``moment`` about a point (2,), a vector of the pair (collective).
+def _around(axis: Array | None, vectors: Array) -> Array:
+    """Products of the axis, in the plane that across it, and vectors (n, d) (local)."""
+    if axis is None:
+        return np.stack([-vectors[:, 1], vectors[:, 0]], axis=1)
+    return np.cross(axis, vectors)
+
+
+def moment_gradient(contact: Interface, about: Array, axis: Array | None) -> Array:
+    """Derivative of ``moment`` about a point (d,), a vector of the pair (collective).
 
     In the unit of the moment over those of the vector, see ``maps``.
     """
     o, z, layout = contact.operators, contact.z, Layout(contact)
     force, _ = contact.now.forces
-    r = o.x - about
-    turned = np.stack([-r[:, 1], r[:, 0]], axis=1)
+    turned = _around(axis, o.x - about)
     total = np.zeros(layout.size)
-    total[layout.on_slave] = np.stack([-force[:, 1], force[:, 0]], axis=1).ravel()
-    total[layout.z] = -o.jump(turned, np.zeros((contact.master.num_nodes, 2))).ravel()
+    total[layout.on_slave] = _around(axis, force).ravel()
+    total[layout.z] = -o.jump(turned, np.zeros_like(contact.master.X)).ravel()
     if o.linearization.frozen:
         return total
     rows, columns, values = o.slave_force_derivative(z)
@@ -169,69 +253,6 @@ def moment_gradient(contact: Interface, about: Array) -> Array:
     weights = np.zeros(layout.size)
     weights[layout.on_slave] = turned.ravel()
     return total - by_x.T @ weights
-
-
-def fields_by_shape(contact: Contact, name: str) -> Changes:
-    """Derivatives of gap, z_n, z_tau and slip with respect to a parameter of the shape.
-
-    Collective.
-
-    Args:
-        contact: The contact, evaluated, with the obstacle at its present position.
-        name: Name of the parameter, see ``Obstacle.shape``.
-
-    Returns:
-        Shape (slave nodes, m) each, for the m numbers of the parameter.
-
-    Raises:
-        MortarError: If sliding is small.
-    """
-    if contact.pair.sliding == "small":
-        raise MortarError("shapes of obstacles cannot be controls with sliding='small'")
-    f, o = contact.now, contact.now.on_obstacle
-    value = np.asarray(o.obstacle.shape()[name])
-    units = np.eye(value.size).reshape(value.size, *value.shape)
-    what = f"the derivative of '{o.obstacle.name}' by '{name}'"
-    gap, dn = call_together(
-        o.slave.comm, what, lambda: (_gap(contact, name, units), _normals(contact, o, name, units))
-    )
-    dtau, z = np.stack([-dn[..., 1], dn[..., 0]], axis=-1), f.state.z
-    changes = {"gap": sum_over_ranks(o.slave.comm, gap)}
-    changes |= {"z_n": np.einsum("mjc,jc->mj", dn, z), "z_tau": np.einsum("mjc,jc->mj", dtau, z)}
-    if contact.pair.law.has_friction or contact.pair.law.needs_nodal_state:
-        slip = np.einsum("mjc,jc->mj", dtau, contact.partners.rotated(o))
-        changes["slip"] = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, slip)
-    return {name: Matrix.dense(change.T) for name, change in changes.items()}
-
-
-def _distances(o: Any, x: Array, name: str, directions: Array) -> tuple[Array, Array]:
-    """Changes of phi (m, n) and of its gradient (m, n, 2) at points ``x`` in space (local)."""
-    phi, gradient = o.local_by_shapes(o.to_own_frame(x), name, directions)
-    return phi, gradient @ o.rotation.T
-
-
-def _gap(contact: Contact, name: str, directions: Array) -> Array:
-    """This rank's share of the change of the weighted gaps, (m, slave nodes) [length^2] (local)."""
-    o, slave, s = contact.operators, contact.slave, contact.operators.segments
-    x, nodes, rule = o.x[o.facet_nodes], o.facet_nodes, (s.points, s.weights)
-    weights = hand_over(contact.multiplier_nodes[nodes])
-    gap = np.zeros((len(directions), slave.num_nodes))
-    if len(nodes):
-        at, thickness = points_of(x, s.points), facet_thickness(slave, o.x, nodes)
-        phi, _ = _distances(contact.obstacle, at.reshape(-1, 2), name, directions)
-        phi = phi.reshape(-1, *at.shape[:2])
-        of_facets = gaps_along(x, weights, rule, contact.options, thickness, phi)
-        for total, share in zip(gap, of_facets, strict=True):
-            np.add.at(total, nodes, share)
-    return gap
-
-
-def _normals(contact: Contact, o: ObstacleOperators, name: str, directions: Array) -> Array:
-    """Change of the normals of the slave nodes, zero on symmetry planes, (m, slave nodes, 2)."""
-    size = np.linalg.norm(o.obstacle.evaluate(o.x)[1], axis=1)[:, None]
-    change = _distances(o.obstacle, o.x, name, directions)[1] / size
-    dn = -(change - np.einsum("jc,mjc->mj", o.n, change)[..., None] * o.n)
-    return np.where(np.isfinite(contact.plane_normals), 0.0, dn)
 
 
 def by_positions(contact: Interface) -> Matrix:
@@ -253,7 +274,7 @@ def by_positions(contact: Interface) -> Matrix:
     if isinstance(o, ObstacleOperators):
         j = contact.slave.owned
         by_nodes = np.swapaxes(o.motion_force_derivatives(contact.z)[0], 0, 1)[j]
-        motions = layout.motion.start + 0 * j[:, None] + np.arange(3)
+        motions = layout.motion.start + 0 * j[:, None] + np.arange(layout.num_motions)
         blocks.append(Block(motions, contact.slave.dofs[j], by_nodes))
     return layout.matrix(blocks, layout.size)
 

@@ -14,6 +14,7 @@ state by
 v = D x - M m. psi' is the angle of n', and chi that between the materials of both surfaces, which
 depends on Q and on the normals of the surfaces. For the measure "operators", s = 1 / w, and b'
 vanishes at any state. Active set, multiplier nodes and the facets that face each other are fixed.
+For slip in space see ``space_history``.
 """
 
 from __future__ import annotations
@@ -30,14 +31,28 @@ from fenics_mortar.contact.arcs import quarter_turn
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC, ContactFields
 from fenics_mortar.contact.slip import Partners, rotation_derivative
+from fenics_mortar.contact.space_fields import SpaceFields
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.facing import nearest_facets
 from fenics_mortar.interface.integrals import share_of
 from fenics_mortar.interface.linearization import EXACT, Block
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.plane_mortar import PlaneOperators
-from fenics_mortar.sensitivity.partials.fields import off_planes, rows_by_fields, shear_derivative
-from fenics_mortar.sensitivity.partials.maps import Layout, Matrix, rows_at_nodes, through_fields
+from fenics_mortar.sensitivity.partials.fields import (
+    of_vectors,
+    off_planes,
+    rows_by_fields,
+    shear_derivative,
+    shear_vector_derivative,
+)
+from fenics_mortar.sensitivity.partials.maps import (
+    Changes,
+    Layout,
+    Matrix,
+    rows_at_nodes,
+    through_fields,
+)
+from fenics_mortar.sensitivity.partials.space_history import slip_by_earlier
 from fenics_mortar.utils.arrays import Array, Indices
 
 
@@ -50,7 +65,7 @@ class Earlier:
         contact: The contact.
         u: Displacement of that state, shape (local dofs,) [length].
         state: State of the contact.
-        place: Position (x, y, angle) of the obstacle, if there is one, shape (3,).
+        place: Place of the obstacle, if there is one, shape (m,).
 
     Attributes:
         fields: Nodal fields of that state.
@@ -91,13 +106,16 @@ class PairHistory:
     """Derivatives of a contact at the end of a step with respect to an earlier state (local).
 
     Attributes:
-        slip: Derivative of the slip of the step, shape (slave nodes, size of the vector) [1].
+        fields: Derivatives of the slip of the step, in space also of the shear in its direction,
+            shape (slave nodes, size of the vector) each.
         rows: Derivative of the rows, through slip and the initial shear of redundant sticks, shape
-            (2 slave nodes, size of the vector).
+            (d slave nodes, size of the vector).
+        earlier: The state.
     """
 
-    slip: Matrix
+    fields: Changes
     rows: Matrix
+    earlier: Earlier
 
 
 def history_of_pair(contact: Contact, earlier: Earlier) -> PairHistory:
@@ -108,13 +126,24 @@ def history_of_pair(contact: Contact, earlier: Earlier) -> PairHistory:
         earlier: The state that defines the partners.
     """
     layout, f, then = Layout(contact), contact.now, earlier.fields
-    by = {"slip": rows_by_fields(contact)["slip"]}
+    redundant = f.state.redundant.any()
+    keeps_shear = np.where(f.state.redundant & then.state.active, 1.0 / ELASTIC, 0.0)
+    by = rows_by_fields(contact)
+    if isinstance(f, SpaceFields) and isinstance(then, SpaceFields):
+        changes = {"slip_vector": slip_by_earlier(contact, earlier, layout)}
+        fields = {name: through_fields(each, changes) for name, each in of_vectors(f).items()}
+        if redundant:
+            weighted = zip(contact.rows.frame()[2:4], f.row_tangents, strict=True)
+            dyads = sum(weight[:, :, None] * along[:, None] for weight, along in weighted)
+            by["shear"] = dyads * keeps_shear[:, None, None]
+            changes["shear"] = shear_vector_derivative(then, layout)
+        return PairHistory(fields, through_fields(by, changes), earlier)
     changes = {"slip": off_planes(_slip_derivative(contact, earlier, layout), contact)}
-    if f.state.redundant.any():
-        keeps_shear = f.state.redundant & then.state.active
-        by["shear"] = contact.rows.frame()[2] * (keeps_shear / ELASTIC)[:, None]
+    fields = dict(changes)
+    if redundant:
+        by["shear"] = contact.rows.frame()[2] * keeps_shear[:, None]
         changes["shear"] = shear_derivative(then.operators, then.state.z, layout)
-    return PairHistory(changes["slip"], through_fields(by, changes))
+    return PairHistory(fields, through_fields(by, changes), earlier)
 
 
 def _slip_derivative(contact: Contact, earlier: Earlier, layout: Layout) -> Matrix:

@@ -71,7 +71,7 @@ def by_parameter(contact: Contact, name: str, response: Response) -> Matrix:
         response: ``change_of_rows`` or ``change_of_memory``.
 
     Returns:
-        Shape (2 slave nodes or number of names in memory * slave nodes, numbers of the parameter).
+        Shape (d slave nodes or number of names in memory * slave nodes, numbers of the parameter).
 
     Raises:
         ValueError: On all ranks, if the law has no such parameter, or cannot be differentiated.
@@ -101,7 +101,7 @@ class PairMemory:
     Attributes:
         by_fields: Derivatives with respect to the fields of ``fields``, (slave nodes, c) each.
         by_before: With respect to the memory before, shape (slave nodes c, slave nodes c).
-        rows: Of the rows with respect to the memory before, shape (2 slave nodes, slave nodes c).
+        rows: Of the rows with respect to the memory before, shape (d slave nodes, slave nodes c).
     """
 
     by_fields: dict[str, Array]
@@ -142,7 +142,7 @@ def memory_of_pair(contact: Contact) -> PairMemory:
 
 
 def change_of_rows(contact: Contact, name: str, value: Array, direction: Array, at: At) -> Array:
-    """Change of the rows along a direction of a value, (slave nodes, 2) [stress length].
+    """Change of the rows along a direction of a value, (slave nodes, d) [stress length].
 
     Collective.
     """
@@ -159,8 +159,10 @@ def change_of_rows(contact: Contact, name: str, value: Array, direction: Array, 
     )  # fmt: skip
     follows_law = contact.follows_law & (law.bridges_gap | ~f.attracted)
     applies = follows_law & ~f.state.redundant, f.attracted, f.covered
-    total = np.zeros_like(f.state.z)
-    for scaled, change, on in zip(contact.rows.frame()[2:], changes, applies, strict=False):
+    total, (_, _, along, *weights) = np.zeros_like(f.state.z), contact.rows.frame()
+    if contact.slave.dim == 3:  # the row across the law's direction is that of no law
+        del weights[0]
+    for scaled, change, on in zip((along, *weights), changes, applies, strict=False):
         total -= scaled * np.where(on, change, 0.0)[:, None]
     return total
 

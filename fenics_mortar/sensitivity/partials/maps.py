@@ -5,11 +5,12 @@ The vector of a pair has all values on which its equations depend: displacements
 master nodes [length], multipliers [stress], and motions of the obstacle [length]. Residuals have
 the forces on these in the same places, and the rows of the multipliers in place of the multipliers.
 Values of the nodes are stored node by node: the entry (j, c) of an array (nodes, n) is at n j + c.
+Vectors have d components, and obstacles m motions: 2 and 3 in the plane, 3 and 6 in space.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -60,7 +61,8 @@ class Matrix:
         return np.asarray(total, float)  # integers without entries
 
 
-# Derivatives of nodal fields by their names, shape (slave nodes, m) each.
+# Derivatives of nodal fields by their names, shape (slave nodes, m) each; those of fields with c
+# components (slave nodes c, m).
 Changes = dict[str, Matrix]
 
 
@@ -71,6 +73,8 @@ class Layout:
         contact: The pair.
 
     Attributes:
+        dim: Number of coordinates d.
+        num_motions: Number of motions m.
         on_slave, on_master: Displacements of both surfaces.
         z: Multipliers.
         motion: Motions of the obstacle.
@@ -79,7 +83,9 @@ class Layout:
 
     def __init__(self, contact: Interface) -> None:
         self._sides = contact.slave, contact.master
-        sizes = [contact.slave.dofs.size, contact.master.dofs.size, contact.z.size, 3]
+        self.dim: int = contact.slave.dim
+        self.num_motions: int = self.dim * (self.dim + 1) // 2
+        sizes = [side.dofs.size for side in self._sides] + [contact.z.size, self.num_motions]
         ends = np.cumsum([0, *sizes]).tolist()
         self.on_slave, self.on_master, self.z, self.motion = map(slice, ends[:-1], ends[1:])
         self.size: int = ends[-1]
@@ -110,16 +116,17 @@ class Layout:
         Args:
             blocks: Derivative with respect to displacements: rows are slave nodes, columns global
                 dofs; each rank has a part.
-            by_z: That with respect to the multiplier of the node, shape (slave nodes, 2).
-            by_motion: That with respect to the motions of the obstacle, shape (slave nodes, 3).
+            by_z: That with respect to the multiplier of the node, shape (slave nodes, d).
+            by_motion: That with respect to the motions of the obstacle, shape (slave nodes, m).
         """
         slave = self._sides[0]
         j = np.arange(slave.num_nodes)[:, None]
         placed = [Block(rows, self.places(columns), values) for rows, columns, values in blocks]
         if by_z is not None:
-            placed.append(rows_at_nodes(slave, self.z.start + 2 * j + np.arange(2), by_z))
+            places = self.z.start + self.dim * j + np.arange(self.dim)
+            placed.append(rows_at_nodes(slave, places, by_z))
         if by_motion is not None:
-            places = self.motion.start + 0 * j + np.arange(3)
+            places = self.motion.start + 0 * j + np.arange(self.num_motions)
             placed.append(rows_at_nodes(slave, places, by_motion))
         return assembled(placed, (slave.num_nodes, self.size), slave.comm)
 
@@ -167,18 +174,36 @@ def through_fields(by: Mapping[str, Array], changes: Changes) -> Matrix:
     """Chain rule: derivative of values of the nodes that depend on nodal fields (local).
 
     Args:
-        by: Derivatives of n values of a node with respect to its fields, (slave nodes, n) each.
-        changes: Derivatives of fields, at least of one, shape (slave nodes, m) each.
+        by: Derivatives of n values of a node with respect to its fields, (slave nodes, n) each;
+            with respect to fields with c components (slave nodes, n, c).
+        changes: Derivatives of fields, at least of one, shape (slave nodes, m) each; those on which
+            the values do not depend are ignored.
 
     Returns:
         Shape (slave nodes n, m).
     """
     blocks = []
+    count, n = next(iter(by.values())).shape[:2]
     for name, change in changes.items():
-        (count, n), j = by[name].shape, change.rows
-        values = change.values[:, None, None] * by[name][j][:, :, None]
+        if name not in by:
+            continue
+        factors = by[name].reshape(count, n, -1)
+        j, component = np.divmod(change.rows, factors.shape[2])
+        values = change.values[:, None, None] * factors[j, :, component][:, :, None]
         blocks.append(Block(n * j[:, None] + np.arange(n), change.columns[:, None], values))
     return assembled(blocks, (count * n, change.shape[1]))
+
+
+def interleaved(parts: Sequence[Matrix], count: int) -> Matrix:
+    """Matrix of vectors of the nodes from those of their c components, (count, m) each (local).
+
+    Shape (count c, m).
+    """
+    c = len(parts)
+    rows = np.concatenate([c * part.rows + a for a, part in enumerate(parts)])
+    columns = np.concatenate([part.columns for part in parts])
+    values = np.concatenate([part.values for part in parts])
+    return Matrix(rows, columns, values, (count * c, parts[0].shape[1]))
 
 
 def rows_at_nodes(slave: Curve, columns: Indices, values: Array) -> Block:

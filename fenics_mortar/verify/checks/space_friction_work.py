@@ -23,8 +23,7 @@ from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.obstacles.rotations import inverse_jacobians
 from fenics_mortar.utils.arrays import Array, norms
 from fenics_mortar.utils.errors import format_point
-from fenics_mortar.utils.rounding import TINY
-from fenics_mortar.verify.checks.friction_work import findings
+from fenics_mortar.verify.checks.friction_work import findings, relative_difference
 from fenics_mortar.verify.finding import Finding, Measured
 
 IN_SPACE_ONLY = True
@@ -82,8 +81,7 @@ def _difference_of_work(contact: Contact) -> float:
         still = np.zeros(x.shape, bool)
         material = Material(turns * csr_array(eye(len(x))), surface, x_0, still)
         works.append(_sums(f_0, f, x - x_0, material.turned(x).Q))
-    by_motions, size = (sum(values) for values in zip(*works, strict=True))
-    return float(abs(by_motions - by_slip)) / max(size, TINY)
+    return relative_difference(works, by_slip, weight * after, o.x)
 
 
 def _on_obstacle(contact: Contact, before: Array, after: Array) -> tuple[float, float]:

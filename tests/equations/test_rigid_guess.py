@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: MIT
+"""Bodies held at one end, which turns far in one step: the whole body turns with it."""
+
+import numpy as np
+import pytest
+from scenes import TIGHT, internal, neo_hookean, rotation
+from space_scenes import solid
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.obstacles.rotations import rotation_less_one
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, block, sector
+
+
+def largest_error(problem, x, exact):
+    """Largest distance of displacements from ``exact`` (n, d) at the nodes ``x`` (n, d)."""
+    found = problem.equations.bulk.positions() - x
+    return problem.equations.comm.allreduce(float(np.abs(found - exact).max(initial=0.0)), max)
+
+
+def turned_by(R):
+    """Function of a displacement that turns about the origin; R is the rotation minus one."""
+    return lambda x: R @ x[: len(R)]
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degrees", [60.0, -100.0, 170.0])
+def test_arm_follows_its_end(degrees, degree):
+    """Without contact it ends without stress; a block that it does not touch stays."""
+    grids = [
+        Grid("arm", block(10 * degree, 2 * degree, width=1.1, height=0.12, corner=(-0.1, -0.06))),
+        Grid("block", block(2 * degree, 2 * degree, width=0.3, height=0.3, corner=(1.3, 0.0))),
+    ]
+    data = mapped_grids.mesh(grids, order=degree)
+    V = fm.vector_space(data.mesh, degree)
+    u, end = fem.Function(V), fem.Function(V)
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 10.0, 0.3)), u,
+        [fm.ContactPair(data, "block/left", "arm/right", law=fm.Coulomb(0.2))],
+        bcs=[
+            fm.dirichlet(V, data, "arm/left", end),
+            fm.dirichlet(V, data, "block/right", (0.0, 0.0)),
+        ],
+        petsc_options_prefix="arm_",
+    )  # fmt: skip
+    x = problem.equations.bulk.positions()
+    R = rotation(np.radians(degrees)) - np.eye(2)
+    end.interpolate(turned_by(R))
+    problem.solve(accept_violations=True)
+    exact = np.where(x[:, :1] < 1.2, x @ R.T, 0.0)
+    assert largest_error(problem, x, exact) < 1e-6
+
+
+def test_body_in_space_follows_its_end():
+    scene = solid(counts=(2, 2, 8), size=np.array([0.2, 0.2, 1.5]), jiggle=0.0)
+    end = fem.Function(scene.u.function_space)
+    scene.bcs.append(fm.dirichlet(scene.u.function_space, scene.data, "block/bottom", end))
+    problem = scene.set_up().problem
+    x = problem.equations.bulk.positions()
+    R = rotation_less_one(np.array([1.5, -0.4, 0.7]))
+    end.interpolate(turned_by(R))
+    problem.solve()
+    assert largest_error(problem, x, x @ R.T) < 1e-6
+
+
+def test_rollers_in_contact_turn_on():
+    """Two tyres on rigid hubs, turned by an eighth: the same state as in steps of a sixteenth."""
+    hubs, radii = [(0.0, 0.0), (1.0, 0.0)], (0.2, 0.5)
+    grids = [
+        Grid("left", sector(40, 3, radii=radii, angles=(0.02, 0.02 + 2.0 * np.pi)), closed=True),
+        Grid(
+            "right",
+            sector(46, 3, radii=radii, angles=(0.1, 0.1 + 2.0 * np.pi), centre=hubs[1]),
+            closed=True,
+        ),
+    ]
+    data = mapped_grids.mesh(grids)
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    left, right = (
+        fm.RigidBoundary(data, f"{grid.name}/top", pivot=hub)
+        for grid, hub in zip(grids, hubs, strict=True)
+    )
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 50.0, 0.3)), u,
+        [fm.ContactPair(data, "left/bottom", "right/bottom", law=fm.Coulomb(0.2))],
+        remote=[left, right], newton=TIGHT, petsc_options_prefix="rollers_",
+    )  # fmt: skip
+
+    def turn(*angles):
+        problem.restore(start)
+        for angle in angles:
+            left.move(angle=angle)
+            right.move(x=-0.02, angle=angle)
+            report = problem.solve()
+        return problem.contacts[0].total_force, report.certificate.pairs[0]["approach"]
+
+    right.move(x=-0.02)
+    problem.solve()
+    start = problem.state()
+    eighth = np.pi / 4.0
+    force, far = turn(eighth)
+    steps, near = turn(0.25 * eighth, 0.5 * eighth, eighth)
+    assert force == pytest.approx(steps, rel=1e-3)
+    assert (far.verdict, near.verdict) == ("remark", "ok")
+    assert far.value == pytest.approx(45.0, abs=1.0) and "before" in far.check

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: MIT
+"""Paths in space whose solutions are differentiated."""
+
+import numpy as np
+from scenes import pair_options
+from scipy.spatial.transform import Rotation
+from space_pairs import ROLES, YOUNG, stack
+from taylor_scenes import Path
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar import energies, sensitivity
+
+SIZES = ((0.8, 0.7, 0.5), (1.2, 1.2, 0.5))
+# Pressed, then drawn over a part of a facet, and aside.
+SLIDE = [(0.0, 0.0, -0.03), (0.03, 0.02, -0.05), (0.09, 0.03, -0.05)]
+# Places of a sphere: pressed, then moved and turned about two axes.
+ROLL = [(0.0, 0.0, -0.03, 0.0, 0.0, 0.0), (0.02, 0.01, -0.05, 0.02, 0.05, 0.03)]
+ROLL += [(0.05, 0.02, -0.05, 0.03, 0.1, 0.02)]
+SOLVED = fm.NewtonOptions(residual_tolerance=1e-12)
+
+
+def blocks(
+    cell="hexahedron", degree=1, law=None, *, places=SLIDE, pair=None, tie=False, roles=ROLES[0],
+    energy=energies.neo_hookean, bend=0.0, half=False, problem=None, **more,
+):  # fmt: skip
+    """A smaller block on a larger one; controls: modulus, body force, place, offsets, law."""
+    corner = (0.0, 0.2, -0.003) if half else (0.22, 0.2, -0.003)
+    scene = stack(cell, degree, **{"sizes": SIZES, "offset": corner, **more})
+    mesh, V, u = scene.data.mesh, scene.u.function_space, scene.u
+    mesh.geometry.x[:] += bend * shift(mesh.geometry.x)
+    E, load = fem.Constant(mesh, YOUNG), fem.Function(V, name="load")
+    lame = energies.lame(E, 0.3)
+    psi = (energy(u, *lame) - ufl.inner(load, u)) * ufl.dx(degree=2 * degree)
+    scene.residual = ufl.derivative(psi, u)
+    for body in ("upper", "lower") if half else ():
+        scene.roll(f"{body}/left", 0)
+    given = {"newton": SOLVED, **(problem or {})}
+    scene.press().set_up(law, roles=roles, pair=pair_options(pair), tie=tie, **given)
+    controls = {
+        "E": E, "load": load, "place": scene.push, "fit": sensitivity.Interference(0),
+        "offset": sensitivity.Offset(0), "X": sensitivity.NodalPositions(),
+    }  # fmt: skip
+    for name in law.parameters if law else ():
+        controls[name] = sensitivity.LawParameter(0, name)
+
+    def move(place):
+        scene.push.value[:] = place
+
+    return Path(scene.problem, u, controls, move, places)
+
+
+def shift(x):
+    """A smooth field of positions (n, 3)."""
+    a, b, c = x.T
+    return np.stack([np.sin(2.0 * a + b), np.cos(b - c), 0.5 * np.sin(a - 2.0 * b + c)], axis=1)
+
+
+def on_obstacle(law=None, cell="hexahedron", degree=1, *, places=None, **more):
+    """A sphere that is pressed on a block, moved and turned; controls: modulus, place, radius."""
+    scene = stack(cell, degree, lower=(4, 4, 1), **more)
+    mesh, u = scene.data.mesh, scene.u
+    E = fem.Constant(mesh, YOUNG)
+    psi = energies.neo_hookean(u, *energies.lame(E, 0.3)) * ufl.dx(degree=2 * degree)
+    scene.hold("lower/bottom")
+    for side in ("upper/top", "upper/bottom"):  # stays away
+        scene.hold(side, (0.0, 0.0, 3.0))
+    sphere = fm.Sphere((0.45, 0.55, 1.0), 1.01)
+    pair = fm.ContactPair(scene.data, "lower/top", sphere, law=law)
+    problem = fm.ContactProblem(
+        ufl.derivative(psi, u),
+        u,
+        [pair],
+        bcs=scene.bcs,
+        petsc_options_prefix="ball_",
+        newton=SOLVED,
+    )
+    controls = {
+        "E": E, "place": sensitivity.ObstaclePlace(sphere),
+        "radius": sensitivity.ObstacleShape(sphere, "radius"),
+    }  # fmt: skip
+    for name in law.parameters if law else ():
+        controls[name] = sensitivity.LawParameter(0, name)
+
+    def move(place):
+        sphere.place = place
+
+    return Path(problem, u, controls, move, ROLL if places is None else places)
+
+
+def twisted(law):
+    """A block that is pressed and twisted on another one, while both turn."""
+    scene = stack(
+        sizes=((0.6, 0.6, 0.4), (1.4, 1.4, 0.4)), offset=(0.4, 0.4, -0.003), lower=(4, 4, 1)
+    )
+    V, centre = scene.u.function_space, np.array([[0.7], [0.7], [0.0]])
+    lower, upper = (fem.Function(V) for _ in range(2))
+    for side, motion in (("lower/bottom", lower), ("upper/top", upper)):
+        scene.bcs.append(fm.dirichlet(V, scene.data, side, motion))
+    scene.set_up(law, newton=fm.NewtonOptions(residual_tolerance=1e-11))
+
+    def move(place):
+        both, twist = place
+        R = Rotation.from_rotvec(both * np.array([0.3, -0.2, 1.0])).as_matrix()
+        T, down = Rotation.from_rotvec([0.0, 0.0, twist]).as_matrix(), [[0.0], [0.0], [-0.02]]
+        lower.interpolate(lambda x: R @ (x - centre) + centre - x)
+        upper.interpolate(lambda x: R @ (T @ (x - centre) + down) + centre - x)
+
+    return Path(scene.problem, scene.u, {}, move, [(0.0, 0.0), (0.0, 0.05), (0.1, 0.25)])
