@@ -27,9 +27,8 @@ from fenics_mortar.contact.conductance import (
 from fenics_mortar.contact.discretization import Discretization
 from fenics_mortar.contact.fluxes import NodalFlux
 from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
-from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.contact.pair import ContactPair, TiedPair
 from fenics_mortar.contact.pretension import Pretension
-from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.state import State

@@ -12,15 +12,13 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.contact.tied_pair import TiedPair
+from fenics_mortar.contact.pair import ContactPair, TiedPair
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations import setup
 from fenics_mortar.equations.continuation import Continuation
 from fenics_mortar.equations.inputs import Inputs
 from fenics_mortar.equations.linearized import LinearVector
-from fenics_mortar.equations.present import PresentState
-from fenics_mortar.equations.reaction import Reaction
+from fenics_mortar.equations.present import PresentState, Reaction
 from fenics_mortar.equations.state import State
 from fenics_mortar.equations.undo import restored_if_interrupted, unchanged_if_refused
 from fenics_mortar.la import options as solvers
@@ -54,7 +52,7 @@ class ContactProblem:
         algorithm: "condensed" (Foltyn & Vlach 2016, Alg. 2; dual multipliers only) or "saddle"
             (Alg. 1). Default: condensed if D can be inverted node by node.
         solver: "direct" (MUMPS), "iterative" (GMRES with multigrid, see ``multigrid``) or "auto".
-            "auto" is iterative from 100,000 unknowns (``la.costs``) for nonlinear bulk without
+            "auto" is iterative from 100,000 unknowns (``la.options``) for nonlinear bulk without
             PETSc options. The direct solver is used, with a note, if an iterative solve fails.
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: Tolerances and limits of Newton's method.
@@ -242,9 +240,10 @@ class ContactProblem:
 
         Returns:
             Bulk residual and contact forces at the dofs of this rank, each of shape (owned dofs,)
-            [stress length]; their sum at prescribed dofs is the support reaction, see ``reaction``.
-            Third, force and moment about the pivot that keep each obstacle in place, shape
-            (obstacles, 3) [stress length, moments stress length^2], equal on all ranks.
+            [stress length]; their sum at prescribed dofs is the support reaction, see
+            ``equations.present``. Third, force and moment about the pivot that keep each obstacle
+            in place, shape (obstacles, 3) [stress length, moments stress length^2], equal on all
+            ranks.
         """
         return self._present.forces()
 

@@ -18,8 +18,7 @@ from ufl.geometry import GeometricQuantity
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.contact.tied_pair import TiedPair
+from fenics_mortar.contact.pair import ContactPair, TiedPair
 from fenics_mortar.interface.corners import TURN
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.data import MeshData, check_solid, check_tags

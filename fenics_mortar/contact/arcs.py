@@ -47,7 +47,7 @@ from scipy.sparse import csr_array
 
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.mortar import MortarOperators
-from fenics_mortar.interface.nodal_normals import evaluate_normals
+from fenics_mortar.interface.segments import evaluate_normals
 from fenics_mortar.kernels.arcs import tabulate_arcs
 from fenics_mortar.utils.arrays import Array, read_only_view
 

@@ -35,7 +35,7 @@ class Components:
         self._interface = interface
 
     def set_units(self, units: Array, to_force: Array, diagonal: Array) -> None:
-        """Set the scales of all unknowns, see ``bulk.units`` (collective).
+        """Set the scales of all unknowns, see ``bulk.residual`` (collective).
 
         Args:
             units: Amounts of the unknowns, shape (owned dofs,).

@@ -31,11 +31,14 @@ from typing import Any
 
 import numpy as np
 
-from fenics_mortar.contact.active_set import next_sets
-from fenics_mortar.contact.directions import change_along
-from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.active_set import (
+    MultiplierNodes,
+    next_sets,
+    normals_on_planes,
+)
+from fenics_mortar.contact.fields import ContactFields, change_along
 from fenics_mortar.contact.fluxes import Flux
-from fenics_mortar.contact.instant import first_instant
+from fenics_mortar.contact.instant import Parameters, first_instant
 from fenics_mortar.contact.interface import (
     NO_NODES,
     NO_PAIRS,
@@ -46,25 +49,17 @@ from fenics_mortar.contact.interface import (
 )
 from fenics_mortar.contact.law_calls import LawCalls, raise_stored
 from fenics_mortar.contact.laws import Frictionless, Nodal
-from fenics_mortar.contact.multiplier_nodes import (
-    MultiplierNodes,
-    normals_on_planes,
-)
 from fenics_mortar.contact.operator_evaluation import OperatorEvaluation
 from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.contact.parameters import Parameters
 from fenics_mortar.contact.partners import find_partners
-from fenics_mortar.contact.rows import ContactRows
+from fenics_mortar.contact.rows import ContactRows, SpaceRows
 from fenics_mortar.contact.sides import points_per_segment
 from fenics_mortar.contact.slip import Measure
 from fenics_mortar.contact.space_fields import kind_of
 from fenics_mortar.contact.space_partners import find_obstacle_partners, find_space_partners
-from fenics_mortar.contact.space_rows import SpaceRows
-from fenics_mortar.interface.linearization import Linearization
-from fenics_mortar.interface.mortar import MortarOperators
-from fenics_mortar.interface.nodal_normals import evaluate_normals
+from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.outline import Outline
-from fenics_mortar.interface.segments import Segments
+from fenics_mortar.interface.segments import Segments, evaluate_normals
 from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arguments import check_lengths
@@ -374,7 +369,7 @@ class Contact(Interface):
         return self.partners.pairs(self.operators)
 
     def update_multiplier_nodes(self) -> int:
-        """Update the multiplier nodes, see ``multiplier_nodes``; return the number of changes.
+        """Update the multiplier nodes, see ``active_set``; return the number of changes.
 
         After a change the operators must be evaluated again. No node changes with
         integration="nodes".

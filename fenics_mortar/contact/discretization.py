@@ -15,8 +15,13 @@ from typing import get_args
 import numpy as np
 
 from fenics_mortar.contact.slip import Measure
-from fenics_mortar.interface.options import Basis, GapWeights, MortarOptions, Weighting
-from fenics_mortar.interface.segments import Integration
+from fenics_mortar.interface.segments import (
+    Basis,
+    GapWeights,
+    Integration,
+    MortarOptions,
+    Weighting,
+)
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 
 # Options of a tied pair: it has no active set, no slip, and no normals in its gap vector.

@@ -15,11 +15,9 @@ from fenics_mortar.contact.interface_fields import InterfaceFields
 from fenics_mortar.contact.rows import InterfaceRows
 from fenics_mortar.contact.sides import at_tips, substitutes_of, surfaces_of
 from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.interface.linearization import Block, Linearization
-from fenics_mortar.interface.mortar import MortarOperators
-from fenics_mortar.interface.options import AT_VERTICES, Basis, basis_on
+from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
 from fenics_mortar.interface.outline import Outline
-from fenics_mortar.interface.segments import Segments
+from fenics_mortar.interface.segments import AT_VERTICES, Basis, Segments, basis_on
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags, Indices

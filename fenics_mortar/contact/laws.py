@@ -61,8 +61,20 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fenics_mortar.contact.law import KINK, STICK, Frictionless, Law, Stick, varies
-from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row, magnitude, row_of
+from fenics_mortar.contact.law import (
+    KINK,
+    STICK,
+    Array,
+    Branches,
+    Frictionless,
+    Law,
+    Nodal,
+    Row,
+    Stick,
+    magnitude,
+    row_of,
+    varies,
+)
 from fenics_mortar.utils.arguments import check_choice, check_number
 from fenics_mortar.utils.errors import as_text
 

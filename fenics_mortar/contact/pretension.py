@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.contact.tied_pair import TiedPair
+from fenics_mortar.contact.pair import TiedPair
 from fenics_mortar.mesh.data import MeshData, Names
 from fenics_mortar.obstacles.rigid_motion import check_finite, check_vector
 from fenics_mortar.obstacles.rotations import TURNS

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.discretization import PRESETS, Discretization
-from fenics_mortar.interface.curves import TURN, turn_between
+from fenics_mortar.interface.curve_surface import TURN, turn_between
 from fenics_mortar.interface.extraction import extract_surface
 from fenics_mortar.interface.faces import Faces
-from fenics_mortar.interface.measures import POINTS
 from fenics_mortar.interface.on_obstacle import surface_without_nodes
-from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels.space.rules import ALLOWED, FINE, FINE_QUADRATIC, LINEAR, QUADRATIC
+from fenics_mortar.interface.surfaces import POINTS, Surface
+from fenics_mortar.kernels.space.shapes import ALLOWED, FINE, FINE_QUADRATIC, LINEAR, QUADRATIC
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags, Indices

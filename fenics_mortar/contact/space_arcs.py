@@ -37,7 +37,7 @@ from scipy.sparse import csr_array
 
 from fenics_mortar.contact.arcs import TILTED
 from fenics_mortar.interface.integrals import share_of
-from fenics_mortar.interface.linearization import Block
+from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.rotations import (
     crosses,

@@ -33,7 +33,7 @@ from fenics_mortar.contact.space_arcs import (
     past_obstacle,
     screw,
 )
-from fenics_mortar.interface.linearization import Block
+from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.nearest_points import nearest_points
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.space_mortar import SpaceOperators

@@ -35,15 +35,19 @@ from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact.interface import NO_WELDS, Interface, read_only, settable
+from fenics_mortar.contact.pair import TiedPair
 from fenics_mortar.contact.sides import points_per_segment
-from fenics_mortar.contact.tied_components import TiedComponents
 from fenics_mortar.contact.tied_field import TiedField, evaluate_reference, rows_of
-from fenics_mortar.contact.tied_pair import TiedPair
-from fenics_mortar.contact.tied_rows import TiedCurves, TiedFaces, TiedFields, TiedRows
-from fenics_mortar.interface.linearization import Block, Linearization
-from fenics_mortar.interface.nodal_normals import evaluate_normals
-from fenics_mortar.interface.options import MortarOptions
+from fenics_mortar.contact.tied_rows import (
+    TiedComponents,
+    TiedCurves,
+    TiedFaces,
+    TiedFields,
+    TiedRows,
+)
+from fenics_mortar.interface.mortar import Block, Linearization
 from fenics_mortar.interface.outline import Outline
+from fenics_mortar.interface.segments import MortarOptions, evaluate_normals
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices

@@ -23,14 +23,13 @@ from scipy.sparse import csr_array, diags
 
 from fenics_mortar.contact.fluxes import NodalFlux
 from fenics_mortar.contact.interface import acting_entries
+from fenics_mortar.interface.faces import surface_of_vertices
 from fenics_mortar.interface.integrals import evaluate_mortar
-from fenics_mortar.interface.linearization import Block, Linearization
-from fenics_mortar.interface.mortar import MortarOperators
-from fenics_mortar.interface.options import MortarOptions
+from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
+from fenics_mortar.interface.segments import MortarOptions
 from fenics_mortar.interface.space_integrals import evaluate_space
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.interface.traces import Trace, trace_of
-from fenics_mortar.interface.vertices import surface_of_vertices
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError

@@ -10,9 +10,8 @@ import ufl
 
 from fenics_mortar.bulk.checks import check_jacobian, check_residual
 from fenics_mortar.bulk.history import check_history
-from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.contact.tied_pair import TiedPair
-from fenics_mortar.interface.linearization import LINEARIZATIONS
+from fenics_mortar.contact.pair import ContactPair, TiedPair
+from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.la.choice import Algorithm
 from fenics_mortar.la.options import SolverName
 from fenics_mortar.mesh.space import check_geometry

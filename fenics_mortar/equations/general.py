@@ -24,22 +24,19 @@ from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
-from fenics_mortar.equations.increment import NO_MOTION, Increment
-from fenics_mortar.equations.last_tangent import LastTangent
 from fenics_mortar.equations.linearized import Tangent
 from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.options import EQUATIONS
-from fenics_mortar.equations.remedies import Remedies
-from fenics_mortar.equations.residual import Residual
+from fenics_mortar.equations.remedies import CombinedSprings, Remedies
+from fenics_mortar.equations.residual import NO_MOTION, Increment, LastTangent, Residual
 from fenics_mortar.equations.set_record import SetRecord
-from fenics_mortar.equations.springs import CombinedSprings
 from fenics_mortar.equations.state import State, check_state
-from fenics_mortar.interface.linearization import Linearization
+from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.loop import NewtonOptions, Status, Step, forcing
+from fenics_mortar.rigid.body_motions import HeldBodies
 from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.rigid.held import HeldBodies
 from fenics_mortar.rigid.idle import IdleBodies
 from fenics_mortar.utils.arrays import Array, norms
 from fenics_mortar.utils.clock import clock

@@ -11,11 +11,9 @@ from fenics_mortar.bulk.bodies import find_floating_bodies
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.general import ContactEquations
-from fenics_mortar.equations.reduced import ReducedEquations
+from fenics_mortar.equations.reduced import ReducedEquations, SmallSlidingEquations
 from fenics_mortar.equations.reduced_tangent import ReducedTangent
-from fenics_mortar.equations.small_sliding import SmallSlidingEquations
-from fenics_mortar.la.costs import costs_of
-from fenics_mortar.la.options import COMPLIANCE
+from fenics_mortar.la.options import COMPLIANCE, costs_of
 from fenics_mortar.la.sparse import is_symmetric
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
@@ -32,8 +30,9 @@ class LinearBulk:
         general: The general equations.
         requested: Whether to reduce. ``None``: yes with small sliding; otherwise if the residual is
             linear and the predicted cost of the compliance is below the past and future cost of
-            factorizations, with no more memory, see ``costs``. In space that of the dense systems
-            counts as well, which the active nodes determine: all nodes, until they are known.
+            factorizations, with no more memory, see ``la.options``. In space that of the dense
+            systems counts as well, which the active nodes determine: all nodes, until they are
+            known.
         prefix: Prefix of PETSc's options.
 
     Attributes:

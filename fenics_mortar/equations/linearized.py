@@ -47,9 +47,8 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.la.system import LinearSystem
-from fenics_mortar.rigid.balance import border_of
 from fenics_mortar.rigid.bordered import solve_bordered
-from fenics_mortar.rigid.driven import DrivenMotions
+from fenics_mortar.rigid.driven import DrivenMotions, border_of
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_same, together

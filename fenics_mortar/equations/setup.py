@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""Set-up of a problem: check of arguments, binding of pairs to the mesh (collective)."""
+"""Set-up of a problem: check of arguments, binding of pairs to the mesh (collective).
+
+Outlines of the bodies that limit the search of each pair (local).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from dolfinx import fem
 
@@ -21,27 +27,41 @@ from fenics_mortar.bulk.checks import (
 from fenics_mortar.bulk.form_points import check_rules
 from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
-from fenics_mortar.contact.binding import bind
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.crosspoints import bind
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.contact.tied_pair import TiedPair
+from fenics_mortar.contact.pair import ContactPair, TiedPair
+from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.arguments import check_arguments, check_options
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.in_space import check_given_in_space, check_pairs_in_space
 from fenics_mortar.equations.inputs import check_roles
-from fenics_mortar.equations.line_of_sight import set_outlines
 from fenics_mortar.equations.solver import Solver
-from fenics_mortar.interface.linearization import LINEARIZATIONS
+from fenics_mortar.interface.mortar import LINEARIZATIONS
+from fenics_mortar.interface.outline import Outline
 from fenics_mortar.la.choice import Algorithm, system_of
 from fenics_mortar.la.options import SolverName
 from fenics_mortar.mesh.space import DisplacementSpace, Geometry, thickness_of
 from fenics_mortar.newton.loop import NewtonOptions
-from fenics_mortar.rigid.remote import check_remote
 from fenics_mortar.rigid.section import sections_of
+from fenics_mortar.rigid.spread import check_remote
 from fenics_mortar.utils import compat, petsc
 from fenics_mortar.utils.arguments import check_kind, check_no_effect
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_same_texts, together
+
+
+def set_outlines(contacts: Sequence[Contact | Tie], outline: Outline, labels: Array) -> None:
+    """Pass the outlines of the bodies to each pair, ties first; tied bodies are treated as one.
+
+    Args:
+        contacts: The pairs.
+        outline: The outlines of the bodies.
+        labels: Body of each node of the outlines with tied bodies joined, shape (nodes, 1).
+    """
+    outline = replace(outline, bodies=labels[:, 0].astype(np.int64))
+    for contact in sorted(contacts, key=lambda contact: isinstance(contact, Contact)):
+        outline = contact.limit_sight(outline)
 
 
 def check_given(

@@ -16,7 +16,7 @@ from fenics_mortar.contact.steps import begin_step, commit, instants_of
 from fenics_mortar.equations.diagnosis import describe_idle
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linear_bulk import LinearBulk
-from fenics_mortar.equations.rigid_guess import turn, turns_of_prescribed
+from fenics_mortar.equations.predictor import turn, turns_of_prescribed
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.loop import Damped, solve
 from fenics_mortar.newton.report import NewtonReport, merge_repeated, then_solve

@@ -19,8 +19,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.interface.curves import TURN
+from fenics_mortar.interface.curve_surface import TURN, Curve
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 # Master facets are equally near to a corner if their distances differ by less than this fraction of

@@ -4,6 +4,8 @@
 The nodes of a facet are its corners, counter-clockwise seen from outside of the body, then those
 on its edges, and one at the centre. Nodes are numbered in the order of the mesh input, facets by
 their nodes.
+
+Surfaces with linear facets between the vertices of quadratic ones, for fields of degree 1.
 """
 
 from __future__ import annotations
@@ -21,8 +23,12 @@ import basix
 from fenics_mortar.interface.surfaces import Surface, place_of_nodes
 from fenics_mortar.interface.tagged_facets import tagged_facets
 from fenics_mortar.kernels.space.normals import facets_around, find_rings
-from fenics_mortar.kernels.space.rules import QUADRATIC, triangle_rule
-from fenics_mortar.kernels.space.shapes import reference_nodes, tabulate_shapes
+from fenics_mortar.kernels.space.shapes import (
+    QUADRATIC,
+    reference_nodes,
+    tabulate_shapes,
+    triangle_rule,
+)
 from fenics_mortar.mesh.numbering import input_nodes
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
@@ -370,3 +376,37 @@ def _check_areas(x: Array, name: str) -> None:
         raise SurfaceError(
             f"surface '{name}': the facet at {format_point(x[flat[0]].mean(axis=0))} has no area"
         )
+
+
+def surface_of_vertices(surface: Any) -> tuple[Any, Indices]:
+    """The surface without the inner nodes of its facets (local).
+
+    Returns:
+        The surface, and the numbers of its k nodes in the given one, shape (k,).
+    """
+    degree, kept = surface.degree, np.flatnonzero(~surface.inner)
+    number = np.full(surface.num_nodes + 1, -1)
+    number[kept] = np.arange(kept.size)
+    mine = np.isin(surface.owned, kept)
+    if isinstance(surface, Faces):
+        corners = surface.facets[:, : CORNERS[surface.facets.shape[1]]]
+        own = {"facets": number[corners], "is_open": surface.is_open[kept]}
+    else:
+        before, after = surface.along(kept, range(-degree, degree + 1, 2 * degree)).T
+        thickness = surface.thickness.of(kept) if surface.thickness else None
+        own = {
+            "facets": number[surface.facets[:, [0, -1]]], "previous": number[before],
+            "following": number[after], "thickness": thickness,
+        }  # fmt: skip
+    vertices = replace(
+        surface,
+        X=surface.X[kept],
+        nodes=surface.nodes[kept],
+        owners=surface.owners[kept],
+        owned=number[surface.owned[mine]],
+        dofs=surface.dofs[kept],
+        local_dofs=surface.local_dofs[mine],
+        roles=None,
+        **own,
+    )
+    return vertices, kept

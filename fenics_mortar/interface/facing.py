@@ -19,10 +19,9 @@ from fenics_mortar.interface.on_obstacle import WholeFacets
 from fenics_mortar.interface.plane_mortar import PlaneOperators
 from fenics_mortar.interface.segments import Segments, gauss_rule
 from fenics_mortar.interface.space_mortar import FacetPairs
-from fenics_mortar.kernels.shapes import lagrange
+from fenics_mortar.kernels.projection import lagrange
 from fenics_mortar.kernels.space.integrals import tabulate_pairs
-from fenics_mortar.kernels.space.rules import LINEAR, QUADRATIC
-from fenics_mortar.kernels.space.shapes import reference_nodes
+from fenics_mortar.kernels.space.shapes import LINEAR, QUADRATIC, reference_nodes
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 Rule = tuple[Array, Array]

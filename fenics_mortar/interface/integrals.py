@@ -12,11 +12,14 @@ import numpy as np
 from fenics_mortar.interface.behind import BodiesBehind
 from fenics_mortar.interface.corners import links_at_corners
 from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.interface.linearization import Linearization
-from fenics_mortar.interface.nodal_normals import evaluate_normals
-from fenics_mortar.interface.options import MortarOptions
+from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.interface.plane_mortar import PlaneOperators
-from fenics_mortar.interface.segments import Segments, find_segments
+from fenics_mortar.interface.segments import (
+    MortarOptions,
+    Segments,
+    evaluate_normals,
+    find_segments,
+)
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import segments
 from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view, summed

@@ -16,8 +16,10 @@ the slave, and all units are multiplied by a length; see ``mesh.space``. In spac
 over areas: the units of D and M are those with a thickness.
 
 Each rank has the integrals over its share of the slave facets. Nodal quantities are summed over the
-ranks and equal on all of them. Derivatives are blocks, see ``linearization``; they are computed in
+ranks and equal on all of them. Derivatives are of type ``Block``; they are computed in
 ``plane_mortar`` and ``space_mortar``.
+
+Blocks of sparse matrices, and the terms of the tangent that are kept.
 """
 
 from __future__ import annotations
@@ -25,15 +27,65 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from fenics_mortar.interface.linearization import Block, Linearization
-from fenics_mortar.kernels.forces import add_contact_forces
+from fenics_mortar.kernels.blocks import add_contact_forces
 from fenics_mortar.utils.arrays import Array, Indices, read_only_view
 from fenics_mortar.utils.ranks import sum_over_ranks
+
+
+class Block(NamedTuple):
+    """Dense blocks of a sparse matrix: values (b, r, c) at rows (b, r) and columns (b, c).
+
+    Values are added; entries with a row or column of -1 are ignored.
+    """
+
+    rows: Indices
+    columns: Indices
+    values: Array
+
+
+def scaled(block: Block, factors: Array) -> Block:
+    """A block with the rows of nodes, times ``factors`` (nodes,) of the nodes (local)."""
+    return block._replace(values=block.values * factors[block.rows][:, :, None])
+
+
+def without_values(rows: Indices, columns: Indices) -> Block:
+    """No blocks, where there would be some with rows (b, r) and columns (b, c) (local)."""
+    return Block(rows[:0], columns[:0], np.empty((0, rows.shape[1], columns.shape[1])))
+
+
+@dataclass(frozen=True)
+class Linearization:
+    """Terms of the consistent tangent that are kept; the residual is always exact.
+
+    Attributes:
+        normals: Whether to include derivatives of the nodal normals.
+        segments: Whether to include the motion of the segment ends on the slave facets.
+        frozen: Whether D, M and n are constant in the tangent: a fixed-point iteration for these
+            (Popp, Gee & Wall 2009).
+        exact: Whether to include also the derivatives of rapidly decreasing adhesion, which
+            Newton's method converges better without; see ``ContactFields.law_rows``. For
+            derivatives of a solution.
+    """
+
+    normals: bool = True
+    segments: bool = True
+    frozen: bool = False
+    exact: bool = False
+
+
+LINEARIZATIONS = {
+    "full": Linearization(),
+    "no_normals": Linearization(normals=False),
+    "no_segments": Linearization(segments=False),
+    "frozen": Linearization(normals=False, segments=False, frozen=True),
+}
+# For derivatives of a solution.
+EXACT = Linearization(exact=True)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,12 +7,16 @@ from functools import cache
 
 import numpy as np
 
-from fenics_mortar.interface.options import MortarOptions
-from fenics_mortar.interface.segments import facet_rule
+from fenics_mortar.interface.segments import MortarOptions, facet_rule
 from fenics_mortar.kernels import facets
-from fenics_mortar.kernels.shapes import lagrange
-from fenics_mortar.kernels.space.rules import LINEAR, QUADRATIC, triangle_rule
-from fenics_mortar.kernels.space.shapes import reference_nodes, tabulate_shapes
+from fenics_mortar.kernels.projection import lagrange
+from fenics_mortar.kernels.space.shapes import (
+    LINEAR,
+    QUADRATIC,
+    reference_nodes,
+    tabulate_shapes,
+    triangle_rule,
+)
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array
 

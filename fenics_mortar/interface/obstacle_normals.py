@@ -7,7 +7,7 @@ import numpy as np
 
 from fenics_mortar.interface.faces import CORNERS
 from fenics_mortar.interface.obstacle_facets import points_of
-from fenics_mortar.interface.options import MortarOptions
+from fenics_mortar.interface.segments import MortarOptions
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rotations import TURNS
 from fenics_mortar.utils.arrays import Array, Flags

@@ -30,7 +30,7 @@ from fenics_mortar.interface import integrals, space_mortar
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.faces import Faces, covers
 from fenics_mortar.interface.integrals import share_of, sum_over_facets
-from fenics_mortar.interface.linearization import Linearization
+from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.interface.obstacle_facets import (
     integrate_facets,
     points_of,
@@ -38,9 +38,8 @@ from fenics_mortar.interface.obstacle_facets import (
     whole_rule,
 )
 from fenics_mortar.interface.obstacle_normals import facing_facets, obstacle_normals
-from fenics_mortar.interface.options import AT_VERTICES, MortarOptions
 from fenics_mortar.interface.plane_mortar import PlaneOperators
-from fenics_mortar.interface.segments import Segments
+from fenics_mortar.interface.segments import AT_VERTICES, MortarOptions, Segments
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.places import by_further_motion, motion_between

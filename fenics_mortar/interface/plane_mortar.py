@@ -17,8 +17,7 @@ from typing import Self
 
 import numpy as np
 
-from fenics_mortar.interface.linearization import LINEARIZATIONS, Block
-from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, MortarOperators
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.kernels import projection
 from fenics_mortar.kernels.blocks import weigh_derivatives

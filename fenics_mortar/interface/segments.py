@@ -13,6 +13,10 @@ integration   segments of a slave facet
 
 The last two do not resolve the kinks at ends of master facets inside a slave facet: forces balance,
 but the patch test is not satisfied (Farah, Popp & Wall 2015). "nodes" is node-to-segment contact.
+
+Discretization of a pair: basis, normals, weights of the gap, quadrature, search.
+
+Averaged unit normals of the nodes of a surface, and their derivatives.
 """
 
 from __future__ import annotations
@@ -25,8 +29,9 @@ import numpy as np
 
 from fenics_mortar.interface.behind import BodiesBehind, nothing_behind
 from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.interface.measures import POINTS
-from fenics_mortar.kernels import search
+from fenics_mortar.interface.surfaces import POINTS
+from fenics_mortar.kernels import basis, normals, search
+from fenics_mortar.kernels.space import normals as space_normals
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.rounding import ROUNDING
@@ -189,3 +194,99 @@ def facet_rule(integration: Integration, size: int, points: int) -> tuple[Array,
         return gauss_rule(points)
     weights = {2: [1.0, 1.0], 3: [1.0 / 3.0, 4.0 / 3.0, 1.0 / 3.0]}
     return np.linspace(-1.0, 1.0, size), np.array(weights[size])
+
+
+Basis = Literal["dual", "standard", "vertices", "linear"]
+Weighting = Literal["opposite", "unit", "own"]
+GapWeights = Literal["cover", "basis", "standard"]
+BASES = {
+    "dual": basis.DUAL,
+    "standard": basis.STANDARD,
+    "vertices": basis.DUAL,
+    "linear": basis.STANDARD,
+}
+# Bases without multipliers at the inner nodes of quadratic facets.
+AT_VERTICES = ("vertices", "linear")
+GAP_WEIGHTS = {
+    "basis": basis.BY_BASIS,
+    "cover": basis.BY_COVER,
+    "standard": basis.BY_STANDARD,
+}
+WEIGHTINGS = {"opposite": normals.OPPOSITE, "unit": normals.UNIT, "own": normals.OWN}
+
+
+def basis_on(surface: Any, basis: Basis) -> Basis:
+    """Basis of the multipliers on a surface (local).
+
+    Triangles with six nodes have "linear" functions at their corners: there the integral of the
+    quadratic function is zero, and a dual one does not exist.
+    """
+    return "linear" if surface.dim == 3 and surface.facets.shape[1] == 6 else basis
+
+
+@dataclass(frozen=True)
+class MortarOptions:
+    """Discretization of one pair.
+
+    Attributes:
+        basis: "dual" (D is diagonal), "standard" or, at vertices only, "vertices" and "linear".
+        weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
+        gap_weights: Weights of the gap: "basis", "cover" or "standard"; see ``kernels.basis``.
+        integration: "segments", "elements" or "nodes"; see ``segments``.
+        points: Gauss points per segment, with "elements" per slave facet.
+        radius: Search radius along the normal [length]; see ``sight`` for limits behind the slave.
+        min_cosine: Smallest cosine between the slave's normal and the reversed master's [1].
+        corners: Whether corners inside the slave take the normal of one facet; see ``corners``.
+    """
+
+    basis: Basis
+    weighting: Weighting
+    gap_weights: GapWeights
+    integration: Integration
+    points: int
+    radius: float
+    min_cosine: float
+    corners: bool = False
+
+    @cached_property
+    def kinds(self) -> tuple[int, int]:
+        """Basis and weights of the gap as integers, the arguments of the kernels.
+
+        If the quadrature points are the nodes, standard and dual functions are equal for any cover.
+        """
+        if self.integration == "nodes":
+            return basis.STANDARD, basis.BY_BASIS
+        return BASES[self.basis], GAP_WEIGHTS[self.gap_weights]
+
+
+def evaluate_normals(
+    surface: Any,
+    x: Array,
+    weighting: Weighting,
+    links: tuple[Indices, Indices] | None = None,
+    projectors: Array | None = None,
+) -> tuple[Array, Array]:
+    """Averaged unit normals of nodes, and their derivatives (local).
+
+    Args:
+        surface: The surface.
+        x: Current positions of its n nodes, shape (n, dim) [length].
+        weighting: Weights of the facet normals at a node.
+        links: Nodes before and after each node of a curve, (n,) each, if not those of the surface.
+        projectors: Matrices that remove the components along symmetry planes' normals, in space
+            only, shape (n, 3, 3).
+
+    Returns:
+        Normals (n, dim) and derivatives by the nodes of the stencil, (n, dim, dim s) [1 / length];
+        see ``kernels.normals`` and ``kernels.space.normals``.
+    """
+    n, dn = np.empty_like(x), np.zeros((*x.shape, surface.stencil_dofs.shape[1]))
+    choice = WEIGHTINGS[weighting]
+    if surface.dim == 2:
+        links = (surface.previous, surface.following) if links is None else links
+        normals.tabulate_normals(x, *links, surface.inner, choice, n, dn)
+    else:
+        space_normals.tabulate_normals(
+            x, surface.facets, surface.around, surface.stencil, choice, projectors, n, dn
+        )
+    return n, dn

@@ -23,8 +23,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.interface.curves import FOLD
+from fenics_mortar.interface.curve_surface import FOLD, Curve
 from fenics_mortar.interface.roles import Roles
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import SAME_PLACE

@@ -7,9 +7,8 @@ import numpy as np
 
 from fenics_mortar.interface.faces import Faces, covers
 from fenics_mortar.interface.integrals import share_of, sum_over_facets
-from fenics_mortar.interface.linearization import Linearization
-from fenics_mortar.interface.nodal_normals import evaluate_normals
-from fenics_mortar.interface.options import AT_VERTICES, MortarOptions
+from fenics_mortar.interface.mortar import Linearization
+from fenics_mortar.interface.segments import AT_VERTICES, MortarOptions, evaluate_normals
 from fenics_mortar.interface.space_mortar import (
     FacetPairs,
     Moments,
@@ -20,7 +19,7 @@ from fenics_mortar.interface.space_mortar import (
 )
 from fenics_mortar.kernels import basis
 from fenics_mortar.kernels.space import integrals, pairs
-from fenics_mortar.kernels.space.rules import triangle_rule
+from fenics_mortar.kernels.space.shapes import triangle_rule
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 

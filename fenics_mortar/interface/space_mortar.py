@@ -34,8 +34,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from fenics_mortar.interface.faces import CORNERS, linear_values
-from fenics_mortar.interface.linearization import LINEARIZATIONS, Block, without_values
-from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, MortarOperators, without_values
 from fenics_mortar.kernels.space.integrals import most_corners, sample_gaps, tabulate_corners
 from fenics_mortar.kernels.space.linearize import linearize_facets
 from fenics_mortar.utils.arrays import Array, Flags, Indices

@@ -20,7 +20,7 @@ import basix
 import ufl
 from dolfinx import fem
 
-from fenics_mortar.interface.linearization import Block
+from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface, replicate
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat

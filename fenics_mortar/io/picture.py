@@ -23,8 +23,16 @@ from fenics_mortar.io.fields import (
     owned_cells,
     with_margin,
 )
-from fenics_mortar.io.picture_in_space import drawing_of_solids
-from fenics_mortar.io.style import BODIES, GREY, INK, PRESSURE, Style, colours, pressure_label
+from fenics_mortar.io.picture_in_space import (
+    BODIES,
+    GREY,
+    INK,
+    PRESSURE,
+    Style,
+    colours,
+    drawing_of_solids,
+    pressure_label,
+)
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_kind, check_number

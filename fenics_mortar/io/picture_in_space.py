@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Pictures of solids: their outer facets, shaded, and coloured by a field."""
+"""Pictures of solids: their outer facets, shaded, and coloured by a field.
+
+The outer facets of solids, for pictures: each of them once, on the rank that owns its cell.
+
+Style of pictures: colours, and what the user chooses.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +13,109 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+import basix
+from dolfinx import mesh as dmesh
+
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.io.fields import evaluated_contacts
-from fenics_mortar.io.skin import skin_of
-from fenics_mortar.io.style import BODIES, INK, PRESSURE, Style, colours, pressure_label
+from fenics_mortar.mesh.kinds import KINDS, Kind
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array, Indices
+
+
+class Skin(NamedTuple):
+    """Facets of one cell only.
+
+    Attributes:
+        cells: Local cells of the facets, shape (f,).
+        rings: Local nodes along the outlines of the facets, with those in the middle of edges of
+            order 2, shape (f, k).
+    """
+
+    cells: Indices
+    rings: Indices
+
+
+def skin_of(V: Any) -> Skin:
+    """The outer facets of the mesh of a Lagrange space of degree 1 or 2 in space (collective)."""
+    topology, dofs = V.mesh.topology, compat.dofmap(V)
+    topology.create_connectivity(2, 3)
+    topology.create_connectivity(3, 2)
+    to_cells, to_facets = topology.connectivity(2, 3), topology.connectivity(3, 2)
+    outer = dmesh.exterior_facet_indices(topology)
+    cells = np.array([to_cells.links(facet)[0] for facet in outer], np.int64)
+    kind = KINDS[3, dofs.shape[1]]
+    local = [
+        int(np.flatnonzero(to_facets.links(cell) == facet)[0])
+        for cell, facet in zip(cells, outer, strict=True)
+    ]
+    nodes = dofs[cells][:, np.argsort(kind.order)]
+    numbers = _numbers(kind)[np.array(local, np.int64)]
+    rings = np.take_along_axis(nodes, _rings(kind)[numbers], axis=1)
+    return Skin(cells, rings.astype(np.int64))
+
+
+def _numbers(kind: Kind) -> Indices:
+    """Numbers in ``kind`` of the facets of the reference cell, in the order of basix."""
+    corners = [set(facet) for facet in kind.facets]
+    facets = basix.topology(getattr(basix.CellType, kind.name))[2]
+    return np.array([corners.index({kind.vertices[v] for v in facet}) for facet in facets])
+
+
+def _rings(kind: Kind) -> Indices:
+    """Corners of each facet, one after the other, with the middles of edges between them."""
+    corners = np.array(kind.facets)
+    if kind.degree == 1:
+        return corners
+    middle_of = {frozenset(edge): kind.corners + i for i, edge in enumerate(kind.edges)}
+    pairs = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
+    middles = [[middle_of[frozenset(pair)] for pair in ring] for ring in pairs.tolist()]
+    return np.stack([corners, middles], axis=2).reshape(len(corners), -1)
+
+
+INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
+BODIES = "#dfe6ea"
+SEQUENTIAL, DIVERGING = "YlGnBu", "RdBu_r"
+# A field has both signs if the largest value of one sign is at least this fraction of the largest
+# of the other sign [1]: smaller values may be discretization errors, and half of the colours would
+# not be used.
+SIGNED = 0.2
+
+
+class Style(NamedTuple):
+    """Arguments of ``plot``, see there."""
+
+    label: str
+    title: str | None
+    scale: float
+    units: tuple[str, str] | None
+    limits: tuple[float, float] | None
+    cmap: Any
+
+
+def colours(values: Array, style: Style) -> dict[str, Any]:
+    """Colour map and norm of a field, diverging about zero if it has both signs (local)."""
+    from matplotlib.colors import Normalize, TwoSlopeNorm
+
+    low, high = (values.min(), values.max()) if style.limits is None else style.limits
+    smaller, larger = sorted((abs(low), abs(high)))
+    if not (low < 0.0 < high and smaller > SIGNED * larger):
+        return {"norm": Normalize(low, high), "cmap": style.cmap or SEQUENTIAL}
+    if style.limits is None:
+        low, high = -larger, larger
+    return {"norm": TwoSlopeNorm(0.0, low, high), "cmap": style.cmap or DIVERGING}
+
+
+def pressure_label(contacts: list[Any], contact: Any, style: Style) -> str:
+    """Entry of the legend on the largest pressure of a contact (local)."""
+    slaves = [other.slave.name for other in contacts]
+    name = contact.slave.name
+    if slaves.count(name) > 1:
+        name += f" by {contact.pair.master_name}"
+    unit = "" if style.units is None else f" {style.units[1]}"
+    return f"pressure on {name}, maximum {contact.pressure.max():.4g}{unit}"
+
 
 # Angles of the camera above the x-y plane and about z [degrees].
 CAMERA = (22.0, -60.0)

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Dense blocks of sparse matrices: rows of the contact law, derivatives of forces, entries."""
+"""Dense blocks of sparse matrices: rows of the contact law, derivatives of forces, entries.
+
+Couplings of slave facets and master nodes within a sparsity pattern; see ``la.coupling``.
+
+Contact forces on nodes, and the balance of forces at the dofs.
+"""
 
 import numpy as np
 
@@ -228,3 +233,91 @@ def pack_product(i, j, v, offsets, columns, values, numbers, num_columns, counts
             row += 1
             starts[row] = entry
     counts[0], counts[1] = row, entry
+
+
+@kernel
+def are_known(known, slave, master, acting, num_masters):
+    """Whether a pattern contains the couplings of all segments with an acting multiplier.
+
+    Args:
+        known: Numbers of pairs of a slave facet and a master node, ascending, shape (n,): first
+            slave node times (``num_masters`` + 1) plus master node, or ``num_masters`` for none.
+        slave: Slave nodes of the segments, shape (s, K).
+        master: Their master nodes, shape (s, L).
+        acting: Slave nodes whose multipliers act, shape (slave nodes,), bool.
+        num_masters: Number of master nodes.
+    """
+    for s in range(slave.shape[0]):
+        acts = False
+        for j in slave[s]:
+            acts = acts or acting[j]
+        if acts:
+            base = slave[s, 0] * (num_masters + 1)
+            if not _contains(known, base + num_masters):
+                return False
+            for k in master[s]:
+                if not _contains(known, base + k):
+                    return False
+    return True
+
+
+@kernel
+def _contains(known, number):
+    """Whether the ascending array ``known`` contains a number."""
+    place = np.searchsorted(known, number)
+    return place < known.shape[0] and known[place] == number
+
+
+@kernel
+def add_contact_forces(D, M, z, facets, slave, master, on_slave, on_master):
+    """Add D^T z on slave nodes and -M^T z on master nodes.
+
+    Args:
+        D: Slave matrices of facets, shape (f, K, K) [length].
+        M: Master matrices of segments, shape (n, K, K) [length].
+        z: Multipliers of c components, shape (slave nodes, c) [stress].
+        facets: Slave nodes of the facets, shape (f, K).
+        slave: Slave nodes of the segments, shape (n, K).
+        master: Master nodes of the segments, shape (n, K).
+        on_slave: Forces, shape (slave nodes, c) [stress length]; changed.
+        on_master: Forces, shape (master nodes, c) [stress length]; changed.
+    """
+    for e in range(D.shape[0]):
+        for j in range(D.shape[1]):
+            for k in range(D.shape[2]):
+                for c in range(z.shape[1]):
+                    on_slave[facets[e, k], c] += D[e, j, k] * z[facets[e, j], c]
+    for s in range(M.shape[0]):
+        for j in range(M.shape[1]):
+            for l in range(M.shape[2]):
+                for c in range(z.shape[1]):
+                    on_master[master[s, l], c] -= M[s, j, l] * z[slave[s, j], c]
+
+
+@kernel
+def add_forces(bulk, contact, to_force, prescribed, bounded, total):
+    """Add the forces of bulk and contact, and sum the squares of forces.
+
+    Args:
+        bulk: Residual of the bulk, shape (n,) or longer [stress length].
+        contact: Contact forces, shape (n,) [stress length].
+        to_force: Factors that turn residuals into forces, shape (n,).
+        prescribed: Whether a dof has a prescribed value, shape (n,) or longer, bool.
+        bounded: Whether contact forces are at most those of the bulk in the sums, shape (n,), bool.
+        total: The sum, shape (n,) [stress length]; filled.
+
+    Returns:
+        Sums of squares of total forces at free dofs, of contact forces, and of total forces at
+        prescribed dofs, which are reactions.
+    """
+    free = on_contact = reactions = 0.0
+    for i in range(total.shape[0]):
+        total[i] = bulk[i] + contact[i]
+        square = (to_force[i] * total[i]) ** 2
+        limit = (to_force[i] * bulk[i]) ** 2 if bounded[i] else np.inf
+        on_contact += min((to_force[i] * contact[i]) ** 2, limit)
+        if prescribed[i]:
+            reactions += min(square, limit)
+        else:
+            free += square
+    return free, on_contact, reactions

@@ -37,10 +37,10 @@ from fenics_mortar.kernels.projection import (
     master_to_slave,
     side_of_ray,
     slave_to_master,
+    tabulate_shapes,
 )
 from fenics_mortar.kernels.roles import keep_masters, touch_in_a_point
 from fenics_mortar.kernels.rows import copy_row
-from fenics_mortar.kernels.shapes import tabulate_shapes
 from fenics_mortar.utils.rounding import HALF_FACET
 
 # Distance behind a contact, over the length of a facet [1], above which a surface does not belong

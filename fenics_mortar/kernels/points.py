@@ -36,8 +36,13 @@ weighted gap, is the same in any dimension: see ``facets``.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.projection import gather, interpolate, segment_ends, slave_to_master
-from fenics_mortar.kernels.shapes import tabulate_shapes
+from fenics_mortar.kernels.projection import (
+    gather,
+    interpolate,
+    segment_ends,
+    slave_to_master,
+    tabulate_shapes,
+)
 
 
 @kernel

@@ -12,8 +12,7 @@ from fenics_mortar.kernels.points import (
     tabulate_points,
     thickness_at,
 )
-from fenics_mortar.kernels.projection import gather, interpolate
-from fenics_mortar.kernels.shapes import tabulate_shapes
+from fenics_mortar.kernels.projection import gather, interpolate, tabulate_shapes
 
 
 @kernel

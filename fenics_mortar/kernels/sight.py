@@ -27,8 +27,7 @@ than the parts are thick.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.projection import interpolate
-from fenics_mortar.kernels.shapes import tabulate_shapes
+from fenics_mortar.kernels.projection import interpolate, tabulate_shapes
 
 
 @kernel

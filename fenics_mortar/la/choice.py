@@ -11,8 +11,7 @@ from petsc4py import PETSc
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.la.condensed import CondensedSystem, obstacle_to_condensation
-from fenics_mortar.la.costs import costs_of
-from fenics_mortar.la.options import ITERATIVE, SMALL, SolverName
+from fenics_mortar.la.options import ITERATIVE, SMALL, SolverName, costs_of
 from fenics_mortar.la.saddle import SaddleSystem
 from fenics_mortar.la.system import LinearSystem
 

@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Compliance of the contact dofs: displacements due to contact forces and prescribed values."""
+"""Compliance of the contact dofs: displacements due to contact forces and prescribed values.
+
+The dofs of all contact surfaces have consecutive numbers.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 from petsc4py import PETSc
 
@@ -10,13 +15,44 @@ from scipy.linalg import LinAlgError, inv, lapack
 from scipy.sparse import csr_array
 
 from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.la.contact_dofs import ContactDofs
+from fenics_mortar.contact.interface import Interface
 from fenics_mortar.la.factored import column_groups, factored_bulk, factored_bulk_by_cholmod
-from fenics_mortar.la.sparse import is_indefinite, schur_complement
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.la.sparse import SomeRows, is_indefinite, schur_complement
+from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MortarError, raise_together
 from fenics_mortar.utils.ranks import sum_over_ranks
 from fenics_mortar.utils.rounding import SOLVED
+
+
+class ContactDofs(SomeRows):
+    """Dofs of all contact surfaces with consecutive numbers, replicated.
+
+    Attributes:
+        size: Number of contact dofs.
+        free: Whether a dof is not prescribed, shape (size,), bool.
+        free_globals: Global numbers of the dofs, -1 for prescribed ones, shape (size,).
+    """
+
+    def __init__(self, contacts: Sequence[Interface], bulk: Bulk) -> None:
+        self._surfaces = [side for contact in contacts for side in (contact.slave, contact.master)]
+        dofs = np.concatenate([surface.dofs for surface in self._surfaces])
+        super().__init__(dofs, bulk.first, bulk.num_owned)
+        self.size = self.rows.size
+        self.free = self.gather(bulk.prescribed.astype(float)) == 0.0
+        self.free_globals: Indices = np.where(self.free, self.rows, -1)
+
+    def gather(self, values: Array) -> Array:
+        """``values`` (local dofs,) [any unit] at the contact dofs, shape (size,) (collective)."""
+        result = np.zeros(self.size)
+        for surface in self._surfaces:
+            result[self.number(surface.dofs)] = surface.gather(values)
+        return result
+
+    def put(self, values: Array, target: Array) -> None:
+        """Write ``values`` (size,) into ``target`` (local dofs,) (local)."""
+        for surface in self._surfaces:
+            target[surface.local_dofs] = values[self.number(surface.dofs[surface.owned])]
+
 
 # Number of single solves after which factors by CHOLMOD pay: they take about 40 times as long as a
 # solve by them saves (0.3 s and 8 ms at 41,000 unknowns, 1.5 s and 33 ms at 152,000).

@@ -28,8 +28,7 @@ constraints and resolves local motions of the surfaces, above all motions of the
 slave nodes: these are soft modes in a stiff neighbourhood, which multigrid cannot represent. 2.
 x = x_0 + T y, where y is one cycle of multigrid for B y = L (b - A x_0).
 
-A strip has few unknowns, O(1/h), and is factorized in each Newton iteration. The cycle is reused,
-see ``replacement``.
+A strip has few unknowns, O(1/h), and is factorized in each Newton iteration. The cycle is reused.
 
 All multipliers of a saddle-point matrix A belong to the strip. Its rows are not combined, so that
 L = T^T, and step 2 changes displacements only. With a standard basis D is not diagonal: D_jj is
@@ -39,6 +38,16 @@ the cycle are.
 A tied node moves with its partners in both directions. If all are tied, every solution of the
 condensed system is T y, and B is symmetric if K is: then B y = L (b - A x_0) is solved completely
 by conjugate gradients with the cycle.
+
+A cycle built for an earlier matrix needs more iterations. It is replaced when its excess iterations
+have cost a quarter of a new one; more are expected where the active set has changed since.
+
+Iterations per digit also depend on the right-hand side. The first one of a load step is smooth and
+takes 1.4 per digit, the next ones, which are concentrated at the contact, up to 1.8 even with a new
+cycle. A solve is therefore compared with the first one by the same cycle at the same place in
+Newton's method; at a place without one, with the slowest of the first ones at other places. Rates
+at one place vary by a tenth where only the right-hand side changes, which is not counted: a new
+cycle would be no better.
 """
 
 from __future__ import annotations
@@ -54,14 +63,9 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.interface.linearization import Block
+from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.la.axes import (
-    rigid_motions_along,
-    tangential_axes,
-    turned_axes,
-)
-from fenics_mortar.la.replacement import Replacement
+from fenics_mortar.la.axes import rigid_motions_along, tangential_axes, turned_axes
 from fenics_mortar.la.sparse import BlockMatrix, SomeRows, is_symmetric
 from fenics_mortar.la.strip import Strip, dofs_near
 from fenics_mortar.la.touching import TouchingTangent, touching_in_space
@@ -69,6 +73,53 @@ from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.ranks import any_over_ranks, sum_over_ranks
 from fenics_mortar.utils.rounding import TINY
+
+# Excess iterations, so far and expected, after which the cycle is rebuilt. A new cycle costs as
+# much as about twenty iterations but is used in several solves.
+MAX_EXCESS = 5
+# Excess iterations of a solve over the first one at its place [1] that are not counted: rates vary
+# by as much where only the right-hand side changes.
+IGNORED_EXCESS = 0.1
+# Excess iterations per digit of a cycle made for a different active set, over the share of active
+# nodes that have changed since [1]. The cycle for the first three nodes in contact needs 7 to 15
+# more iterations for five digits with about a hundred active nodes, however many of them change.
+EXCESS_OF_OTHER_SET = 2
+
+
+class Replacement:
+    """Excess iterations of a cycle since it was built; all methods are local."""
+
+    def __init__(self) -> None:
+        self._rates = dict[int, float]()  # iterations per digit of the first solve at each place
+        self._excess = 0.0
+
+    def is_due(self, changed: float, digits: float) -> bool:
+        """Whether a new cycle costs less than the excess iterations, those expected included.
+
+        Args:
+            changed: Nodes that have entered or left the contact since the cycle was built, over
+                those in contact [1].
+            digits: Digits of the next solve [1].
+        """
+        return self._excess + EXCESS_OF_OTHER_SET * changed * digits > MAX_EXCESS
+
+    def record(self, iterations: int, digits: float, place: int) -> None:
+        """Record a solve.
+
+        Args:
+            iterations: Linear iterations.
+            digits: Decimal logarithm of the factor by which the residual has decreased, positive.
+            place: Number of earlier solves in the same load step.
+        """
+        rate = iterations / digits
+        if place in self._rates:
+            usual = (1.0 + IGNORED_EXCESS) * self._rates[place]
+        else:
+            usual = max(self._rates.values(), default=rate)
+            self._rates[place] = rate
+        excess = self._excess + iterations - usual * digits
+        self._excess = max(excess, 0.0)  # a difficult first solve is not credited
+
 
 # Stiffness of motions outside the range of T over that of the node [1]: affects only the coarse
 # grids of the cycle, which would be too stiff with a large value.

@@ -13,12 +13,12 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.bulk.node_blocks import NodeBlocks, come_in_pairs
-from fenics_mortar.la.costs import COSTS
-from fenics_mortar.la.lagged import LaggedFactors
+from fenics_mortar.la.factored import LaggedFactors
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.nonzeros import WithoutZeros
 from fenics_mortar.la.options import (
     COMPLIANCE,
+    COSTS,
     DIRECT,
     ORDERED,
     SMALL,

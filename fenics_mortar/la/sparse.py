@@ -17,7 +17,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.linearization import Block
+from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import pack_product, pack_rows
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.errors import MortarError

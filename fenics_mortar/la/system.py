@@ -33,9 +33,8 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.rows import Frame, Rows
-from fenics_mortar.interface.linearization import Block
-from fenics_mortar.la.coupling import MARGIN, MAX_MARGIN, Coupling
-from fenics_mortar.la.face_coupling import FaceCoupling
+from fenics_mortar.interface.mortar import Block
+from fenics_mortar.la.coupling import MARGIN, MAX_MARGIN, Coupling, FaceCoupling
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.solver import LinearSolver
 from fenics_mortar.utils.arrays import Array, Indices

@@ -13,12 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.bulk.node_blocks import CSR, from_local_csr, local_csr
-from fenics_mortar.kernels.node_axes import count_blocks, turn_to_axes
+from fenics_mortar.kernels.node_blocks import count_blocks, turn_to_axes
 from fenics_mortar.la.nonzeros import without_zeros
 from fenics_mortar.la.sparse import SomeRows
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Parts of a matrix: starts, columns, dofs and values, see ``kernels.node_axes``.
+# Parts of a matrix: starts, columns, dofs and values, see ``kernels.node_blocks``.
 Parts = tuple[tuple[npt.NDArray, npt.NDArray, npt.NDArray, Array], ...]
 
 
@@ -100,7 +100,7 @@ class Memory:
 
 
 def _numbered_parts(A: PETSc.Mat, change: CSR) -> tuple[Parts, npt.NDArray]:
-    """A and its change as parts, see ``kernels.node_axes``, and global numbers of the nodes."""
+    """A and its change as parts, see ``kernels.node_blocks``, and global numbers of the nodes."""
     first, num_owned = A.getOwnershipRange()[0], A.getLocalSize()[0]
     own, *others = local_csr(A)
     remote = [(part, np.asarray(part.numbers)) for part in others]

@@ -8,9 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from fenics_mortar.contact.law import Frictionless, Law, check_positive, varies
+from fenics_mortar.contact.law import (
+    Array,
+    Branches,
+    Frictionless,
+    Law,
+    Nodal,
+    Row,
+    check_positive,
+    magnitude,
+    row_of,
+    varies,
+)
 from fenics_mortar.contact.laws import Coulomb
-from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row, magnitude, row_of
 from fenics_mortar.utils.arguments import check_number
 
 

@@ -8,9 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from fenics_mortar.contact.law import Law, check_positive
+from fenics_mortar.contact.law import (
+    Array,
+    Branches,
+    Law,
+    Nodal,
+    Row,
+    check_positive,
+    magnitude,
+    row_of,
+)
 from fenics_mortar.contact.laws import Friction
-from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row, magnitude, row_of
 
 
 class Stribeck(Friction):

@@ -19,8 +19,7 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.mesh.data import MeshData
-from fenics_mortar.mesh.edges import check_hanging_nodes
-from fenics_mortar.mesh.hanging import check_hanging_nodes_in_space
+from fenics_mortar.mesh.edges import check_hanging_nodes, check_hanging_nodes_in_space
 from fenics_mortar.mesh.kinds import KINDS, Kind, codes_of, facets_of
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind, check_number

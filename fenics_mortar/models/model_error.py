@@ -28,7 +28,7 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import Stick
 from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.interface.nodal_normals import evaluate_normals
+from fenics_mortar.interface.segments import evaluate_normals
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError

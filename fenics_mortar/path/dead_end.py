@@ -21,7 +21,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import STICK
 from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.state import State
-from fenics_mortar.interface.linearization import LINEARIZATIONS
+from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array, Indices, norms

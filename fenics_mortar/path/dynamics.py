@@ -34,10 +34,10 @@ from fenics_mortar.path.dynamics_input import (
     check_dynamics,
     check_rates,
     check_step,
+    first_acceleration,
     rates_of,
 )
 from fenics_mortar.path.energy import Forces, Work, forces_of, work_of
-from fenics_mortar.path.first_acceleration import first_acceleration
 from fenics_mortar.path.report import DynamicsReport, Energies
 from fenics_mortar.path.stepping import SteppingOptions
 from fenics_mortar.path.time_steps import GeneralizedAlpha, Motion, check_run
@@ -271,7 +271,7 @@ class Dynamics:
             Exception: Any error of ``set_loads`` or ``on_step``.
 
         Note:
-            Rank 0 logs each step and each cut, see ``progress``.
+            Rank 0 logs each step and each cut, see ``report``.
         """
         with together(self.problem.equations.comm, "run"):
             check_run(stop, options, set_loads, tolerance, on_step, self.time)

@@ -24,7 +24,7 @@ from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import NotConvergedError
 from fenics_mortar.verify.node_paths import Motions
-from fenics_mortar.verify.space_paths import motion_between
+from fenics_mortar.verify.space_passages import motion_between
 
 # Times within a step, over its length [1]. They are not evenly spaced, so that at a constant rate
 # no number of full turns in the step is a number of full turns between all of them.

@@ -23,8 +23,7 @@ from fenics_mortar.newton.report import NewtonReport, then_solve
 from fenics_mortar.path.dead_end import describe_jump, describe_turning_point, reason_for_end
 from fenics_mortar.path.energy import forces_of, work_of
 from fenics_mortar.path.prescribed_turns import PrescribedTurns
-from fenics_mortar.path.progress import IdleLoads, Progress
-from fenics_mortar.path.report import PathReport, PathStep
+from fenics_mortar.path.report import IdleLoads, PathReport, PathStep, Progress
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_flag, check_kind, check_number
 from fenics_mortar.utils.errors import (
@@ -174,7 +173,7 @@ def follow_path(
         MortarError: On all ranks, if options differ between ranks.
 
     Note:
-        Rank 0 logs each step and each cut, see ``progress``::
+        Rank 0 logs each step and each cut, see ``report``::
 
             logging.basicConfig()
             logging.getLogger("fenics_mortar").setLevel(logging.INFO)

@@ -30,8 +30,7 @@ from fenics_mortar.equations.undo import Snapshot, raise_cause
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.energy import Forces, Work, forces_of
 from fenics_mortar.path.prescribed_turns import PrescribedTurns
-from fenics_mortar.path.progress import Progress
-from fenics_mortar.path.report import DynamicsReport, TimeStep
+from fenics_mortar.path.report import DynamicsReport, Progress, TimeStep
 from fenics_mortar.path.stepping import SteppingOptions
 from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Flags

@@ -17,17 +17,18 @@ from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.rigid.body_motions import BodyMotions
-from fenics_mortar.rigid.limit_analysis import Touching, unresisted_motion
-from fenics_mortar.rigid.moves import closest_move
-from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.rigid.responses import (
+from fenics_mortar.rigid.limit_analysis import (
+    Touching,
     closing,
     is_ahead,
     loose_bodies,
     nearly_touching,
     opening,
     slipping,
+    unresisted_motion,
 )
+from fenics_mortar.rigid.moves import closest_move
+from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import MortarError, NotConvergedError
 from fenics_mortar.utils.rounding import SOLVED

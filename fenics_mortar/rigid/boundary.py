@@ -11,7 +11,7 @@ with force and moment at the pivot,
 
     f_q = sum_k V_k(q) . r_k = push,    V_k = du_k / dq,
 
-which is one row of the border per motion, see ``balance``. With l_k from the present pivot to the
+which is one row of the border per motion, see ``driven``. With l_k from the present pivot to the
 node, V_k of a turn about e_i is e_i x l_k / arm, and the derivative of the moments by the turns at
 constant r is
 
@@ -37,7 +37,7 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.places import describe_place
 from fenics_mortar.obstacles.rotations import TURNS
 from fenics_mortar.rigid.bordered import Border
-from fenics_mortar.rigid.remote import BoundaryMotion
+from fenics_mortar.rigid.spread import BoundaryMotion
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import sum_over_ranks

@@ -18,11 +18,10 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import STICK, Friction
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.rigid.body_motions import BodyMotions
+from fenics_mortar.rigid.body_motions import BodyMotions, HeldBodies
 from fenics_mortar.rigid.body_settling import BodySettling, Moves
-from fenics_mortar.rigid.held import HeldBodies
+from fenics_mortar.rigid.limit_analysis import loose_bodies
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.rigid.responses import loose_bodies
 from fenics_mortar.rigid.springs import (
     Springs,
     anchored_stiffness,

@@ -7,7 +7,8 @@ tightens the section is conjugate to s,
     f_q = -sum_j m_j a . z_j = push,    m = M 1,
 
 so that column and row of the border are transposed, up to the weights of the tie's rows. Where only
-contact resists the motion of the sides of a section along its axis, they float: see ``held``.
+contact resists the motion of the sides of a section along its axis, they float: see
+``body_motions``.
 """
 
 from __future__ import annotations

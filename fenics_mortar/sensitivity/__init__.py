@@ -16,8 +16,13 @@ from fenics_mortar.sensitivity.controls import (
     ObstacleShape,
     Offset,
 )
-from fenics_mortar.sensitivity.directional import TangentLinear, tangent_linear
-from fenics_mortar.sensitivity.gradient import Gradient, Simulation, to_autograd
+from fenics_mortar.sensitivity.gradient import (
+    Gradient,
+    Simulation,
+    TangentLinear,
+    tangent_linear,
+    to_autograd,
+)
 from fenics_mortar.sensitivity.kinks import Kink
 from fenics_mortar.sensitivity.nodal_positions import NodalPositions
 from fenics_mortar.sensitivity.objective import Control, Quantity, last, least_squares, total

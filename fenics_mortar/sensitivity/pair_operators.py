@@ -18,7 +18,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearVector
-from fenics_mortar.interface.linearization import EXACT
+from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.sensitivity.partials.maps import Layout, Matrix
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array

@@ -20,9 +20,9 @@ from fenics_mortar.bulk.checks import refuse_history
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import State
 from fenics_mortar.equations.undo import Snapshot, raise_cause, restored_if_interrupted
-from fenics_mortar.interface.linearization import EXACT
+from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.rigid.remote import refuse_remote
+from fenics_mortar.rigid.spread import refuse_remote
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array

@@ -15,8 +15,8 @@ from scipy.sparse.linalg import splu
 from fenics_mortar.contact.arcs import arc
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.law import at_points
 from fenics_mortar.contact.law_calls import raise_stored
-from fenics_mortar.contact.nodal import at_points
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.facing import Facing, Points, both_sides, points_of, rule_of
 from fenics_mortar.interface.obstacle_facets import gauss_points, tabulate

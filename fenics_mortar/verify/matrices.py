@@ -19,7 +19,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.integrals import share_of
-from fenics_mortar.interface.linearization import Block
+from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices

@@ -27,11 +27,9 @@ from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.crossing import AcceptedPositions, Crossing, Crossings
 from fenics_mortar.verify.finding import LIMITS
 from fenics_mortar.verify.overlap import OutlineNames
-from fenics_mortar.verify.overlaps import Overlaps, find_overlaps
-from fenics_mortar.verify.space_admitted import Kind, SpaceAdmitted
+from fenics_mortar.verify.space_admitted import Kind, Overlaps, SpaceAdmitted, find_overlaps
 from fenics_mortar.verify.space_obstacles import SpaceObstacles
-from fenics_mortar.verify.space_passages import SpacePassages
-from fenics_mortar.verify.space_paths import SpacePaths
+from fenics_mortar.verify.space_passages import SpacePassages, SpacePaths
 
 # Bodies of a point and of the triangle above it, ascending.
 Bodies = tuple[int, int]

@@ -36,8 +36,7 @@ from fenics_mortar.verify.finding import LIMITS
 from fenics_mortar.verify.overlap import OutlineNames
 from fenics_mortar.verify.passages import ADVICE
 from fenics_mortar.verify.space_admitted import SpaceAdmitted
-from fenics_mortar.verify.space_passages import SpacePassages
-from fenics_mortar.verify.space_paths import RigidMotion, SpacePaths
+from fenics_mortar.verify.space_passages import RigidMotion, SpacePassages, SpacePaths
 from fenics_mortar.verify.through_obstacles import passed_through
 
 # Points of a triangle near an obstacle, weights of its corners: a grid of a quarter of its sides.

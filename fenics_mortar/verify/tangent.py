@@ -19,7 +19,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.saddle import SaddleSystem
-from fenics_mortar.rigid.balance import by_spread, linearize_balance
+from fenics_mortar.rigid.driven import by_spread, linearize_balance
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING

@@ -7,7 +7,7 @@ from refusal import refused
 from small_scenes import small_blocks
 
 import fenics_mortar as fm
-from fenics_mortar.contact.nodal import Nodal, Row
+from fenics_mortar.contact.law import Nodal, Row
 from fenics_mortar.laws import Worn
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scenes import pressed_blocks
 
-from fenics_mortar.interface.linearization import LINEARIZATIONS
+from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.verify.checks.corners import runs_of
 
 MESH = {"n_upper": 4, "n_lower": 5, "layers_upper": 2, "layers_lower": 2}

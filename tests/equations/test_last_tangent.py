@@ -10,7 +10,7 @@ import pytest
 from scenes import TIGHT, nodal, pressed_blocks
 
 import fenics_mortar as fm
-from fenics_mortar.equations import last_tangent
+from fenics_mortar.equations import residual
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
@@ -47,7 +47,7 @@ def follow(name):
 @pytest.mark.parametrize("name", SCENES)
 def test_results_and_iterations_are_those_of_new_tangents(name, monkeypatch):
     one, counts = follow(name)
-    monkeypatch.setattr(last_tangent, "MAX_ESTIMATE", 0.0)
+    monkeypatch.setattr(residual, "MAX_ESTIMATE", 0.0)
     other, of_new = follow(name)
     assert sum(kept for _, kept in counts) > 0
     assert [iterations for iterations, _ in counts] == [iterations for iterations, _ in of_new]
@@ -60,14 +60,14 @@ def test_results_and_iterations_are_those_of_new_tangents(name, monkeypatch):
 @pytest.mark.parametrize("name", SCENES)
 def test_residual_after_the_step_follows_from_the_increments(name, monkeypatch):
     """Also far from the solution, where the estimate is above rounding."""
-    monkeypatch.setattr(last_tangent, "MAX_ESTIMATE", 1e7)
-    estimates, estimate = {}, last_tangent.estimate
+    monkeypatch.setattr(residual, "MAX_ESTIMATE", 1e7)
+    estimates, estimate = {}, residual.estimate
 
     def recorded(residuals, ratio=None):
         estimates[len(residuals)] = estimate(residuals, ratio)
         return estimates[len(residuals)]
 
-    monkeypatch.setattr(last_tangent, "estimate", recorded)
+    monkeypatch.setattr(residual, "estimate", recorded)
     given = {**MESH, **SCENES[name]}
     newton = replace(TIGHT, increment_tolerance=1.0)
     given["problem"] = {"newton": newton, **given.get("problem", {})}
@@ -99,8 +99,8 @@ def at_last_iteration():
         e.advance()
         e.evaluate(start=False)
         residuals = e._set_record.residuals
-        allowed = last_tangent.MAX_ESTIMATE * e.residual.attainable
-        if not e._set_record.num_changed and last_tangent.estimate(residuals) < 1e-3 * allowed:
+        allowed = residual.MAX_ESTIMATE * e.residual.attainable
+        if not e._set_record.num_changed and residual.estimate(residuals) < 1e-3 * allowed:
             return e
     raise AssertionError("no such iteration")
 

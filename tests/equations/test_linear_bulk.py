@@ -14,7 +14,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.equations import linear_bulk
-from fenics_mortar.la.costs import COSTS
+from fenics_mortar.la.options import COSTS
 from meshes import half_cylinder_on_block
 
 comm = MPI.COMM_WORLD

@@ -6,7 +6,7 @@ import pytest
 from array_meshes import surface_of
 from crack_scenes import COMM, branched, slit
 
-from fenics_mortar.interface.curves import ends_of_faces, order_curves, turn_between
+from fenics_mortar.interface.curve_surface import ends_of_faces, order_curves, turn_between
 
 
 def loop(x):

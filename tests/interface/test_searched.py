@@ -8,7 +8,7 @@ import pytest
 from scenes import pressed_blocks
 
 from fenics_mortar.interface import integrals
-from fenics_mortar.interface.linearization import LINEARIZATIONS
+from fenics_mortar.interface.mortar import LINEARIZATIONS
 
 SEARCHED = LINEARIZATIONS["full"]
 

@@ -10,7 +10,7 @@ from fenics_mortar.kernels.space.integrals import integrate_facets
 from fenics_mortar.kernels.space.linearize import linearize_facets
 from fenics_mortar.kernels.space.normals import facets_around, find_rings, tabulate_normals
 from fenics_mortar.kernels.space.pairs import find_pairs
-from fenics_mortar.kernels.space.rules import LINEAR, QUADRATIC, triangle_rule
+from fenics_mortar.kernels.space.shapes import LINEAR, QUADRATIC, triangle_rule
 
 KINDS = (3, 4, 6, 9)
 

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from fenics_mortar.kernels import blocks, complementarity, coupling, forces, multiplier_nodes
+from fenics_mortar.kernels import blocks, complementarity
 
 RNG = np.random.default_rng(3)
 N = 5  # slave nodes
@@ -95,7 +95,7 @@ def test_multiplier_nodes_stay_after_many_changes():
     cover, sides = np.array([0.01, 1.0]), np.array([[-1, 0], [1, -1]])
     new, helped = np.empty((2, 2), bool)
     for changes, count in ((0, 1), (4, 0)):
-        changed = multiplier_nodes.choose(
+        changed = complementarity.choose(
             cover, np.ones(2, bool), sides, 0.05, np.ones(2, bool), np.array([changes, 0]), 4, True,
             new, helped,
         )  # fmt: skip
@@ -107,7 +107,7 @@ def test_forces_are_products_with_D_and_M():
     facets, slave, master = np.array([[0, 1], [1, 2]]), np.array([[0, 1]]), np.array([[1, 0]])
     D, M, z = RNG.normal(size=(2, 2, 2)), RNG.normal(size=(1, 2, 2)), RNG.normal(size=(3, 2))
     on_slave, on_master = np.zeros((3, 2)), np.zeros((2, 2))
-    forces.add_contact_forces(D, M, z, facets, slave, master, on_slave, on_master)
+    blocks.add_contact_forces(D, M, z, facets, slave, master, on_slave, on_master)
     expected = np.zeros((3, 2))
     np.add.at(expected, facets, np.einsum("ejk,ejc->ekc", D, z[facets]))
     assert np.abs(on_slave - expected).max() < 1e-14
@@ -118,7 +118,7 @@ def test_forces_are_summed_and_measured():
     bulk, contact, prescribed = RNG.normal(size=6), RNG.normal(size=4), np.arange(6) % 2 == 1
     factors, total, bounded = np.array([1.0, 2.0, 3.0, 4.0]), np.empty(4), np.arange(4) > 1
     contact[2], bulk[3] = 3.0 * bulk[2], 3.0 * contact[3]
-    sums = forces.add_forces(bulk, contact, factors, prescribed, bounded, total)
+    sums = blocks.add_forces(bulk, contact, factors, prescribed, bounded, total)
     free, on_contact, reactions = sums
     assert np.abs(total - (bulk[:4] + contact)).max() == 0.0
     squares = (factors * total) ** 2
@@ -217,6 +217,6 @@ def test_only_acting_multipliers_need_room_in_the_pattern():
     known = np.array([0 * 4 + 1, 0 * 4 + 2, 0 * 4 + 3])  # facet of node 0 with master nodes 1, 2
     slave, master = np.array([[0, 1], [1, 2]]), np.array([[1, 2], [2, 0]])
     acting = np.array([True, False, False])
-    assert coupling.are_known(known, slave, master, acting, 3)
-    assert not coupling.are_known(known, slave, master, ~acting, 3)
-    assert not coupling.are_known(known[:0], slave, master, acting, 3)
+    assert blocks.are_known(known, slave, master, acting, 3)
+    assert not blocks.are_known(known, slave, master, ~acting, 3)
+    assert not blocks.are_known(known[:0], slave, master, acting, 3)

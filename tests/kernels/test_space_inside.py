@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from surfaces_in_space import rotation
 
-from fenics_mortar.kernels.space.crossing import find_piercings
 from fenics_mortar.kernels.space.inside import (
     depths_inside,
+    find_piercings,
     nearest_triangle,
     square_on_triangle,
     winding_by_angles,

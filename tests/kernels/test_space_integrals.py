@@ -15,7 +15,7 @@ from surfaces_in_space import (
 )
 
 from fenics_mortar.kernels.space.integrals import tabulate_pairs
-from fenics_mortar.kernels.space.rules import triangle_rule
+from fenics_mortar.kernels.space.shapes import triangle_rule
 
 GAP = 0.03
 

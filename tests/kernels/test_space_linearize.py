@@ -18,7 +18,7 @@ from surfaces_in_space import (
 
 from fenics_mortar.kernels.space.clipping import clip, clipping_work
 from fenics_mortar.kernels.space.linearize import linearize_facets
-from fenics_mortar.kernels.space.plane import flatten, set_plane
+from fenics_mortar.kernels.space.normals import flatten, set_plane
 
 NAMES = ("weight", "gap", "X", "Y", "vector")
 

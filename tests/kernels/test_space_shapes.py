@@ -8,12 +8,14 @@ import pytest
 from derivatives import complex_step
 from surfaces_in_space import KINDS
 
-from fenics_mortar.kernels.space.rules import ALLOWED, COLLAPSED, triangle_rule
 from fenics_mortar.kernels.space.shapes import (
+    ALLOWED,
+    COLLAPSED,
     piece_centres,
     pieces_of,
     reference_nodes,
     tabulate_shapes,
+    triangle_rule,
 )
 
 

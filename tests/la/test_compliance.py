@@ -9,8 +9,7 @@ import pytest
 from scenes import linear_elastic, pressed_blocks
 
 from fenics_mortar.la import compliance as compliance_module
-from fenics_mortar.la.compliance import Compliance
-from fenics_mortar.la.contact_dofs import ContactDofs
+from fenics_mortar.la.compliance import Compliance, ContactDofs
 from fenics_mortar.utils import compat
 
 comm = MPI.COMM_WORLD

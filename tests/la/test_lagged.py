@@ -9,7 +9,7 @@ import pytest
 from scenes import pressed_blocks
 
 from fenics_mortar.la import solver as solver_module
-from fenics_mortar.la.lagged import STEPS
+from fenics_mortar.la.factored import STEPS
 from fenics_mortar.la.options import SMALL
 from fenics_mortar.la.solver import LinearSolver
 

@@ -16,9 +16,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.la.costs import Costs
 from fenics_mortar.la.multigrid import ContactPreconditioner
-from fenics_mortar.la.options import GAMG, ITERATIVE
+from fenics_mortar.la.options import GAMG, ITERATIVE, Costs
 from fenics_mortar.la.solver import LinearSolver
 from fenics_mortar.newton.loop import MAX_FORCING
 from fenics_mortar.utils import compat

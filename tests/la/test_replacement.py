@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from fenics_mortar.la.replacement import (
+from fenics_mortar.la.multigrid import (
     EXCESS_OF_OTHER_SET,
     IGNORED_EXCESS,
     MAX_EXCESS,

@@ -8,7 +8,7 @@ from scenes import linear_elastic, pressed_blocks
 
 import fenics_mortar as fm
 from fenics_mortar.la import choice, solver
-from fenics_mortar.la.costs import COSTS
+from fenics_mortar.la.options import COSTS
 from fenics_mortar.utils import compat
 
 pytestmark = pytest.mark.serial

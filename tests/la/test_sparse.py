@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scenes import pressed_blocks
 
-from fenics_mortar.interface.linearization import Block
-from fenics_mortar.la.elimination import Elimination
+from fenics_mortar.interface.mortar import Block
+from fenics_mortar.la.condensed import Elimination
 from fenics_mortar.la.sparse import BlockMatrix, Product, SomeRows, add_blocks
 
 comm = MPI.COMM_WORLD

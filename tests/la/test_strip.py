@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenes import pressed_blocks
 
-from fenics_mortar.la.replacement import Replacement
+from fenics_mortar.la.multigrid import Replacement
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 12, "n_lower": 20, "layers_upper": 12, "layers_lower": 12}

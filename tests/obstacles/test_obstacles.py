@@ -12,8 +12,7 @@ import fenics_mortar as fm
 from fenics_mortar.interface.integrals import hand_over
 from fenics_mortar.interface.obstacle_facets import integrate_facets
 from fenics_mortar.interface.obstacle_normals import obstacle_normals
-from fenics_mortar.interface.options import MortarOptions
-from fenics_mortar.interface.segments import facet_rule
+from fenics_mortar.interface.segments import MortarOptions, facet_rule
 from meshes import two_blocks
 
 E, NU = 100.0, 0.3

@@ -7,7 +7,7 @@ import pytest
 import fenics_mortar as fm
 from fenics_mortar.interface.obstacle_facets import integrate_facets, points_of, whole_rule
 from fenics_mortar.interface.obstacle_normals import obstacle_normals
-from fenics_mortar.interface.options import MortarOptions
+from fenics_mortar.interface.segments import MortarOptions
 from fenics_mortar.interface.space_mortar import hand_over
 from fenics_mortar.kernels.space.shapes import reference_nodes
 from fenics_mortar.obstacles.places import by_further_motion, motion_between, place_after

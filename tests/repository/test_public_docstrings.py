@@ -18,7 +18,7 @@ import pytest
 import fenics_mortar as fm
 from fenics_mortar import energies, laws, sensitivity
 from fenics_mortar.bulk.inertia import Rates
-from fenics_mortar.contact.nodal import Nodal, Row
+from fenics_mortar.contact.law import Nodal, Row
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.state import State
@@ -26,8 +26,7 @@ from fenics_mortar.models.model_error import Assumption
 from fenics_mortar.newton.report import Iteration
 from fenics_mortar.path.energy import Work
 from fenics_mortar.path.report import Energies, PathStep, TimeStep
-from fenics_mortar.sensitivity.directional import TangentLinear
-from fenics_mortar.sensitivity.gradient import Gradient
+from fenics_mortar.sensitivity.gradient import Gradient, TangentLinear
 from fenics_mortar.sensitivity.kinks import Kink
 from fenics_mortar.sensitivity.path_record import RecordedStep
 from fenics_mortar.verify.crossing import AcceptedPositions, Crossing

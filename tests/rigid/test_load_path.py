@@ -5,8 +5,13 @@ import numpy as np
 import pytest
 from test_complementarity import problem, violation
 
-from fenics_mortar.rigid.complementarity import FrictionProblem, Sets, solve_friction
-from fenics_mortar.rigid.load_path import TurningPoint, follow_loads
+from fenics_mortar.rigid.complementarity import (
+    FrictionProblem,
+    Sets,
+    TurningPoint,
+    follow_loads,
+    solve_friction,
+)
 
 # One node whose normal and tangential compliance are coupled. At mu = 2 > 1 / |coupling| it may
 # have no equilibrium next to a state in which it slides (Klarbring 1990).

@@ -9,7 +9,7 @@ import numpy as np
 from scenes import Scene, pressed_blocks
 
 import fenics_mortar as fm
-from fenics_mortar.interface.linearization import EXACT
+from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.obstacles.places import place_after
 
 comm = MPI.COMM_WORLD

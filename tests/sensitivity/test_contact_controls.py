@@ -13,9 +13,9 @@ from test_adhesion import Sticky, columns
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.contact.law import Row, row_of
 from fenics_mortar.contact.laws import STICK
-from fenics_mortar.contact.nodal import Row, row_of
-from fenics_mortar.interface.linearization import EXACT, Linearization
+from fenics_mortar.interface.mortar import EXACT, Linearization
 from fenics_mortar.sensitivity.controls import (
     Interference,
     LawParameter,

@@ -11,8 +11,8 @@ from self_scenes import c_ring
 from turning_scenes import shaft_in_ring, wheel_under_block
 
 import fenics_mortar as fm
-from fenics_mortar.contact.nodal import magnitude, row_of
-from fenics_mortar.interface.linearization import LINEARIZATIONS
+from fenics_mortar.contact.law import magnitude, row_of
+from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.sensitivity.history import StepHistory
 from fenics_mortar.sensitivity.pair_operators import at_pair
 

@@ -15,7 +15,7 @@ from space_pairs import KINDS, ROLES, TILTED, pressed, stack
 import fenics_mortar as fm
 from fenics_mortar import energies
 from fenics_mortar.equations import linear_bulk
-from fenics_mortar.la.costs import SPACE_COSTS
+from fenics_mortar.la.options import SPACE_COSTS
 from meshes.mapped_boxes import Box, block, mapped
 
 COMM = MPI.COMM_WORLD

@@ -19,7 +19,7 @@ from space_pair_scenes import (
 )
 
 import fenics_mortar as fm
-from fenics_mortar.verify.space_paths import SpacePaths
+from fenics_mortar.verify.space_passages import SpacePaths
 
 
 def is_sound(report):

@@ -17,7 +17,7 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.rows import copy_row
-from fenics_mortar.kernels.space.plane import cross2
+from fenics_mortar.kernels.space.normals import cross2
 
 # Distance from an edge, over the length of the edge [1], that is rounding.
 ON_EDGE = 1e-12

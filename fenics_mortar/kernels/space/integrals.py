@@ -5,7 +5,7 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.space.clipping import MAX_VERTICES, signed_area
-from fenics_mortar.kernels.space.plane import cross2, flatten, is_folded, jacobian, set_plane
+from fenics_mortar.kernels.space.normals import cross2, flatten, is_folded, jacobian, set_plane
 from fenics_mortar.kernels.space.points import common_part, gap_at, points_work, tabulate_points
 from fenics_mortar.kernels.space.shapes import pieces_of
 from fenics_mortar.utils.rounding import SAME_PLACE
@@ -33,7 +33,7 @@ def integrate_facets(geometry, slave, masters, offsets, rule, values):
         slave: Nodes of the slave facets, shape (s, K).
         masters: Nodes of the master facet of each pair, shape (p, K').
         offsets: Pairs of facet e are offsets[e]:offsets[e + 1], shape (s + 1,).
-        rule: (barycentric coordinates (q, 3), weights (q,)), see ``rules``.
+        rule: (barycentric coordinates (q, 3), weights (q,)), see ``shapes``.
         values: (De (s, K), Me (s, K, K), G (s, K), B (p, K, K'), complete (s,), folded (s,));
             filled. De, Me and B are [length^2], G [length^3]. ``complete``: whether the whole facet
             has partners, within ``SAME_PLACE``, bool; ``folded``: whether the facet is

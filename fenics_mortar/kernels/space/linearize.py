@@ -31,8 +31,7 @@ import numpy as np
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.facets import add_row
 from fenics_mortar.kernels.space.clipping import chain_vertices
-from fenics_mortar.kernels.space.normals import dot
-from fenics_mortar.kernels.space.plane import cross2, flatten, jacobian, set_plane
+from fenics_mortar.kernels.space.normals import cross2, dot, flatten, jacobian, set_plane
 from fenics_mortar.kernels.space.points import common_part, gap_at, points_work, tabulate_points
 from fenics_mortar.kernels.space.weighing import (
     combine,
@@ -313,7 +312,7 @@ def linearize_facets(geometry, slave, masters, offsets, places, rule, coefficien
         masters: Nodes of the master facet of each pair, shape (p, K').
         offsets: Pairs of facet e are offsets[e]:offsets[e + 1], shape (s + 1,).
         places: Number 0 ... L - 1 of each master node among those of the slave facet, (p, K').
-        rule: (barycentric coordinates (q, 3), weights (q,)), see ``rules``.
+        rule: (barycentric coordinates (q, 3), weights (q,)), see ``shapes``.
         coefficients: (A (s, K, K), gamma (s, K), s, c (s, K, a), q, v (s, K, b), y (p, K', b));
             None where no result needs it. The numbers a and b of components are those of the
             values: 3 of multipliers and positions, 1 of a scalar field.

@@ -19,7 +19,7 @@ from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.pairing import ALMOST_CLOSED, BEHIND, sort_rows
 from fenics_mortar.kernels.rows import copy_row, copy_rows, grown
 from fenics_mortar.kernels.space.clipping import clip, clipping_work, signed_area
-from fenics_mortar.kernels.space.plane import find_point, flatten, set_plane
+from fenics_mortar.kernels.space.normals import find_point, flatten, set_plane
 from fenics_mortar.kernels.space.shapes import piece_centres, pieces_of
 from fenics_mortar.kernels.tree import build_tree, query_tree
 from fenics_mortar.utils.rounding import HALF_FACET, ROUNDING, SAME_PLACE

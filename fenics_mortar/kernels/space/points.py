@@ -16,7 +16,7 @@ from fenics_mortar.kernels.space.clipping import (
     place_vertices,
     signed_area,
 )
-from fenics_mortar.kernels.space.plane import find_point
+from fenics_mortar.kernels.space.normals import find_point
 from fenics_mortar.kernels.space.shapes import piece_centres, pieces_of
 
 

@@ -23,10 +23,9 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.nodal import Row
+from fenics_mortar.contact.law import Row
 from fenics_mortar.contact.space_fields import SpaceFields, VectorRow
-from fenics_mortar.interface.linearization import Block
-from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.plane_mortar import PlaneOperators
 from fenics_mortar.sensitivity.partials.maps import (

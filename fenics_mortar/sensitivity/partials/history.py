@@ -35,7 +35,7 @@ from fenics_mortar.contact.space_fields import SpaceFields
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.facing import nearest_facets
 from fenics_mortar.interface.integrals import share_of
-from fenics_mortar.interface.linearization import EXACT, Block
+from fenics_mortar.interface.mortar import EXACT, Block
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.plane_mortar import PlaneOperators
 from fenics_mortar.sensitivity.partials.fields import (

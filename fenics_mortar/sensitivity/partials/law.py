@@ -22,9 +22,8 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ContactFields
-from fenics_mortar.contact.law import Law
-from fenics_mortar.contact.law_fields import LawFields
-from fenics_mortar.contact.nodal import COMPLEX_STEP, Nodal
+from fenics_mortar.contact.law import COMPLEX_STEP, Law, Nodal
+from fenics_mortar.contact.space_fields import LawFields
 from fenics_mortar.sensitivity.partials.fields import over_weights
 from fenics_mortar.sensitivity.partials.maps import Matrix, by_node
 from fenics_mortar.utils.arguments import check_choice

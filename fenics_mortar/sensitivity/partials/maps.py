@@ -20,7 +20,7 @@ import numpy as np
 
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.interface.linearization import Block
+from fenics_mortar.interface.mortar import Block
 from fenics_mortar.utils.arrays import Array, Indices
 
 NO_BLOCK = Block(np.empty((0, 1), np.int64), np.empty((0, 1), np.int64), np.empty((0, 1, 1)))

@@ -25,7 +25,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.space_arcs import Material, PastObstacle, Turned, spokes_of
 from fenics_mortar.contact.space_partners import ObstaclePartners, SpacePartners
 from fenics_mortar.interface.integrals import share_of
-from fenics_mortar.interface.linearization import Block
+from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.nearest_points import nearest_points
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.space_mortar import SpaceOperators
