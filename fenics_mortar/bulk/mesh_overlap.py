@@ -13,8 +13,8 @@ A mesh of straight cells covers each point at most once if
 
 Partly overlapping bodies are accepted as interference, and so are paired surfaces of one body.
 
-In space folds and copies of facets are refused; whether the outside of a body crosses itself, or a
-body lies inside another one, is not looked for yet.
+In space folds and copies of facets are refused here; whether the outside of a body crosses itself,
+or a body lies inside another one, is seen by ``verify.space_crossing``.
 """
 
 from __future__ import annotations

@@ -84,9 +84,9 @@ class OperatorEvaluation:
     def limit_sight(self, outline: Outline) -> None:
         """Limit the distance of partners behind the slave by the thickness of the bodies (local).
 
-        Without effect on obstacles and in space.
+        Without effect on obstacles.
         """
-        if self.obstacle is None and self.slave.dim == 2:
+        if self.obstacle is None:
             normals, _ = evaluate_normals(self.slave, self.slave.X, self.options.weighting)
             self.sight = Sight(outline, self.slave, self.master, normals)
             self._recent.clear()
@@ -207,7 +207,7 @@ class OperatorEvaluation:
         if self.slave.dim == 3 and self.obstacle is None:
             return evaluate_space(
                 self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,
-                linearization, searched,
+                linearization, behind, searched,
             )  # fmt: skip
         if self.obstacle is None:
             return evaluate_mortar(

@@ -169,8 +169,6 @@ def equations_of(
     check_mesh_overlap(space, contacts)
     bulk.input_data.check()
     equations = ContactEquations(bulk, contacts, LINEARIZATIONS[linearization], newton, loads)
-    if space.dim == 3:  # lines of sight are not looked at yet
-        return equations
     outline, labels = equations.crossings.outline, equations.floating.labels
     set_outlines(contacts, outline, outline.gather(bulk.space.spread(labels)))
     return equations

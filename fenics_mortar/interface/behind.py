@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,14 +17,14 @@ class BodiesBehind(NamedTuple):
         safe: Depth behind each slave facet up to which all partners count, shape (f,) [length].
         slave_bodies: Bodies of the slave facets, shape (f,).
         master_bodies: Bodies of the master facets, shape (m,).
-        outline: Present positions of the nodes (b, 2) [length], segments (p, 2) with the body on
-            the left, and bodies of the segments (p,).
+        outline: Present positions of the nodes (b, dim) [length], segments (p, dim) with the body
+            on the left, and bodies of the segments (p,); in space also a tree and space for hits.
     """
 
     safe: Array
     slave_bodies: Indices
     master_bodies: Indices
-    outline: tuple[Array, Indices, Indices]
+    outline: tuple[Any, ...]
 
     def of(self, facets: Indices) -> BodiesBehind:
         """The bodies behind the slave facets with the numbers ``facets`` (k,)."""

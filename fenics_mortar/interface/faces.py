@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 import basix
 
+from fenics_mortar.interface.edges import SharpEdges
 from fenics_mortar.interface.surfaces import Surface, place_of_nodes
 from fenics_mortar.interface.tagged_facets import tagged_facets
 from fenics_mortar.kernels.space.normals import facets_around, find_rings
@@ -74,6 +75,11 @@ class Faces(Surface):
     def around(self) -> tuple[Indices, Indices, Indices]:
         """Facets at each node: starts (n + 1,), their numbers and places of the node, (e,) each."""
         return facets_around(self.facets, self.num_nodes)
+
+    @cached_property
+    def sharp_edges(self) -> SharpEdges:
+        """Sharp edges inside the surface."""
+        return SharpEdges(self)
 
     @cached_property
     def stencil(self) -> Indices:

@@ -18,7 +18,7 @@ from dolfinx import mesh as dmesh
 from fenics_mortar.interface.faces import Faces, outward_nodes
 from fenics_mortar.interface.outline import STEP_FACTOR, Outline
 from fenics_mortar.kernels.space.pairs import spatial_order
-from fenics_mortar.kernels.space.shapes import pieces_of
+from fenics_mortar.kernels.space.shapes import triangles_of
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import ROUNDING, TINY
@@ -77,6 +77,10 @@ class Hull(Outline):
         across = np.linalg.norm(np.cross(one, other), axis=1)
         return np.arctan2(across, np.einsum("ec,ec->e", one, other))
 
+    def ends_among(self, number: Indices, mine: Any) -> Indices:
+        """See ``Outline``: numbers of facets stay."""
+        return self.ends[mine]
+
     def are_of(self, surface: Any) -> Any:
         """Whether each triangle belongs to a surface, shape (m,), bool."""
         triangles = triangles_of(self.indices_of(surface.nodes)[surface.facets])[0]
@@ -99,15 +103,6 @@ def _keys(triangles: Indices, num_nodes: int) -> Indices:
     """One number for the nodes of triangles (m, 3), in any order (m,)."""
     low, middle, high = np.sort(triangles, axis=1).T
     return np.asarray((low * num_nodes + middle) * num_nodes + high)
-
-
-def triangles_of(facets: Indices) -> tuple[Indices, Indices]:
-    """Triangles (m, 3) between the nodes of facets (f, K), and the facet of each one, (m,)."""
-    pieces = pieces_of(facets.shape[1])
-    parts = [pieces[:, [0, i, i + 1]] for i in range(1, pieces.shape[1] - 1)]
-    local = np.concatenate(parts)
-    owner = np.repeat(np.arange(len(facets)), len(local))
-    return facets[:, local].reshape(-1, 3), owner
 
 
 def extract_hull(space: DisplacementSpace, labels: Indices, bodies: Indices) -> Hull:

@@ -141,10 +141,14 @@ class Outline:
             nodes=self.nodes[used],
             bodies=self.bodies[used],
             segments=number[self.segments[mine]],
-            ends=number[self.ends[mine]],
+            ends=self.ends_among(number, mine),
             owners=self.owners[used],
             local_dofs=self.local_dofs[used[owned]],
         )
+
+    def ends_among(self, number: Indices, mine: npt.NDArray[np.bool_]) -> Indices:
+        """``ends`` of the segments ``mine`` (m,), bool, with new numbers of nodes (n,) (local)."""
+        return number[self.ends[mine]]
 
 
 def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) -> Outline:

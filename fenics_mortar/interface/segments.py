@@ -263,7 +263,7 @@ def evaluate_normals(
     surface: Any,
     x: Array,
     weighting: Weighting,
-    links: tuple[Indices, Indices] | None = None,
+    links: tuple[Indices, ...] | None = None,
     projectors: Array | None = None,
 ) -> tuple[Array, Array]:
     """Averaged unit normals of nodes, and their derivatives (local).
@@ -272,7 +272,8 @@ def evaluate_normals(
         surface: The surface.
         x: Current positions of its n nodes, shape (n, dim) [length].
         weighting: Weights of the facet normals at a node.
-        links: Nodes before and after each node of a curve, (n,) each, if not those of the surface.
+        links: Nodes before and after each node of a curve, (n,) each, or in space the facets around
+            each node, see ``Faces.around``, if not those of the surface.
         projectors: Matrices that remove the components along symmetry planes' normals, in space
             only, shape (n, 3, 3).
 
@@ -287,6 +288,6 @@ def evaluate_normals(
         normals.tabulate_normals(x, *links, surface.inner, choice, n, dn)
     else:
         space_normals.tabulate_normals(
-            x, surface.facets, surface.around, surface.stencil, choice, projectors, n, dn
+            x, surface.facets, links or surface.around, surface.stencil, choice, projectors, n, dn
         )
     return n, dn

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fenics_mortar.interface.behind import BodiesBehind
 from fenics_mortar.interface.faces import Faces, covers
 from fenics_mortar.interface.integrals import share_of, sum_over_facets
 from fenics_mortar.interface.mortar import Linearization
@@ -38,6 +39,7 @@ def evaluate_space(
     projectors: Array,
     options: MortarOptions,
     linearization: Linearization,
+    behind: BodiesBehind | None = None,
     searched: SpaceOperators | None = None,
 ) -> SpaceOperators:
     """Evaluate the mortar operators at current positions (collective).
@@ -52,19 +54,23 @@ def evaluate_space(
         projectors: See ``evaluate_normals``.
         options: Discretization.
         linearization: Derivatives to evaluate; the others are zero.
+        behind: Limits of the search behind the slave facets at these positions.
         searched: Operators at the same positions and with the same linearization, but other
             multiplier nodes: their normals and pairs are used if the facets are equal.
 
     """
-    used = multiplier_nodes[slave.facets].any(axis=1)
+    used, around = multiplier_nodes[slave.facets].any(axis=1), None
+    if options.corners:
+        around, alone = slave.sharp_edges.choose(x, master, m, options.radius)
+        used &= ~alone
     share = share_of(used.nonzero()[0], slave.comm)
     if searched is not None and np.array_equal(searched.segments.facets, share):
         n, dn, s = searched.n, searched.dn, searched.segments
     else:
-        n, dn = evaluate_normals(slave, x, options.weighting, projectors=projectors)
+        n, dn = evaluate_normals(slave, x, options.weighting, around, projectors)
         if not linearization.normals:
             dn = np.zeros_like(dn)
-        s = find_pairs(slave, master, x, m, share, options)
+        s = find_pairs(slave, master, x, m, share, options, behind)
     nodes, rule = slave.facets[share], triangle_rule(options.points)
     moments = _integrate((x, n, m), nodes, s, rule)
     is_dual = options.kinds[0] == basis.DUAL
@@ -116,12 +122,17 @@ def _hand_over(
 
 
 def find_pairs(
-    slave: Faces, master: Faces, x: Array, m: Array, share: Indices, options: MortarOptions
+    slave: Faces,
+    master: Faces,
+    x: Array,
+    m: Array,
+    share: Indices,
+    options: MortarOptions,
+    behind: BodiesBehind | None = None,
 ) -> FacetPairs:
-    """Master facets that the slave facets ``share`` (f,) face (local)."""
-    offsets, masters = pairs.find_pairs(
-        x, m, slave.facets, master.facets, share, options.radius, options.min_cosine
-    )
+    """Master facets that the slave facets ``share`` (f,) face, within the limits (local)."""
+    limits = options.radius, options.min_cosine, behind and tuple(behind.of(share))
+    offsets, masters = pairs.find_pairs(x, m, slave.facets, master.facets, share, *limits)
     owner = np.repeat(np.arange(share.size), np.diff(offsets))
     on_master = master.facets[masters]
     merged, places = merge(owner, on_master, share.size)

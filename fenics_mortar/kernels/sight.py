@@ -61,6 +61,36 @@ def find_ray_crossings(origin, direction, outline, own, min_distance, found):
 
 
 @kernel
+def first_exit(found):
+    """Distance at which a line leaves a body wholly, inf if it does not; crossings ``found``."""
+    nearest = np.inf
+    for i in range(found.shape[1]):
+        if found[1, i] < 0.0 or found[0, i] >= nearest:
+            continue
+        level = 0.0
+        for k in range(found.shape[1]):
+            if found[0, k] > found[0, i]:
+                level += found[1, k]
+        if level <= 0.0:
+            nearest = found[0, i]
+    return nearest
+
+
+@kernel
+def covers_point(found, last):
+    """Whether a partner at the distance ``last`` [length] is on a part that covers the point.
+
+    ``found``: all crossings of the line with the body of both.
+    """
+    covers, exits = 0.0, 0
+    for i in range(found.shape[1]):
+        covers += found[1, i]
+        if found[1, i] > 0.0 and found[0, i] <= last:
+            exits += 1
+    return exits < covers
+
+
+@kernel
 def length_inside(origin, direction, outline, own, min_distance):
     """Distance from ``origin`` (2,) along the unit vector ``direction`` (2,) to the body's end.
 
@@ -72,17 +102,7 @@ def length_inside(origin, direction, outline, own, min_distance):
     if count > found.shape[1]:
         found = np.empty((2, count))
         find_ray_crossings(origin, direction, outline, own, min_distance, found)
-    nearest = np.inf
-    for i in range(count):
-        if found[1, i] < 0.0 or found[0, i] >= nearest:
-            continue
-        level = 0.0
-        for k in range(count):
-            if found[0, k] > found[0, i]:
-                level += found[1, k]
-        if level <= 0.0:
-            nearest = found[0, i]
-    return nearest
+    return first_exit(found[:, :count])
 
 
 @kernel
@@ -135,12 +155,7 @@ def overlaps_point(y, N, xi, depth, outline, body, min_distance):
     if count > found.shape[1]:
         found = np.empty((2, count))
         find_ray_crossings(start, back, outline, body, first, found)
-    covers, exits = 0.0, 0
-    for i in range(count):
-        covers += found[1, i]
-        if found[1, i] > 0.0 and found[0, i] <= last:
-            exits += 1
-    return exits < covers
+    return covers_point(found[:, :count], last)
 
 
 @kernel

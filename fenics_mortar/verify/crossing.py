@@ -62,7 +62,7 @@ class Crossing:
         facets: Depth over the facet's length [1].
         admitted: Depth above which the state is wrong [facet lengths].
         is_paired: Whether a pair keeps these surfaces apart.
-        edges_meet: Whether no facets of the pair face each other there, in space.
+        hint: What the pair does not see there.
     """
 
     sides: tuple[str, str]
@@ -71,20 +71,15 @@ class Crossing:
     facets: float
     admitted: float = LIMITS.penetration
     is_paired: bool = True
-    edges_meet: bool = False
+    hint: str = ""
 
     def __str__(self) -> str:
         """The crossing as text."""
         first, second = self.sides
         who = f"{first} crosses itself" if first == second else f"{first} and {second} cross"
         found = f"{who} at {self.where}, {self.depth:.3g} deep ({self.facets:.2g} facets)"
-        if self.edges_meet:
-            return (
-                f"{found}; no facets of their pair face each other there: edges or "
-                "corners meet, or contact was missed"
-            )
         if self.is_paired:
-            return found
+            return found + self.hint
         kind = "ContactPair(data, surface)" if first == second else "ContactPair"
         return f"{found}; no pair keeps these surfaces apart: add a {kind}"
 

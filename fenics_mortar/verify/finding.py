@@ -31,6 +31,9 @@ class Limits:
         penetration: Limit for penetration and distance between the nodes [facet lengths].
         unpaired: Smallest depth of crossing surfaces that no pair keeps apart that is an error
             [facet lengths]; smaller ones are below the error of displacements.
+        unloaded: Smallest depth of the sides of a pair in each other, beside nodes without force,
+            that is an error [facet lengths]: curved surfaces touch a coarse facet by less. In the
+            plane a corner of the master touches a facet early or late by up to as much.
         negligible: Force over the contact force below which it is smaller than the error of the
             discretization: 0.5 %, for springs and for shear caused by corners.
         min_pressure: Smallest reference of pressures, as a fraction of the stiffness [1]: smaller
@@ -70,6 +73,7 @@ class Limits:
     lost_conductance: float = 1e11
     penetration: float = HALF_FACET
     unpaired: float = 0.01
+    unloaded: float = 0.1
     negligible: float = RIGID.negligible
     min_pressure: float = SOLVED
     min_force: float = 1e-4

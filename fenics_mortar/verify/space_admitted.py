@@ -2,7 +2,8 @@
 """Depths of overlaps in space that the discretization admits, as ``admitted_depth`` in the plane.
 
 Between the two sides of a pair, contact is enforced at the nodes: facets overlap between them, by
-less than half a facet. Elsewhere any overlap is an error, beyond the sagittas of both surfaces with
+less than half a facet. Beside nodes without force less is admitted: there a tip of the master may
+have entered a facet whose nodes do not see it. Elsewhere any overlap is an error, beyond the sagittas of both surfaces with
 flat triangles: L a / 8 for facets of the size L at an angle a. So is one of the sides of a pair
 where no facets of the pair face each other: edges that cross, a corner beside a face.
 
@@ -146,7 +147,7 @@ def _of_itself(hull: Hull, x: Array, mine: Indices, rows: Array) -> Overlaps:
 class Kind(IntEnum):
     """What keeps the surfaces of an overlap apart."""
 
-    PAIRED, UNPAIRED, WITHOUT_AREA = range(3)
+    PAIRED, UNLOADED, UNPAIRED, WITHOUT_AREA = range(4)
 
 
 class SpaceAdmitted:
@@ -193,8 +194,21 @@ class SpaceAdmitted:
             has_area = self._on(paired, overlaps) | paired[overlaps.triangles]
             unknown = between & (kinds == Kind.UNPAIRED)
             kinds[unknown & ~has_area] = Kind.WITHOUT_AREA
-            kinds[between & has_area] = Kind.PAIRED
+            kinds[between & has_area] = Kind.UNLOADED
+            loaded = self._loaded(contact)
+            has_force = self._on(loaded, overlaps) | loaded[overlaps.triangles]
+            kinds[between & has_area & has_force] = Kind.PAIRED
         return kinds
+
+    def _loaded(self, contact: Contact | Tie) -> Flags:
+        """Whether a node of each triangle's facet carries force in a pair, shape (m,), bool."""
+        hull = self._hull
+        nodes = np.zeros(len(hull.X), bool)
+        nodes[hull.indices_of(contact.slave.nodes[contact.active])] = True
+        facet = hull.ends[:, 0]
+        facets = np.zeros(facet.max(initial=-1) + 1, bool)
+        facets[facet[nodes[hull.segments].any(axis=1)]] = True
+        return np.asarray(facets[facet])
 
     def of(self, x: Array, overlaps: Overlaps, kinds: Indices) -> Array:
         """Admitted depths, shape (k,) [facet sizes] (local).
@@ -207,7 +221,9 @@ class SpaceAdmitted:
         sagittas = self._sagittas(x)
         at_nodes = self._hull.largest_at_nodes(sagittas)[overlaps.nodes].max(axis=1)
         both = at_nodes + sagittas[overlaps.triangles]
-        return np.where(kinds == Kind.PAIRED, LIMITS.penetration, np.maximum(both, LIMITS.unpaired))
+        limits = [LIMITS.penetration, np.maximum(both, LIMITS.unloaded)]
+        are = [kinds == Kind.PAIRED, kinds == Kind.UNLOADED]
+        return np.select(are, limits, np.maximum(both, LIMITS.unpaired))
 
     def at_obstacle(self, x: Array, triangle: int, *, paired: bool) -> float:
         """Admitted depth of an obstacle below a triangle [facet sizes] (local).

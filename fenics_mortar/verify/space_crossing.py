@@ -22,7 +22,7 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.hull import Hull, extract_hull
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import format_point
+from fenics_mortar.utils.errors import MeshError, format_point
 from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.crossing import AcceptedPositions, Crossing, Crossings
 from fenics_mortar.verify.finding import LIMITS
@@ -33,6 +33,14 @@ from fenics_mortar.verify.space_passages import SpacePassages, SpacePaths
 
 # Bodies of a point and of the triangle above it, ascending.
 Bodies = tuple[int, int]
+
+# What a pair does not see, by the kind of an overlap between its sides.
+_HINTS = {
+    Kind.WITHOUT_AREA: "; no facets of their pair face each other there: edges or corners meet, or "
+    "contact was missed",
+    Kind.UNLOADED: "; no node carries force there, since the facets of the slave are too coarse for "
+    "this tip or edge of the master: refine the slave there, or exchange slave and master",
+}
 
 
 class SpaceCrossings(Crossings):
@@ -129,13 +137,13 @@ class SpaceCrossings(Crossings):
                 )
                 where = format_point(overlaps.points[k])
                 measures = float(overlaps.depths[k]), depth, float(limits[k])
-                is_paired, meet = kind != Kind.UNPAIRED, kind == Kind.WITHOUT_AREA
-                yield Crossing(sides, where, *measures, is_paired, edges_meet=meet)
+                yield Crossing(sides, where, *measures, kind != Kind.UNPAIRED, _HINTS.get(kind, ""))
 
     def _overlaps_as_meshed(self) -> dict[Bodies, float]:
         """See ``Crossings``: overlap of bodies in the mesh [facets]."""
         hull, found = self.outline, dict[Bodies, float]()
         overlaps = find_overlaps(hull, hull.X)
+        self._refuse_double_cover(overlaps)
         overlaps = overlaps.select(~self._in_space.are_in_contact(overlaps))
         facets = self._facets(hull.X, overlaps, np.zeros(len(hull.X)))
         for bodies, k in self._firsts(overlaps, facets).items():
@@ -144,6 +152,33 @@ class SpaceCrossings(Crossings):
             elif bodies not in self._in_contact:
                 found[bodies] = np.inf
         return found
+
+    def _refuse_double_cover(self, overlaps: Overlaps) -> None:
+        """Refuse a body inside another one or itself, as ``bulk.mesh_overlap`` in the plane.
+
+        Args:
+            overlaps: Those of the mesh.
+
+        Raises:
+            MeshError: On all ranks; the message has a position.
+        """
+        hull, (nodes, triangles, _, points) = self.outline, overlaps
+        is_node = nodes[:, 0] == nodes[:, 1]
+        inner, outer = hull.bodies[nodes[:, 0]], hull.segment_bodies[triangles]
+        at_same = hull.bodies[nodes[:, 0]] == outer
+        for one, other in np.unique(np.stack([inner, outer])[:, is_node & ~at_same], axis=1).T:
+            mine = is_node & (inner == one) & (outer == other)
+            if mine.sum() == (hull.bodies == one).sum():
+                raise MeshError(
+                    f"the body around {format_point(points[mine].mean(axis=0))} lies inside "
+                    f"another one, which has no hole there: cut {self._names.body(int(other))}"
+                )
+        limits = self._in_space.of(hull.X, overlaps, np.full(len(nodes), int(Kind.UNPAIRED)))
+        depths = self._facets(hull.X, overlaps, np.zeros(len(hull.X)))
+        itself = at_same & (depths > limits) & ~self._in_space.are_in_contact(overlaps)
+        if itself.any():
+            where = format_point(points[np.argmax(itself)])
+            raise MeshError(f"a body overlaps itself at {where}; correct the mesh")
 
     def nodes_inside(self) -> list[Indices]:
         """Nodes of the bodies of each pair inside another body of it, global numbers."""

@@ -23,7 +23,7 @@ PARTS = {
     "contact/interface_fields.py": "InterfaceFields",
     "contact/fields.py": "ContactFields",
     "contact/tied_rows.py": "TiedFields",
-    "contact/multiplier_nodes.py": "MultiplierNodes",
+    "contact/active_set.py": "MultiplierNodes",
 }
 # What users may set on a pair: the view passes it on.
 FOR_USERS = {("contact/view.py", "offset"), ("contact/view.py", "c_n")}

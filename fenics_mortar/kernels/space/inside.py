@@ -164,6 +164,62 @@ def nearest_triangle(x, triangles, boxes, hits, p, radius):
 
 
 @kernel
+def facing_normals(x, triangles, boxes, points, n, equal, first, largest):
+    """Reversed mean normals of the nearest triangles that face directions ``n``, (k, 3).
+
+    Args:
+        x: Positions of the nodes, shape (m, 3) [length].
+        triangles: Their triangles, shape (t, 3).
+        boxes: ``build_tree(x, triangles)``.
+        points: The points, shape (k, 3) [length].
+        n: Unit vectors, shape (k, 3); returned where no triangle faces them.
+        equal: Differences of distances that count as none, shape (k,) [length].
+        first: First guesses of the distances, shape (k,) [length], positive.
+        largest: Largest distance [length].
+    """
+    found, box, none = n.copy(), np.empty(6), np.empty((0, 5))
+    hits = np.empty(boxes.shape[0] // 2, np.int64)
+    normal, distances = np.empty(3), np.empty(hits.size)
+    for k in range(len(points)):
+        radius, nearest = min(first[k], largest), np.inf
+        while True:
+            for d in range(3):
+                box[d] = points[k, d] - radius - equal[k]
+                box[3 + d] = points[k, d] + radius + equal[k]
+            count = query_tree(boxes, box, none, hits)
+            for i in range(count):
+                a, b, c = (
+                    x[triangles[hits[i], 0]],
+                    x[triangles[hits[i], 1]],
+                    x[triangles[hits[i], 2]],
+                )
+                distances[i] = np.inf
+                if volume(a, b, c, a + n[k]) < 0.0:
+                    distances[i] = np.sqrt(square_on_triangle(points[k], a, b, c))
+                nearest = min(nearest, distances[i])
+            if nearest <= radius or radius >= largest:
+                break
+            radius, nearest = min(2.0 * radius, largest), np.inf
+        if not nearest <= largest:
+            continue
+        found[k] = 0.0
+        for i in range(count):
+            if distances[i] <= nearest + equal[k]:
+                a, b, c = (
+                    x[triangles[hits[i], 0]],
+                    x[triangles[hits[i], 1]],
+                    x[triangles[hits[i], 2]],
+                )
+                u, v = b - a, c - a
+                for d in range(3):
+                    e, f = (d + 1) % 3, (d + 2) % 3
+                    normal[d] = v[e] * u[f] - v[f] * u[e]
+                found[k] += normal / np.sqrt(dot(normal, normal))
+        found[k] /= np.sqrt(dot(found[k], found[k]))
+    return found
+
+
+@kernel
 def depths_inside(x, triangles, boxes, points, size):
     """Depths of ``points`` (k, 3) in a body, zero outside, and the nearest triangles, -1 outside.
 

@@ -243,6 +243,22 @@ def set_plane(x, nodes, corners, frame):
 
 
 @kernel
+def set_across(n, along):
+    """Fill ``along[:2, :3]`` with two unit vectors across a unit vector ``n`` (3,), orthogonal."""
+    least = 0
+    for d in range(1, 3):
+        if abs(n[d]) < abs(n[least]):
+            least = d
+    axis = np.zeros(3)
+    axis[least] = 1.0
+    cross(n, axis, along[0])
+    size = np.sqrt(dot(along[0, :3], along[0, :3]))
+    for d in range(3):
+        along[0, d] /= size
+    cross(n, along[0], along[1])
+
+
+@kernel
 def flatten(x, nodes, frame, start, images, heights):
     """Fill ``images`` and ``heights`` of ``nodes`` (K,) at positions ``x``, from row ``start``."""
     for k in range(nodes.size):

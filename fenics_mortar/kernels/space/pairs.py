@@ -2,10 +2,10 @@
 """Search for the master facets that share an area with each slave facet.
 
 The boxes of the master facets, in an order in which neighbours are near each other (Morton 1966),
-are the leaves of a ``tree``. Candidates of a linear piece of a slave
-facet are the boxes that intersect its prism, which reaches a radius to both sides. A piece of a
-master facet is kept if it faces the slave piece, if their flat images have a common part, and if it
-is within the radius there.
+are the leaves of a ``tree``. Candidates of a linear piece of a slave facet are the boxes that
+intersect its prism, which reaches a radius to both sides. A piece of a master facet is kept if it
+faces the slave piece, if their flat images have a common part, if it is within the radius there,
+and if it is not behind both bodies, see ``sight``.
 
 As in the plane, see ``kernels.pairing``, the nearest of pieces at the same place counts, and of
 portions of the master, each connected by common nodes, those far behind the nearest one are left
@@ -20,7 +20,8 @@ from fenics_mortar.kernels.pairing import ALMOST_CLOSED, BEHIND, sort_rows
 from fenics_mortar.kernels.rows import copy_row, copy_rows, grown
 from fenics_mortar.kernels.space.clipping import clip, clipping_work, signed_area
 from fenics_mortar.kernels.space.normals import find_point, flatten, set_plane
-from fenics_mortar.kernels.space.shapes import piece_centres, pieces_of
+from fenics_mortar.kernels.space.shapes import piece_centres, pieces_of, triangles_of
+from fenics_mortar.kernels.space.sight import is_hidden, is_nearer_elsewhere
 from fenics_mortar.kernels.tree import build_tree, query_tree
 from fenics_mortar.utils.rounding import HALF_FACET, ROUNDING, SAME_PLACE
 
@@ -110,6 +111,15 @@ def distance_at(images, heights, V, count, centres, N, L):
     for l in range(L.shape[1]):
         distance += L[0, l] * heights[N.shape[1] + l]
     return distance
+
+
+@kernel
+def lift(x, nodes, N, point):
+    """Fill ``point`` (3,) with the place on a facet at which shape functions are ``N`` (3, K)."""
+    for d in range(3):
+        point[d] = 0.0
+        for k in range(nodes.size):
+            point[d] += N[0, k] * x[nodes[k], d]
 
 
 @kernel
@@ -244,13 +254,19 @@ def longest_edge(x, nodes):
 
 
 @kernel
-def search_pairs(x, m, slave_facets, master_facets, order, numbers, radius, min_cosine):
-    """As ``find_pairs``, with the ``order`` (g,) in which the master facets are in the tree."""
+def search_pairs(
+    x, m, slave_facets, master_facets, order, numbers, radius, min_cosine, behind, triangles
+):
+    """As ``find_pairs``, with the ``order`` (g,) in which the master facets are in the tree.
+
+    ``triangles`` (t, 3) are those of the slave.
+    """
     own, others = slave_facets.shape[1], master_facets.shape[1]
     pieces, centres = pieces_of(own), piece_centres(own)
     master_pieces, master_centres = pieces_of(others) + own, piece_centres(others)
     frame, images, heights = np.empty((4, 3)), np.empty((own + others, 2)), np.empty(own + others)
     N, L, work = np.empty((3, own)), np.empty((3, others)), clipping_work(MAX_COMMON)
+    start, own_boxes, own_hits = np.empty(3), np.empty((0, 6)), np.empty(0, np.int64)
     boxes = build_tree(m, master_facets[order])
     hits = np.empty(boxes.shape[0] // 2, np.int64)
     of_piece, polygons, found = np.empty((32, 5)), np.empty((32, MAX_COMMON, 2)), np.empty((32, 4))
@@ -278,6 +294,18 @@ def search_pairs(x, m, slave_facets, master_facets, order, numbers, radius, min_
                     height = distance_at(images, heights, work[0], size, both, N, L)
                     if abs(height) > radius:
                         continue
+                    if -height > behind[0][i]:
+                        if own_boxes.size == 0:
+                            own_boxes = build_tree(x, triangles)
+                            own_hits = np.empty(own_boxes.shape[0] // 2, np.int64)
+                        lift(x, nodes, N, start)
+                        least = ROUNDING * np.sqrt(area)
+                        if is_hidden(start, frame[2], -height, behind, (i, hit), least):
+                            continue
+                        if is_nearer_elsewhere(
+                            start, frame[2], -height, (x, triangles, own_boxes, own_hits)
+                        ):
+                            continue
                     of_piece[number, 0], of_piece[number, 1] = abs(height), height
                     of_piece[number, 2], of_piece[number, 3] = hit, size
                     copy_rows(work[0], size, polygons[number], 0)
@@ -295,7 +323,14 @@ def search_pairs(x, m, slave_facets, master_facets, order, numbers, radius, min_
     return offsets, masters
 
 
-def find_pairs(x, m, slave_facets, master_facets, numbers, radius, min_cosine):
+def nothing_behind(count):
+    """Argument ``behind`` of ``find_pairs`` that does not limit the search for ``count`` facets."""
+    none = np.empty(0, np.int64)
+    outline = np.empty((0, 3)), np.empty((0, 3), np.int64), none, np.empty((2, 6)), none
+    return np.full(count, np.inf), none, none, outline
+
+
+def find_pairs(x, m, slave_facets, master_facets, numbers, radius, min_cosine, behind=None):
     """Find the master facets that share an area with slave facets along their normals n_0.
 
     Args:
@@ -306,10 +341,15 @@ def find_pairs(x, m, slave_facets, master_facets, numbers, radius, min_cosine):
         numbers: Slave facets for which masters are searched, shape (s,).
         radius: Largest distance along the normal [length].
         min_cosine: Smallest cosine of slave normal and reversed master normal [1].
+        behind: As in ``sight.is_hidden``, for the slave facets ``numbers``; no limits by default.
 
     Returns:
         Offsets (s + 1,): pairs of the i-th of the ``numbers`` are offsets[i]:offsets[i + 1]; master
         facets of the pairs, increasing for each slave facet, (p,).
     """
     order = spatial_order(m, master_facets)
-    return search_pairs(x, m, slave_facets, master_facets, order, numbers, radius, min_cosine)
+    behind = nothing_behind(numbers.size) if behind is None else behind
+    triangles = triangles_of(slave_facets)[0]
+    return search_pairs(
+        x, m, slave_facets, master_facets, order, numbers, radius, min_cosine, behind, triangles
+    )

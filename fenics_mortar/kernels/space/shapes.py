@@ -190,3 +190,12 @@ def _gauss_jacobi(n):
     matrix = np.diag(-1.0 / ((2.0 * k + 1.0) * (2.0 * k + 3.0)))
     points, vectors = np.linalg.eigh(matrix + np.diag(beside, 1) + np.diag(beside, -1))
     return points, vectors[0] ** 2
+
+
+def triangles_of(facets):
+    """Triangles (m, 3) between the nodes of facets (f, K), and the facet of each one, (m,)."""
+    pieces = pieces_of(facets.shape[1])
+    parts = [pieces[:, [0, i, i + 1]] for i in range(1, pieces.shape[1] - 1)]
+    local = np.concatenate(parts)
+    owner = np.repeat(np.arange(len(facets)), len(local))
+    return facets[:, local].reshape(-1, 3), owner
