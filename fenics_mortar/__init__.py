@@ -27,8 +27,7 @@ from fenics_mortar.contact.conductance import (
 from fenics_mortar.contact.discretization import Discretization
 from fenics_mortar.contact.fluxes import NodalFlux
 from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
-from fenics_mortar.contact.pair import ContactPair, TiedPair
-from fenics_mortar.contact.pretension import Pretension
+from fenics_mortar.contact.pair import ContactPair, Pretension, TiedPair
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.state import State
@@ -42,6 +41,7 @@ from fenics_mortar.mesh.from_arrays import mesh_from_arrays
 from fenics_mortar.mesh.from_meshio import mesh_from_meshio
 from fenics_mortar.mesh.gmsh_reader import read_gmsh
 from fenics_mortar.models.elastic_obstacle import ElasticObstacle
+from fenics_mortar.models.in_space import InSpace
 from fenics_mortar.models.model_check import ModelCheck
 from fenics_mortar.models.model_error import ModelReport
 from fenics_mortar.newton.loop import NewtonOptions
@@ -82,6 +82,7 @@ __all__ = [
     "Extruded",
     "Frictionless",
     "GapConductance",
+    "InSpace",
     "Law",
     "LinearVector",
     "MeshData",

@@ -51,10 +51,9 @@ from fenics_mortar.contact.law_calls import LawCalls, raise_stored
 from fenics_mortar.contact.laws import Frictionless, Nodal
 from fenics_mortar.contact.operator_evaluation import OperatorEvaluation
 from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.contact.partners import find_partners
 from fenics_mortar.contact.rows import ContactRows, SpaceRows
 from fenics_mortar.contact.sides import points_per_segment
-from fenics_mortar.contact.slip import Measure
+from fenics_mortar.contact.slip import Measure, find_partners
 from fenics_mortar.contact.space_fields import kind_of
 from fenics_mortar.contact.space_partners import find_obstacle_partners, find_space_partners
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
@@ -320,9 +319,9 @@ class Contact(Interface):
             pressure=np.where(self.active, now.z_n, 0.0),
             gap=np.where(self.covered, now.mean_gap, np.inf),
         )
-        if self.slave.dim == 2:  # rigid moves before a solve leave prescribed nodes behind
-            turns = self.turns() if slid is None else self.partners.turns
-            accepted_partners = replace(accepted_partners, turns=turns)
+        # rigid moves before a solve leave prescribed nodes behind
+        turns = self.turns() if slid is None else self.partners.turns
+        accepted_partners = replace(accepted_partners, turns=turns)
         self.change(accepted_partners=accepted_partners)
 
     def lead_by(self, turns: Callable[[], tuple[Array, ...]]) -> None:

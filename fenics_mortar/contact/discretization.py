@@ -69,9 +69,10 @@ class Discretization:
             space points per triangle of the common part of two facets, of a rule of 3, 6, 7, 12,
             16, 25 or 36 points. ``None``: 7, on quadratic facets 12, which are exact for
             parallelograms and straight-sided triangles; 16 or 25 on surfaces with other quads,
-            where the integrands are rational. There a uniform pressure passes to 2e-9 with 16
-            points if nodes are moved by 20 %, and to rounding with 36. The pieces of quadratic
-            facets have straight edges: edges that bend within the surface leave an error.
+            where the integrands are rational, and in self-contact, where edges of both sides of a
+            fold coincide. On other quads a uniform pressure passes to 2e-9 with 16 points if nodes
+            are moved by 20 %, and to rounding with 36. The pieces of quadratic facets have straight
+            edges: edges that bend within the surface leave an error.
         slip: Measure of slip for friction, see ``slip``. "partners": motion of a node along the
             material points that it faced at the start of the step. "operators": changes of D and M,
             as in most codes. With small sliding, where these are constant, and on obstacles both

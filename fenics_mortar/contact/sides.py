@@ -171,7 +171,8 @@ def _points_in_space(choice: Discretization, slave: Any, master: Any) -> int:
         distorted = max(slave.distortion, master.distortion) > DISTORTED
         few, many = (LINEAR, FINE) if slave.degree == 1 else (QUADRATIC, FINE_QUADRATIC)
         as_others = choice == PRESETS["other_codes"]
-        return many if distorted and not as_others else few
+        aligned = slave is master  # sides of a fold have the same mesh, edges coincide
+        return many if (distorted or aligned) and not as_others else few
     if points not in allowed:
         raise ValueError(
             f"points={points}: expected one of {', '.join(map(str, allowed))}, the points of the "

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Partners of slave nodes in space: the material points that they faced at an accepted state.
 
-Slip is the length of the way along the surface that ``space_arcs`` finds from vectors r between
+Slip is the length of the way along the surface that ``arcs`` finds from vectors r between
 partners and nodes at that state and at present. On a surface these are
 
     r_j = {[D_old x - M_old y]_j - [D x - M y]_j} / w_j,old,
@@ -11,7 +11,8 @@ sliding, where D and M are constant and nothing but an obstacle rotates, r is th
 [D x - M y]_j / w_j, and slip its change. A node without rows at the accepted state has there the
 nearest point of the master as its partner, and r is the distance vector, too.
 
-On an obstacle the partner is the nearest point, and r leads from the pivot of the obstacle.
+On an obstacle the partner is the nearest point, and r leads from the pivot of the obstacle to the
+node.
 """
 
 from __future__ import annotations
@@ -25,20 +26,21 @@ from typing import Any
 import numpy as np
 from scipy.sparse import coo_array, csr_array, dia_array, eye
 
-from fenics_mortar.contact.slip import Entries, Measure, entries_of
-from fenics_mortar.contact.space_arcs import (
+from fenics_mortar.contact.arcs import (
     Material,
     PastObstacle,
     Screw,
     past_obstacle,
     screw,
+    vectors_of,
 )
+from fenics_mortar.contact.slip import Entries, Measure, entries_of
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.interface.nearest_points import nearest_points
+from fenics_mortar.interface.nearest_points import nearest_on_master
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.space_mortar import SpaceOperators
-from fenics_mortar.obstacles.rotations import inverse_jacobians, rotation_by
-from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.obstacles.rotations import inverse_jacobians, turns_between
+from fenics_mortar.utils.arrays import Array, Flags, Indices, norms
 
 
 class Evaluations:
@@ -96,6 +98,7 @@ class SpacePartners:
         shear: Tangential part of z at that state, zero where open, (slave nodes, 3) [stress].
         pressure: z_n at that state, zero where open, shape (slave nodes,) [stress].
         gap: Mean gap at that state, inf at uncovered nodes, shape (slave nodes,) [length].
+        turns: ``Contact.turns`` at that state; empty if no rigid boundary leads a body.
     """
 
     D: csr_array
@@ -112,6 +115,7 @@ class SpacePartners:
     pressure: Array
     gap: Array
     facing: None = None
+    turns: tuple[Array, ...] = ()
     found: Evaluations = field(default_factory=Evaluations, repr=False, compare=False)
 
     def at(self, o: SpaceOperators) -> Screw:
@@ -124,6 +128,19 @@ class SpacePartners:
     def gap_vectors(self, o: SpaceOperators) -> Array:
         """Vectors from partners to nodes at positions of ``o``, (slave nodes, 3) [length]."""
         return np.asarray(self.D @ o.x - self.M @ o.m)
+
+    def doubt(self, o: SpaceOperators, turns: tuple[Array, ...]) -> Array:
+        """See ``slip.Partners`` (n,) [radian].
+
+        Collective at the first access to ``o.vectors``.
+        """
+        found = self.at(o)
+        if not turns:
+            return found.doubt
+        slave, master = (np.nan_to_num(turn) for turn in _turned(self.turns, turns))
+        relative = turns_between(slave, np.asarray(self.M @ master), own=True)
+        L, _ = vectors_of(found.slave.Q.swapaxes(1, 2) @ found.master.Q)
+        return norms(L - relative)
 
     def _evaluate(self, o: SpaceOperators) -> Screw:
         r = self.gap_vectors(o)
@@ -193,6 +210,7 @@ class ObstaclePartners:
     pressure: Array
     gap: Array
     facing: None = None
+    turns: tuple[Array, ...] = ()
     found: Evaluations = field(default_factory=Evaluations, repr=False, compare=False)
 
     def at(self, o: ObstacleOperators) -> PastObstacle:
@@ -203,11 +221,18 @@ class ObstaclePartners:
         """See ``SpacePartners`` [length]."""
         return np.asarray(o.x - o.obstacle.to_space(self.feet))
 
+    def doubt(self, o: ObstacleOperators, turns: tuple[Array, ...]) -> Array:
+        """See ``slip.Partners`` (n,) [radian] (local)."""
+        found = self.at(o)
+        if not turns:
+            return found.doubt
+        known, _ = _turned(self.turns, turns)
+        return np.where(np.isnan(known[:, 0]), found.doubt, norms(found.of_slave - known))
+
     def _evaluate(self, o: ObstacleOperators) -> PastObstacle:
-        obstacle, before = o.obstacle, rotation_by(self.place[3:])
-        r, r_0 = o.x - obstacle.pivot - obstacle.place[:3], self.feet - obstacle.pivot
+        now, then = (o.obstacle.pivot + place[:3] for place in (o.obstacle.place, self.place))
         slave = self.material(o).turned(o.x)
-        return past_obstacle(r, r_0 @ before.T, slave, self.turn(o))
+        return past_obstacle(o.x - now, self.x - then, slave, self.turn(o))
 
     def turn(self, o: ObstacleOperators) -> Array:
         """Rotation vector of the obstacle since that state, shape (3,) [radian]."""
@@ -252,6 +277,11 @@ class ObstaclePartners:
         return np.empty(0, np.int64), np.empty(0, np.int64)
 
 
+def _turned(before: tuple[Array, ...], now: tuple[Array, ...]) -> list[Array]:
+    """Known rotation vectors of both sides between two results of ``Contact.turns`` (local)."""
+    return [turns_between(*ends) for ends in zip(before, now, strict=True)]
+
+
 def find_obstacle_partners(
     o: ObstacleOperators, least: Array, *, mirrored: tuple[Flags, Flags] | None
 ) -> ObstaclePartners:
@@ -283,7 +313,7 @@ def find_space_partners(
     scale = dia_array((per_weight[None], [0]), shape=(len(o.x),) * 2)
     D, M = (csr_array(scale @ matrix) for matrix in o.matrices)
     j = np.flatnonzero(~faces)
-    corners, weights = nearest_points(o.x[j], o.m, o.master)
+    corners, weights = nearest_on_master(o, j)
     at_nearest = coo_array((weights.ravel(), (np.repeat(j, 3), corners.ravel())), shape=M.shape)
     D = csr_array(D + coo_array((np.ones(j.size), (j, j)), shape=D.shape))
     M = csr_array(M + at_nearest)

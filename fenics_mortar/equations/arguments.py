@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Checks of the arguments of a problem."""
+"""Checks of the arguments of a problem, and refusal of what problems in space cannot do yet."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from fenics_mortar.la.options import SolverName
 from fenics_mortar.mesh.space import check_geometry
 from fenics_mortar.newton.loop import NewtonOptions
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
+from fenics_mortar.utils.errors import refuse_in_space
 
 
 def check_arguments(
@@ -85,3 +86,43 @@ def check_options(
         raise ValueError(
             f"model_check={model_check!r}: expected an instance of ModelCheck, or None"
         )
+
+
+def check_given_in_space(given: dict[str, Any]) -> None:
+    """Reject arguments of ``ContactProblem`` that belong to the plane (local, equal on all ranks).
+
+    Args:
+        given: Arguments by name.
+
+    Raises:
+        NotImplementedError: If the mesh is one of solids, and an argument needs the plane.
+    """
+    if given["u"].function_space.mesh.geometry.dim != 3:
+        return
+    for what, needed in (
+        ("axisymmetric", given["geometry"] == "axisymmetric"),
+        ("thickness", given["thickness"] is not None),
+    ):
+        if needed:
+            refuse_in_space(what)
+
+
+def check_pairs_in_space(pairs: Sequence[Any]) -> None:
+    """Reject pairs that belong to the plane (local, equal on all ranks).
+
+    Args:
+        pairs: Contact and tied pairs.
+
+    Raises:
+        NotImplementedError: If a pair on a mesh of solids has what is not available there.
+    """
+    for pair in pairs:
+        if pair.data.mesh.geometry.dim != 3:
+            continue
+        integration = pair.discretization.integration
+        for what, needed in (
+            ("integration", integration != "segments"),
+            ("vertices", pair.discretization.basis == "vertices"),
+        ):
+            if needed:
+                refuse_in_space(what, f"{pair!r}")

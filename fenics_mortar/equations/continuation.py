@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.pretension import Pretension
+from fenics_mortar.contact.pair import Pretension
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.options import EQUATIONS

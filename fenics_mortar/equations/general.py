@@ -27,9 +27,8 @@ from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
 from fenics_mortar.equations.linearized import Tangent
 from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.options import EQUATIONS
-from fenics_mortar.equations.remedies import CombinedSprings, Remedies
 from fenics_mortar.equations.residual import NO_MOTION, Increment, LastTangent, Residual
-from fenics_mortar.equations.set_record import SetRecord
+from fenics_mortar.equations.set_record import CombinedSprings, Remedies, SetRecord
 from fenics_mortar.equations.state import State, check_state
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.system import LinearSystem
@@ -40,7 +39,7 @@ from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.idle import IdleBodies
 from fenics_mortar.utils.arrays import Array, norms
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.errors import together
+from fenics_mortar.utils.errors import NotFiniteError, format_point, together
 from fenics_mortar.utils.rounding import TINY
 from fenics_mortar.verify.crossing import Crossings
 from fenics_mortar.verify.space_crossing import SpaceCrossings
@@ -141,7 +140,7 @@ class ContactEquations:
             (_, status), self.evaluated = self.evaluated, None
             return status
         if self.floating.bodies and not start:
-            self.idle.place(self.evaluate_operators)
+            self.idle.place(self._evaluate_flat)
         self.bulk.assemble_residual()
         if self.floating.bodies:
             self.floating.add_spring_forces()
@@ -161,6 +160,8 @@ class ContactEquations:
                 contact.begin()
             self.idle.begin()
         changed = self.evaluate_contacts(start=start)
+        if not start:
+            self._refuse_folds()
         if start and self.floating.bodies and self.bulk.space.dim == 3:
             self.floating.start_with_stick()
             self._redundancy.mark()
@@ -175,6 +176,25 @@ class ContactEquations:
             sets += (c.active * c.branch).tobytes()
         r = self.residual
         return Status(residual, r.force, r.gap, num_active, changed, r.attainable, sets)
+
+    def _evaluate_flat(self) -> None:
+        """As ``evaluate_operators``; refuse folded facets."""
+        self.evaluate_operators()
+        self._refuse_folds()
+
+    def _refuse_folds(self) -> None:
+        """Refuse facets folded over their own plane, as in some iterations; their gap is nan.
+
+        Raises:
+            NotFiniteError: On all ranks: open nodes with such a gap are not in the residual.
+        """
+        for contact in self.contacts:
+            if not isinstance(contact, Contact) or contact.slave.dim == 2:
+                continue
+            o = contact.operators
+            if np.isnan(o.gap).any():
+                where = format_point(o.x[int(np.isnan(o.gap).argmax())])
+                raise NotFiniteError(f"facets of '{contact.slave.name}' are folded at {where}")
 
     def evaluate_operators(self) -> None:
         """Evaluate the operators of all contacts."""

@@ -45,6 +45,7 @@ from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import NotConvergedError
 from fenics_mortar.utils.ranks import sum_over_ranks
+from fenics_mortar.verify.led_bodies import SLENDER, STRETCHED
 
 
 class Point(NamedTuple):
@@ -231,12 +232,6 @@ class Predictor:
 # Rotation of prescribed nodes [radian], 6 degrees, below which bodies do not follow them: Newton's
 # method needs few iterations then.
 TURNED = 0.1
-# Distance of prescribed nodes from a rigid motion over their motion [1], below which they move
-# rigidly: a stretch of 5 % beside a quarter of a turn.
-STRETCHED = 0.05
-# Extent of prescribed nodes, in space across a line, over their distance from the origin [1], below
-# which they do not tell a rotation.
-SLENDER = 1e-6
 
 # Rigid motion: a point, its position after the motion [length], and the rotation (d, d) [1].
 Motion = tuple[Array, Array, Array]

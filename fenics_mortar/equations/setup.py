@@ -32,9 +32,13 @@ from fenics_mortar.contact.crosspoints import bind
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.pair import ContactPair, TiedPair
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.equations.arguments import check_arguments, check_options
+from fenics_mortar.equations.arguments import (
+    check_arguments,
+    check_given_in_space,
+    check_options,
+    check_pairs_in_space,
+)
 from fenics_mortar.equations.general import ContactEquations
-from fenics_mortar.equations.in_space import check_given_in_space, check_pairs_in_space
 from fenics_mortar.equations.inputs import check_roles
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.interface.mortar import LINEARIZATIONS
@@ -96,7 +100,7 @@ def check_given(
             raise ValueError(f"model_check does not support {beyond[0]}")
         signature = given["residual"].signature()
         options["residual"] = f"a form with the signature {signature[:8]}"
-    check_given_in_space(given, model_check)
+    check_given_in_space(given)
     options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
     lists = ("bcs", "remote", "history")
     counts = {"pairs": len(pairs), **{name: len(given[name]) for name in lists}}

@@ -134,19 +134,21 @@ class Solver:
         commit(e.contacts, instants)
         e.bulk.history.accept(history)
         e.bulk.free_garbage()
-        passages, possible = e.crossings.passages_of_step(e.motions.obstacle_places)
-        report.certificate = self.certificate(
+        places = e.motions.obstacle_places
+        passages, possible = e.crossings.passages_of_step(places)
+        certificate = self.certificate(
             drift=e.motions.slide_along_driven(), passages=passages, possible_passages=possible
         )
-        violations = report.certificate.violations()
+        turns = e.crossings.uncertain_turns(places, certificate.pairs_with("rotation"))
+        idle = describe_idle(e.bulk, e.floating, e.residual.force)
+        certificate = replace(certificate, uncertain_turns=turns, unsupported=idle)
+        report.certificate = certificate
+        violations = certificate.violations()
         messages = [f"VIOLATED: {violation}" for violation in violations]
-        judged = messages or report.certificate.remarks()
-        idle = filter(None, [describe_idle(e.bulk, e.floating, e.residual.force)])
+        judged = messages or certificate.remarks()
         reactions = e.motions.record()
         begun = [*remarks, *self._describe_starts()]
-        report.notes[:] = merge_repeated(
-            [*begun, *moved, *idle, *judged, *reactions, *report.notes]
-        )
+        report.notes[:] = merge_repeated([*begun, *moved, *judged, *reactions, *report.notes])
         if violations and not accept_violations:
             e.last_converged = False
             for contact, (partners, instant) in zip(e.contacts, accepted, strict=True):

@@ -10,7 +10,7 @@ from typing import Any
 from fenics_mortar.bulk.history import HistoryValues
 from fenics_mortar.bulk.inertia import Rates
 from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.obstacles.places import places_towards
+from fenics_mortar.obstacles.rotations import places_towards
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array, Value
 from fenics_mortar.utils.errors import MortarError

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.roles import Roles
+from fenics_mortar.interface.roles import CurveRoles
 from fenics_mortar.interface.surfaces import Surface, facet_measures, place_of_nodes
 from fenics_mortar.interface.tagged_facets import local_facets
 from fenics_mortar.mesh.space import DisplacementSpace
@@ -189,7 +189,7 @@ class Curve(Surface):
 
     previous: Indices
     following: Indices
-    roles: Roles | None = None
+    roles: CurveRoles | None = None
 
     @cached_property
     def degree(self) -> int:

@@ -20,7 +20,8 @@ import numpy.typing as npt
 
 import basix
 
-from fenics_mortar.interface.edges import SharpEdges
+from fenics_mortar.interface.corners import SharpEdges
+from fenics_mortar.interface.roles import FaceRoles
 from fenics_mortar.interface.surfaces import Surface, place_of_nodes
 from fenics_mortar.interface.tagged_facets import tagged_facets
 from fenics_mortar.kernels.space.normals import facets_around, find_rings
@@ -49,10 +50,11 @@ class Faces(Surface):
 
     Attributes:
         is_open: Whether a node is on the rim of the surface, shape (n,), bool.
+        roles: Which facets are masters of which, of a surface that may touch itself.
     """
 
     is_open: Flags
-    roles: Any = None
+    roles: FaceRoles | None = None
 
     @property
     def degree(self) -> int:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.interface.curve_surface import Curve
+from fenics_mortar.interface.faces import linear_values
 from fenics_mortar.interface.obstacle_facets import face_rule, tabulate
 from fenics_mortar.interface.on_obstacle import WholeFacets
 from fenics_mortar.interface.plane_mortar import PlaneOperators
@@ -28,6 +29,8 @@ Rule = tuple[Array, Array]
 # Gauss points on a segment, and its ends
 GAUSS: Rule = gauss_rule(4)
 ENDS: Rule = (np.array([-1.0, 1.0]), np.ones(2))
+# Number of points whose nearest facets are searched at a time, to limit memory.
+BATCH = 2000
 # Number of Newton steps for the coordinate of a point on a curved facet: errors are below 1e-12 on
 # quarters of circles whose middle nodes are displaced by a tenth of the half.
 NEWTON_STEPS = 4
@@ -136,6 +139,18 @@ def points_of(segments: Segments | WholeFacets, rule: Rule = GAUSS) -> Points:
     return points_between(facet, segments.slave, segments.ends, rule)
 
 
+def with_weight(points: Points) -> Points:
+    """Points with the shape functions that have weight: of triangles with six nodes linear ones.
+
+    Those of their corners have no integral, and no multiplier is at other nodes (local).
+    """
+    if points.slave.shape[1] != 6:
+        return points
+    linear = linear_values(6)
+    corners = points.slave[:, : linear.shape[1]]
+    return replace(points, slave=corners, shape=points.shape @ linear)
+
+
 def both_sides(o: Any, segments: Segments | FacetPairs) -> tuple[Facing, Points]:
     """Points of the parts of slave and master that face each other at the state of ``o`` (local).
 
@@ -225,6 +240,24 @@ def nearest_facets(
         square[~candidates] = np.inf
     facet = np.argmin(square, axis=1)
     return ends[facet], fraction[np.arange(len(x)), facet]
+
+
+def nearest_on_chords(x: Array, m: Array, surface: Curve) -> tuple[Indices, Array]:
+    """Points of a curve nearest to many points, on the chords of its facets (local).
+
+    Args:
+        x: Points, shape (k, 2) [length].
+        m: Positions of the nodes of the curve, shape (nodes, 2) [length].
+        surface: The curve.
+
+    Returns:
+        End nodes of the facets, shape (k, 2), and their weights at the nearest points, (k, 2) [1].
+    """
+    batches = np.array_split(x, len(x) // BATCH + 1)
+    nearest = [nearest_facets(batch, m, surface) for batch in batches]
+    ends, parts = (np.concatenate(found) for found in zip(*nearest, strict=True))
+    on_facet = np.clip(parts, 0.0, 1.0)
+    return ends, np.stack([1.0 - on_facet, on_facet], axis=1)
 
 
 def _coordinates_on(m: Array, y: Array) -> Array:

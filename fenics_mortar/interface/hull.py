@@ -17,6 +17,7 @@ from dolfinx import mesh as dmesh
 
 from fenics_mortar.interface.faces import Faces, outward_nodes
 from fenics_mortar.interface.outline import STEP_FACTOR, Outline
+from fenics_mortar.kernels.space.normals import facets_around
 from fenics_mortar.kernels.space.pairs import spatial_order
 from fenics_mortar.kernels.space.shapes import triangles_of
 from fenics_mortar.mesh.space import DisplacementSpace
@@ -55,6 +56,11 @@ class Hull(Outline):
         a, b, c = np.moveaxis(x[self.segments], 1, 0)
         normals = np.cross(b - a, c - a)
         return normals / np.maximum(np.linalg.norm(normals, axis=1), TINY)[:, None]
+
+    @cached_property
+    def around(self) -> tuple[Indices, Indices, Indices]:
+        """Triangles at each node, see ``Faces.around``."""
+        return facets_around(self.segments, len(self.X))
 
     @cached_property
     def edges(self) -> tuple[Indices, Indices]:

@@ -32,18 +32,18 @@ from fenics_mortar.interface.faces import Faces, covers
 from fenics_mortar.interface.integrals import share_of, sum_over_facets
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.interface.obstacle_facets import (
+    facing_facets,
     integrate_facets,
+    obstacle_normals,
     points_of,
     sample_points,
     whole_rule,
 )
-from fenics_mortar.interface.obstacle_normals import facing_facets, obstacle_normals
 from fenics_mortar.interface.plane_mortar import PlaneOperators
 from fenics_mortar.interface.segments import AT_VERTICES, MortarOptions, Segments
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.obstacles.places import by_further_motion, motion_between
-from fenics_mortar.obstacles.rotations import TURNS
+from fenics_mortar.obstacles.rotations import TURNS, by_further_motion, motion_between
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import call_together

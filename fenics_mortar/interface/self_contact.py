@@ -2,62 +2,164 @@
 """Slave and master roles of the facets of a surface that may touch itself.
 
 All facets are put into one order. Of two facets that face each other, the first one is the slave. A
-facet or node may be a slave of one facet and a master of another. Curves are ordered by mean facet
-length, finest first, since a slave should be finer than its master; facets are ordered along each
-curve. Facets whose nodes are all prescribed come last, since they carry no multipliers.
+facet or node may be a slave of one facet and a master of another. Connected parts of a surface,
+curves in the plane, are ordered by mean facet size, finest first, since a slave should be finer
+than its master. Facets whose nodes are all prescribed come last, since they carry no multipliers.
+The order follows from the undeformed mesh. Roles therefore do not change during a solve and do not
+depend on ranks or numbering.
 
-If a curve is folded, one side of the fold precedes the other along the curve. Roles change only at
-the bend, and at the start of a closed curve. The order follows from the undeformed mesh. Roles
-therefore do not change during a solve and do not depend on ranks or numbering.
+In the plane facets are ordered along each curve. If a curve is folded, one side of the fold
+precedes the other along the curve. Roles change only at the bend, and at the start of a closed
+curve. In space facets are swept, see below.
 
-Facets that are neighbours along the curve are not paired, see ``kernels.roles``. Like any other
-facet in between, they hide facets behind them. Neither are facets that meet at a junction of cracks
-but are not faces of one crack: they touch in a point, as parts opposite each other where two cracks
-cross. Corners that overlap by rounding could be separated along either crack, and the gap along the
-crack that slides would be minus the slip.
+Facets that are neighbours along the surface are not paired, see ``kernels.roles``.
+Like any other facet in between, they hide facets behind them. Neither are facets that meet at a
+junction of cracks but are not faces of one crack: they touch in a point, as parts opposite each
+other where two cracks cross. Corners that overlap by rounding could be separated along either
+crack, and the gap along the crack that slides would be minus the slip.
+
+In space the facets of each connected part are swept from one facet, nearest first, along the
+surface. Where a part is folded, the points that meet are mirror images in the fold: the side of the
+fold with the first facet is nearer to it everywhere. Roles change at the fold alone, wherever the
+first facet lies. Only if it lay in the fold itself, as on the crease of a tube, both sides would be
+equally far. It is therefore the extreme one in a direction that no mesh has.
+
+Where other parts of a surface meet, as after a shear, roles may change on a line in the contact.
+Two nodes that face each other there would have one gap; one of them hands its multiplier over, see
+``space_integrals``.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra
 
 from fenics_mortar.interface.curve_surface import FOLD, Curve
-from fenics_mortar.interface.roles import Roles
+from fenics_mortar.interface.faces import Faces, padded
+from fenics_mortar.interface.roles import CurveRoles, FaceRoles, Roles
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.errors import SurfaceError, format_point
 from fenics_mortar.utils.rounding import SAME_PLACE
 
-# Digits to which the logarithm of the mean facet length is compared: curves with equal meshes are
+# Digits to which the logarithm of the mean facet size is compared: parts with equal meshes are
 # then ordered by their coordinates, not by rounding.
 DIGITS = round(-np.log10(SAME_PLACE))
+# Direction in which facets are ordered by their places [1]: no plane of symmetry contains it.
+OBLIQUE = np.array([0.8320502943, 0.4902612396, 0.2594961847])
 
 
-def in_contact_with_itself(surface: Curve, may_carry: Flags) -> Curve:
+def roles_of_faces(surface: Faces) -> FaceRoles:
+    """Roles of the facets of faces (local).
+
+    Raises:
+        SurfaceError: If facets fold back on each other at an edge, as at the tip of a crack.
+    """
+    graph = _shared_nodes(surface.facets, surface.num_nodes)
+    places = surface.X[surface.corners].mean(axis=1)
+    _check_folds(surface, places)
+    count, part = connected_components(graph, directed=False)
+    along = np.round((places @ OBLIQUE) / (SAME_PLACE * surface.extent))
+    by_place = np.lexsort((*places.T, along))
+    _, first = np.unique(part[by_place], return_index=True)
+    firsts = by_place[first]  # of each part
+    mean = np.bincount(part, surface.facet_sizes) / np.bincount(part)
+    of_parts = np.lexsort((along[firsts], np.round(np.log10(mean), DIGITS)))
+    rank = np.empty(count, np.int64)
+    rank[of_parts] = np.arange(count)
+    distances = _distances(graph, places, firsts)
+    distances = np.round(distances / (SAME_PLACE * surface.extent))
+    keys = np.empty((len(places), 2), np.int64)
+    keys[np.lexsort((along, distances, rank[part])), 0] = np.arange(len(places))
+    keys[:, 1] = part
+    return FaceRoles(keys, _near(graph))
+
+
+def _shared_nodes(facets: Indices, num_nodes: int) -> csr_array:
+    """Number of common nodes of ``facets`` (f, K), with itself too, shape (f, f)."""
+    count, size = facets.shape
+    owner = np.repeat(np.arange(count), size)
+    at = owner, facets.ravel()
+    incidence = coo_array((np.ones(owner.size), at), shape=(count, num_nodes)).tocsr()
+    return csr_array(incidence @ incidence.T)
+
+
+def _check_folds(surface: Faces, places: Array) -> None:
+    """Check that no facet lies in front of one that it shares an edge with; see ``FOLD`` (local).
+
+    Args:
+        surface: The surface.
+        places: Middles of the facets, shape (f, 3) [length].
+    """
+    i, j = (_shared_nodes(surface.corners, surface.num_nodes) > 1.0).nonzero()
+    x = surface.X[surface.corners]
+    normals = np.cross(x[:, 1] - x[:, 0], x[:, -1] - x[:, 0])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    ahead = np.einsum("kc,kc->k", places[j] - places[i], normals[i])
+    opposite = np.einsum("kc,kc->k", normals[i], normals[j]) < np.cos(FOLD)
+    folded = np.flatnonzero(opposite & (ahead > -SAME_PLACE * surface.facet_sizes[i]))
+    if folded.size:
+        at = 0.5 * (places[i[folded[0]]] + places[j[folded[0]]])
+        raise SurfaceError(
+            f"surface '{surface.name}' folds back on itself at {format_point(at)}, as at the tip "
+            "of a crack: there is no normal; expected a slot with a bottom, since cracks in space "
+            "are not supported"
+        )
+
+
+def _distances(graph: csr_array, places: Array, firsts: Indices) -> Array:
+    """Lengths of the shortest ways between the middles of facets to the first ones, (f,)."""
+    i, j = graph.nonzero()
+    lengths = np.linalg.norm(places[i] - places[j], axis=1)
+    ways = coo_array((lengths, (i, j)), shape=graph.shape).tocsr()
+    return np.asarray(dijkstra(ways, indices=firsts, min_only=True))
+
+
+def _near(graph: csr_array) -> Indices:
+    """Each facet, its neighbours and theirs, ascending, -1 for none, shape (f, c).
+
+    The mesh cannot resolve a fold between them, as in the plane, see ``kernels.roles``.
+    """
+    i, j = (graph @ graph).nonzero()
+    order = np.lexsort((j, i))
+    return padded(i[order], j[order], graph.shape[0])
+
+
+def in_contact_with_itself(surface: Any, may_carry: Flags) -> Any:
     """Copy of a surface with the roles of its facets (local).
 
     Args:
         surface: The surface.
         may_carry: Whether a node may carry a multiplier, shape (nodes,), bool.
     """
+    roles = roles_of_faces(surface) if isinstance(surface, Faces) else roles_of_curves(surface)
+    fixed = ~may_carry[surface.facets].any(axis=1)
+    keys = roles.keys.copy()
+    keys[np.lexsort((roles.keys[:, 0], fixed)), 0] = np.arange(len(keys))
+    return replace(surface, roles=replace(roles, keys=keys))
+
+
+def roles_of_curves(surface: Curve) -> Roles:
+    """Roles of the facets of curves (local)."""
     curves = facets_by_curve(surface)
     mean = np.array([surface.lengths[facets].mean() for facets in curves])
     mean = np.round(np.log10(mean), DIGITS)
     keys = np.empty((len(surface.facets), 2), np.int64)
-    arcs, order = np.empty((len(surface.facets), 3)), np.empty(len(surface.facets), np.int64)
+    arcs = np.empty((len(surface.facets), 3))
     first = 0
     for curve in np.argsort(mean, kind="stable"):
         facets = curves[curve]
         along = np.concatenate([[0.0], np.cumsum(surface.lengths[facets])])
         closed = surface.facets[facets[0], 0] == surface.facets[facets[-1], -1]
-        order[facets] = first + np.arange(facets.size)
+        keys[facets, 0] = first + np.arange(facets.size)
         first += facets.size
         keys[facets, 1] = curve
         arcs[facets] = np.stack([along[:-1], along[1:], 0.0 * along[1:]], axis=1)
         arcs[facets, 2] = along[-1] if closed else np.inf
-    fixed = ~may_carry[surface.facets].any(axis=1)
-    keys[np.lexsort((order, fixed)), 0] = np.arange(order.size)
-    return replace(surface, roles=Roles(keys, arcs, ends_at_junctions(surface)))
+    return CurveRoles(keys, arcs, ends_at_junctions(surface))
 
 
 def ends_at_junctions(surface: Curve) -> Indices:
@@ -97,14 +199,14 @@ def facets_by_curve(surface: Curve) -> list[Indices]:
     return curves
 
 
-def starts_of_holes(surface: Curve) -> Indices:
-    """First nodes of closed curves around empty holes, shape (k,) (local).
+def starts_of_holes(surface: Any) -> Indices:
+    """First nodes of closed curves around empty holes, none in space, shape (k,) (local).
 
     At the start of such a curve roles change within a face that may touch the opposite face. With
     multipliers on both faces, the gap between two nodes that meet would be constrained twice.
     """
-    found = []
-    for facets in facets_by_curve(surface):
+    found: list[int] = []
+    for facets in facets_by_curve(surface) if surface.dim == 2 else []:
         first = surface.facets[facets, 0]
         if surface.facets[facets[-1], -1] != first[0]:
             continue

@@ -9,6 +9,7 @@ from fenics_mortar.interface.behind import BodiesBehind
 from fenics_mortar.interface.faces import Faces, covers
 from fenics_mortar.interface.integrals import share_of, sum_over_facets
 from fenics_mortar.interface.mortar import Linearization
+from fenics_mortar.interface.roles import FaceRoles
 from fenics_mortar.interface.segments import AT_VERTICES, MortarOptions, evaluate_normals
 from fenics_mortar.interface.space_mortar import (
     FacetPairs,
@@ -54,7 +55,7 @@ def evaluate_space(
         projectors: See ``evaluate_normals``.
         options: Discretization.
         linearization: Derivatives to evaluate; the others are zero.
-        behind: Limits of the search behind the slave facets at these positions.
+        behind: Limits of the search behind the slave facets; none by default.
         searched: Operators at the same positions and with the same linearization, but other
             multiplier nodes: their normals and pairs are used if the facets are equal.
 
@@ -85,6 +86,8 @@ def evaluate_space(
     by_dual = is_dual and options.kinds[1] != basis.BY_STANDARD
     gap = np.einsum("fjk,fk->fj", H @ A if by_dual else H, moments.G)
     diagonal, gap, cover, weight = sum_over_facets(slave, nodes, D, gap, covers(moments.De))
+    if slave.roles is not None:
+        cover[_constrained_twice(slave, slave.roles, s)] = 0.0
     if at_corners:  # integrals of linear times quadratic functions may be negative
         diagonal = weight
     count = s.num_segments
@@ -96,6 +99,32 @@ def evaluate_space(
         gap_by_dual=by_dual, rule=rule,
         offset=np.zeros(len(x)),
     )  # fmt: skip
+
+
+def _constrained_twice(surface: Faces, roles: FaceRoles, s: FacetPairs) -> Flags:
+    """Nodes of a surface in contact with itself whose gap is that of an earlier node (collective).
+
+    Where roles change within the contact, see ``self_contact``, each of two nodes that face each
+    other is on a slave and on a master facet, and both multipliers would close the same gap. The
+    later node counts as not covered, and hands its function over.
+
+    Returns:
+        Shape (n,), bool.
+    """
+    count = surface.num_nodes
+    shape = (*s.slave.shape, s.master.shape[1])
+    nodes, masters = (
+        np.broadcast_to(side, shape) for side in (s.slave[:, :, None], s.master[:, None])
+    )
+    mine = np.unique(nodes * count + masters)
+    if surface.comm.size > 1:
+        mine = np.unique(np.concatenate(surface.comm.allgather(mine)))
+    nodes, masters = np.divmod(mine, count)
+    nodes, masters = np.stack([nodes, masters])[:, np.isin(masters * count + nodes, mine)]
+    earliest, _ = roles.of_nodes(surface.facets, count)
+    twice = np.zeros(count, bool)
+    twice[nodes[earliest[nodes] > earliest[masters]]] = True
+    return twice
 
 
 def _hand_over(
@@ -122,17 +151,14 @@ def _hand_over(
 
 
 def find_pairs(
-    slave: Faces,
-    master: Faces,
-    x: Array,
-    m: Array,
-    share: Indices,
-    options: MortarOptions,
+    slave: Faces, master: Faces, x: Array, m: Array, share: Indices, options: MortarOptions,
     behind: BodiesBehind | None = None,
-) -> FacetPairs:
+) -> FacetPairs:  # fmt: skip
     """Master facets that the slave facets ``share`` (f,) face, within the limits (local)."""
-    limits = options.radius, options.min_cosine, behind and tuple(behind.of(share))
-    offsets, masters = pairs.find_pairs(x, m, slave.facets, master.facets, share, *limits)
+    offsets, masters = pairs.find_pairs(
+        x, m, slave.facets, master.facets, share, options.radius, options.min_cosine,
+        behind and tuple(behind.of(share)), slave.roles and slave.roles.of(share),
+    )  # fmt: skip
     owner = np.repeat(np.arange(share.size), np.diff(offsets))
     on_master = master.facets[masters]
     merged, places = merge(owner, on_master, share.size)

@@ -38,6 +38,7 @@ from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, MortarOperator
 from fenics_mortar.kernels.space.integrals import most_corners, sample_gaps, tabulate_corners
 from fenics_mortar.kernels.space.linearize import linearize_facets
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.rounding import EPSILON
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,8 @@ class SpaceOperators(MortarOperators):
         found = self._found
         if self.linearization.frozen or ("z" in found and np.array_equal(found["z"], z)):
             return
-        gamma = np.einsum("fjk,fk->fj", self.moments.inverse, self.moments.G) * self.gap_by_dual
+        G = np.nan_to_num(self.moments.G)  # of folded facets the gap is nan, not its derivative
+        gamma = np.einsum("fjk,fk->fj", self.moments.inverse, G) * self.gap_by_dual
         of_gap = self.A if self.gap_by_dual else np.tile(np.eye(gamma.shape[1]), (len(gamma), 1, 1))
         fixed, c = self._tractions(z)
         (count, size), width = gamma.shape, self.columns.shape[1]
@@ -388,13 +390,18 @@ def inverse_of(Me: Array) -> Array:
 
     They are scaled by the diagonals: integrals of quadratic functions over a small cover may be
     negative, the diagonals are not. A small cover at a corner has a condition number of 1e10
-    even so.
+    even so. Covers so narrow that their matrix is singular within rounding, as in an iteration,
+    have its generalized inverse: dual functions still sum to one.
     """
     diagonal = np.einsum("fkk->fk", Me)
     inverse, covered = np.zeros_like(Me), (diagonal > 0.0).all(axis=1)
     root = np.sqrt(diagonal[covered])
     scaled = Me[covered] / (root[:, :, None] * root[:, None])
-    inverse[covered] = np.linalg.inv(scaled) / (root[:, :, None] * root[:, None])
+    try:
+        inverted = np.linalg.inv(scaled)
+    except np.linalg.LinAlgError:
+        inverted = np.linalg.pinv(scaled, rcond=EPSILON, hermitian=True)
+    inverse[covered] = inverted / (root[:, :, None] * root[:, None])
     return inverse
 
 

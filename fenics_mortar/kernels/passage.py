@@ -13,7 +13,7 @@ where c decreases.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.plane import cross, nearest_on_piece
+from fenics_mortar.kernels.crossing import cross, nearest_on_piece
 from fenics_mortar.kernels.rows import copy_rows, grown
 from fenics_mortar.kernels.tree import build_tree, query_tree
 from fenics_mortar.utils.rounding import ROUNDING, SOLVED

@@ -15,7 +15,6 @@ import numpy as np
 from fenics_mortar.bulk.node_blocks import NodeBlocks, come_in_pairs
 from fenics_mortar.la.factored import LaggedFactors
 from fenics_mortar.la.multigrid import ContactPreconditioner
-from fenics_mortar.la.nonzeros import WithoutZeros
 from fenics_mortar.la.options import (
     COMPLIANCE,
     COSTS,
@@ -26,6 +25,7 @@ from fenics_mortar.la.options import (
     options_added,
     with_defaults,
 )
+from fenics_mortar.la.sparse import WithoutZeros
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, raise_together

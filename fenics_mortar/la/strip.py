@@ -22,8 +22,8 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.la.nonzeros import WithoutZeros
 from fenics_mortar.la.options import STRIP_FACTORS, STRIP_PIVOTS, WITHOUT_PIVOTING, options_added
+from fenics_mortar.la.sparse import WithoutZeros
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.ranks import on_all_ranks
 

@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from fenics_mortar.bulk.node_blocks import CSR, from_local_csr, local_csr
 from fenics_mortar.kernels.node_blocks import count_blocks, turn_to_axes
-from fenics_mortar.la.nonzeros import without_zeros
-from fenics_mortar.la.sparse import SomeRows
+from fenics_mortar.la.sparse import SomeRows, without_zeros
 from fenics_mortar.utils.arrays import Array, Indices
 
 # Parts of a matrix: starts, columns, dofs and values, see ``kernels.node_blocks``.

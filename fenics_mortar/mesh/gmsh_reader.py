@@ -21,8 +21,7 @@ from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.mesh.from_arrays import CheckedArrays, check_rank, distributed
 from fenics_mortar.mesh.gmsh_mesh import GmshMesh, read_msh
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.dimensions import refuse_in_space
-from fenics_mortar.utils.errors import MeshError, format_point, together
+from fenics_mortar.utils.errors import MeshError, format_point, refuse_in_space, together
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Gmsh's types of cells by dimension: triangles and quadrilaterals, tetrahedra and hexahedra, of

@@ -29,9 +29,9 @@ from fenics_mortar.bulk.bodies import find_floating_bodies, label_bodies
 from fenics_mortar.bulk.checks import check_residual, check_space
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.extraction import extract_surface
-from fenics_mortar.interface.facing import nearest_facets, points_of
+from fenics_mortar.interface.facing import nearest_on_chords, points_of, with_weight
+from fenics_mortar.interface.nearest_points import linear_facets, nearest_points
 from fenics_mortar.interface.segments import gauss_rule
 from fenics_mortar.la.factored import factored_bulk
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
@@ -48,8 +48,6 @@ PREFIX = "fenics_mortar_elastic_obstacle_"
 # Gauss points on a facet of the slave, which may face several facets of an elastic obstacle with
 # kinks.
 POINTS_ON_FACET = 12
-# Number of points whose nearest facets are searched at a time, to limit memory.
-BATCH = 2000
 
 
 class ElasticObstacle:
@@ -152,30 +150,34 @@ class _Touching:
         surface: Contact surface of the obstacle's mesh.
     """
 
-    def __init__(self, contact: Contact, obstacle: Obstacle, surface: Curve) -> None:
+    def __init__(self, contact: Contact, obstacle: Obstacle, surface: Any) -> None:
         self._contact, self._obstacle, o = contact, obstacle, contact.operators
         self._points = points_of(o.segments, gauss_rule(POINTS_ON_FACET))
         self._measure = self._points.measure(o.x)
+        self._tractions = with_weight(self._points)
         if contact.slave.thickness is not None:
             self._measure = self._measure * self._points.of(contact.slave.thickness.at(o.x))
-        own = obstacle.to_own_frame(self._points.of(o.x).reshape(-1, 2))
-        batches = np.array_split(own, len(own) // BATCH + 1)
-        nearest = [nearest_facets(batch, surface.X, surface) for batch in batches]
-        self._ends, parts = (np.concatenate(found) for found in zip(*nearest, strict=True))
-        on_facet = np.clip(parts, 0.0, 1.0)
-        self._shares = np.stack([1.0 - on_facet, on_facet], axis=1)
+        own = obstacle.to_own_frame(self._points.of(o.x).reshape(-1, surface.dim))
+        if surface.dim == 3:
+            facets = linear_facets(surface.facets, surface.num_nodes)
+            self._corners, self._shares = nearest_points(own, surface.X, facets)
+        else:
+            self._corners, self._shares = nearest_on_chords(own, surface.X, surface)
 
     def add_tractions(self, load: Array) -> None:
-        """Add the nodal forces of the tractions to ``load`` (nodes, 2), in the obstacle's frame."""
-        forces = self._points.of(self._contact.z) * self._measure[:, :, None]
-        forces = forces.reshape(-1, 2) @ self._obstacle.rotation
-        np.add.at(load, self._ends, self._shares[:, :, None] * forces[:, None])
+        """Add the nodal forces of tractions to ``load`` (nodes, dim), in the obstacle's frame."""
+        z = self._contact.z_u
+        if self._contact.at_vertices:
+            z = np.stack([self._contact.now.fill_inside(part) for part in z.T.copy()], axis=1)
+        forces = self._tractions.of(z) * self._measure[:, :, None]
+        forces = forces.reshape(-1, forces.shape[2]) @ self._obstacle.rotation
+        np.add.at(load, self._corners, self._shares[:, :, None] * forces[:, None])
 
     def along_normals(self, moved: Array) -> Array:
-        """Displacements (nodes, 2) along slave normals at points, (points,) [length] (local)."""
+        """Displacements (nodes, dim) along slave normals at points, (points,) [length] (local)."""
         motion = self._at_nearest(moved) @ self._obstacle.rotation.T
-        normals = self._points.direction(self._contact.operators.n).reshape(-1, 2)
-        return np.asarray((motion * normals).sum(axis=1))
+        normals = self._points.direction(self._contact.operators.n)
+        return np.asarray((motion * normals.reshape(motion.shape)).sum(axis=1))
 
     def distances(self, X: Array) -> Array:
         """Signed distances of nearest points of the mesh from the obstacle [length]; collective."""
@@ -186,18 +188,21 @@ class _Touching:
     def means(self, values: Array) -> Array:
         """Weighted means of values (points,) for each slave node [their unit] (collective).
 
-        Zero at nodes without points, shape (slave nodes,).
+        Zero at nodes without points, shape (slave nodes,). On triangles with six nodes those of the
+        corners are interpolated, since an offset is a sum over all nodes.
         """
-        parts = self._points.dual_moments(self._measure, values.reshape(self._measure.shape))
+        parts = self._tractions.dual_moments(self._measure, values.reshape(self._measure.shape))
         sums = np.zeros((2, self._contact.slave.num_nodes))
         for target, part in zip(sums, parts, strict=True):
-            np.add.at(target, self._points.slave, part)
+            np.add.at(target, self._tractions.slave, part)
         sums = sum_over_ranks(self._contact.slave.comm, sums)
-        return np.asarray(sums[0] / np.where(sums[1] > 0.0, sums[1], 1.0))
+        means = np.asarray(sums[0] / np.where(sums[1] > 0.0, sums[1], 1.0))
+        only_at_corners = self._tractions is not self._points
+        return self._contact.now.fill_inside(means) if only_at_corners else means
 
     def _at_nearest(self, nodal: Array) -> Array:
-        """Interpolate nodal values (nodes, 2) at the nearest points, shape (points, 2) (local)."""
-        return np.einsum("pk,pkc->pc", self._shares, nodal[self._ends])
+        """Interpolate nodal values (nodes, dim) at nearest points, (points, dim) (local)."""
+        return np.einsum("pk,pkc->pc", self._shares, nodal[self._corners])
 
 
 def rigid_obstacle(problem: ContactProblem, elastic: ElasticObstacle) -> Assumption:

@@ -14,6 +14,8 @@ neglecting the other compliance is an error of E' / E'_other (of forces and pres
 prescribed displacements; half of it, of pressures, under prescribed forces). Shape and supports may
 change this estimate by a factor of three.
 
+A plane or axisymmetric problem is lifted to one in space, see ``in_space``.
+
 If surfaces may have friction, all nodes in contact stick in the richer model. The required friction
 is the shear over the pressure; where it exceeds the available friction, nodes slide in the
 following steps. Slip is counted from first contact, over all solves of the check: the slip of the
@@ -34,6 +36,7 @@ import ufl
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import Coulomb, Law, Stick
 from fenics_mortar.models.elastic_obstacle import ElasticObstacle, rigid_obstacle
+from fenics_mortar.models.in_space import InSpace
 from fenics_mortar.models.model_error import (
     ENERGY,
     LINEAR,
@@ -66,6 +69,7 @@ class ModelCheck:
         elastic_obstacles: Elastic bodies that obstacles represent; they replace the ratio.
         discretisation: Relative error of the mesh [1], if known.
         friction: Largest possible coefficient of friction of surfaces modelled as frictionless [1].
+        in_space: The bodies in space of which a plane or axisymmetric problem is a section.
 
     Raises:
         ValueError: If an argument is of another type or not allowed.
@@ -85,6 +89,7 @@ class ModelCheck:
         elastic_obstacles: Sequence[ElasticObstacle] = (),
         discretisation: float | None = None,
         friction: float | None = None,
+        in_space: InSpace | None = None,
     ) -> None:
         check_choice("quantity", quantity, QUANTITIES)
         numbers = {"tolerance": tolerance, "stiffness_ratio": stiffness_ratio, "friction": friction}
@@ -100,7 +105,9 @@ class ModelCheck:
             check_kind("elastic_obstacles", elastic, ElasticObstacle, expected)
         if finite_strain is not None:
             check_kind("finite_strain", finite_strain, ufl.Form, "a UFL form of the residual")
-        self._tolerance, self._quantity = tolerance, quantity
+        if in_space is not None:
+            check_kind("in_space", in_space, InSpace, "an InSpace of a problem in space, or None")
+        self._tolerance, self._quantity, self._in_space = tolerance, quantity, in_space
         self._finite_strain, self._stiffness_ratio = finite_strain, stiffness_ratio
         self._discretisation, self._friction = discretisation, friction
         self._elastic = {elastic.obstacle: elastic for elastic in elastic_obstacles}
@@ -119,22 +126,28 @@ class ModelCheck:
             "friction": self._friction, "discretisation": self._discretisation,
             "elastic_obstacles": len(self._elastic),
             "finite_strain": self._finite_strain is not None,
+            "in_space": self._in_space is not None,
         }  # fmt: skip
         check_same_texts(problem.equations.comm, "ModelCheck", given)
+        if self._in_space is not None:
+            self._in_space.prepare(problem)
 
     def snapshot(self) -> Callable[[], None]:
         """Return a function that restores the present data of the check (local)."""
         slips = self._slips.copy()
+        of_dimension = None if self._in_space is None else self._in_space.snapshot()
 
         def restore() -> None:
             self._slips = slips
+            if of_dimension is not None:
+                of_dimension()
 
         return restore
 
     def saved_data(self, problem: ContactProblem) -> dict[str, Array]:
         """Accumulated slip of each pair of ``problem`` for a checkpoint (local).
 
-        Shape (slave nodes,) each [length].
+        Shape (slave nodes,), in space (slave nodes, 3), each [length].
         """
         slips = [self._slips.get(contact, np.empty(0)) for contact in all_contacts(problem)]
         return {f"slips{i}": slip for i, slip in enumerate(slips)}
@@ -142,8 +155,10 @@ class ModelCheck:
     def restore_data(self, problem: ContactProblem, data: Mapping[str, Array]) -> None:
         """Restore ``data`` as far as present (collective); see ``saved_data`` for shapes."""
         for i, contact in enumerate(all_contacts(problem)):
-            if data.get(f"slips{i}", np.empty(0)).shape == (contact.slave.num_nodes,):
+            if data.get(f"slips{i}", np.empty(0)).shape == contact.accepted_partners.counted.shape:
                 self._slips[contact] = data[f"slips{i}"]
+        if self._in_space is not None:
+            self._in_space.follow(problem)
 
     def assess(self, problem: ContactProblem) -> ModelReport:
         """Estimate the errors of the present solution; its state is restored (collective)."""
@@ -161,6 +176,8 @@ class ModelCheck:
             yield Assumption(name, describe(problem, name), errors)
         yield from self._rigid(problem)
         yield from self._without_friction(problem)
+        if self._in_space is not None:
+            yield self._in_space.estimate(problem)
         if len(richer) > 1:
             everything = {key: value for model in richer.values() for key, value in model.items()}
             name = " and ".join(richer)
@@ -201,8 +218,10 @@ class ModelCheck:
     def _count_all_slip(self, problem: ContactProblem) -> None:
         """Accumulate the slip of each node since first contact, over all checked steps."""
         for contact in filter(_is_frictionless, all_contacts(problem)):
-            before = self._slips.get(contact, np.zeros(contact.slave.num_nodes))
-            self._slips[contact] = np.where(contact.active, before + contact.slip, 0.0)
+            slip = contact.now.counted_slip
+            before = self._slips.get(contact, np.zeros_like(slip))
+            on = contact.active.reshape(-1, *[1] * (slip.ndim - 1))
+            self._slips[contact] = np.where(on, before + slip, 0.0)
             partners = contact.partners
             contact.change(partners=replace(partners, counted=partners.counted + before))
 

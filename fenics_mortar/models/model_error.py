@@ -21,19 +21,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface_fields import tangential
 from fenics_mortar.contact.laws import Stick
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.interface.segments import evaluate_normals
+from fenics_mortar.models.strains import largest_strain, strained
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
 from fenics_mortar.utils.files import Markdown, markdown_table
-from fenics_mortar.utils.ranks import agreed, largest_over_ranks
+from fenics_mortar.utils.ranks import agreed
 
 ENERGY, FORCE, PEAK = "energy norm", "total force", "peak pressure"
 QUANTITIES = (ENERGY, FORCE, PEAK)
@@ -53,7 +53,7 @@ class SolutionQuantities:
 
     Attributes:
         u: Displacement, shape (owned dofs,) [length].
-        force: Total force on each slave, shape (pairs, 2) [stress length].
+        force: Total force on each slave, shape (pairs, dim) [stress length].
         peak: Largest pressure of each pair, shape (pairs,) [stress].
     """
 
@@ -179,39 +179,6 @@ def differences(
     return agreed(problem.equations.comm, errors)
 
 
-def strained(problem: ContactProblem, u: Array) -> Array:
-    """Subtract from a displacement the closest rigid motion of each body (collective).
-
-    Otherwise a finite rotation would contribute strain to the energy of a tangent. The only rigid
-    motion of a body of revolution is along the axis, for which the tangent is exact.
-
-    Args:
-        problem: The problem with its bodies.
-        u: Displacement, shape (owned dofs,) [length].
-
-    Returns:
-        The remainder, shape (owned dofs,) [length].
-    """
-    space, rest = problem.equations.bulk.space, u.copy()
-    if space.is_axisymmetric:
-        return rest
-    X = space.V.tabulate_dof_coordinates()[: space.num_nodes, :2]
-    labels = problem.equations.floating.labels[: space.num_nodes]
-    x = X + u[space.owned_dofs]
-    for label in range(problem.equations.comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1):
-        mine = labels == label
-        sums = np.concatenate([[mine.sum()], X[mine].sum(axis=0), x[mine].sum(axis=0)])
-        count, *means = problem.equations.comm.allreduce(sums)
-        before, now = np.split(np.array(means) / max(count, 1), 2)
-        dX, dx = X[mine] - before, x[mine] - now
-        along, across = problem.equations.comm.allreduce(
-            np.array([(dX * dx).sum(), (dX[:, 0] * dx[:, 1] - dX[:, 1] * dx[:, 0]).sum()])
-        )
-        cosine, sine = np.array([along, across]) / (np.hypot(along, across) or 1.0)
-        rest[space.owned_dofs[mine]] = dx - dX @ np.array([[cosine, sine], [-sine, cosine]])
-    return rest
-
-
 def relative(difference: Any, size: Any) -> float:
     """Difference over size [1]; 0 if both vanish, inf if only the size does (local)."""
     return float(difference / size) if size > 0.0 else float(np.inf if difference > 0.0 else 0.0)
@@ -228,20 +195,6 @@ def describe(problem: ContactProblem, assumption: str) -> str:
         return f"rotation {np.degrees(rotation):.2g}°, strain {100 * strain:.2g} %"
     slip, angle = largest_sliding(problem)
     return f"slip {slip:.2g} facets, normals rotate by {np.degrees(angle):.2g}°"
-
-
-def largest_strain(problem: ContactProblem) -> tuple[float, float]:
-    """Largest rotation [radian] and principal strain of F = R U, cell means (collective)."""
-    bulk = problem.equations.bulk
-    (a, b), (c, d) = np.moveaxis(bulk.cells.deformation_gradients(bulk.positions()), 0, 2)
-    rotation = np.arctan2(c - b, a + d)
-    mean, spread = 0.5 * np.hypot(a + d, c - b), 0.5 * np.hypot(a - d, b + c)
-    strains = np.abs(mean - 1.0) + spread  # the larger of mean +- spread
-    if bulk.space.is_axisymmetric:
-        strains = np.maximum(strains, np.abs(bulk.cells.hoop_strains(bulk.positions())))
-    mine = np.array([np.abs(values).max(initial=0.0) for values in (rotation, strains)])
-    rotation, strain = largest_over_ranks(problem.equations.comm, mine)
-    return float(rotation), float(strain)
 
 
 def all_contacts(problem: ContactProblem) -> list[Contact]:
@@ -264,18 +217,25 @@ def _largest_slip(contact: Contact) -> tuple[float, float]:
     """Largest slip of active nodes over their length, and rotation of normals [radian] (local)."""
     o, on = contact.operators, contact.active & contact.covered
     jump = o.jump(o.x - contact.slave.X, o.m - contact.master.X)
-    slip = np.einsum("jc,jc->j", o.tau, jump)[on] / (o.weight * contact.slave.nodal_lengths)[on]
+    along = np.linalg.norm(tangential(jump, o.n), axis=1)
+    slip = along[on] / (o.weight * contact.slave.nodal_lengths)[on]
     weighting = contact.pair.discretization.normals
     before, now = (evaluate_normals(contact.slave, x, weighting)[0] for x in (contact.slave.X, o.x))
     cosine = np.einsum("jc,jc->j", before, now)[on]
     angles = np.arccos(np.clip(cosine, -1.0, 1.0))
-    return float(np.abs(slip).max(initial=0.0)), float(angles.max(initial=0.0))
+    return float(slip.max(initial=0.0)), float(angles.max(initial=0.0))
 
 
 def shear_demand(problem: ContactProblem) -> float:
-    """Largest mean |z_tau| / z_n of all pairs with a sticking law [1] (local)."""
+    """Largest mean |z_tau| / z_n of all pairs with a sticking law [1] (local).
+
+    In space the sizes of the vectors z_tau.
+    """
     demands = [
-        relative(np.abs(c.shear_force).sum(), float(np.abs(c.operators.weight * c.pressure).sum()))
+        relative(
+            np.abs(c.operators.weight * c.now.shear_size).sum(),
+            float(np.abs(c.operators.weight * c.pressure).sum()),
+        )
         for c in problem.equations.contacts
         if isinstance(c.pair, ContactPair) and isinstance(c.pair.law, Stick)
     ]

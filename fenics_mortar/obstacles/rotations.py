@@ -3,6 +3,12 @@
 
 With W v = w x v, a = sin t / t, b = (1 - cos t) / t^2 and t = |w|, the rotation by w is
 R = 1 + a W + b W^2.
+
+A place of a rigid body has the translation of the pivot and the angle, in space the rotation
+vector, see ``rigid_motion``. A motion q has translations and turns about fixed axes, the angles
+times a length ``arm``; in space its turns are a rotation vector, too: the place after it has the
+rotation exp(turn / arm) R. The vector of this rotation is the one next to that before, so that a
+body may turn any number of times.
 """
 
 from __future__ import annotations
@@ -12,6 +18,7 @@ import math
 import numpy as np
 
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Square of an angle [radian^2] below which a, b are sums of the first terms of their series: the
@@ -103,7 +110,11 @@ def vector_beside(R: Array, near: Array) -> Array:
     if near.size == 1:
         angle = np.arctan2(R[1, 0], R[0, 0])
         return np.asarray(angle + 2.0 * np.pi * np.round((near - angle) / (2.0 * np.pi)))
-    least = vector_of(R)
+    return _beside(vector_of(R), near)
+
+
+def _beside(least: Array, near: Array) -> Array:
+    """The rotation vector (3,) that differs by full turns from one and is next to another."""
     angle = float(np.linalg.norm(least))
     axis = least if angle > 0.0 else near  # no rotation has any axis
     size = float(np.linalg.norm(axis))
@@ -129,6 +140,24 @@ def turn_between(first: Array, last: Array, *, shortest: bool = False) -> Array:
     if not shortest and np.linalg.norm(np.cross(first, last)) <= ROUNDING * size:
         return last - first
     return vector_of(rotation_by(last) @ rotation_by(first).T)
+
+
+def turns_between(first: Array, last: Array, *, own: bool = False) -> Array:
+    """``turn_between`` of rows, nan where one is unknown, (n, 3) [radian] (local).
+
+    Args:
+        first: Rotation vectors, shape (n, 3) [radian].
+        last: Likewise.
+        own: Whether turns are those seen by the first one, next to the differences of the vectors.
+    """
+    rows, number = np.unique(np.hstack([first, last]), axis=0, return_inverse=True)
+    turns = np.full((len(rows), 3), np.nan)
+    for k in np.flatnonzero(np.isfinite(rows).all(axis=1)):
+        w_0, w = np.split(rows[k], 2)
+        turns[k] = turn = turn_between(w_0, w)
+        if own:
+            turns[k] = _beside(rotation_by(w_0).T @ turn, w - w_0)
+    return turns[number.ravel()]
 
 
 def inverse_factors(v: Array) -> tuple[Array, Array]:
@@ -182,3 +211,65 @@ def _series(t2: Array, first: int) -> Array:
         term = -term * t2 / ((2 * k + first - 1) * (2 * k + first))
         total = total + term
     return total
+
+
+# Number of coordinates by the number of motions.
+DIMENSIONS = {3: 2, 6: 3}
+
+
+def place_after(place: Array, motion: Array, arm: float) -> Array:
+    """The place after a further motion, shape (m,) [length, radian] (local).
+
+    Args:
+        place: The place before, shape (m,) [length, radian].
+        motion: The motion q, shape (m,) [length].
+        arm: Length by which angles are multiplied [length].
+    """
+    if place.size == 3:
+        return place + motion / [1.0, 1.0, arm]
+    after = rotation_by(motion[3:] / arm) @ rotation_by(place[3:])
+    return np.append(place[:3] + motion[:3], vector_beside(after, place[3:]))
+
+
+def motion_between(before: Array, after: Array, arm: float) -> Array:
+    """The motion q that leads from one place to another, shape (m,) [length] (local).
+
+    In space rotations about one axis have any size, others that of the shortest way.
+    """
+    if before.size == 3:
+        return (after - before) * [1.0, 1.0, arm]
+    turn = turn_between(before[3:], after[3:])
+    return np.append(after[:3] - before[:3], arm * turn)
+
+
+def by_further_motion(motion: Array, arm: float) -> Array:
+    """Derivative of ``motion_between`` by a further motion after it, shape (m, m) [1] (local)."""
+    derivative = np.eye(motion.size)
+    if motion.size == 6:
+        derivative[3:, 3:] = inverse_jacobians(motion[None, 3:] / arm)[0]
+    return derivative
+
+
+def places_towards(places: Array, others: Array, fraction: float) -> Array:
+    """Places of m bodies on the way to other ones, both (m, 3) or (m, 6) (local).
+
+    Args:
+        places: The places at the fraction 0 [length, radian].
+        others: Those at the fraction 1.
+        fraction: Part of the way [1]; extrapolation below 0 and above 1.
+    """
+    found = [
+        place_after(place, fraction * motion_between(place, other, 1.0), 1.0)
+        for place, other in zip(places, others, strict=True)
+    ]
+    return np.reshape(found, places.shape)
+
+
+def describe_place(where: Array) -> str:
+    """Description of a place, shape (m,); "" at the initial position (local)."""
+    dim = DIMENSIONS[where.size]
+    moved, turn = where[:dim], where[dim:]
+    phrases = [f"moved by {format_point(moved)}"] if moved.any() else []
+    by = f"{turn[0]:.4g}" if dim == 2 else format_point(turn)
+    phrases += [f"turned by {by}"] if turn.any() else []
+    return ", " + " and ".join(phrases) if phrases else ""

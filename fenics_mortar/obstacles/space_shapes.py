@@ -34,6 +34,25 @@ ALONG = 33
 SMOOTH = 4.0 * EPSILON
 
 
+def directions_across(axis: npt.ArrayLike, first: npt.ArrayLike) -> Array:
+    """Directions of the two coordinates of a shape that is extruded, (2, 3) [1] (local).
+
+    Args:
+        axis: Direction of extrusion, of any length, shape (3,).
+        first: Direction of the first coordinate; the part across the axis counts, shape (3,). The
+            second one is along axis x first.
+
+    Raises:
+        ValueError: If a direction is zero, or the first one along the axis.
+    """
+    along, given = check_direction("axis", axis), check_direction("first", first)
+    across = given - (given @ along) * along
+    if not np.linalg.norm(across) > np.sqrt(EPSILON):
+        raise ValueError(f"first={first!r}: expected a direction that is not along the axis")
+    across /= np.linalg.norm(across)
+    return np.stack([across, np.cross(along, across)])
+
+
 class Extruded(Obstacle):
     """Shape of the plane, extruded along a direction without ends.
 
@@ -70,12 +89,7 @@ class Extruded(Obstacle):
         self._shape = _copy_of(shape)
         self._origin = check_vector("origin", origin, 3)
         super().__init__(name or shape.name, self._origin if pivot is None else pivot)
-        along, given = check_direction("axis", axis), check_direction("first", first)
-        across = given - (given @ along) * along
-        if not np.linalg.norm(across) > np.sqrt(EPSILON):
-            raise ValueError(f"first={first!r}: expected a direction that is not along the axis")
-        across /= np.linalg.norm(across)
-        self._directions = np.stack([across, np.cross(along, across)])
+        self._directions = directions_across(axis, first)
 
     def local(self, x: Array) -> Fields:
         """Fields of the shape; see ``Obstacle.local``."""

@@ -44,7 +44,7 @@ from fenics_mortar.bulk.inertia import Inertia
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.arcs import surface_rotation
 from fenics_mortar.equations.general import State
-from fenics_mortar.obstacles.places import motion_between
+from fenics_mortar.obstacles.rotations import motion_between
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.rounding import TINY

@@ -202,12 +202,12 @@ def follow_path(
                 step = stop - time
             accepted = predictor.last
             try:
-                turns.set_loads(time, time + step)
-                report = predictor.solve(
-                    time + step,
-                    partial(_solve_soundly, problem, solver, accepted, step > options.smallest),
-                    guesses=options.predict,
-                )
+                with turns.of_step(time, time + step):
+                    report = predictor.solve(
+                        time + step,
+                        partial(_solve_soundly, problem, solver, accepted, step > options.smallest),
+                        guesses=options.predict,
+                    )
             except NotConvergedError as failure:
                 path.failures.append(failure.report)
                 problem.restore(accepted)

@@ -18,6 +18,7 @@ step, in balance with gaps, loads and prescribed values of the same time.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -186,9 +187,8 @@ class Motion:
             before = Snapshot(problem.equations)
             accepted = problem.state()
             try:
-                if turns is not None:
-                    turns.set_loads(start, start + dt)
-                newton, after, work = self._advance(dt, forces)
+                with nullcontext() if turns is None else turns.of_step(start, start + dt):
+                    newton, after, work = self._advance(dt, forces)
                 error = self._error(accepted, dt, newton)
             except NotConvergedError as failure:
                 problem.restore(accepted)

@@ -31,9 +31,8 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.data import MeshData
-from fenics_mortar.obstacles.places import place_after
 from fenics_mortar.obstacles.rigid_motion import RigidMotion
-from fenics_mortar.obstacles.rotations import TURNS, rotation_by
+from fenics_mortar.obstacles.rotations import TURNS, place_after, rotation_by
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -216,11 +215,12 @@ class BodyMotions:
     # Nodes
 
     def _turns(self, *sides: Indices) -> tuple[Array, ...]:
-        """Angles of the leaders of nodes, nan without one, (nodes,) each [radian] (local)."""
-        angles = np.full(self.num_parts, np.nan)
+        """Turns of the leaders of nodes, nan without one, (nodes, axes) each [radian] (local)."""
+        dim = self.bulk.space.dim
+        turns = np.full((self.num_parts, len(TURNS[dim])), np.nan)
         for part, leader in self.leaders.items():
-            angles[part] = leader.place[2]
-        return tuple(angles[parts] for parts in sides)
+            turns[part] = leader.place[dim:]
+        return tuple(turns[parts] for parts in sides)
 
     def labels_of(self, surface: Surface) -> Indices:
         """Numbers of the bodies of a surface's nodes, (nodes,) (collective the first time)."""

@@ -34,8 +34,7 @@ from fenics_mortar.interface.extraction import extract_surface
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.obstacles.places import describe_place
-from fenics_mortar.obstacles.rotations import TURNS
+from fenics_mortar.obstacles.rotations import TURNS, describe_place
 from fenics_mortar.rigid.bordered import Border
 from fenics_mortar.rigid.spread import BoundaryMotion
 from fenics_mortar.utils.arrays import Array, Flags, Indices

@@ -4,7 +4,7 @@
 The balance of these forces borders the system of u and z. The few motions are
 eliminated, see ``bordered``, so that the sparse matrix and its solver are those of fixed obstacles.
 
-Tangent springs regularize motions that active contact does not resist, see ``loose``. A driven
+Tangent springs regularize motions that active contact does not resist, see ``motions``. A driven
 obstacle without contact is moved before the solve until contact stops it, see ``motions``.
 If Newton's method fails for a rolling obstacle, springs anchor it like a body, see ``proximal``.
 
@@ -36,10 +36,16 @@ from scipy.linalg import block_diag
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.la.system import LinearSystem
-from fenics_mortar.obstacles.places import by_further_motion, motion_between
+from fenics_mortar.obstacles.rotations import by_further_motion, motion_between
 from fenics_mortar.rigid.bordered import Border, solve_bordered
-from fenics_mortar.rigid.loose import describe_loose, tangent_springs
-from fenics_mortar.rigid.motions import RigidMotions, follow, settle, slide_along_driven
+from fenics_mortar.rigid.motions import (
+    RigidMotions,
+    describe_loose,
+    follow,
+    settle,
+    slide_along_driven,
+    tangent_springs,
+)
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.spread import BoundSpreadLoad
 from fenics_mortar.rigid.springs import Springs, anchored_stiffness, over_contact, slides

@@ -192,7 +192,9 @@ def loose_bodies(bodies: BodyMotions, *, sticking: bool = True) -> list[Floating
             with_friction = [c for c in contacts if c.sticking.any()]
             slips = [slipping(bodies, c, body)[:, c.sticking] for c in with_friction]
             resisted += [slip.reshape(len(body.motions), -1) for slip in slips]
-        free = unresisted(np.hstack([np.zeros((len(body.motions), 0)), *resisted]))
+        responses = np.hstack([np.zeros((len(body.motions), 0)), *resisted])
+        known = np.isfinite(responses).all(axis=0)  # not at folded facets of a failed iteration
+        free = unresisted(responses[:, known])
         if len(free):
             found.append(replace(body, motions=free @ body.motions))
     return found

@@ -6,10 +6,11 @@ length. Shapes and units below are those of the plane; in space there are six mo
 three, see ``obstacles.rigid_motion``. Arrays have the rows of the obstacles, then those of the
 remote loads. All values are replicated.
 
-Moves of driven obstacles before a solve, and their slide during a solve.
+Before a solve driven obstacles move: an obstacle without contact is moved until contact stops it.
+An obstacle on sticking nodes follows the prescribed motions, for instance a wheel that is turned.
 
-An obstacle without contact is moved until contact stops it. An obstacle on sticking nodes follows
-the prescribed motions, for instance a wheel that is turned.
+Driven motions that active contact does not resist are loose: tangent springs regularize them, see
+``springs``.
 """
 
 from __future__ import annotations
@@ -23,11 +24,12 @@ from fenics_mortar.bulk.bodies import MINOR, describe_in_space
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.rows import gap_by_motions
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.obstacles.places import describe_place, motion_between, place_after
 from fenics_mortar.obstacles.rigid_motion import RigidMotion
-from fenics_mortar.rigid.moves import closest_move
+from fenics_mortar.obstacles.rotations import describe_place, motion_between, place_after
+from fenics_mortar.rigid.body_settling import closest_move
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.spread import BoundSpreadLoad, RemoteMotion
+from fenics_mortar.rigid.springs import tangent_stiffness, unresisted
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import MortarError, format_point
 from fenics_mortar.utils.rounding import SUM_ROUNDING
@@ -366,3 +368,55 @@ def _width(contacts: Sequence[Contact]) -> float:
     power = contacts[0].slave.dim - 1
     sizes = [float((c.slave.nodal_lengths[c.active] ** power).sum()) for c in contacts]
     return float(sum(sizes) ** (1.0 / power))
+
+
+def loose_motions(motions: RigidMotions) -> list[Array]:
+    """Loose motions of each obstacle, an orthonormal basis (n, motions) [1] each (local)."""
+    found = []
+    for number, driven in enumerate(motions.driven_obstacles):
+        basis = np.eye(driven.size)[driven]
+        closing = [gap_by_motions(c.now)[c.active] for c in motions.contacts_of(number)]
+        found.append(
+            unresisted(basis @ np.concatenate([*closing, np.zeros((0, driven.size))]).T) @ basis
+        )
+    return found
+
+
+def tangent_springs(
+    motions: RigidMotions, residual: Array, stiffness: float, force: float
+) -> Array:
+    """Stiffness of springs on loose motions, in proportion to the driving force (local).
+
+    Args:
+        motions: The rigid motions.
+        residual: Residual of the balance, shape (m, 3) [stress length].
+        stiffness: Stiffness of the bulk [stress].
+        force: Size of all forces [stress length].
+
+    Returns:
+        Addition to E_q, shape (3 m, 3 m) [stress].
+    """
+    total, each = np.zeros((motions.scales.size,) * 2), motions.scales.shape[1]
+    for number, loose in enumerate(loose_motions(motions)):
+        own = slice(each * number, each * (number + 1))
+        relative = tangent_stiffness(loose @ residual[number], force)
+        total[own, own] = stiffness * relative * (loose.T @ loose)
+    return total
+
+
+def describe_loose(motions: RigidMotions, residual: Array, force: float) -> str:
+    """Description of loose motions driven by forces; "" if there are none (local).
+
+    Args:
+        motions: The rigid motions.
+        residual: Residual of the balance, shape (m, 3) [stress length].
+        force: Size of all forces [stress length].
+    """
+    found = []
+    for obstacle, loose, rest in zip(
+        motions.obstacles, loose_motions(motions), residual[: len(motions.obstacles)], strict=True
+    ):
+        drive = loose @ rest
+        if np.linalg.norm(drive) > SUM_ROUNDING * force:
+            found.append(f"obstacle '{obstacle.name}' can {describe_motion(drive @ loose)}")
+    return ", ".join(found)

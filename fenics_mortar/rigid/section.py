@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.pretension import Pretension
+from fenics_mortar.contact.pair import Pretension
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.interface.obstacle_normals import outward_normals
+from fenics_mortar.interface.obstacle_facets import outward_normals
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.bordered import Border

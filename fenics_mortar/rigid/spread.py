@@ -40,9 +40,8 @@ from fenics_mortar.interface.extraction import extract_surface
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.obstacles.places import describe_place
 from fenics_mortar.obstacles.rigid_motion import RigidMotion, check_vector
-from fenics_mortar.obstacles.rotations import TURNS, polar_rotation, vector_beside
+from fenics_mortar.obstacles.rotations import TURNS, describe_place, polar_rotation, vector_beside
 from fenics_mortar.rigid.bordered import Border
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array

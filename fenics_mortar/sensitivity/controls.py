@@ -15,7 +15,7 @@ from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rotations import inverse_jacobians
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.history import Before, earlier_of_pair
+from fenics_mortar.sensitivity.history import Before
 from fenics_mortar.sensitivity.pair_operators import OfPair, contact_of
 from fenics_mortar.sensitivity.partials.fields import gap_by_offset
 from fenics_mortar.sensitivity.partials.law import (
@@ -334,7 +334,4 @@ class ObstacleShape(_OfObstacle, PairControl):
 
     def fields(self, problem: ContactProblem, i: int, before: Before = None) -> Changes:
         """See ``PairControl``."""
-        contact, earlier = contact_of(problem.equations, i), None
-        if contact.slave.dim == 3:  # slip counts from points of the shape
-            earlier = earlier_of_pair(problem, before, i)
-        return fields_by_shape(contact, self.parameter, earlier)
+        return fields_by_shape(contact_of(problem.equations, i), self.parameter)

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""The exceptions of the package, and functions to raise them on all ranks together."""
+"""The exceptions of the package, and functions to raise them on all ranks together.
+
+Among them: features that are not yet available in three dimensions.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ import numpy.typing as npt
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
 
 T = TypeVar("T")
 
@@ -214,3 +218,28 @@ def count_points(comm: MPI.Comm, points: npt.NDArray[np.float64]) -> tuple[int, 
     mine = [tuple(map(float, x)) for x in points]
     everything = [x for lowest in comm.allgather(sorted(mine)[:1]) for x in lowest]
     return comm.allreduce(len(mine)), format_point(min(everything)) if everything else "nowhere"
+
+
+# What is refused at set-up, by a short key; the table of demos/guide/limits.md has these texts.
+NOT_IN_SPACE = {
+    "thickness": "an out-of-plane thickness",
+    "axisymmetric": "axisymmetry, which belongs to plane meshes",
+    "cubic": "cells of order 3",
+    "integration": "integration over elements or at nodes",
+    "vertices": "dual multipliers at vertices (basis='vertices')",
+}  # fmt: skip
+
+
+def refuse_in_space(what: str, detail: str = "") -> None:
+    """Raise the error of a feature that exists in the plane only (local, equal on all ranks).
+
+    Args:
+        what: Key of ``NOT_IN_SPACE``.
+        detail: What in the user's input needs the feature, to be added to the sentence.
+
+    Raises:
+        NotImplementedError: Always.
+    """
+    raise NotImplementedError(
+        f"not yet available in three dimensions: {NOT_IN_SPACE[what]}{detail and f' ({detail})'}"
+    )

@@ -91,7 +91,9 @@ class Certificate(Markdown):
         crossings: Crossings of outlines.
         passages: Bodies that passed through each other during the step, as messages.
         possible_passages: Passages on motions that the ends of the step do not tell, as messages.
+        uncertain_turns: Turns by prescribed values that the ends of the step do not tell, likewise.
         tipping: Bodies that pressures on the covered surfaces cannot balance, as messages.
+        unsupported: Remark on bodies without supports, loads and contact, whose place is arbitrary.
         inverted_nodes: Remark on cells inverted at nodes alone, or with linear strains.
         dim: Dimension of the bodies.
     """
@@ -104,14 +106,24 @@ class Certificate(Markdown):
     crossings: list[Crossing] = field(default_factory=list)
     passages: list[str] = field(default_factory=list)
     possible_passages: list[str] = field(default_factory=list)
+    uncertain_turns: list[str] = field(default_factory=list)
     tipping: list[str] = field(default_factory=list)
     inverted_nodes: str = ""
+    unsupported: str = ""
     dim: int = 2
 
     @property
     def of_bodies(self) -> tuple[Finding, ...]:
         """Findings of all bodies and obstacles together (local)."""
         return tuple(self._of_bodies())
+
+    def pairs_with(self, name: str) -> list[int]:
+        """Numbers of the pairs of which a finding of this name is a remark or worse (local)."""
+        return [
+            number
+            for number, pair in enumerate(self.pairs)
+            if any(f.name == name and f.verdict in VERDICTS[2:] for f in pair.findings)
+        ]
 
     def violations(self) -> list[str]:
         """Describe violated conditions; empty for a sound state (local)."""
@@ -161,6 +173,8 @@ class Certificate(Markdown):
         )
         at_nodes = [self.inverted_nodes] * (self.inverted_nodes != "")
         yield from _counted("inverted_nodes", "cells inverted at nodes alone", at_nodes, remark=0)
+        loose = [self.unsupported] * (self.unsupported != "")
+        yield from _counted("unsupported", "problems without supports and loads", loose, remark=0)
         for crossing in self.crossings:
             yield _crossed(crossing.facets, f"{crossing}", crossing.admitted)
         if not self.crossings:
@@ -168,6 +182,9 @@ class Certificate(Markdown):
         yield from _counted("passages", "bodies passed through in the step", self.passages, limit=0)
         yield from _counted(
             "possible_passages", "bodies possibly passed through", self.possible_passages, remark=0
+        )
+        yield from _counted(
+            "uncertain_turns", "turns whose sense is unknown", self.uncertain_turns, remark=0
         )
         yield from _counted(
             "tipping", "bodies that pressures cannot balance", self.tipping, limit=0

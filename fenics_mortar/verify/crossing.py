@@ -21,7 +21,7 @@ segments 2 ms, rotated by more than 1 degree 10 ms.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain, product
@@ -40,6 +40,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.finding import LIMITS
+from fenics_mortar.verify.led_bodies import LedBodies
 from fenics_mortar.verify.node_paths import motion_of
 from fenics_mortar.verify.overlap import (
     AdmittedDepth,
@@ -111,6 +112,7 @@ class Crossings:
     Attributes:
         accepted: Positions at the start of the step.
         in_step: Detection of passages.
+        led: Bodies that prescribed values turn.
     """
 
     def __init__(
@@ -140,6 +142,7 @@ class Crossings:
         self._excused = self._as_meshed()
         self.in_step = Passages(self.outline, contacts, self._slaves, self._names, self._excused)
         self._leaders = {b: m for b, m in floating.leaders.items() if b in self.outline.bodies}
+        self.led = LedBodies(bulk, contacts, floating, self.outline)
         self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)), self._led())
         self._left: Array = self.accepted.x
         self._restored: Array | None = None
@@ -278,7 +281,8 @@ class Crossings:
 
     def _led(self) -> Array:
         """Places of the rigid boundaries that lead bodies, shape (leaders, 3) (local)."""
-        return np.reshape([motion.place for motion in self._leaders.values()], (-1, 3))
+        places = [motion.place for motion in self._leaders.values()]
+        return np.reshape(places, (len(places), len(places[0]) if places else 3))
 
     def restore(self, accepted: AcceptedPositions, u: Array) -> None:
         """Restore the start of a step at the displacement ``u``, shape (local dofs,) [length]."""
@@ -318,5 +322,17 @@ class Crossings:
         x1 = self._positions()
         led = zip(self._leaders.items(), self.accepted.leaders, self._led(), strict=True)
         known = {body: motion_of(leader, *ends) for (body, leader), *ends in led}
-        ends = StepEnds(self.accepted.x, x1, self._prescribed, self.accepted.places, places, known)
+        x0, before = self.accepted.x, self.accepted.places
+        doubtful = self.led.parts(self.led.doubtful(x0, x1))
+        ends = StepEnds(x0, x1, self._prescribed, before, places, known, doubtful)
         return self.in_step.find(ends, self._allowed)
+
+    def uncertain_turns(self, places: Array, told: Collection[int]) -> list[str]:
+        """Messages on bodies that turned by an angle that positions do not tell; see ``LedBodies``.
+
+        Args:
+            places: Present positions of the obstacles, shape (obstacles, 3).
+            told: Numbers of pairs of which the turns at nodes are told.
+        """
+        moved = not np.array_equal(self.accepted.places, places)
+        return self.led.messages(self.accepted.x, self._positions(), moved=moved, told=told)

@@ -278,7 +278,7 @@ def _faced_before(contact: Contact) -> tuple[Facing, Array]:
     if contact.pair.sliding != "small":
         first = replace(first, x=partners.x, m=partners.m)
         at = first.slave, first.master, first.x, first.m, segments.facets, contact.options
-        segments = find_pairs(*at)
+        segments = find_pairs(*at, contact.evaluation.behind)
     here, _ = both_sides(first, segments)
     start = here.difference(partners.x, partners.m)
     return here, np.einsum("nqab,nqb->nqa", here.of(partners.at(o).slave.Q), start)

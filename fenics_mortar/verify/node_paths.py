@@ -17,7 +17,7 @@ see ``Alternative``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -27,6 +27,7 @@ from fenics_mortar.obstacles.rigid_motion import RigidMotion
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import SMALL_ANGLE, TINY
 from fenics_mortar.verify.finding import LIMITS
+from fenics_mortar.verify.led_bodies import TOLD_TURN
 
 
 class Rotation(NamedTuple):
@@ -75,12 +76,14 @@ class Motions:
             other sense, "centre" for those about the mean of the prescribed nodes instead of the
             fixed point, or the reverse.
         known: Motions of rigid boundaries, by the body that these lead.
+        doubtful: Bodies whose rotations by more than ``TOLD_TURN`` may have had the other sense.
 
     Attributes:
         labels: The bodies, shape (b,).
         angles: Their rotations, shape (b,) [radian].
         are_led: Whether a body has prescribed nodes, shape (b,), bool.
         are_known: Whether the motion of a body is known, shape (b,), bool.
+        two_ways: Whether its rotation may have had the other sense, shape (b,), bool.
     """
 
     def __init__(
@@ -92,6 +95,7 @@ class Motions:
         *,
         other: Alternative = "",
         known: Mapping[int, Rotation] = NONE_KNOWN,
+        doubtful: Collection[int] = (),
     ) -> None:
         self._x0, self._x1 = x0, x1
         counts = np.bincount(bodies)
@@ -103,8 +107,10 @@ class Motions:
         self._start, self._end = self._mean(x0, weight), self._mean(x1, weight)
         self.angles: Array = self._fit(weight)
         far = np.abs(self.angles) > LIMITS.two_ways
+        turned = np.abs(self.angles) > TOLD_TURN  # not as seen from the body itself
+        self.two_ways: Flags = far | (turned & np.isin(self.labels, list(doubtful)))
         if other == "sense":
-            self.angles -= np.where(far, 2.0 * np.pi * np.sign(self.angles), 0.0)
+            self.angles -= np.where(self.two_ways, 2.0 * np.pi * np.sign(self.angles), 0.0)
         self._turn_about_fixed_points(far & (other == "centre"))
         self.are_known: Flags = np.zeros(self.labels.size, bool)
         for i, body in enumerate(self.labels.tolist()):
@@ -116,7 +122,7 @@ class Motions:
         turns = (known.angle - self.angles[i]) / (2.0 * np.pi)
         if 2.0 * np.pi * abs(turns - np.round(turns)) > SMALL_ANGLE:
             return  # nodes were not where the boundary was at the start
-        self.are_known[i] = True
+        self.are_known[i], self.two_ways[i] = True, False
         self._start[i], self._end[i] = known.point, known.point + known.shift
         self.angles[i] = known.angle
 
@@ -209,6 +215,7 @@ class Paths:
         other: Whether motions that the ends of the paths do not tell have the other alternative,
             see ``Motions``.
         known: Known motions in space, by the body.
+        doubtful: See ``Motions``.
 
     Attributes:
         motions: Motions of the bodies in space.
@@ -222,14 +229,15 @@ class Paths:
         prescribed: Flags,
         obstacles: Sequence[Rotation],
         resolution: float,
-        *,
         other: Alternative = "",
         known: Mapping[int, Rotation] = NONE_KNOWN,
+        doubtful: Collection[int] = (),
     ) -> None:
         self._x0, self._x1, self._resolution, self._known = x0, x1, resolution, known
 
         def fit(end: Array, known: Mapping[int, Rotation] = NONE_KNOWN) -> Motions:
-            return Motions(x0, end, bodies, prescribed, other=other, known=known)
+            ends = x0, end, bodies, prescribed
+            return Motions(*ends, other=other, known=known, doubtful=doubtful)
 
         self._fit: Callable[..., Motions] = fit
         self.motions = fit(x1, known)
@@ -240,8 +248,7 @@ class Paths:
     @property
     def may_differ(self) -> bool:
         """Whether a body turned so far that its motion may have had another form."""
-        angles = self._relative.angles[~self._relative.are_known]
-        return float(np.abs(angles).max(initial=0.0)) > LIMITS.two_ways
+        return bool(self._relative.two_ways.any())
 
     def _choose_carriers(self) -> None:
         """Find the frame in which each body moves least, and its motion there."""

@@ -15,7 +15,7 @@ inside another body are reported as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
@@ -65,6 +65,7 @@ class StepEnds(NamedTuple):
         before: Places of the obstacles at the start, (obstacles, 3) [length, length, radian].
         after: Places at the end, shape (obstacles, 3).
         known: Motions that rigid boundaries prescribe, by the body that they lead.
+        doubtful: Bodies that prescribed values turn by angles that the ends do not tell.
     """
 
     x0: Array
@@ -73,6 +74,7 @@ class StepEnds(NamedTuple):
     before: Array
     after: Array
     known: Mapping[int, Rotation] = {}
+    doubtful: Collection[int] = ()
 
 
 class Passages:
@@ -121,12 +123,10 @@ class Passages:
             return [], []
         paths = self._paths(ends, "")
         found, possible = self._on(paths, ends, allowed), list[str]()
-        for other, motion in ALTERNATIVES.items() if paths.may_differ else ():
+        for other in ALTERNATIVES if paths.may_differ else ():
             messages = self._on(self._paths(ends, other), ends, allowed)
-            if found and not messages:
-                found = [f"{message}, unless a body turned {motion}" for message in found]
-            elif not found:
-                possible += [f"{UNKNOWN}: if a body turned {motion}, {text}" for text in messages]
+            found, others = found_either_way(found, other, messages)
+            possible += others
         return found, possible
 
     def _paths(self, ends: StepEnds, other: Alternative) -> Paths:
@@ -135,7 +135,7 @@ class Passages:
         places = zip(self._obstacles, ends.before, ends.after, strict=True)
         motions = [motion_of(*each) for each in places]
         of_nodes = ends.x0, ends.x1, self.outline.bodies, ends.prescribed
-        return Paths(*of_nodes, motions, resolution, other=other, known=ends.known)
+        return Paths(*of_nodes, motions, resolution, other, ends.known, ends.doubtful)
 
     def _on(self, paths: Paths, ends: StepEnds, allowed: AllowedOverlaps) -> list[str]:
         """Messages on passages on given paths."""
@@ -303,3 +303,20 @@ class Passages:
         rows = rows[rows[:, 2] >= 0.0]
         rows[:, 0] = near[rows[:, 0].astype(np.int64) - len(o.X)]
         return rows
+
+
+def found_either_way(
+    found: list[str], other: Alternative, messages: Sequence[str]
+) -> tuple[list[str], list[str]]:
+    """Messages on passages, and on possible ones (local).
+
+    Args:
+        found: Messages on the motions that are taken.
+        other: An alternative to these motions.
+        messages: Messages on the alternative.
+    """
+    motion = ALTERNATIVES[other]
+    if found:
+        unless = "" if messages else f", unless a body turned {motion}"
+        return [f"{message}{unless}" for message in found], []
+    return found, [f"{UNKNOWN}: if a body turned {motion}, {text}" for text in messages]

@@ -3,9 +3,10 @@
 
 Between the two sides of a pair, contact is enforced at the nodes: facets overlap between them, by
 less than half a facet. Beside nodes without force less is admitted: there a tip of the master may
-have entered a facet whose nodes do not see it. Elsewhere any overlap is an error, beyond the sagittas of both surfaces with
-flat triangles: L a / 8 for facets of the size L at an angle a. So is one of the sides of a pair
-where no facets of the pair face each other: edges that cross, a corner beside a face.
+have entered a facet whose nodes do not see it. Elsewhere any overlap is an error, beyond the
+sagittas of both surfaces with flat triangles: L a / 8 for facets of the size L at an angle a. So is
+one of the sides of a pair where no facets of the pair face each other: edges that cross, a corner
+beside a face.
 
 Points of hulls in space that lie inside bodies, and their depths.
 
@@ -15,7 +16,8 @@ distance from the surface of the body that contains it.
 
 Of a body that crosses itself, the middle of an edge beyond a triangle that it pierces is inside if
 the body covers the points just below it twice: at a fold, where det F < 0, it does not. The depth
-is the distance from the pierced triangle.
+is the distance from the surface around the pierced triangle: the body's own surface at the edge is
+nearer, and the pierced triangle alone is far from an edge that lies along the surface.
 """
 
 from __future__ import annotations
@@ -140,8 +142,26 @@ def _of_itself(hull: Hull, x: Array, mine: Indices, rows: Array) -> Overlaps:
     triangles = mine[rows[:, 1].astype(np.int64)]
     own = hull.segments[mine]
     covered = np.array([winding_by_angles(x, own, p) for p in below])
-    squares = [square_on_triangle(p, *x[hull.segments[f]]) for p, f in zip(points, triangles)]
-    return Overlaps(ends, triangles, np.sqrt(np.array(squares)), points).select(covered > 1)
+    twice = covered > 1
+    ends, triangles, points = ends[twice], triangles[twice], points[twice]
+    depths = np.array([_distance_around(hull, x, p, f) for p, f in zip(points, triangles)], float)
+    return Overlaps(ends, triangles, depths, points)
+
+
+def _distance_around(hull: Hull, x: Array, p: Array, triangle: int) -> float:
+    """Distance of p (3,) from the surface around a triangle [length].
+
+    From triangle to neighbour as long as the distance falls.
+    """
+    starts, around, _ = hull.around
+    square, at = np.inf, np.array([triangle])
+    while True:
+        squares = np.array([square_on_triangle(p, *x[hull.segments[f]]) for f in at])
+        if not squares.min() < square:
+            return float(np.sqrt(square))
+        square, triangle = squares.min(), int(at[squares.argmin()])
+        nodes = hull.segments[triangle]
+        at = np.unique(np.concatenate([around[starts[j] : starts[j + 1]] for j in nodes]))
 
 
 class Kind(IntEnum):

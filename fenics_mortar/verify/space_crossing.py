@@ -9,7 +9,7 @@ finds the points inside bodies, ``space_admitted`` the depths that the discretiz
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import partial
 from itertools import product
 
@@ -23,13 +23,15 @@ from fenics_mortar.interface.hull import Hull, extract_hull
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError, format_point
-from fenics_mortar.utils.rounding import HALF_FACET
+from fenics_mortar.utils.rounding import HALF_FACET, SMALL_ANGLE
 from fenics_mortar.verify.crossing import AcceptedPositions, Crossing, Crossings
 from fenics_mortar.verify.finding import LIMITS
+from fenics_mortar.verify.led_bodies import LedBodies
 from fenics_mortar.verify.overlap import OutlineNames
+from fenics_mortar.verify.passages import found_either_way
 from fenics_mortar.verify.space_admitted import Kind, Overlaps, SpaceAdmitted, find_overlaps
-from fenics_mortar.verify.space_obstacles import SpaceObstacles
-from fenics_mortar.verify.space_passages import SpacePassages, SpacePaths
+from fenics_mortar.verify.space_obstacles import SpaceObstacles, motion_of
+from fenics_mortar.verify.space_passages import RigidMotion, SpacePassages, SpacePaths
 
 # Bodies of a point and of the triangle above it, ascending.
 Bodies = tuple[int, int]
@@ -38,8 +40,8 @@ Bodies = tuple[int, int]
 _HINTS = {
     Kind.WITHOUT_AREA: "; no facets of their pair face each other there: edges or corners meet, or "
     "contact was missed",
-    Kind.UNLOADED: "; no node carries force there, since the facets of the slave are too coarse for "
-    "this tip or edge of the master: refine the slave there, or exchange slave and master",
+    Kind.UNLOADED: "; no node carries force there, since the facets of the slave are too coarse "
+    "for this tip or edge of the master: refine the slave there, or exchange slave and master",
 }
 
 
@@ -74,8 +76,10 @@ class SpaceCrossings(Crossings):
         self._obstacles = SpaceObstacles(
             self.outline, contacts, self._slaves, self._names, self._in_space
         )
-        self._leaders = {}  # not followed in space
-        self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)))
+        self._prescribed = (self._free == 0.0).all(axis=1)
+        self._leaders = {b: m for b, m in floating.leaders.items() if b in self.outline.bodies}
+        self.led = LedBodies(bulk, contacts, floating, self.outline)
+        self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)), self._led())
         self._left = self.accepted.x
         self._restored = None
 
@@ -193,13 +197,34 @@ class SpaceCrossings(Crossings):
         ]
 
     def passages_of_step(self, places: Array) -> tuple[list[str], list[str]]:
-        """See ``Crossings``; other senses and centres of rotations are not examined in space."""
+        """See ``Crossings``; of bodies that values turn in space the other sense is examined."""
         (x0, before), x1 = (self.accepted.x, self.accepted.places), self._positions()
-        bodies_rest = np.array_equal(x0, x1)
+        known = self._known()
+        turns = any(motion.vector.any() for motion in known.values())
+        bodies_rest = np.array_equal(x0, x1) and not turns
         if not len(x0) or (bodies_rest and np.array_equal(before, places)):
             return [], []
         resolution = LIMITS.coarse_distance * float(self.outline.lengths(x1).min())
         motions = self._obstacles.motions(before, places)
-        paths = SpacePaths(x0, x1, self.outline.bodies, motions, resolution)
-        found = [] if bodies_rest else self._through.find(paths)
-        return found + self._obstacles.passages(paths, self._through, before), []
+
+        def messages(backwards: Collection[int]) -> list[str]:
+            given = self.outline.bodies, motions, resolution, known, backwards
+            paths = SpacePaths(x0, x1, *given)
+            found = [] if bodies_rest else self._through.find(paths)
+            return found + self._obstacles.passages(paths, self._through, before)
+
+        doubtful, found = self.led.parts(self.led.doubtful(x0, x1)), messages(())
+        return found_either_way(found, "sense", messages(doubtful)) if doubtful else (found, [])
+
+    def _known(self) -> dict[int, RigidMotion]:
+        """Motions of bodies by rigid boundaries that their prescribed nodes followed."""
+        (x0, x1), found = (self.accepted.x, self._positions()), dict[int, RigidMotion]()
+        led = zip(self._leaders.items(), self.accepted.leaders, self._led(), strict=True)
+        for (body, leader), *ends in led:
+            motion = motion_of(leader, *ends)
+            mine = self._prescribed & (self.outline.bodies == body)
+            apart = motion.end + motion.turned(x0[mine] - motion.start, 1.0) - x1[mine]
+            size = float(np.abs(x0[mine] - motion.start).max(initial=0.0))
+            if np.abs(apart).max(initial=0.0) <= SMALL_ANGLE * size:
+                found[body] = motion
+        return found

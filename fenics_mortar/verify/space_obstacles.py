@@ -27,6 +27,7 @@ from fenics_mortar.interface.hull import Hull
 from fenics_mortar.kernels.space.inside import depths_inside
 from fenics_mortar.kernels.tree import build_tree
 from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.obstacles.rigid_motion import RigidMotion as Mover
 from fenics_mortar.obstacles.rotations import rotation_by
 from fenics_mortar.utils.arrays import Array, Flags, Indices, norms
 from fenics_mortar.utils.errors import call_together, format_point
@@ -240,7 +241,7 @@ class SpaceObstacles:
                 yield through.message(who, passed, along[-1], body)
 
 
-def motion_of(obstacle: Obstacle, before: Array, after: Array) -> RigidMotion:
-    """The motion of an obstacle from a place to its present one, (6,) [length, radian] (local)."""
-    pivot = obstacle.pivot
-    return RigidMotion(pivot + before[:3], pivot + after[:3], obstacle.turn_since(before))
+def motion_of(mover: Mover, before: Array, after: Array) -> RigidMotion:
+    """Motion of an obstacle or a boundary to its present place, (6,) [length, radian] (local)."""
+    pivot = mover.pivot
+    return RigidMotion(pivot + before[:3], pivot + after[:3], mover.turn_since(before))

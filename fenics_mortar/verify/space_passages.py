@@ -10,14 +10,15 @@ well, since two rods may cross without a node of one within the other.
 Paths of the nodes of hulls in a step in space, from its ends.
 
 Each body moves rigidly, with the rotation that fits its two positions best, at constant speeds
-about the shortest way, and is strained at a constant rate in its own frame. The step is divided
-into sections in which bodies turn little, so that nodes move straight within each of them.
+about the shortest way or, of a body on a rigid boundary, by the known angle, and is strained at a
+constant rate in its own frame. The step is divided into sections in which bodies turn little, so
+that nodes move straight within each of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -63,6 +64,12 @@ class RigidMotion:
         along = np.outer(vectors @ axis, axis)
         return along + np.cos(a) * (vectors - along) + np.sin(a) * across
 
+    def backwards(self) -> RigidMotion:
+        """The motion to the same positions with the other sense of rotation."""
+        angle = float(np.linalg.norm(self.vector))
+        factor = 1.0 - 2.0 * np.pi / angle if angle else 0.0
+        return replace(self, vector=factor * self.vector)
+
 
 def motion_between(x0: Array, x1: Array) -> RigidMotion:
     """The rigid motion that fits two positions (n, 3) of a body best (Kabsch 1976)."""
@@ -79,6 +86,9 @@ def motion_between(x0: Array, x1: Array) -> RigidMotion:
     return RigidMotion(start, end, Rotation.from_matrix(rotation).as_rotvec())
 
 
+NONE_KNOWN: Mapping[int, RigidMotion] = {}
+
+
 class SpacePaths:
     """Positions of all nodes at the ends of the sections of a step.
 
@@ -88,6 +98,8 @@ class SpacePaths:
         bodies: Body of each node, shape (n,).
         obstacles: Motions of obstacles, by labels that are no bodies.
         resolution: Largest distance of a path from its straight sections [length].
+        known: Known motions of bodies, with rotations of any size.
+        backwards: Bodies that turn the other way than the shortest one.
 
     Attributes:
         motions: Motions of bodies and obstacles.
@@ -102,10 +114,14 @@ class SpacePaths:
         bodies: Indices,
         obstacles: Mapping[int, RigidMotion],
         resolution: float,
+        known: Mapping[int, RigidMotion] = NONE_KNOWN,
+        backwards: Collection[int] = (),
     ) -> None:
-        self.motions: dict[int, RigidMotion] = dict(obstacles)
+        self.motions: dict[int, RigidMotion] = {**obstacles, **known}
         for body in np.unique(bodies).tolist():
-            self.motions[body] = motion_between(x0[bodies == body], x1[bodies == body])
+            if body not in known:
+                motion = motion_between(x0[bodies == body], x1[bodies == body])
+                self.motions[body] = motion.backwards() if body in backwards else motion
         self.times = np.linspace(0.0, 1.0, self._count(x0, resolution) + 1)
         self.along = np.empty((len(self.times), *x0.shape))
         for body in np.unique(bodies).tolist():

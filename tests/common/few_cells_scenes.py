@@ -23,6 +23,7 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar import sensitivity
 from fenics_mortar.laws import Cohesive, SoftLayer, Worn
+from meshes import mapped_grids
 
 MU = 0.3
 CUBE = {"counts": (1, 1, 1), "size": (1.0, 1.0, 1.0), "jiggle": 0.0}
@@ -340,6 +341,45 @@ def in_space(kind, folder):
     pull.push(x=0.1, z=-0.1, moment=(0.02, 0.01, -0.03))
     scene.problem.solve()
     yield "at points", [*grip.reaction, *pull.place]
+
+
+def section(kind, folder):
+    """A square of one cell or two triangles, a section of a cube; and models of the cube."""
+    even = kind[0] % 2 == 0
+    square = mapped_grids.Grid("block", mapped_grids.block(1, 1, width=1.0, height=1.0))
+    cell = "quadrilateral" if even else "triangle"
+    data = fm.mesh_from_arrays(**mapped_grids.arrays([square], cell=cell))
+    scene = space_scenes.solid(
+        "hexahedron" if even else "tetrahedron", energy=fm.energies.linear_elastic, **CUBE
+    )
+    space_scenes.held(scene)
+    floor = fm.Plane((0.5, 0.5, 1.0), (0.0, 0.0, -1.0))
+    material = fm.energies.lame(space_scenes.YOUNG, space_scenes.POISSON)
+    richer = ufl.derivative(fm.energies.neo_hookean(scene.u, *material) * ufl.dx(degree=4), scene.u)
+    body = space_scenes.solid("hexahedron" if even else "tetrahedron", **CUBE)
+    space_scenes.held(body)
+    elastic = fm.ElasticObstacle(floor, body.residual, body.u, body.data, "block/top", bcs=body.bcs)
+    check = fm.ModelCheck(finite_strain=richer, friction=0.2, elastic_obstacles=[elastic])
+    pair = fm.ContactPair(scene.data, "block/top", floor, sliding="small")
+    scene.set_up([pair], model_check=check)
+    frame = {"axis": (0.0, -1.0, 0.0), "first": (1.0, 0.0, 0.0)}
+    in_space = fm.InSpace(scene.problem, **frame)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    line = fm.Plane((0.5, 1.0), (0.0, -1.0))
+    problem = fm.ContactProblem(
+        internal(u, linear_elastic(u, space_scenes.YOUNG, space_scenes.POISSON)), u,
+        [fm.ContactPair(data, "block/top", line)],
+        bcs=[fm.dirichlet(V, data, "block/bottom", (0.0, 0.0))], petsc_options_prefix="few_plane_",
+        model_check=fm.ModelCheck(stiffness_ratio=0.1, in_space=in_space),
+    )  # fmt: skip
+    line.move(y=-0.01)
+    floor.move(z=-0.01)
+    yield "estimated", errors(problem.solve().model_check)
+    fm.save_state(problem, folder / "section")
+    fm.load_state(problem, folder / "section")
+    yield "in space", errors(scene.problem.solve().model_check)
+    yield "true", [error for _, error in sorted(in_space.compare(problem).errors.items())]
 
 
 def tied(kind, folder):
@@ -714,5 +754,5 @@ def laws(kind, folder):
 SCENES = [
     pressed, measured, written, paths, options, obstacles, tied, tied_heat, at_points,
     itself, floating, moving, models, mixed, heated, of_revolution, of_gmsh, refused, laws,
-    of_meshio, plastic_bodies, in_space,
+    of_meshio, plastic_bodies, in_space, section,
 ]  # fmt: skip

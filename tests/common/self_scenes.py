@@ -131,10 +131,9 @@ def c_ring(
     )
 
 
-def strip_in_s(pairs: Any, *, thickness: float = 0.1, gap: float = 0.1, **options: Any) -> Driven:
-    """A strip with three arms and two bends; the upper arm is moved, the lower one is fixed."""
+def strip_shape(*, thickness: float = 0.1, gap: float = 0.1, order: int = 1) -> np.ndarray:
+    """Positions of the nodes of a strip with three arms and two bends, along it and across."""
     radius, length = 0.5 * (gap + thickness), 1.0
-    order = options.get("order", 1)
     along, around = 12 * order, 8 * order
     line: list[np.ndarray] = [np.zeros(2)]
     for arm, sign in enumerate((1.0, -1.0, 1.0)):
@@ -148,18 +147,24 @@ def strip_in_s(pairs: Any, *, thickness: float = 0.1, gap: float = 0.1, **option
     tangent /= np.linalg.norm(tangent, axis=1)[:, None]
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
     t = thickness * np.linspace(-0.5, 0.5, 2 * order + 1)
-    shape = middle[:, None] + t[None, :, None] * normal[:, None]
+    return np.asarray(middle[:, None] + t[None, :, None] * normal[:, None])
+
+
+def strip_ends(shape: np.ndarray) -> dict[str, Any]:
+    """Parts of ``strip_shape``: the lowest points, and the middle of the highest ones."""
     low, high = shape[..., 1].min(), shape[..., 1].max()
+    near = 1e-6 * (high - low)
+    return {
+        "low": lambda x: x[1] < low + near,
+        "high": lambda x: (x[1] > high - near) & (x[0] > 0.3) & (x[0] < 0.7),
+    }
+
+
+def strip_in_s(pairs: Any, *, thickness: float = 0.1, gap: float = 0.1, **options: Any) -> Driven:
+    """A strip with three arms and two bends; the upper arm is moved, the lower one is fixed."""
+    shape = strip_shape(thickness=thickness, gap=gap, order=options.get("order", 1))
     names = {side: "strip/outline" for side in mapped_grids.SIDES}
-    return Driven(
-        [Grid("strip", shape, joined=names)],
-        {
-            "low": lambda x: x[1] < low + 1e-6 * thickness,
-            "high": lambda x: (x[1] > high - 1e-6 * thickness) & (x[0] > 0.3) & (x[0] < 0.7),
-        },
-        pairs,
-        **options,
-    )
+    return Driven([Grid("strip", shape, joined=names)], strip_ends(shape), pairs, **options)
 
 
 def tube(pairs: Any, *, columns: int = 40, upright: bool = True, **options: Any) -> Driven:

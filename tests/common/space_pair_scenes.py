@@ -59,6 +59,7 @@ def bodies(
     comm=MPI.COMM_WORLD,
     turned=(),
     energy=energies.neo_hookean,
+    poisson=0.3,
     **options,
 ):
     """Problem of ``boxes`` with the sides ``held`` prescribed and ``pairs`` (slave, master).
@@ -68,7 +69,7 @@ def bodies(
     data = mapped_boxes.mesh(boxes, cell=cell, order=order, comm=comm)
     V = fm.vector_space(data.mesh, order)
     u = fem.Function(V, name="u")
-    psi = energy(u, *energies.lame(100.0, 0.3)) * ufl.dx(degree=2 * order + 1)
+    psi = energy(u, *energies.lame(100.0, poisson)) * ufl.dx(degree=2 * order + 1)
     motions = {side: fem.Constant(data.mesh, (0.0, 0.0, 0.0)) for side in held}
     motions |= {side: fem.Function(V) for side in turned}
     bcs = [fm.dirichlet(V, data, side, value) for side, value in motions.items()]

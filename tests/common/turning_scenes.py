@@ -91,3 +91,28 @@ def shaft_in_ring(
     shaft = Shaft(problem, bore, outside, axle)
     shaft.turn(0.0)
     return shaft
+
+
+def rollers(law):
+    """Two tyres on rigid hubs, side by side: the problem and both hubs; nothing is pressed yet."""
+    hubs, radii = [(0.0, 0.0), (1.0, 0.0)], (0.2, 0.5)
+    grids = [
+        Grid("left", sector(40, 3, radii=radii, angles=(0.02, 0.02 + 2.0 * np.pi)), closed=True),
+        Grid(
+            "right",
+            sector(46, 3, radii=radii, angles=(0.1, 0.1 + 2.0 * np.pi), centre=hubs[1]),
+            closed=True,
+        ),
+    ]
+    data = mapped_grids.mesh(grids)
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    left, right = (
+        fm.RigidBoundary(data, f"{grid.name}/top", pivot=hub)
+        for grid, hub in zip(grids, hubs, strict=True)
+    )
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 50.0, 0.3)), u,
+        [fm.ContactPair(data, "left/bottom", "right/bottom", law=law)],
+        remote=[left, right], newton=TIGHT, petsc_options_prefix="rollers_",
+    )  # fmt: skip
+    return problem, left, right

@@ -18,6 +18,7 @@ from fenics_mortar.contact.arcs import rotation_past_obstacle
 from fenics_mortar.contact.slip import Partners
 from fenics_mortar.laws import Worn
 from fenics_mortar.path.energy import forces_of, work_of
+from fenics_mortar.verify.led_bodies import STRETCHED, turn_of
 from meshes.mapped_grids import Grid, build, sector
 
 MU, TURN = 0.3, 2.0 * np.pi
@@ -113,9 +114,49 @@ def test_turn_of_a_rigid_boundary_is_known(degrees, slave):
     assert work == pytest.approx(abs(shaft.moment) * np.radians(abs(degrees)), rel=1e-3)
 
 
-def test_turn_by_an_eighth_is_no_doubt():
-    certificate = shaft_in_ring(fm.Coulomb(MU)).turn(TURN / 8).certificate
+@pytest.mark.parametrize("degrees", [225.0, 301.0, -330.0, 345.0, 352.0, 360.0, -360.0, 720.0])
+@pytest.mark.parametrize("first", [0.0, 20.0])
+def test_turn_beyond_half_a_turn_is_told(degrees, first):
+    """The values are those of a turn the other way: friction is, too."""
+    shaft = shaft_in_ring(fm.Coulomb(MU))
+    shaft.turn(np.radians(first))
+    try:
+        remarks = shaft.turn(np.radians(first + degrees)).certificate.remarks()
+    except fm.NotConvergedError as error:
+        remarks = [str(error)]
+    (told,) = (text for text in remarks if "RigidBoundary" in text or "take smaller" in text)
+    if abs(degrees) > 300.0 and degrees % 360.0:
+        other = 360.0 - abs(degrees)
+        assert f"by {other:.0f} degrees in the step, if not by {abs(degrees):.0f}" in told
+
+
+@pytest.mark.parametrize("on_axle", [False, True])
+def test_turn_of_known_direction_is_no_doubt(on_axle):
+    """By an eighth of a known angle, or by a turn that is one of 120 a round."""
+    shaft = shaft_in_ring(fm.Coulomb(MU), on_axle=on_axle)
+    certificate = shaft.turn(TURN / 8 if on_axle else TURN / 120).certificate
     assert certificate.remarks() == []
+
+
+def test_turn_without_friction_is_no_doubt():
+    certificate = shaft_in_ring(fm.Frictionless()).turn(TURN / 12).certificate
+    assert certificate.remarks() == []
+
+
+def test_turns_of_a_path_are_known():
+    shaft = shaft_in_ring(fm.Coulomb(MU))
+    steps = fm.SteppingOptions(0.5)
+    path = fm.follow_path(shaft.problem, lambda t: shaft.set_angle(t * TURN / 8), steps)
+    assert [step.report.certificate.remarks() for step in path.steps] == [[], []]
+
+
+def test_bent_beam_does_not_turn():
+    """Its ends are prescribed; one is lifted."""
+    x0 = np.array([[0.0, 0.0], [0.0, 0.2], [1.0, 0.0], [1.0, 0.2]])
+    x1 = x0 + np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 0.3], [0.0, 0.3]])
+    assert abs(turn_of(x0, x1, np.inf)[0]) > TURN / 36
+    assert turn_of(x0, x1, STRETCHED)[0] == 0.0
+    assert turn_of(x0, x0 @ rotation(0.2).T, STRETCHED)[0] == pytest.approx(0.2)
 
 
 def test_path_takes_smaller_steps_than_half_a_turn():

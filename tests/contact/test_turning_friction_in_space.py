@@ -10,8 +10,8 @@ from scipy.sparse import csr_array, eye
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact import space_arcs
-from fenics_mortar.contact.space_arcs import Turned, past_obstacle, screw
+from fenics_mortar.contact import arcs
+from fenics_mortar.contact.arcs import Turned, past_obstacle, screw
 from fenics_mortar.obstacles.rotations import rotation_by
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, mapped
@@ -63,9 +63,20 @@ def test_slip_past_an_obstacle_is_the_way(turns):
     assert np.allclose(found.slip, -np.cross(w, r), rtol=0, atol=1e-12)
     with_it = rotations(np.tile(w, (N, 1)))
     angle = abs(np.arctan2(np.sin(turns), np.cos(turns)))
-    if angle > space_arcs.TILTED:
+    if angle > arcs.TILTED:
         found = past_obstacle(turned(with_it, r), r, with_it, w)
         assert np.allclose(found.slip, 0.0, rtol=0, atol=1e-12)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("size", [0.3, 1.5, 2.6, 3.1])
+def test_slip_of_a_wheel_past_an_obstacle_is_the_way(size):
+    """It turns in place about any axis, whatever the pivot of the obstacle."""
+    f, centre, x = of_size(size), RANDOM.normal(size=(N, 3)), RANDOM.normal(size=(N, 3))
+    Q, none = rotations(f), np.zeros(3)
+    found = past_obstacle(centre + turned(Q, x - centre), x, Q, none)
+    assert np.allclose(found.slip, turned(Q, np.cross(f, x - centre)), rtol=0, atol=1e-12)
+    assert np.allclose(found.of_slave, f, rtol=0, atol=1e-12)
 
 
 def _spun(at, spin):
@@ -111,7 +122,7 @@ def test_material_turns_with_its_nodes(mirrored):
     w = np.array([0.4, -0.8, 1.1])
     if mirrored:
         across[:, 0], w = True, np.array([0.7, 0.0, 0.0])
-    material = space_arcs.Material(csr_array(eye(n)), surface, surface.X, across)
+    material = arcs.Material(csr_array(eye(n)), surface, surface.X, across)
     x = surface.X @ rotation_by(w).T
     assert np.allclose(material.turned(x).Q, rotation_by(w), rtol=0, atol=1e-13)
     rng = np.random.default_rng(1)
@@ -124,7 +135,7 @@ def test_material_turns_with_its_nodes(mirrored):
         change[j] += sum(values[int(c)] * v for c, v in zip(columns, row))
     change, h = scene.data.mesh.comm.allreduce(change), 1e-6
     after, before = (material.turned(x + e * direction).Q for e in (h, -h))
-    spin = space_arcs.vectors_of(after @ before.swapaxes(1, 2))[0] / (2.0 * h)
+    spin = arcs.vectors_of(after @ before.swapaxes(1, 2))[0] / (2.0 * h)
     assert np.allclose((along * spin).sum(axis=1), change, rtol=0, atol=1e-7)
 
 
@@ -157,8 +168,11 @@ def test_wheel_pushes_the_block_along_by_any_angle(angle):
         assert problem.check_tangent(print_table=False).slopes["whole"] > 1.9
 
 
-def shaft_in_ring(around=24):
-    """A hollow shaft in a ring with interference; bore and outer side are prescribed."""
+def shaft_in_ring(around=24, *, on_axle=False, slave="shaft"):
+    """A hollow shaft in a ring with interference; bore and outer side are prescribed.
+
+    The bore has Dirichlet values, or is a rigid boundary ``on_axle``.
+    """
 
     def sector(inner, outer):
         def position(s, t, r):
@@ -172,12 +186,16 @@ def shaft_in_ring(around=24):
     data = mapped_boxes.mesh([shaft, ring])
     scene = space_scenes.of(data)
     bore = fem.Function(scene.u.function_space)
-    scene.bcs.append(fm.dirichlet(scene.u.function_space, data, "shaft/back", bore))
+    axle = fm.RigidBoundary(data, "shaft/back", pivot=(0.0, 0.0, 0.0))
+    if not on_axle:
+        scene.bcs.append(fm.dirichlet(scene.u.function_space, data, "shaft/back", bore))
     space_scenes.held(scene, side="ring/front")
-    pair = fm.ContactPair(data, "shaft/front", "ring/back", law=fm.Coulomb(0.2))
-    scene.set_up([pair])
+    sides = ["shaft/front", "ring/back"][:: 1 if slave == "shaft" else -1]
+    pair = fm.ContactPair(data, *sides, law=fm.Coulomb(0.2))
+    scene.set_up([pair], remote=[axle] if on_axle else [])
 
     def set_angle(angle):
+        axle.move(angle=(0.0, 0.0, angle))
         R = rotation_by(np.array([0.0, 0.0, angle])) - np.eye(3)
         bore.interpolate(lambda x: R @ x)
 
@@ -209,6 +227,77 @@ def test_rotation_that_is_known_up_to_full_turns_is_refused():
     turn(0.0)
     with refused(fm.NotConvergedError, "known up to a full turn only"):
         turn(2.6)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "slave"),
+    [(100.0, "shaft"), (150.0, "ring"), (160.0, "shaft"), (-210.0, "shaft"), (-260.0, "ring"),
+     (300.0, "shaft"), (345.0, "ring"), (-360.0, "shaft")],
+)  # fmt: skip
+def test_turn_of_a_rigid_boundary_is_known(degrees, slave):
+    """The ends of a step look like those of a turn by up to 180 degrees, maybe the other way."""
+    scene, turn = shaft_in_ring(on_axle=True, slave=slave)
+    turn(np.radians(20.0))
+    angle = np.radians(20.0 + degrees)
+    if abs(degrees) > 180.0:
+        with refused(fm.NotConvergedError, "known up to a full turn only"):
+            turn(angle)
+        return
+    report, contact = turn(angle), scene.problem.contacts[0]
+    assert report.certificate.remarks() == []
+    moment = np.cross(contact.positions, contact.forces)[:, 2].sum()
+    work = abs(moment) * np.radians(abs(degrees))
+    assert np.isclose(contact.friction_work, work, rtol=0.02), (contact.friction_work, work)
+
+
+@pytest.mark.parametrize("degrees", [225.0, 301.0, -345.0, 360.0])
+def test_turn_by_values_beyond_half_a_turn_is_told(degrees):
+    """The values are those of a turn the other way: friction is, too."""
+    _, turn = shaft_in_ring()
+    turn(np.radians(20.0))
+    try:
+        remarks = turn(np.radians(20.0 + degrees)).certificate.remarks()
+    except fm.NotConvergedError as error:
+        remarks = [str(error)]
+    (told,) = (text for text in remarks if "RigidBoundary" in text or "take smaller" in text)
+    if 300.0 < abs(degrees) < 360.0:
+        other = 360.0 - abs(degrees)
+        assert f"by {other:.0f} degrees in the step, if not by {abs(degrees):.0f}" in told
+
+
+@pytest.mark.parametrize(("turned", "known"), [(150.0, True), (-330.0, False)])
+def test_tyre_on_a_rigid_hub_in_space_is_known_to_turn(turned, known):
+    """A hollow cylinder on a plane, turned about its axis by a rigid hub."""
+    problem, hub = tyre_on_plane()
+    hub.move(z=-0.02, angle=(0.0, np.radians(20.0), 0.0))
+    problem.solve()
+    hub.move(z=-0.02, angle=(0.0, np.radians(20.0 + turned), 0.0))
+    if not known:
+        with refused(fm.NotConvergedError, "known up to a full turn only"):
+            problem.solve()
+        return
+    report, contact = problem.solve(), problem.contacts[0]
+    assert not any("rotation" in text for text in report.certificate.remarks())
+    normal = np.abs((contact.forces * contact.normals).sum(axis=1)).sum()
+    # the lowest point moves to -x, friction acts to +x
+    assert np.isclose(contact.forces[:, 0].sum() * np.sign(turned), 0.2 * normal, rtol=0.02)
+
+
+def tyre_on_plane():
+    """A hollow cylinder along y about a rigid hub, above a fixed plane with friction."""
+
+    def position(s, t, r):
+        radius = 0.35 + 0.15 * t
+        return radius * np.cos(2 * np.pi * s), 0.2 * r, radius * np.sin(2 * np.pi * s)
+
+    data = mapped_boxes.mesh([Box("tyre", mapped((24, 2, 1), position), closed=True)])
+    scene = space_scenes.of(data)
+    hub = fm.RigidBoundary(data, "tyre/front", pivot=(0.0, 0.0, 0.0))
+    plane = fm.Plane((0.0, 0.0, -0.5), (0.0, 0.0, 1.0))
+    scene.set_up([fm.ContactPair(data, "tyre/back", plane, law=fm.Coulomb(0.2))], remote=[hub])
+    hub.move(z=-0.02)
+    scene.problem.solve()
+    return scene.problem, hub
 
 
 @pytest.mark.parametrize("degrees", [250.0, -330.0, 360.0])

@@ -3,15 +3,16 @@
 
 import numpy as np
 import pytest
-from scenes import TIGHT, internal, neo_hookean, rotation
+from scenes import internal, neo_hookean, rotation
 from space_scenes import solid
+from turning_scenes import rollers
 
 from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.obstacles.rotations import rotation_less_one
 from meshes import mapped_grids
-from meshes.mapped_grids import Grid, block, sector
+from meshes.mapped_grids import Grid, block
 
 
 def largest_error(problem, x, exact):
@@ -67,26 +68,7 @@ def test_body_in_space_follows_its_end():
 
 def test_rollers_in_contact_turn_on():
     """Two tyres on rigid hubs, turned by an eighth: the same state as in steps of a sixteenth."""
-    hubs, radii = [(0.0, 0.0), (1.0, 0.0)], (0.2, 0.5)
-    grids = [
-        Grid("left", sector(40, 3, radii=radii, angles=(0.02, 0.02 + 2.0 * np.pi)), closed=True),
-        Grid(
-            "right",
-            sector(46, 3, radii=radii, angles=(0.1, 0.1 + 2.0 * np.pi), centre=hubs[1]),
-            closed=True,
-        ),
-    ]
-    data = mapped_grids.mesh(grids)
-    u = fem.Function(fm.vector_space(data.mesh, 1))
-    left, right = (
-        fm.RigidBoundary(data, f"{grid.name}/top", pivot=hub)
-        for grid, hub in zip(grids, hubs, strict=True)
-    )
-    problem = fm.ContactProblem(
-        internal(u, neo_hookean(u, 50.0, 0.3)), u,
-        [fm.ContactPair(data, "left/bottom", "right/bottom", law=fm.Coulomb(0.2))],
-        remote=[left, right], newton=TIGHT, petsc_options_prefix="rollers_",
-    )  # fmt: skip
+    problem, left, right = rollers(fm.Coulomb(0.2))
 
     def turn(*angles):
         problem.restore(start)

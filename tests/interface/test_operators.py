@@ -8,6 +8,7 @@ import pytest
 from scenes import pressed_blocks
 
 from fenics_mortar.interface.integrals import hand_over, share_of
+from fenics_mortar.interface.space_mortar import inverse_of
 
 comm = MPI.COMM_WORLD
 
@@ -122,3 +123,16 @@ def test_functions_are_handed_to_the_nearest_multiplier_nodes():
     assert (hand_over(np.array(carries, bool)) == expected).all()
     two = [[[1.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 1.0]]]
     assert (hand_over(np.eye(2, dtype=bool)) == two).all()
+
+
+@pytest.mark.serial
+def test_cover_without_area_has_dual_functions_that_sum_to_one():
+    """The mass matrix of a line across a facet is singular; others have their inverse."""
+    values = np.array([0.7, 0.2, 0.1])
+    line, whole_facet = np.outer(values, values), np.ones((3, 3)) + np.eye(3)
+    inverses = inverse_of(np.array([line, np.zeros((3, 3)), whole_facet]))
+    assert np.allclose(line @ inverses[0] @ line, line, rtol=0.0, atol=1e-14)
+    dual = (line.sum(axis=1)[:, None] * inverses[0] @ values).sum()
+    assert np.isclose(dual, 1.0, rtol=1e-13)
+    assert not inverses[1].any()
+    assert np.allclose(inverses[2] @ whole_facet, np.eye(3), rtol=0.0, atol=1e-14)

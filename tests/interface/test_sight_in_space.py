@@ -177,9 +177,9 @@ def test_partners_through_both_bodies_are_hidden():
     start, up = np.array([0.4, 0.3, 0.0]), np.array([0.0, 0.0, 1.0])
     for depth, hidden in ((0.2, False), (0.6, False), (0.7, True), (1.3, True)):
         shape = shape_of(((0, 0, -1), (1, 1, 0), 0), ((0, 0, -depth), (1, 1, 0.3 - depth), 1))
-        assert is_hidden(start, up, depth, behind(shape, 0, 1), (0, 0), LEAST) == hidden
+        assert is_hidden(start, up, depth, behind(shape, 0, 1), (0, 0), (LEAST, LEAST)) == hidden
     apart = shape_of(((0, 0, -1), (1, 1, 0), 0), ((0, 0, -2), (1, 1, -1.5), 1))
-    assert is_hidden(start, up, 2.0, behind(apart, 0, 1), (0, 0), LEAST)
+    assert is_hidden(start, up, 2.0, behind(apart, 0, 1), (0, 0), (LEAST, LEAST))
 
 
 def test_parts_of_one_body_are_told_by_their_order():
@@ -187,7 +187,7 @@ def test_parts_of_one_body_are_told_by_their_order():
     for depth, hidden in ((0.2, False), (1.0, True)):
         other = ((0, 0, -depth), (1, 1, 0.5), 0) if not hidden else ((0, 0, -3), (1, 1, -2), 0)
         shape = shape_of(((0, 0, -1), (1, 1, 0), 0), other)
-        assert is_hidden(start, up, depth, behind(shape, 0, 0), (0, 0), LEAST) == hidden
+        assert is_hidden(start, up, depth, behind(shape, 0, 0), (0, 0), (LEAST, LEAST)) == hidden
 
 
 def test_partner_much_nearer_to_another_part():

@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from fenics_mortar.kernels import crossing, passage, plane
+from fenics_mortar.kernels import crossing, passage
 
 
 def outline(*loops):
@@ -265,9 +265,9 @@ def test_collinear_segments_do_not_cross():
     """Tops of two blocks that stick to each other: the segments meet at the common corner."""
     x = np.array([(4e-17, 0.0), (-1 / 3, -1.1e-16), (0.25, -2.2e-16), (4e-19, 0.0)])
     one, other = np.array([0, 1]), np.array([2, 3])
-    assert not plane.cross_properly(x, one, other)
+    assert not crossing.cross_properly(x, one, other)
     x[2:] += [(0.0, 0.1), (-0.3, -0.1)]
-    assert plane.cross_properly(x, one, other)
+    assert crossing.cross_properly(x, one, other)
 
 
 def test_coordinate_on_a_segment_is_that_of_the_projection():

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Search for pairs of facets in space: as by brute force; distance, facing, sheets behind."""
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -116,3 +117,30 @@ def test_portion_of_the_master_far_behind_the_nearest_is_left_out(behind, kept):
 def test_portions_beside_a_contact_count_up_to_two_facets(gap, behind, kept):
     near, far = strip(0, 0.4, gap, gap), strip(0.6, 1, abs(gap) + behind, abs(gap) + behind)
     assert masters_of_unit_square(near, far) == ([0, 1] if kept else [0])
+
+
+def test_roles_limit_the_masters_of_a_surface():
+    """Sheets above each other as one surface: the upper two, seen from below, face the lowest."""
+    x, facets, heights = [], [], (0.0, 0.1, 0.3)
+    for number, height in enumerate(heights):
+        points, sheet_facets = grid(4, 3)
+        sheet_facets = sheet_facets if number == 0 else reversed_facets(sheet_facets)
+        facets.append(sheet_facets + number * len(points))
+        x.append(np.column_stack([points, np.full(len(points), height)]))
+    x, facets = np.concatenate(x), np.concatenate(facets)
+    count, everything = len(facets) // 3, np.arange(len(facets))
+    near = everything[:, None].copy()
+    find_with = partial(find_pairs, x, x, facets, facets, everything, 1.0, 0.1)
+    offsets, masters = find_with()
+    above = everything[count : 2 * count]
+    assert (np.diff(offsets) == 1).all() and (masters[:count] == above).all()
+    for first in (0, 1):  # the lowest sheet before the others, or after them
+        order = np.where(everything < count, first * len(facets), 0) + everything
+        offsets, masters = find_with(roles=(np.argsort(np.argsort(order)), near))
+        slaves = np.flatnonzero(np.diff(offsets))
+        assert (slaves < count).all() if first == 0 else (slaves >= count).all()
+        assert masters.size == (count if first == 0 else 2 * count)
+    order = everything[::-1].copy()
+    blocked = np.stack([everything, everything % count], axis=1)
+    offsets, masters = find_with(roles=(order, blocked))
+    assert not masters.size  # those below are too near

@@ -10,8 +10,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.interface.integrals import hand_over
-from fenics_mortar.interface.obstacle_facets import integrate_facets
-from fenics_mortar.interface.obstacle_normals import obstacle_normals
+from fenics_mortar.interface.obstacle_facets import integrate_facets, obstacle_normals
 from fenics_mortar.interface.segments import MortarOptions, facet_rule
 from meshes import two_blocks
 

@@ -5,13 +5,22 @@ import numpy as np
 import pytest
 
 import fenics_mortar as fm
-from fenics_mortar.interface.obstacle_facets import integrate_facets, points_of, whole_rule
-from fenics_mortar.interface.obstacle_normals import obstacle_normals
+from fenics_mortar.interface.obstacle_facets import (
+    integrate_facets,
+    obstacle_normals,
+    points_of,
+    whole_rule,
+)
 from fenics_mortar.interface.segments import MortarOptions
 from fenics_mortar.interface.space_mortar import hand_over
 from fenics_mortar.kernels.space.shapes import reference_nodes
-from fenics_mortar.obstacles.places import by_further_motion, motion_between, place_after
-from fenics_mortar.obstacles.rotations import rotation_by, vector_of
+from fenics_mortar.obstacles.rotations import (
+    by_further_motion,
+    motion_between,
+    place_after,
+    rotation_by,
+    vector_of,
+)
 
 AXIS = np.array((0.3, -0.5, 1.0)) / np.linalg.norm((0.3, -0.5, 1.0))
 PUNCH = [(-1.0, 0.0), (1.0, 0.0), (1.0, 2.0), (-1.0, 2.0)]

@@ -28,6 +28,7 @@ GIVEN = {
     "options": ("2,quadrilateral,1", "3,triangle,1"),
     "obstacles": ("2,triangle,1", "5,quadrilateral,1"),
     "in_space": ("2,hexahedron,1", "3,tetrahedron,1"),
+    "section": ("2,hexahedron,1", "3,tetrahedron,1"),
 }
 # Time after which a scene counts as hanging [s]; one takes up to ten seconds, and ten times as long
 # where other programs use the cores.

@@ -11,6 +11,7 @@ from petsc4py import PETSc
 
 import numpy as np
 import pytest
+from dimension_scenes import FRAME, plane_strip, strip_in_space
 from model_check_scenes import blocks as model_blocks
 from scenes import linear_elastic, neo_hookean, nodal, pressed_blocks
 from test_driven import block_under
@@ -193,6 +194,33 @@ def test_a_model_check_may_be_interrupted_anywhere():
     bc.g.value[:] = (0.02, -0.03)
     start = problem.equations.model_check.snapshot()
     interrupt_at_random(problem, lambda: (start(), problem.solve()), seed=1, times=6)
+
+
+@pytest.mark.once
+@pytest.mark.serial
+def test_an_estimate_by_a_problem_in_space_may_be_interrupted_anywhere():
+    """Errors are the same afterwards, with slip counted from the same state."""
+    law = fm.Coulomb(0.3)
+    solid = strip_in_space(0.3, depth=0.0, layers=1, law=law)
+    check = fm.ModelCheck(in_space=fm.InSpace(solid, **FRAME))
+    plane = plane_strip(depth=0.0, law=law, model_check=check)
+
+    def errors(x, y):
+        plane.obstacles[0].move(x=x, y=y)
+        solid.obstacles[0].move(x=x, z=y)
+        return plane.solve().model_check.assumptions[-1].errors
+
+    errors(0.0, -0.02)
+    start, state = check.snapshot(), plane.state()
+    expected = errors(0.02, -0.03)
+    plane.restore(state)
+    start()
+    plane.obstacles[0].move(x=0.02, y=-0.03)
+    interrupt_at_random(plane, lambda: (start(), plane.solve()), seed=2, times=6)
+    plane.restore(state)
+    start()
+    assert errors(0.02, -0.03) == pytest.approx(expected, rel=1e-6)
+    assert not solid.state().u.any()
 
 
 @pytest.mark.once

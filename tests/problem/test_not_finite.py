@@ -1,18 +1,23 @@
 # SPDX-License-Identifier: MIT
 """Numbers that are not finite: reported with their position; differences between ranks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from array_meshes import blocks_of_arrays, grid, mesh_of, problem_on, tagged, triangles
 from refusal import COMM, refused
 from scenes import internal, neo_hookean, pair_options
 from small_scenes import small_blocks
+from space_pairs import pressed
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.contact.contact import Contact
 from fenics_mortar.utils import compat
+from fenics_mortar.utils.errors import NotFiniteError
 
 # Numbers that are not finite
 
@@ -197,3 +202,21 @@ def test_material_parameter_that_is_not_finite_on_one_rank_is_named():
             [fm.ContactPair(data, "slave", "master")],
             petsc_options_prefix="test_errors_",
         )
+
+
+def test_iteration_with_folded_facets_fails(monkeypatch):
+    """The gap is nan there; at open nodes the residual would not show it."""
+    problem = pressed().problem
+    equations = problem.equations
+    contact, evaluate = equations.contacts[0], Contact.evaluate
+
+    def fold(self, u, linearization):
+        evaluate(self, u, linearization)
+        gap = self.operators.gap.copy()
+        gap[-1] = np.nan
+        self.set_operators(replace(self.operators, gap=gap))
+
+    equations.evaluate(start=True)
+    monkeypatch.setattr(Contact, "evaluate", fold)
+    with refused(NotFiniteError, f"facets of '{contact.slave.name}' are folded at"):
+        equations.evaluate(start=False)

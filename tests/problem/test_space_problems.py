@@ -14,7 +14,7 @@ import fenics_mortar as fm
 from fenics_mortar import energies
 from fenics_mortar.bulk.bodies import find_floating_bodies, label_bodies
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.dimensions import NOT_IN_SPACE
+from fenics_mortar.utils.errors import NOT_IN_SPACE
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, block
 
@@ -262,13 +262,6 @@ def test_options_of_the_plane_are_refused(options, what):
     name = NOT_IN_SPACE[what].replace("(", r"\(").replace(")", r"\)")
     with refused(NotImplementedError, f"not yet available in three dimensions: {name}"):
         scene.set_up(**options)
-
-
-def test_features_of_the_plane_are_refused():
-    scene = pressed().set_up()
-    scene.problem.solve()
-    with refused(NotImplementedError, "contact of a surface with itself .*block/left"):
-        scene.set_up([fm.ContactPair(scene.data, "block/left")])
 
 
 def test_energies_of_space():

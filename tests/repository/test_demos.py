@@ -22,8 +22,9 @@ ON_RANKS = {"demo_tied": 2}
 LONG = (
     "demo_ball", "demo_identify", "demo_interference", "demo_ironing", "demo_plasticity",
     "demo_profile", "demo_relaxation", "demo_rollers", "demo_seal", "demo_snap_fit", "demo_tied",
-    "demo_wear",
+    "demo_wear", "demo_hot_punch",
     "demo_crossed_cylinders", "demo_ironing_in_space", "demo_pyramid", "demo_screw", "demo_sphere",
+    "demo_strip",
 )  # fmt: skip
 # time limit of a demo [s]: a minute, four on a loaded machine
 LIMIT = 240

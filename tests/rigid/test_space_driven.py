@@ -8,8 +8,13 @@ from space_scenes import held, of, solid
 from test_space_contact import KINDS, TIGHT, block_under, law_of
 
 import fenics_mortar as fm
-from fenics_mortar.obstacles.places import motion_between, place_after, places_towards
-from fenics_mortar.obstacles.rotations import rotation_by, vector_beside
+from fenics_mortar.obstacles.rotations import (
+    motion_between,
+    place_after,
+    places_towards,
+    rotation_by,
+    vector_beside,
+)
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, block
 

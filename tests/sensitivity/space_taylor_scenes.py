@@ -12,6 +12,8 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import energies, sensitivity
+from meshes import mapped_boxes
+from meshes.mapped_boxes import Box, block
 
 SIZES = ((0.8, 0.7, 0.5), (1.2, 1.2, 0.5))
 # Pressed, then drawn over a part of a facet, and aside.
@@ -109,3 +111,54 @@ def twisted(law):
         upper.interpolate(lambda x: R @ (T @ (x - centre) + down) + centre - x)
 
     return Path(scene.problem, scene.u, {}, move, [(0.0, 0.0), (0.0, 0.05), (0.1, 0.25)])
+
+
+def tower(laws, *, mixed=False):
+    """Three blocks on each other, and a plane that moves down and aside on top: three pairs.
+
+    Controls: modulus, offsets of the pairs, place of the plane, coefficients of friction.
+
+    Args:
+        laws: Laws of the pairs from the bottom up.
+        mixed: Whether the pressure is an unknown, with displacements of degree 2.
+    """
+    low, boxes = 0.0, []
+    for seed, (counts, size) in enumerate(
+        [((2, 2, 1), 1.2), ((1, 2, 1), 0.9), ((2, 1, 1), 0.7)], start=1
+    ):
+        corner = (0.5 - 0.5 * size, 0.45 - 0.5 * size, low)
+        x = block(counts, size=(size, size, 0.4), corner=corner, jiggle=0.1, seed=seed)
+        boxes.append(Box(f"b{seed}", x))
+        low += 0.397
+    cell = "tetrahedron" if mixed else "hexahedron"
+    data = mapped_boxes.mesh(boxes, cell=cell)
+    E = fem.Constant(data.mesh, YOUNG)
+    if mixed:
+        w = fem.Function(fm.mixed_space(data.mesh, ("Lagrange", 2, (3,)), ("Lagrange", 1)))
+        u, pressure = ufl.split(w)
+        shear = E / 2.8
+        psi = energies.mixed_neo_hookean(u, pressure, shear, 0.1 / shear)
+    else:
+        w = fem.Function(fm.vector_space(data.mesh, 1))
+        psi = energies.neo_hookean(w, *energies.lame(E, 0.3))
+    plane = fm.Plane((0.5, 0.45, low + 0.003), (0.0, 0.0, -1.0), name="plate")
+    sides = ("b2/bottom", "b1/top"), ("b3/bottom", "b2/top"), ("b3/top", plane)
+    pairs = [fm.ContactPair(data, *side, law=law) for side, law in zip(sides, laws, strict=True)]
+    V = w.function_space.sub(0) if mixed else w.function_space
+    bcs = [fm.dirichlet(V, data, "b1/bottom", np.zeros(3))]
+    residual = ufl.derivative(psi * ufl.dx(degree=4), w)
+    problem = fm.ContactProblem(
+        residual, w, pairs, bcs=bcs, petsc_options_prefix="tower_", newton=SOLVED
+    )
+    controls = {"E": E, "place": sensitivity.ObstaclePlace(plane)}
+    for number, law in enumerate(laws):
+        controls[f"offset{number}"] = sensitivity.Offset(number)
+        for name in law.parameters if law else ():
+            controls[f"{name}{number}"] = sensitivity.LawParameter(number, name)
+
+    def move(place):
+        plane.place = place
+
+    places = [(0.0, 0.0, -0.02, 0.0, 0.0, 0.0), (0.004, 0.002, -0.03, 0.0, 0.0, 0.0)]
+    places += [(0.05, 0.03, -0.03, 0.0, 0.0, 0.02)]
+    return Path(problem, w, controls, move, places)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from one_rank import several_ranks
 from refusal import refused
-from space_taylor_scenes import ROLL, SLIDE, blocks, on_obstacle, shift
+from space_taylor_scenes import ROLL, SLIDE, blocks, on_obstacle, shift, tower
 from taylor_scenes import check, timed, value_of
 from test_contact_controls import Regular
 
@@ -52,6 +52,14 @@ def test_friction(cell, degree, law):
     checked(scene, FORCE + FrictionWork(0), names, sizes)
     contact = scene.problem.equations.contacts[0]
     assert contact.now.sliding.any() != sticks
+
+
+def test_a_surface_in_contact_with_itself():
+    """Slave and master are one surface."""
+    scene = blocks(law=fm.Coulomb(0.2), roles=[["upper/bottom", "lower/top"]])
+    checked(scene, FORCE + FrictionWork(0), [*FORMS, "offset"], [*SIZES, 0.003])
+    contact = scene.problem.equations.contacts[0]
+    assert contact.slave is contact.master and contact.now.sliding.any()
 
 
 QUANTITIES = {
@@ -151,6 +159,18 @@ def test_quadratic_elements(cell, degree):
     more = {"places": SLIDE[:2], "upper": (2, 2, 1), "lower": (2, 2, 1)}
     scene = blocks(cell, degree, fm.Coulomb(0.2), **more)
     checked(scene, FORCE, ["E", "mu", "fit"], [10.0, 0.05, 0.003])
+
+
+@pytest.mark.each
+@pytest.mark.parametrize("mixed", [False, True])
+def test_several_pairs_and_mixed_functions(mixed):
+    """Blocks between blocks and an obstacle, that stick, slide and hold each other."""
+    scene = tower([fm.Coulomb(2.0), fm.Tresca(1.0), fm.Coulomb(0.2)], mixed=mixed)
+    objective = FORCE + FrictionWork(1) + FrictionWork(2) + MeanGap(2)
+    names = ["E", "offset0", "offset1", "stress1", "mu2", "place"]
+    checked(scene, objective, names, [5.0, 0.001, 0.001, 0.05, 0.02, 0.001])
+    sliding = [contact.now.sliding.any() for contact in scene.problem.equations.contacts]
+    assert sliding[-1]
 
 
 def test_symmetry_planes():

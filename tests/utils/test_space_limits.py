@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from fenics_mortar.utils.dimensions import NOT_IN_SPACE, refuse_in_space
+from fenics_mortar.utils.errors import NOT_IN_SPACE, refuse_in_space
 
 PAGE = Path(__file__).parents[2] / "demos" / "guide" / "limits.md"
 

@@ -2,12 +2,17 @@
 """Work of friction by slip and by motions, where nothing moves but for rounding."""
 
 import numpy as np
+import pytest
+import space_scenes
+from refusal import refused
 from scenes import TIGHT, internal, linear_elastic
+from turning_scenes import rollers
 
 from dolfinx import fem
 
 import fenics_mortar as fm
-from meshes import mapped_grids
+from meshes import mapped_boxes, mapped_grids
+from meshes.mapped_boxes import Box, mapped
 from meshes.mapped_grids import Grid, sector
 
 
@@ -30,3 +35,65 @@ def test_sticking_to_an_obstacle_at_rest_is_no_difference():
     contact = problem.equations.contacts[0]
     assert contact.active.sum() == 3 and abs(contact.z_tau).max() > 0.01
     assert abs(contact.slip[contact.active]).max() < 1e-12
+
+
+@pytest.mark.parametrize("per_turn", [8, 16])
+@pytest.mark.parametrize("ratio", [-1.0, -1.02])
+def test_rolling_tyres_with_slip_of_unknown_direction_are_refused(ratio, per_turn):
+    """The way before nodes meet is many times the slip of tyres that roll on each other."""
+    problem, left, right = rollers(fm.Coulomb(0.2))
+    right.move(x=-0.02)
+    problem.solve()
+    left.move(angle=2.0 * np.pi / per_turn)
+    right.move(x=-0.02, angle=ratio * 2.0 * np.pi / per_turn)
+    with refused(fm.NotConvergedError, "direction of friction is unknown: take smaller steps"):
+        problem.solve()
+
+
+@pytest.mark.parametrize("per_turn", [8, 16])
+def test_error_of_slip_of_tyres_that_rub_is_measured(per_turn):
+    """At full sliding the work of friction is that of the moments but for this error."""
+    problem, left, right = rollers(fm.Coulomb(0.2))
+    right.move(x=-0.02)
+    problem.solve()
+    angle = 2.0 * np.pi / per_turn
+    for step in (1, 2):
+        left.move(angle=step * angle)
+        right.move(x=-0.02, angle=step * angle)
+        certificate = problem.solve().certificate
+    moments = abs((left.reaction[2] + right.reaction[2]) * angle)
+    work = problem.contacts[0].friction_work
+    doubt = certificate.pairs[0]["approach_slip"]
+    assert doubt.verdict == "ok"
+    assert work == pytest.approx((1.0 - doubt.value) * moments, rel=0.04), (work, moments)
+
+
+@pytest.mark.parametrize(("per_turn", "unknown"), [(12, True), (72, False)])
+def test_rolling_tyres_in_space_are_judged(per_turn, unknown):
+    """As in the plane; of small steps the slip is known."""
+
+    def tyre(name, start, centre):
+        def position(s, t, r):
+            radius, angle = 0.3 + 0.2 * t, start + 2 * np.pi * s
+            return centre + radius * np.cos(angle), 0.1 * r, radius * np.sin(angle)
+
+        return Box(name, mapped((36, 1, 1), position), closed=True)
+
+    data = mapped_boxes.mesh([tyre("left", 0.05, 0.0), tyre("right", 0.0, 1.0)])
+    scene = space_scenes.of(data)
+    left, right = (
+        fm.RigidBoundary(data, f"{name}/front", pivot=(x, 0.0, 0.0))
+        for name, x in (("left", 0.0), ("right", 1.0))
+    )
+    pair = fm.ContactPair(data, "left/back", "right/back", law=fm.Coulomb(0.2))
+    problem = scene.set_up([pair], remote=[left, right]).problem
+    right.move(x=-0.02)
+    problem.solve()
+    angle = 2.0 * np.pi / per_turn
+    left.move(angle=(0.0, angle, 0.0))
+    right.move(x=-0.02, angle=(0.0, -angle, 0.0))
+    if unknown:
+        with refused(fm.NotConvergedError, "direction of friction is unknown"):
+            problem.solve()
+    else:
+        assert problem.solve().certificate.pairs[0]["approach_slip"].verdict == "ok"

@@ -37,18 +37,18 @@ Phi         multiplier functions A N; biorthogonal with A = De Me^-1 (Cichosz & 
 =============  ===================================================================================
 module         contents
 =============  ===================================================================================
-``shapes``     shape functions; nodes of the reference facets, linear pieces of curved facets
-``rules``      quadrature rules of a triangle
-``normals``    averaged nodal normals and their derivatives (Max 1999)
-``plane``      auxiliary plane, flat images, projection of a point to a facet
+``shapes``     shape functions; nodes of the reference facets, linear pieces of curved facets,
+               quadrature rules of a triangle
+``normals``    averaged nodal normals and their derivatives (Max 1999); auxiliary plane, flat
+               images, projection of a point to a facet
 ``clipping``   common part of two convex images, with labelled vertices
-``points``     quadrature points of the common part of two pieces
+``points``     quadrature points of the common part of two pieces, factors of their derivatives
 ``pairs``      search for the master facets of each slave facet
+``sight``      partners behind both bodies
 ``integrals``  De, Me, B, G
-``weighing``   factors of the derivatives of xi, eta and W of a point in those of the integrals
 ``linearize``  derivatives of the integrals of functions of xi, eta and g
-``inside``     winding numbers, depths of points in bodies (van Oosterom & Strackee 1983)
-``crossing``   edges that pierce triangles
+``inside``     winding numbers, depths of points in bodies (van Oosterom & Strackee 1983), edges
+               that pierce triangles
 ``passage``    times at which moving nodes meet triangles, and edges edges
 =============  ===================================================================================
 """

@@ -17,7 +17,7 @@ to the positions: dX = t_d . dx - h t_d . dn_0. Only the gap depends on more tha
 ==========  ======================================================================  ============
 symbol      meaning                                                                 shape
 ==========  ======================================================================  ============
-by          factors of a point, see ``weighing``                                    (5, r)
+by          factors of a point, see ``points``                                      (5, r)
 by_point    derivatives of r rows by V through xi, and through eta                  (4, r)
 by_V        derivatives by the vertices                                             (v, 2, r)
 by_A        derivative by the area of a cell                                        (r,)
@@ -32,11 +32,14 @@ from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.facets import add_row
 from fenics_mortar.kernels.space.clipping import chain_vertices
 from fenics_mortar.kernels.space.normals import cross2, dot, flatten, jacobian, set_plane
-from fenics_mortar.kernels.space.points import common_part, gap_at, points_work, tabulate_points
-from fenics_mortar.kernels.space.weighing import (
+from fenics_mortar.kernels.space.points import (
     combine,
     combine_scalar,
+    common_part,
+    gap_at,
+    points_work,
     row_starts,
+    tabulate_points,
     weigh_gap,
     weigh_master_force,
     weigh_slave_force,

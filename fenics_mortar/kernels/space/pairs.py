@@ -11,6 +11,9 @@ As in the plane, see ``kernels.pairing``, the nearest of pieces at the same plac
 portions of the master, each connected by common nodes, those far behind the nearest one are left
 out. Facets with a common node are never at the same place: on a curved master they overlap slightly
 as seen from a plane.
+
+On a surface in contact with itself only some facets are masters of a slave facet; the others hide
+what is behind them all the same.
 """
 
 import numpy as np
@@ -21,7 +24,7 @@ from fenics_mortar.kernels.rows import copy_row, copy_rows, grown
 from fenics_mortar.kernels.space.clipping import clip, clipping_work, signed_area
 from fenics_mortar.kernels.space.normals import find_point, flatten, set_plane
 from fenics_mortar.kernels.space.shapes import piece_centres, pieces_of, triangles_of
-from fenics_mortar.kernels.space.sight import is_hidden, is_nearer_elsewhere
+from fenics_mortar.kernels.space.sight import bulge, is_hidden, is_nearer_elsewhere
 from fenics_mortar.kernels.tree import build_tree, query_tree
 from fenics_mortar.utils.rounding import HALF_FACET, ROUNDING, SAME_PLACE
 
@@ -224,10 +227,24 @@ def find_portions(found, count, master_facets):
 
 
 @kernel
-def add_masters(pieces, number, found, count):
+def is_master(roles, slave, other):
+    """Whether facet ``other`` is a master of facet ``slave``; ``roles`` as in ``find_pairs``."""
+    order, near = roles
+    if order.size == 0:
+        return True
+    if order[slave] >= order[other]:
+        return False
+    for facet in near[slave]:
+        if facet == other:
+            return False
+    return True
+
+
+@kernel
+def add_masters(pieces, number, found, count, roles, slave):
     """Add the masters of kept ``pieces`` (c, 5) to the rows ``found`` (c, 4); count the rows."""
     for i in range(number):
-        if pieces[i, 4] == 0.0:
+        if pieces[i, 4] == 0.0 or not is_master(roles, slave, int(pieces[i, 2])):
             continue
         j = 0
         while j < count and found[j, 2] != pieces[i, 2]:
@@ -255,12 +272,13 @@ def longest_edge(x, nodes):
 
 @kernel
 def search_pairs(
-    x, m, slave_facets, master_facets, order, numbers, radius, min_cosine, behind, triangles
+    x, m, slave_facets, master_facets, order, numbers, limits, behind, triangles, roles
 ):
     """As ``find_pairs``, with the ``order`` (g,) in which the master facets are in the tree.
 
-    ``triangles`` (t, 3) are those of the slave.
+    ``triangles`` (t, 3) are those of the slave, none if it is in contact with itself.
     """
+    radius, min_cosine = limits
     own, others = slave_facets.shape[1], master_facets.shape[1]
     pieces, centres = pieces_of(own), piece_centres(own)
     master_pieces, master_centres = pieces_of(others) + own, piece_centres(others)
@@ -295,23 +313,23 @@ def search_pairs(
                     if abs(height) > radius:
                         continue
                     if -height > behind[0][i]:
-                        if own_boxes.size == 0:
-                            own_boxes = build_tree(x, triangles)
-                            own_hits = np.empty(own_boxes.shape[0] // 2, np.int64)
                         lift(x, nodes, N, start)
                         least = ROUNDING * np.sqrt(area)
-                        if is_hidden(start, frame[2], -height, behind, (i, hit), least):
+                        sizes = least + bulge(x, nodes), least + bulge(m, master_facets[hit])
+                        if is_hidden(start, frame[2], -height, behind, (i, hit), sizes):
                             continue
-                        if is_nearer_elsewhere(
-                            start, frame[2], -height, (x, triangles, own_boxes, own_hits)
-                        ):
+                        if own_boxes.size == 0 and triangles.size:
+                            own_boxes = build_tree(x, triangles)
+                            own_hits = np.empty(own_boxes.shape[0] // 2, np.int64)
+                        all_own = x, triangles, own_boxes, own_hits
+                        if is_nearer_elsewhere(start, frame[2], -height, all_own):
                             continue
                     of_piece[number, 0], of_piece[number, 1] = abs(height), height
                     of_piece[number, 2], of_piece[number, 3] = hit, size
                     copy_rows(work[0], size, polygons[number], 0)
                     number += 1
             keep_nearest(of_piece, polygons, number, master_facets, area, work)
-            count = add_masters(of_piece, number, found, count)
+            count = add_masters(of_piece, number, found, count, roles, numbers[i])
         count = keep_near_portions(found, count, master_facets, longest_edge(x, nodes))
         rows = grown(rows, offsets[i], offsets[i] + count)
         sort_rows(found, count, 2)
@@ -330,7 +348,9 @@ def nothing_behind(count):
     return np.full(count, np.inf), none, none, outline
 
 
-def find_pairs(x, m, slave_facets, master_facets, numbers, radius, min_cosine, behind=None):
+def find_pairs(
+    x, m, slave_facets, master_facets, numbers, radius, min_cosine, behind=None, roles=None
+):
     """Find the master facets that share an area with slave facets along their normals n_0.
 
     Args:
@@ -342,6 +362,9 @@ def find_pairs(x, m, slave_facets, master_facets, numbers, radius, min_cosine, b
         radius: Largest distance along the normal [length].
         min_cosine: Smallest cosine of slave normal and reversed master normal [1].
         behind: As in ``sight.is_hidden``, for the slave facets ``numbers``; no limits by default.
+        roles: Of a surface in contact with itself the position of each facet in the order of slaves
+            before masters, (f,), and the facets near each one that are no masters of it, -1 for
+            none, (f, c); by default all facets are masters.
 
     Returns:
         Offsets (s + 1,): pairs of the i-th of the ``numbers`` are offsets[i]:offsets[i + 1]; master
@@ -349,7 +372,9 @@ def find_pairs(x, m, slave_facets, master_facets, numbers, radius, min_cosine, b
     """
     order = spatial_order(m, master_facets)
     behind = nothing_behind(numbers.size) if behind is None else behind
-    triangles = triangles_of(slave_facets)[0]
+    triangles = triangles_of(slave_facets if roles is None else slave_facets[:0])[0]
+    roles = (np.empty(0, np.int64), np.empty((0, 0), np.int64)) if roles is None else roles
+    limits = radius, min_cosine
     return search_pairs(
-        x, m, slave_facets, master_facets, order, numbers, radius, min_cosine, behind, triangles
+        x, m, slave_facets, master_facets, order, numbers, limits, behind, triangles, roles
     )

@@ -91,7 +91,27 @@ def crossings(origin, direction, outline, own, min_distance):
 
 
 @kernel
-def is_hidden(start, normal, depth, behind, facets, size):
+def bulge(x, nodes):
+    """Distance of a facet (K,) from the triangles between its nodes, or more [length]."""
+    count = nodes.size
+    sides, largest = (3 if count % 3 == 0 and count < 9 else 4), 0.0
+    for k in range(count):
+        square = 0.0
+        for d in range(3):
+            if count == 4:
+                off = 0.25 * (x[nodes[0], d] - x[nodes[1], d] + x[nodes[2], d] - x[nodes[3], d])
+            elif k < sides:
+                off = 0.0
+            else:
+                i, j = (k, k + 1) if k < 2 * sides else (0, 2)
+                off = x[nodes[k], d] - 0.5 * (x[nodes[i % sides], d] + x[nodes[j % sides], d])
+            square += off * off
+        largest = max(largest, square)
+    return np.sqrt(largest)
+
+
+@kernel
+def is_hidden(start, normal, depth, behind, facets, sizes):
     """Whether a partner at ``depth`` [length] behind the slave surface is rejected.
 
     Args:
@@ -101,18 +121,19 @@ def is_hidden(start, normal, depth, behind, facets, size):
         behind: Safe depths (f,) [length] and bodies (f,) of the slave facets, bodies of the master
             facets, outline.
         facets: Number of the slave facet in ``behind``, and the master facet.
-        size: Length below which a crossing belongs to the facet on which a line begins [length].
+        sizes: Distances from the slave and from the master facet below which a crossing of a line
+            belongs to them [length].
     """
     _, slave_bodies, master_bodies, outline = behind
     own, other = slave_bodies[facets[0]], master_bodies[facets[1]]
     if own == other:
-        return not covers_point(crossings(start, -normal, outline, own, size), depth + size)
-    length = first_exit(crossings(start, -normal, outline, own, size))
+        return not covers_point(crossings(start, -normal, outline, own, sizes[0]), depth + sizes[1])
+    length = first_exit(crossings(start, -normal, outline, own, sizes[0]))
     if depth < 0.5 * length:
         return False
     partner = start - depth * normal
-    length += first_exit(crossings(partner, normal, outline, other, size))
-    return not depth < 0.5 * length - size
+    length += first_exit(crossings(partner, normal, outline, other, sizes[1]))
+    return not depth < 0.5 * length - ROUNDING * length
 
 
 @kernel
@@ -126,9 +147,12 @@ def is_nearer_elsewhere(start, normal, depth, slave):
         start: Point of the slave surface, shape (3,) [length].
         normal: Unit vector along which the partner was found, outward, shape (3,).
         depth: Distance of the partner behind the slave surface [length].
-        slave: Nodes (n, 3) [length], triangles (t, 3) of the slave, tree of these, space for hits.
+        slave: Nodes (n, 3) [length], triangles (t, 3) of the slave, tree of these, space for hits;
+            without triangles if it is in contact with itself.
     """
     x, triangles, boxes, hits = slave
+    if triangles.size == 0:
+        return False
     near = MUCH_NEARER * depth
     return nearest_triangle(x, triangles, boxes, hits, start - depth * normal, near)[0] < near
 

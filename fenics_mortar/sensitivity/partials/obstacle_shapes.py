@@ -23,22 +23,19 @@ from fenics_mortar.interface.on_obstacle import (
 )
 from fenics_mortar.sensitivity.partials.fields import of_vectors
 from fenics_mortar.sensitivity.partials.maps import Changes, Matrix, through_fields
-from fenics_mortar.sensitivity.partials.space_history import slip_by_feet
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, call_together
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 
-def fields_by_shape(contact: Contact, name: str, earlier: Any = None) -> Changes:
+def fields_by_shape(contact: Contact, name: str) -> Changes:
     """Derivatives of gap, z_n, z_tau and slip with respect to a parameter of the shape.
 
-    Collective. In space also those of the normals and of the vectors of slip.
+    Collective. In space also those of the normals.
 
     Args:
         contact: The contact, evaluated, with the obstacle at its present position.
         name: Name of the parameter, see ``Obstacle.shape``.
-        earlier: In space the state from which slip is counted, an ``Earlier``, with the nearest
-            points of the same shape; ``None`` if these are fixed.
 
     Returns:
         Shape (slave nodes, m) each, of vectors (3 slave nodes, m), for the m numbers of the
@@ -58,12 +55,7 @@ def fields_by_shape(contact: Contact, name: str, earlier: Any = None) -> Changes
     )
     changes = {"gap": sum_over_ranks(o.slave.comm, gap)}
     if isinstance(f, SpaceFields):
-        vectors = {"normal": dn}
-        if earlier is not None:
-            vectors["slip_vector"] = call_together(
-                o.slave.comm, what, lambda: _slip_by_shape(contact, earlier, name, units)
-            )
-        found = {name: Matrix.dense(v.reshape(len(v), -1).T) for name, v in vectors.items()}
+        found = {"normal": Matrix.dense(dn.reshape(len(dn), -1).T)}
         found["gap"] = Matrix.dense(changes["gap"].T)
         return found | {name: through_fields(by, found) for name, by in of_vectors(f).items()}
     dtau, z = np.stack([-dn[..., 1], dn[..., 0]], axis=-1), f.state.z
@@ -72,16 +64,6 @@ def fields_by_shape(contact: Contact, name: str, earlier: Any = None) -> Changes
         slip = np.einsum("mjc,jc->mj", dtau, contact.partners.rotated(o))
         changes["slip"] = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, slip)
     return {name: Matrix.dense(change.T) for name, change in changes.items()}
-
-
-def _slip_by_shape(contact: Contact, earlier: Any, name: str, directions: Array) -> Array:
-    """Change of the slip with the points of the obstacle from which it counts, (m, nodes, 3)."""
-    then, by_feet = earlier.operators, slip_by_feet(contact.partners.at(contact.operators))
-    with earlier.at_earlier_position():
-        dn = _normals(contact, then, name, directions)
-        phi, _ = _distances(then.obstacle, then.x, name, directions)
-    feet = phi[..., None] * then.n + then.phi[:, None] * dn
-    return np.einsum("jab,mjb->mja", by_feet, feet)
 
 
 def _distances(o: Any, x: Array, name: str, directions: Array) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Derivative of the slip of a step in space with respect to the accepted state at its start.
 
-With the notation of ``space_arcs``, primes for the previous state, P = D' / w' and Q = M' / w', the
+With the notation of ``arcs``, primes for the previous state, P = D' / w' and Q = M' / w', the
 slip of a node changes through
 
     dr   = [dD' x - dM' m - dw' r] / w'    at nodes with rows in D' and M',
@@ -9,8 +9,8 @@ slip of a node changes through
 
 and through the rotations of both materials, which depend on the previous positions x' and m' and,
 at the partners, on Q. Where D' and M' are constant, with small sliding, dr_0 = P dx' - Q dm' is
-left. On an obstacle r_0 leads from the pivot to the nearest point of the previous state. Active
-set, multiplier nodes, facets that face each other and nearest facets are fixed.
+left. On an obstacle r_0 leads from its pivot to the node in the previous state. Active set,
+multiplier nodes, facets that face each other and nearest facets are fixed.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array, eye
 
+from fenics_mortar.contact.arcs import Material, Turned, spokes_of
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.space_arcs import Material, PastObstacle, Turned, spokes_of
 from fenics_mortar.contact.space_partners import ObstaclePartners, SpacePartners
 from fenics_mortar.interface.integrals import share_of
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.interface.nearest_points import nearest_points
+from fenics_mortar.interface.nearest_points import nearest_on_master
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.space_mortar import SpaceOperators
 from fenics_mortar.obstacles.rotations import inverse_jacobians
@@ -47,44 +47,26 @@ def slip_by_earlier(contact: Contact, earlier: Any, layout: Layout) -> Matrix:
     o, then = contact.now.operators, earlier.operators
     if not isinstance(then, ObstacleOperators):
         return layout.matrix(_Terms(o, then, contact.partners).blocks(), contact.z.size)
-    with earlier.at_earlier_position():
-        _, gradient, _ = then.obstacle.evaluate(then.x)
-    parts = [layout.nodal(*_past_obstacle(contact, then, gradient, a)) for a in AXES]
+    parts = [layout.nodal(*_past_obstacle(contact, then, a)) for a in AXES]
     return interleaved(parts, len(then.x))
 
 
 def _past_obstacle(
-    contact: Contact, then: ObstacleOperators, gradient: Array, axis: Array
+    contact: Contact, then: ObstacleOperators, axis: Array
 ) -> tuple[list[Block], None, Array]:
-    """Blocks and derivative by motions of the component of the slip along an axis (local).
-
-    ``gradient`` (slave nodes, 3) is that of the distance in the earlier state.
-    """
+    """Blocks and derivative by motions of the component of the slip along an axis (local)."""
     now: Any = contact.operators
     partners: ObstaclePartners = contact.partners
     found, slave = partners.at(now), then.slave
-    foot = np.einsum("jab,a->jb", slip_by_feet(found), axis)
-    by_phi, of_normal = np.einsum("jb,jb->j", foot, then.n)[:, None], then.phi[:, None] * foot
-    by_x = foot + by_phi * gradient + np.einsum("ja,jab->jb", of_normal, then.dn)
+    by_x = np.einsum("jab,a->jb", found.by_vector_then, axis)
     blocks = [rows_at_nodes(slave, slave.dofs, by_x)]
     if partners.mirrored is not None:
         by_spin = found.weights(np.tile(axis, (len(then.x), 1)))[1]
         blocks += by_positions_at_start(partners.material(now), found.slave, now.x, by_spin)
-    by_motion = np.einsum("ja,jam->jm", of_normal, then.dn_dq)
-    by_motion -= by_phi * np.einsum("jc,jmc->jm", gradient, then.V)
-    by_motion[:, :3] -= foot
     # the rotation of the obstacle in the step begins at its earlier place
     spin = found.by_relative @ inverse_jacobians(-partners.turn(now)[None])
-    by_motion[:, 3:] -= np.einsum("jab,a->jb", spin, axis) / now.arm
-    return blocks, None, by_motion
-
-
-def slip_by_feet(found: PastObstacle) -> Array:
-    """Derivative of the slip by the nearest points of the earlier state, (slave nodes, 3, 3) [1].
-
-    Local.
-    """
-    return np.asarray(-found.slave.Q @ (2.0 * np.eye(3) - found.by_vector))
+    by_turn = np.einsum("jab,a->jb", spin, axis) / now.arm
+    return blocks, None, -np.hstack([by_x, by_turn])
 
 
 def by_positions_at_start(
@@ -212,7 +194,7 @@ class _Terms:
     def _of_nearest(self) -> Iterator[Block]:
         """Terms with the motion of the nearest points, at nodes without rows in M."""
         o, j = self.then, np.flatnonzero(~self.faces)
-        corners, weights = nearest_points(o.x[j], o.m, o.master)
+        corners, weights = nearest_on_master(o, j)
         mine = share_of(np.arange(j.size), o.slave.comm)
         j, corners, weights = j[mine], corners[mine], weights[mine]
         by_Q = self._by_M(j[:, None], corners, np.sign(weights))

@@ -38,6 +38,9 @@ FRICTION_WORK = 0.03
 # Rotation of both sides in a step before nodes come into contact [radian], 30 degrees, above which
 # there is a remark: slip is then up to 4.5 % too small.
 BOTH_TURN = np.pi / 6.0
+# Error of the slip of such nodes over the slip [1], of all nodes by their friction limits, above
+# which its sense may be wrong; the error is known up to a third of it.
+SENSE = 0.7
 
 Forces = tuple[Array, Array]
 
@@ -62,9 +65,12 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
     contact, law = measured.contact, measured.contact.pair.law
     if not (law.has_friction or law.needs_nodal_state):
         return
-    yield from findings(_difference_of_work(contact), *_uncertain_rotation(contact))
+    yield from findings(_difference_of_work(contact), *uncertain_rotation(contact))
     if contact.obstacle is None and contact.rotating_planes is not None:
-        yield _approach(contact)
+        o, partners = contact.operators, contact.partners
+        slave = np.abs(surface_rotation(o.slave, partners.x, o.x))
+        master = np.abs(partners.M @ surface_rotation(o.master, partners.m, o.m))
+        yield from approach(measured, slave, master)
 
 
 def findings(work: float, rotation: float, where: str) -> Iterator[Finding]:
@@ -176,32 +182,64 @@ def _sums(before: Array, after: Array, moved: Array, angle: Array) -> tuple[floa
     return float(work.sum()), float(forces @ np.linalg.norm(moved, axis=1))
 
 
-def _approach(contact: Contact) -> Finding:
-    """Rotation of both sides before nodes came into contact in the step (collective).
+def approach(
+    measured: Measured, slave: Array, master: Array, relative: Array | float = 0.0
+) -> Iterator[Finding]:
+    """Rotation of both sides before nodes came into contact in the step (local).
 
     The slip that is counted until then is that of two rigid frames beside each other. It is exact
-    if one of them rests; if both turn by a, it may be too small by 1 - sin a / a.
+    if one of them rests. If the sides turn by a and b while the gap closes from g, as
+    g (1 - cos a t) / (1 - cos a), slip is wrong by b g (1 - sin a / a) / (1 - cos a): of bodies
+    that rub by a part 1 - sin a / a, of those that roll on each other by many times their slip.
+    That is compared with the slip, and with the one that strains the bodies up to the friction
+    limit. Slip by "operators" leaves out the gap g from which nodes come: half of the relative
+    rotation turns it into slip.
+
+    Args:
+        measured: The pair.
+        slave: Sizes of the rotations of the slave's material at its nodes, (slave nodes,) [radian].
+        master: Those of the master's material at the partners.
+        relative: Relative rotation at nodes whose slip is measured by "operators", else zero.
     """
+    contact = measured.contact
     partners, o = contact.partners, contact.operators
-    new = contact.active & (partners.pressure == 0.0)
-    apart = np.maximum(norms(partners.start), norms(partners.gap_vectors(o)))
-    new &= apart > contact.slave.nodal_lengths
-    slave = surface_rotation(o.slave, partners.x, o.x)
-    master = partners.M @ surface_rotation(o.master, partners.m, o.m) if new.any() else 0.0
-    both = np.where(new, np.minimum(np.abs(slave), np.abs(master)), 0.0)
+    start = norms(partners.D @ partners.x - partners.M @ partners.m)
+    apart = np.maximum(start, norms(partners.gap_vectors(o)))
+    new = contact.active & (partners.pressure == 0.0) & (apart > contact.slave.nodal_lengths)
+    both = np.where(new, np.minimum(slave, master), 0.0)
     degrees, where = float(np.degrees(both.max())), format_point(o.x[both.argmax()])
-    return Finding(
-        "approach", "rotation of both sides before nodes came into contact", degrees,
+    sagitta = np.maximum(1.0 - np.cos(slave), TINY)
+    error = both * start * (1.0 - np.sinc(slave / np.pi)) / sagitta
+    error += np.where(new, 0.5 * relative * start, 0.0)
+    slip = partners.slip(o)
+    sizes = np.abs(slip) if slip.ndim == 1 else norms(slip)
+    bound, shared = measured.friction_limit, np.where(contact.active, o.weight, 0.0)
+    limit = np.where(np.isfinite(bound), bound, 0.0)  # without a limit nodes do not slide
+    width = float(shared.sum()) ** (1.0 / (contact.slave.dim - 1))
+    sizes = sizes + width * limit / contact.modulus
+    doubt = float((shared * limit) @ error) / max(float((shared * limit) @ sizes), TINY)
+    turned = (
         f"nodes came into contact, one at {where}, after both sides had turned by {degrees:.0f} "
-        "degrees in the step; slip is counted from its start, and may be wrong by "
-        f"{1.0 - np.sinc(both.max() / np.pi):.0%}, or have the wrong sign where bodies roll: take "
-        "smaller steps",
+        "degrees in the step; slip is counted from its start, and"
+    )
+    yield Finding(
+        "approach", "rotation of both sides before nodes came into contact", degrees,
+        f"{turned} may be wrong by {1.0 - np.sinc(both.max() / np.pi):.0%}, or more where bodies "
+        "roll: take smaller steps",
         remark=float(np.degrees(BOTH_TURN)), unit="degrees", where=where,
+    )  # fmt: skip
+    yield Finding(
+        "approach_slip", "error of slip by rotations of both sides / slip", doubt,
+        f"{turned} is wrong by {doubt:.2g} times its size, so that the direction of friction is "
+        "unknown: take smaller steps",
+        limit=SENSE, where=where,
     )  # fmt: skip
 
 
-def _uncertain_rotation(contact: Contact) -> tuple[float, str]:
-    """Largest relative rotation of both sides in the step, as far as it is not known (local).
+def uncertain_rotation(contact: Contact) -> tuple[float, str]:
+    """Largest relative rotation of both sides in the step, as far as it is not known.
+
+    Collective in space, at the first access to ``MortarOperators.vectors``; in the plane local.
 
     Returns:
         ``Partners.doubt`` of an active node [radian], and its position.

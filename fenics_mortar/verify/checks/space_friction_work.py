@@ -7,7 +7,7 @@ rotation Q = exp(f) in a step, does the work
     (F_0 + Q^T F) / 2 . J(f)^-1 d
 
 on a node that moves by d with a velocity that is constant in the frame of the material: on a screw
-line. J is that of ``space_arcs``.
+line. J is that of ``arcs``.
 """
 
 from __future__ import annotations
@@ -17,13 +17,17 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.sparse import csr_array, eye
 
+from fenics_mortar.contact.arcs import Material, vectors_of
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.space_arcs import Material, vectors_of
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.obstacles.rotations import inverse_jacobians
 from fenics_mortar.utils.arrays import Array, norms
-from fenics_mortar.utils.errors import format_point
-from fenics_mortar.verify.checks.friction_work import findings, relative_difference
+from fenics_mortar.verify.checks.friction_work import (
+    approach,
+    findings,
+    relative_difference,
+    uncertain_rotation,
+)
 from fenics_mortar.verify.finding import Finding, Measured
 
 IN_SPACE_ONLY = True
@@ -34,9 +38,13 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
     contact, law = measured.contact, measured.contact.pair.law
     if not (law.has_friction or law.needs_nodal_state):
         return
-    doubt = np.where(contact.active, contact.partners.at(contact.operators).doubt, 0.0)
-    where = format_point(contact.operators.x[doubt.argmax()])
-    yield from findings(_difference_of_work(contact), float(doubt.max()), where)
+    yield from findings(_difference_of_work(contact), *uncertain_rotation(contact))
+    partners = contact.partners
+    if contact.obstacle is None and partners.mirrored is not None:
+        found = partners.at(contact.operators)
+        slave, master = (vectors_of(side.Q)[1] for side in (found.slave, found.master))
+        relative = np.where(partners.present > 0.0, found.doubt, 0.0)
+        yield from approach(measured, slave, master, relative)
 
 
 def work_along_screws(before: Array, after: Array, moved: Array, Q: Array) -> Array:

@@ -27,7 +27,7 @@ from scipy.sparse.csgraph import connected_components
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.faces import CORNERS, Faces
-from fenics_mortar.interface.nearest_points import nearest_points
+from fenics_mortar.interface.nearest_points import nearest_on_master
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import largest_over_ranks
@@ -83,7 +83,7 @@ def _gaps_of_nodes(contact: Contact) -> Array:
     if contact.obstacle is not None:
         return np.asarray(contact.on_obstacle.phi)
     o, gaps, there = contact.operators, np.zeros(contact.slave.num_nodes), contact.active
-    corners, weights = nearest_points(o.x[there], o.m, o.master)
+    corners, weights = nearest_on_master(o, np.flatnonzero(there))
     nearest = np.einsum("nk,nkc->nc", weights, o.m[corners])
     gaps[there] = ((nearest - o.x[there]) * o.n[there]).sum(axis=1)
     return gaps

@@ -15,8 +15,8 @@ from functools import partial
 import numpy as np
 from scipy.sparse import csr_array, eye
 
+from fenics_mortar.contact.arcs import Material, vectors_of
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.space_arcs import Material, vectors_of
 from fenics_mortar.interface.segments import evaluate_normals
 from fenics_mortar.utils.arrays import Array, norms
 from fenics_mortar.utils.errors import call_together
