@@ -180,6 +180,7 @@ def diagnose(
         free = floating.describe(floating.loose()), motions.describe(force)
         first = ", ".join(filter(None, free)) or _describe_limits(contacts)
         first = first or _describe_twice(contacts) or _describe_peeling(contacts, recent)
+        first = first or _describe_nine_nodes(contacts)
         first = first or describe_isolated(bulk, contacts, floating)
     at_nodes = bulk.describe_inverted_nodes()
     return "; ".join(filter(None, (first, at_nodes, *map(describe_overlap, contacts))))
@@ -261,5 +262,23 @@ def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[SetsOfPair
                 "shear without pressure, which may peel them off each time they close; take "
                 "smaller steps, or Coulomb(mu, max_shear=...), whose limit vanishes with the "
                 "pressure"
+            )
+    return ""
+
+
+def _describe_nine_nodes(contacts: Sequence[Interface]) -> str:
+    """Describe friction with dual multipliers on facets of nine nodes; "" if none (local).
+
+    A node may then have no branch: shear opposite to its slip, and stick above its limit.
+    """
+    for contact in contacts:
+        if not isinstance(contact, Contact) or contact.slave.facets.shape[1] != 9:
+            continue
+        dual = contact.pair.discretization.basis == "dual"
+        if dual and contact.active.any() and contact.pair.law.has_friction:
+            return (
+                f"'{contact.slave.name}' has facets of nine nodes, on which dual multipliers with "
+                "friction may have no solution: if smaller steps do not help, take "
+                "Discretization(basis='linear') for this pair"
             )
     return ""

@@ -170,8 +170,9 @@ def choose(cover, possible, neighbours, share, present, changes, most, all_stron
         all_strong: Whether all neighbours of a node that hands its function over need a large or no
             cover.
         new: Shape (n,), bool; filled.
-        helped: Whether the function of a node can be handed to a neighbour: one has twice the cover
-            ``share``, and the others also or are not covered; shape (n,), bool; filled.
+        helped: Whether the function of a node can be handed to a neighbour: the cover of one is
+            larger by ``share`` than that of the node, or twice ``share``, and the others also or
+            are not covered; shape (n,), bool; filled.
     """
     count = 0
     for j in range(cover.shape[0]):
@@ -179,7 +180,7 @@ def choose(cover, possible, neighbours, share, present, changes, most, all_stron
         for side in range(neighbours.shape[0]):
             k = neighbours[side, j]
             if k >= 0:
-                is_strong = possible[k] and cover[k] > 2.0 * share
+                is_strong = possible[k] and cover[k] > share + min(cover[j], share)
                 found = found or is_strong
                 safe = safe and (is_strong or cover[k] == 0.0 or not all_strong)
         helped[j] = found and safe

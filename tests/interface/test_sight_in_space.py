@@ -108,6 +108,16 @@ def test_friction_on_outlines():
     assert forces[1] == pytest.approx(forces[0], abs=1e-8)
 
 
+def test_a_sliver_of_cover_is_handed_over():
+    """The corner of the master is on a facet's edge: beyond it a node has 1e-6 of its cover."""
+    scene = on_a_block(np.eye(3), False, cell="tetrahedron", order=2, law=fm.Coulomb(0.3))
+    for step in (1, 2, 3):
+        report = scene.move("upper/top", (step / 60.0, 0.0, -step / 60.0)).solve()
+        assert report.num_iterations < 15
+    contact = scene.problem.equations.contacts[0]
+    assert np.abs(contact.z[contact.active]).max() < 100.0 * np.abs(contact.z).mean()
+
+
 def test_tangent_with_one_sided_normals():
     scene = on_a_block(turn((0, 1, 0), 20.0), True)
     scene.move("upper/top", (0.0, 0.0, -0.03)).solve()
