@@ -19,7 +19,8 @@ With b = |w| and de = t (t . dw) / b its derivatives are
 
 The matrix in dz is positive definite for T < b; T / b is limited to ``MAX_RATIO`` in the tangent.
 Where a law is linear and isotropic, with stick or without friction, R = rho_u s + rho_tau z_t. On
-symmetry planes e is in the plane and the law is that of the plane.
+symmetry planes e is in the plane and the law is that of the plane. At w = 0, where e may be any
+tangent, the law resists equally in all directions.
 
 Here are also the fields, in both dimensions, of a law with a closing gap, memory, or parameters
 that vary in space.
@@ -41,6 +42,7 @@ from fenics_mortar.contact.law import Nodal, Row, Stick, VectorRow, chain_rule
 from fenics_mortar.contact.laws import STICK, Friction, Frictionless
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING
 
 
 class LawFields(ContactFields):
@@ -146,10 +148,13 @@ class LawFields(ContactFields):
         return self.interface.law_calls.adhesion_at(law, node, self.covered, x).residual
 
 
-# Largest ratio of shear and |w| in the tangent [1]: at 1 the node is about to stick, and its row
-# constrains the slip across only. Derivatives of a solution have the ratio itself. With 0.999 nodes
-# that hardly slip converged linearly, by 2 % an iteration.
-MAX_RATIO = 1.0 - 1e-6
+# Largest ratio of shear and |w| in the tangent [1], which is singular at 1: the node is about to
+# stick. Derivatives of a solution have the ratio itself. With 1 - 1e-4 systems of bodies that
+# friction alone holds are singular.
+MAX_RATIO = 0.999
+# Slip of rounding over the extent of the surface [1], with a shear that corresponds to it: w has no
+# direction.
+AT_REST = ASSEMBLY_ROUNDING
 
 
 class Directions(NamedTuple):
@@ -203,7 +208,7 @@ class SpaceFields(ContactFields):
             return Directions(along, np.cross(n, along), none)
         w = tangential(self.z_u, n) + self.slip_weight[:, None] * self.tangential_slip
         size = np.linalg.norm(w, axis=1)
-        free = (size > 0.0) & ~guided
+        free = (size > AT_REST * self.slip_weight * self.interface.slave.extent) & ~guided
         size = np.where(free, size, 1.0)
         along = np.where(free[:, None], w / size[:, None], along)
         return Directions(along, np.cross(n, along), np.where(free, size, 0.0))
@@ -293,10 +298,15 @@ class SpaceFields(ContactFields):
         )  # fmt: skip
         most = 1.0 if self.operators.linearization.exact else MAX_RATIO
         ratio = np.clip((e_z - rho) * per_size, 0.0, most)
-        of_z = np.where(as_law, by_tau, 1.0 - ratio)
-        of_s = np.where(as_law, by_u, -ratio * weight)
+        isotropic = (as_law | (size == 0.0)) & ~self.interface.is_guided
+        of_z = np.where(isotropic, by_tau, 1.0 - ratio)
+        of_s = np.where(isotropic, by_u, -ratio * weight)
         across = self._row(
-            np.where(as_law, by_tau * t_z + by_u * t_s, t_z), none, none, ((of_z, t),), ((of_s, t),)
+            np.where(isotropic, by_tau * t_z + by_u * t_s, t_z),
+            none,
+            none,
+            ((of_z, t),),
+            ((of_s, t),),
         )
         return along, across
 
