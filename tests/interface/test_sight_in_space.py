@@ -90,10 +90,9 @@ def test_sides_of_a_wide_block_see_nothing_through_it(cell, order, axis, degrees
     assert forces[1] == pytest.approx(forces[0], abs=1e-8)
 
 
-@pytest.mark.parametrize(("cell", "order"), EACH_CELL[2:])
-def test_an_edge_inside_a_facet_that_does_not_see_it_is_told(cell, order):
+def test_an_edge_inside_a_facet_that_does_not_see_it_is_told():
     """The edge enters the facets between their nodes, whose mean gaps stay open."""
-    scene = on_a_block(turn((0, 1, 0), 20.0), False, cell=cell, order=order)
+    scene = on_a_block(turn((0, 1, 0), 20.0), False, cell="tetrahedron", order=2)
     with pytest.raises(fm.NotConvergedError, match="too coarse for this tip or edge"):
         scene.move("upper/top", (0.0, 0.0, -0.05)).solve()
 
