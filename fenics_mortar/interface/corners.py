@@ -13,11 +13,11 @@ the other facet has no partner, as at the end of a surface. If the master is obl
 as below a wedge, the averaged normal is used. The choice among the three normals depends on the
 present positions only and is piecewise constant; derivatives are those of the chosen normal.
 
-At sharp edges in space the same holds. The facets at a node of a sharp
-edge are divided into sides, within which the surface is smooth. The normal is the average over the
-side that faces the nearest part of the master, or over all facets if the master is oblique to all
-sides, as below a wedge. Facets of the other sides have no partner, unless another node of theirs on
-a sharp edge takes their normal.
+At sharp edges in space the same holds. The facets at a node of a sharp edge are divided into sides,
+within which the surface is smooth. The normal is the average over the side that faces the nearest
+part of the master, or over all facets if the master is oblique to all sides, as below a wedge.
+Facets of the other sides have no partner, unless another node of theirs on a sharp edge takes their
+normal.
 """
 
 from __future__ import annotations
@@ -26,11 +26,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse.csgraph import connected_components
 
 from fenics_mortar.interface.curve_surface import TURN, Curve
 from fenics_mortar.kernels.space.inside import facing_normals
 from fenics_mortar.kernels.space.normals import edge_coefficients
 from fenics_mortar.kernels.space.pairs import spatial_order
+from fenics_mortar.kernels.space.shapes import triangles_of
 from fenics_mortar.kernels.tree import build_tree
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
@@ -174,7 +176,7 @@ class SharpEdges:
                 continue
             into = _unit(_unit(p[here]) + _unit(q[here]))
             away = into @ n[here].T  # of the facet in the row, over the facet in the column
-            labels = _connected(cosines >= np.cos(TURN))
+            labels = connected_components(cosines >= np.cos(TURN), directed=False)[1]
             if labels.max() and (away[labels[:, None] != labels] < -np.sin(0.5 * TURN)).any():
                 self.sides[here] = labels
                 nodes.append(j)
@@ -236,15 +238,7 @@ def _facing_faces(
     ``n`` if no facet does.
     """
     master, m = other
-    corners = master.corners
-    fans = [corners[:, [0, i, i + 1]] for i in range(1, corners.shape[1] - 1)]
-    triangles = np.concatenate(fans)
+    triangles = triangles_of(master.facets)[0]
     triangles = triangles[spatial_order(m, triangles)]
     at = m, triangles, build_tree(m, triangles)
     return np.asarray(facing_normals(*at, points, n, EQUALLY_NEAR * shortest, shortest, largest))
-
-
-def _connected(near: Flags) -> Indices:
-    """Labels from 0 on of the groups that a symmetric relation (e, e) connects, (e,)."""
-    reach = np.linalg.matrix_power(near.astype(float), len(near)) > 0.0
-    return np.unique(reach.argmax(axis=1), return_inverse=True)[1]

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Whole outlines as surfaces in space: no partners through bodies, normals at sharp edges."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from space_pair_scenes import bodies
@@ -191,6 +193,14 @@ def test_partners_through_both_bodies_are_hidden():
     assert is_hidden(start, up, 2.0, behind(apart, 0, 1), (0, 0), (LEAST, LEAST))
 
 
+def test_bodies_without_an_end_are_not_hidden():
+    """The line does not leave the master, as where an outline is open: nothing is known of it."""
+    start, up = np.array([0.4, 0.3, 0.0]), np.array([0.0, 0.0, 1.0])
+    x, triangles, bodies, boxes, hits = shape_of(((0, 0, -0.1), (1, 1, 0), 0))
+    shape = x, triangles, bodies, boxes, hits
+    assert not is_hidden(start, up, 0.3, behind(shape, 0, 1), (0, 0), (LEAST, LEAST))
+
+
 def test_parts_of_one_body_are_told_by_their_order():
     start, up = np.array([0.4, 0.3, 0.0]), np.array([0.0, 0.0, 1.0])
     for depth, hidden in ((0.2, False), (1.0, True)):
@@ -227,6 +237,21 @@ def test_edges_of_a_cube_take_the_normal_of_the_side_that_faces_the_plate(cell, 
     on_edge = (np.isclose(slave.X, [0, 0, 0.1]) | np.isclose(slave.X, [1, 1, 9])).sum(axis=1) > 1
     assert sorted(slave.sharp_edges.nodes) == np.flatnonzero(on_edge).tolist()
     assert np.isclose(slave.X[o.segments.slave][..., 2], 0.1).all()
+
+
+def test_sides_at_the_apex_of_a_pyramid_of_many_facets():
+    """Each of the four sides has a hundred facets at the apex."""
+    s, one = np.linspace(-1.0, 1.0, 101)[:-1], np.ones(100)
+    ring = np.concatenate([np.stack(c, axis=1) for c in (
+        (s, -one), (one, s), (-s, one), (-one, -s))])  # fmt: skip
+    contact = cube(1, "tetrahedron")
+    X = np.concatenate([[[0.0, 0.0, 3.0]], np.column_stack([ring, np.zeros(400)])])
+    k = 1 + np.arange(400)
+    facets = np.stack([np.zeros(400, np.int64), k, np.roll(k, -1)], axis=1)
+    pyramid = replace(contact.slave, X=X, facets=facets, nodes=np.arange(401))
+    edges = pyramid.sharp_edges
+    sides = edges.sides[: pyramid.around[0][1]]
+    assert 0 in edges.nodes and sorted(np.bincount(sides)) == [100] * 4
 
 
 def test_flat_and_round_surfaces_have_no_sharp_edges():

@@ -133,7 +133,7 @@ def is_hidden(start, normal, depth, behind, facets, sizes):
         return False
     partner = start - depth * normal
     length += first_exit(crossings(partner, normal, outline, other, sizes[1]))
-    return not depth < 0.5 * length - ROUNDING * length
+    return not depth < (0.5 - ROUNDING) * length
 
 
 @kernel
