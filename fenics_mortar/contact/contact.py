@@ -291,7 +291,8 @@ class Contact(Interface):
         pulls = self.active & (self.now.z_n + adhesion < 0.0)
         if pulls.any():
             sides = self.slave.gather(step), self.master.gather(step)
-            change = fraction * change_along(self.now, o.weight_derivative(), *sides)
+            blocks = o.near(pulls).weight_derivative()
+            change = fraction * change_along(self.now, blocks, *sides)
             pulls &= change > o.weight
             force = o.weight[:, None] * z + change[:, None] * old
             min_force = -o.weight * adhesion

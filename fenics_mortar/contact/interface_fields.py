@@ -143,6 +143,11 @@ class InterfaceFields:
         return self.state.active
 
     @property
+    def acting(self) -> Any:
+        """Operators of the facets with multipliers that act or are not zero; see ``near``."""
+        return self.operators.near(self.acts | self.state.z.any(axis=1))
+
+    @property
     def sticking(self) -> Flags:
         """Whether an active node sticks, shape (slave nodes,), bool."""
         return self.state.active

@@ -201,8 +201,11 @@ def row_by_motions(f: ContactFields, row: VectorRow) -> Array:
 
 
 def gap_rows(f: ContactFields, normal: Array, scaled_tau: Array) -> list[Block]:
-    """Rows ``normal`` (slave nodes, dim) dg - ``scaled_tau`` d(g / w) (local)."""
-    o = f.operators
+    """Rows ``normal`` (slave nodes, dim) dg - ``scaled_tau`` d(g / w) (local).
+
+    Both are zero where no multiplier acts.
+    """
+    o = f.acting
     if not scaled_tau.any():
         return [normal_rows(block, normal) for block in o.gap_derivative()]
     per_weight = np.where(f.covered, 1.0 / np.where(f.covered, o.weight, 1.0), 0.0)
@@ -230,7 +233,7 @@ class SpaceRows(ContactRows):
         f: SpaceFields = self._interface.now
         o, z, own = f.operators, f.z_u, f.interface.slave.owned
         if isinstance(o, SpaceOperators):
-            o.linearize_at(z)  # with the forces, which are differentiated next
+            f.acting.linearize_at(z)  # with the forces, which are differentiated next
         normal, idle, *weights = frame = self.frame()
         rhs, by_gap = -normal * o.gap[:, None], np.zeros(normal.shape)
         A_z, blocks = -idle[:, None, None] * np.eye(3), list[Block]()

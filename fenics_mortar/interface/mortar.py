@@ -33,7 +33,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from fenics_mortar.kernels.blocks import add_contact_forces
-from fenics_mortar.utils.arrays import Array, Indices, read_only_view
+from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 
@@ -211,6 +211,16 @@ class MortarOperators(ABC):
         Args:
             offset: Shape (slave nodes,) [length].
         """
+
+    def near(self, nodes: Flags) -> Self:  # noqa: ARG002
+        """Operators of the facets with some of these nodes, whose derivatives they have (local).
+
+        In the plane, where derivatives are found with the integrals, those of all facets.
+
+        Args:
+            nodes: Shape (slave nodes,), bool.
+        """
+        return self
 
     def force_derivative(self, z: Array) -> list[Block]:
         """Blocks of d(D^T z)/dd and -d(M^T z)/dd [stress] at fixed ``z`` (slave nodes, dim)."""

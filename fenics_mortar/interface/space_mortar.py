@@ -70,6 +70,18 @@ class FacetPairs:
         """Number of pairs."""
         return len(self.slave)
 
+    def of_facets(self, used: Flags) -> FacetPairs:
+        """The facets ``used`` (f,) with their pairs."""
+        pairs = used[self.owner]
+        merged = self.merged[used]
+        width = int((merged >= 0).sum(axis=1).max(initial=0))
+        return FacetPairs(
+            facets=self.facets[used], offsets=np.append(0, np.diff(self.offsets)[used].cumsum()),
+            slave=self.slave[pairs], master=self.master[pairs], numbers=self.numbers[pairs],
+            owner=(used.cumsum() - 1)[self.owner[pairs]], merged=merged[:, :width],
+            places=self.places[pairs],
+        )  # fmt: skip
+
 
 class Moments(NamedTuple):
     """Integrals over the covered parts of f facets and of p pairs, see the module (local).
@@ -128,6 +140,38 @@ class SpaceOperators(MortarOperators):
     def _found(self) -> dict[str, Array]:
         """Derivatives found so far, and the multipliers ``z`` (slave nodes, c) of the forces."""
         return {}
+
+    @cached_property
+    def _near(self) -> dict[bytes, Self]:
+        """The last result of ``near``."""
+        return {}
+
+    def near(self, nodes: Flags) -> Self:
+        """See ``MortarOperators``."""
+        used = nodes[self.facet_nodes].any(axis=1)
+        if used.all():
+            return self
+        key = used.tobytes()
+        if key not in self._near:
+            self._near.clear()
+            self._near[key] = self._of_facets(used)
+        return self._near[key]
+
+    def _of_facets(self, used: Flags) -> Self:
+        """Operators with the facets ``used`` (f,) of this share only (local).
+
+        Nodal values and the number of segments are those of all.
+        """
+        moments, segments = self.moments, self.segments.of_facets(used)
+        pairs = used[self.segments.owner]
+        own = Moments(
+            moments.De[used], moments.Me[used], moments.G[used], moments.B[pairs],
+            moments.inverse[used], moments.complete[used],
+        )  # fmt: skip
+        return replace(
+            self, segments=segments, moments=own, D=self.D[used], M=self.M[pairs], H=self.H[used],
+            A=self.A[used],
+        )  # fmt: skip
 
     def linearize_at(self, z: Array) -> None:
         """Compute the derivatives of weights and gaps, and those of the forces of ``z`` (local).
@@ -270,9 +314,10 @@ class SpaceOperators(MortarOperators):
         """See ``MortarOperators``."""
         if self.linearization.frozen:
             return []
-        nodes = self.facet_nodes
-        values = np.einsum("fjk,fjb,fkbq->fjq", self.H, along[nodes], self._of_vectors)
-        return [*self.jump_derivative(along), Block(nodes, self.columns, values)]
+        near = self.near(along.any(axis=1))
+        nodes = near.facet_nodes
+        values = np.einsum("fjk,fjb,fkbq->fjq", near.H, along[nodes], near._of_vectors)
+        return [*near.jump_derivative(along), Block(nodes, near.columns, values)]
 
     @cached_property
     def _of_vectors(self) -> Array:

@@ -201,7 +201,7 @@ class LinearSystem(ABC):
         blocks: list[Block] = []
         for contact in self.contacts:
             if not contact.operators.linearization.frozen:
-                blocks += contact.operators.force_derivative(contact.z_u)
+                blocks += contact.now.acting.force_derivative(contact.z_u)
             for flux in contact.fluxes:
                 blocks += flux.derivative()
         return blocks
