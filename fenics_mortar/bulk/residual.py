@@ -158,6 +158,7 @@ class Bulk:
         self.input_data = InputData(u, self.bcs, (residual, jacobian), space, updated)
         self._data: list[Array] = []
         self._K_is_whole = False  # true if K is up to date and without added terms
+        self._constant: Any = None  # K of a linear residual, while other terms are added to K
         self.inertia: Any = None  # an Inertia
         self.spread: list[Any] = []
         self.surfaces_slide = False
@@ -205,10 +206,13 @@ class Bulk:
     def assemble_tangent(self) -> None:
         """Assemble ``K`` at the present displacement, unless it is up to date (collective)."""
         data = self.tangent_data() if self.is_linear else []
-        same = self._K_is_whole and all(map(np.array_equal, data, self._data))
-        if self.is_linear and self.comm.allreduce(same, MPI.LAND):
+        if self.is_linear and self._is_known(data):
+            if not self._K_is_whole:
+                self._constant.copy(self.K, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+            self._K_is_whole = True
             return
         self._data, self._K_is_whole = data, False
+        self._forget_constant()
         if self._num_growths > MAX_GROWTHS:
             self.renew_tangent()
         with self.history.assembling() if self.history.is_used else UNCHANGED:
@@ -217,6 +221,17 @@ class Bulk:
             self.inertia.add_to_tangent(self.K, includes_mass=self._K_includes_mass)
             self._K_includes_mass = True
         self._K_is_whole = True
+
+    def _is_known(self, data: list[Array]) -> bool:
+        """Whether K of a linear residual with this ``data`` is there or kept (collective)."""
+        kept = self._constant is not None and self._num_growths <= MAX_GROWTHS
+        same = (self._K_is_whole or kept) and all(map(np.array_equal, data, self._data))
+        return on_all_ranks(self.comm, same)
+
+    def _forget_constant(self) -> None:
+        if self._constant is not None:
+            self._constant.destroy()
+        self._constant = None
 
     def _assemble_cells(self) -> None:
         """Assemble the form into ``K``, by way of blocks once ``K`` has entries (collective)."""
@@ -231,6 +246,7 @@ class Bulk:
     def renew_tangent(self) -> None:
         """Create ``K`` anew with the pattern of the form, not assembled (collective)."""
         self._K_is_whole = False
+        self._forget_constant()
         self.free_garbage()
         old, self.K = self.K, compat.create_matrix(self._tangent)  # the old one until then
         old.destroy()
@@ -247,10 +263,16 @@ class Bulk:
         After ``MAX_GROWTHS`` extensions a new pattern is created.
         """
         self._num_growths += 1
+        self._forget_constant()
         self.K.axpy(1.0, zeros, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
 
     def tangent_to_change(self) -> PETSc.Mat:
-        """Return ``K`` for additions in place; it is assembled anew before the next use (local)."""
+        """Return ``K`` for additions in place; it is made anew before the next use (collective).
+
+        That of a linear residual is kept.
+        """
+        if self.is_linear and self._K_is_whole and self._constant is None:
+            self._constant = self.K.copy()
         self._K_is_whole = False
         return self.K
 
