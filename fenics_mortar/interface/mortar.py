@@ -212,7 +212,7 @@ class MortarOperators(ABC):
             offset: Shape (slave nodes,) [length].
         """
 
-    def near(self, nodes: Flags) -> Self:  # noqa: ARG002
+    def near(self, nodes: Flags) -> Self:
         """Operators of the facets with some of these nodes, whose derivatives they have (local).
 
         In the plane, where derivatives are found with the integrals, those of all facets.

@@ -23,10 +23,12 @@ cycle, except at master nodes that slave nodes stick to.
 
 One application to a right-hand side b has two steps:
 
-1. x_0 solves A x_0 = b in a strip along the contact surfaces, by factorization. It satisfies the
-constraints and resolves local motions of the surfaces, above all motions of the master between
-slave nodes: these are soft modes in a stiff neighbourhood, which multigrid cannot represent. 2.
-x = x_0 + T y, where y is one cycle of multigrid for B y = L (b - A x_0).
+1. x_0 solves A x_0 = b in a strip along the contact surfaces, in space where they touch, by
+factorization. It satisfies the constraints and resolves local motions of the surfaces, above all
+motions of the master between slave nodes: these are soft modes in a stiff neighbourhood, which
+multigrid cannot represent.
+
+2. x = x_0 + T y, where y is one cycle of multigrid for B y = L (b - A x_0).
 
 A strip has few unknowns, O(1/h), and is factorized in each Newton iteration. The cycle is reused.
 
@@ -54,6 +56,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
 from typing import Any
 
 from mpi4py import MPI
@@ -67,11 +70,11 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.axes import rigid_motions_along, tangential_axes, turned_axes
 from fenics_mortar.la.sparse import BlockMatrix, SomeRows, is_symmetric
-from fenics_mortar.la.strip import Strip, dofs_near
+from fenics_mortar.la.strip import Strip, dofs_near, dofs_of
 from fenics_mortar.la.touching import TouchingTangent, touching_in_space
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.ranks import any_over_ranks, sum_over_ranks
+from fenics_mortar.utils.ranks import any_over_ranks, on_all_ranks, sum_over_ranks
 from fenics_mortar.utils.rounding import TINY
 
 # Excess iterations, so far and expected, after which the cycle is rebuilt. A new cycle costs as
@@ -150,13 +153,8 @@ class ContactPreconditioner:
         self._condensed = multipliers is None
         size, block_size = bulk.num_owned, bulk.space.block_size
         self._idle, self._R = (BlockMatrix(bulk.comm, size, size, block_size) for _ in range(2))
-        self._strip = Strip(bulk, contacts, f"{prefix}strip_", multipliers or 0)
-        near = bulk.comm.allgather(self._strip.dofs + bulk.first)
-        self._near = SomeRows(np.concatenate(near), bulk.first, size)
-        num_near = self._near.owned.size
-        self._motion, self._equations = (
-            BlockMatrix(bulk.comm, num_near, num_near) for _ in range(2)
-        )
+        self._strip = Strip(bulk, f"{prefix}strip_", multipliers or 0)
+        self._contact_dofs: Any = None
         self._slaves = [_nodes_near(bulk, contact.slave) for contact in contacts]
         self._prefix = f"{prefix}cycle_"
         self._cycle: Any = None
@@ -173,6 +171,7 @@ class ContactPreconditioner:
         """Prepare for the present matrix and active sets, as PETSc calls it."""
         self._bulk.free_garbage()  # vectors of the last set-up
         A, _ = pc.getOperators()
+        self._move_strip()
         self._strip.factor(A)
         nodes = [self._active(contact) for contact in self._contacts]
         outdated = self._is_outdated()
@@ -183,6 +182,30 @@ class ContactPreconditioner:
             self._make_cycle(A, nodes)
         self._work = [A.createVecRight(), *(self._R.mat.createVecRight() for _ in range(3))]
         self._work_near = self._motion.mat.createVecs()
+
+    def _move_strip(self) -> None:
+        """Put the strip along the surfaces, in space along the parts whose multipliers act.
+
+        In the plane the order of elimination is kept instead, see ``Strip``.
+        """
+        bulk, contacts = self._bulk, self._contacts
+        surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
+        dofs = dofs_of(surfaces)
+        if bulk.space.dim == 3:
+            everywhere = bulk.comm.allgather([d for c in contacts for d in _loaded_dofs(c)])
+            loaded = np.unique(np.concatenate([np.empty(0, np.int64), *chain(*everywhere)]))
+            if loaded.size:
+                dofs = np.intersect1d(dofs, loaded - bulk.first)
+        if self._contact_dofs is not None:
+            same = np.array_equal(dofs, self._contact_dofs)
+            if on_all_ranks(bulk.comm, same):
+                return
+        self._contact_dofs = dofs
+        self._strip.move_to(dofs)
+        near = np.concatenate(bulk.comm.allgather(self._strip.dofs + bulk.first))
+        self._near = SomeRows(near, bulk.first, bulk.num_owned)
+        size = self._near.owned.size
+        self._motion, self._equations = (BlockMatrix(bulk.comm, size, size) for _ in range(2))
 
     def forget_pattern(self) -> None:
         """Prepare for a matrix with another sparsity pattern."""
@@ -355,6 +378,12 @@ class ContactPreconditioner:
             weight[weight < MIN_WEIGHT * contact.slave.nodal_areas] = np.inf
             dofs, j, share = dofs[~own], j[~own], -values[~own] / weight[j[~own]]
             yield slave.dofs[j], dofs, share[:, None, None], followed[j]
+
+
+def _loaded_dofs(contact: Interface) -> list[Indices]:
+    """Dofs of the nodes on which multipliers of this rank act, and of their own nodes (local)."""
+    own = contact.slave.dofs[contact.acts]
+    return [own.ravel(), *(dofs.ravel() for dofs, _, _ in contact.force_entries())]
 
 
 def _digits(reduction: float) -> float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Factorization of the rows and columns of a matrix in a strip along the contact surfaces.
+"""Factorization of the rows and columns of a matrix in a strip along contact.
 
 A solution in the strip is zero elsewhere, except at prescribed dofs: its product with the matrix
 differs from zero only in the rows next to these dofs. The product uses a copy of these entries
@@ -20,15 +20,14 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.options import STRIP_FACTORS, STRIP_PIVOTS, WITHOUT_PIVOTING, options_added
 from fenics_mortar.la.sparse import WithoutZeros
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.ranks import on_all_ranks
 
-# Layers of cells of the strip on either side of a contact surface, in the plane and in space, where
-# the factors of a layer have long rows.
+# Layers of cells of the strip on either side of contact, in the plane and in space, where the
+# factors of a layer have long rows.
 LAYERS = {2: 2, 3: 1}
 
 
@@ -37,7 +36,6 @@ class Strip:
 
     Args:
         bulk: The bodies; K without contact terms.
-        contacts: The contacts.
         prefix: Prefix of PETSc's options.
         multipliers: Number of rows of multipliers after those of dofs; all are in the strip.
 
@@ -46,24 +44,28 @@ class Strip:
         num_rows: Rows of the strip, summed over all ranks.
     """
 
-    def __init__(
-        self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, multipliers: int
-    ) -> None:
+    def __init__(self, bulk: Bulk, prefix: str, multipliers: int) -> None:
         self._prefix, self._prescribed, self._comm = prefix, bulk.prescribed_dofs, bulk.comm
-        rows = np.arange(bulk.num_owned, bulk.num_owned + multipliers)
-        surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
-        self.dofs = dofs_near(bulk, surfaces, LAYERS[bulk.space.dim])
-        self._rows = np.append(self.dofs, rows)
-        self.num_rows = bulk.comm.allreduce(self._rows.size)
-        self._solved = np.union1d(self._rows, self._prescribed)
-        dofs = self._solved[self._solved < bulk.num_owned]
-        self._touched = np.append(_with_neighbours(bulk, dofs, 1), rows)
+        self._bulk, self._multipliers = bulk, multipliers
+        self.dofs = np.empty(0, np.int64)
         self._matrix: Any = None
         self._columns: Any = None
         self._factors: Any = None
         self._nonzeros = WithoutZeros() if bulk.space.dim == 3 else None
         self._options = STRIP_FACTORS if self._nonzeros is None else STRIP_PIVOTS
         self._pattern = (0, 0.0)  # handle and number of entries of the matrix
+
+    def move_to(self, dofs: Indices) -> None:
+        """Put the strip around owned ``dofs`` (k,)."""
+        bulk = self._bulk
+        self.dofs = _with_neighbours(bulk, dofs, LAYERS[bulk.space.dim])
+        rows = np.arange(bulk.num_owned, bulk.num_owned + self._multipliers)
+        self._rows = np.append(self.dofs, rows)
+        self.num_rows = bulk.comm.allreduce(self._rows.size)
+        self._solved = np.union1d(self._rows, self._prescribed)
+        dofs = self._solved[self._solved < bulk.num_owned]
+        self._touched = np.append(_with_neighbours(bulk, dofs, 1), rows)
+        self.forget_pattern()
 
     def factor(self, A: PETSc.Mat) -> None:
         """Factor the strip of ``A``, whose pattern may have changed."""
@@ -160,8 +162,13 @@ class Strip:
 
 def dofs_near(bulk: Bulk, surfaces: Sequence[Surface], layers: int) -> Indices:
     """Owned dofs, shape (n,), within ``layers`` of cells of the surfaces (collective)."""
+    return _with_neighbours(bulk, dofs_of(surfaces), layers)
+
+
+def dofs_of(surfaces: Sequence[Surface]) -> Indices:
+    """Owned dofs of the nodes of surfaces, shape (n,) (local)."""
     dofs = [np.empty(0, np.int64), *(surface.local_dofs.ravel() for surface in surfaces)]
-    return _with_neighbours(bulk, np.unique(np.concatenate(dofs)), layers)
+    return np.unique(np.concatenate(dofs))
 
 
 def _with_neighbours(bulk: Bulk, dofs: Indices, layers: int) -> Indices:
