@@ -17,15 +17,16 @@ from meshes.mapped_boxes import SIDES, Box, block, mapped, mesh
 STEP = fm.SteppingOptions(step=0.02)
 
 
-def moving(data, sides, mu, velocity, scheme):
-    """Neo-Hookean bodies of density 1 with a pair; ``velocity`` of points by body."""
+def moving(data, pairs, mu, velocity, scheme):
+    """Neo-Hookean bodies of density 1, with ``pairs`` of sides; ``velocity`` of points by body."""
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)
     psi = energies.neo_hookean(u, *energies.lame(100.0, 0.3))
     psi *= ufl.dx(metadata={"quadrature_degree": 3})
-    pair = fm.ContactPair(data, *sides, law=fm.Coulomb(mu) if mu else None)
+    law = fm.Coulomb(mu) if mu else None
+    pairs = [fm.ContactPair(data, *sides, law=law) for sides in pairs]
     problem = fm.ContactProblem(
-        ufl.derivative(psi, u, v), u, [pair], petsc_options_prefix="test_space_dynamics_"
+        ufl.derivative(psi, u, v), u, pairs, petsc_options_prefix="test_space_dynamics_"
     )
     motion = fm.Dynamics(problem, density=1.0, scheme=scheme, energy=psi)
     for body, of_points in velocity.items():
@@ -44,7 +45,7 @@ def flying(cell, mu, scheme, layers=2):
         "upper": lambda x: np.outer((0.4, 0.1, -1.0), np.ones_like(x[0])),
         "lower": lambda x: np.outer((0.0, 0.0, 0.5), np.ones_like(x[0])),
     }
-    return moving(data, ("upper/bottom", "lower/top"), mu, velocity, scheme)
+    return moving(data, [("upper/bottom", "lower/top")], mu, velocity, scheme)
 
 
 @pytest.mark.parametrize(("cell", "mu"), [("hexahedron", 0.0), ("tetrahedron", 0.3)])
@@ -98,6 +99,38 @@ def test_a_body_of_one_layer_of_cells_cannot_take_over_the_mass():
         flying("hexahedron", 0.0, "conserving", layers=1)
 
 
+@pytest.mark.parametrize("scheme", ["conserving", "generalized_alpha"])
+def test_blocks_of_one_list_of_surfaces_collide_as_those_of_pairs(scheme):
+    """Self-contact: momenta and energy remain; with all masses it is the motion of two pairs."""
+    found = []
+    for of_each in (True, False):
+        boxes = [
+            Box(f"b{i}", block((n, n, 2), size=(1.0, 1.0, 0.5), corner=(0.0, 0.0, 0.52 * i), seed=i,
+                               jiggle=0.1))
+            for i, n in enumerate((2, 3, 4))
+        ]  # fmt: skip
+        data = mesh(boxes, comm=MPI.COMM_WORLD)
+        sides = [
+            f"b{i}/{side}" for i, side in ((0, "top"), (1, "bottom"), (1, "top"), (2, "bottom"))
+        ]
+        given = [(sides[1], sides[0]), (sides[3], sides[2])] if of_each else [(sides,)]
+        speeds = {"b0": (0.0, 0.0, 1.0), "b1": (0.2, 0.0, 0.0), "b2": (0.0, 0.1, -1.0)}
+        velocity = {
+            name: lambda x, v=v: np.outer(v, np.ones_like(x[0])) for name, v in speeds.items()
+        }
+        problem, motion = moving(data, given, 0.3, velocity, scheme)
+        before = motion.momentum()
+        record = motion.run(0.08, STEP)
+        found.append(problem.equations.bulk.u.x.array.copy())
+        assert any(contact.active.any() for contact in problem.contacts)
+        if scheme == "conserving":
+            np.testing.assert_allclose(motion.momentum(), before, atol=1e-13)
+            lost = record.start.total - record.steps[-1].energies.total
+            assert lost == pytest.approx(record.friction_work, abs=1e-7 * record.start.total)
+    if scheme == "generalized_alpha":  # with "conserving" both sides of self-contact have no mass
+        np.testing.assert_allclose(found[1], found[0], atol=1e-10)
+
+
 def ball(*parameters):
     """A ball of radius 0.5 of a cube of parameters."""
     X = np.stack([2.0 * p - 1.0 for p in parameters])
@@ -113,7 +146,7 @@ def test_a_spinning_ball_bounces_off_sideways():
     data = mesh([Box("ball", mapped((4, 4, 4), ball), joined)], comm=MPI.COMM_WORLD)
     spin = {"ball": lambda x: np.cross((0.0, 6.0, 0.0), x.T).T - np.array([[0.0], [0.0], [1.0]])}
     floor = fm.Plane((0.0, 0.0, -0.49), (0.0, 0.0, 1.0))
-    _, motion = moving(data, ("ball/surface", floor), 0.1, spin, "conserving")
+    _, motion = moving(data, [("ball/surface", floor)], 0.1, spin, "conserving")
     before = motion.momentum()
     record = motion.run(0.28, fm.SteppingOptions(step=0.04))
     gained = motion.momentum() - before

@@ -24,7 +24,7 @@ LONG = (
     "demo_profile", "demo_relaxation", "demo_rollers", "demo_seal", "demo_snap_fit", "demo_tied",
     "demo_wear", "demo_hot_punch",
     "demo_crossed_cylinders", "demo_ironing_in_space", "demo_pyramid", "demo_screw", "demo_sphere",
-    "demo_strip",
+    "demo_strip", "demo_rings",
 )  # fmt: skip
 # time limit of a demo [s]: a minute, four on a loaded machine
 LIMIT = 240
