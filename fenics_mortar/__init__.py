@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Mortar contact of deformable bodies at finite deformation for FEniCSx, in 2D.
+"""Mortar contact of deformable bodies at finite deformation for FEniCSx, in the plane and in space.
 
 Apart from the public names, ``laws`` has all contact laws, with base classes and helpers for those
 of users, ``energies`` has energies of the bodies in UFL, and ``sensitivity`` has recorded paths,
 controls and quantities of derivatives.
+
+With DOLFINx in wheels import this package, or mpi4py, before dolfinx, which otherwise fails with
+"libmpi.so.12: cannot open shared object file".
 """
 
 if __name__ != "fenics_mortar":

@@ -3,10 +3,10 @@
 
 >>> from mpi4py import MPI
 >>> from dolfinx import fem, mesh
->>> from fenics_mortar.utils.compat import vector_space
->>> V = vector_space(mesh.create_unit_square(MPI.COMM_SELF, 2, 2), 1)
+>>> import fenics_mortar as fm
+>>> V = fm.vector_space(mesh.create_unit_square(MPI.COMM_SELF, 2, 2), 1)
 >>> u, v = fem.Function(V), ufl.TestFunction(V)
->>> psi = neo_hookean(u, *lame(E=100.0, nu=0.3))
+>>> psi = fm.energies.neo_hookean(u, *fm.energies.lame(E=100.0, nu=0.3))
 >>> residual = ufl.derivative(psi * ufl.dx(degree=3), u, v)
 
 Each energy has one formula for all dimensions. A displacement stands for plane strain in 2D, and

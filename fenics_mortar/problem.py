@@ -12,13 +12,14 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.bulk.checks import refuse_history, refuse_inertia
 from fenics_mortar.contact.pair import ContactPair, TiedPair
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations import setup
 from fenics_mortar.equations.continuation import Continuation
 from fenics_mortar.equations.inputs import Inputs
-from fenics_mortar.equations.linearized import LinearVector
-from fenics_mortar.equations.present import PresentState, Reaction
+from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
+from fenics_mortar.equations.reactions import Reaction, named_boundary, reaction_of
 from fenics_mortar.equations.state import State
 from fenics_mortar.equations.undo import restored_if_interrupted, unchanged_if_refused
 from fenics_mortar.la import options as solvers
@@ -28,12 +29,14 @@ from fenics_mortar.mesh.space import Geometry
 from fenics_mortar.newton.loop import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.rigid.spread import refuse_remote
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.ranks import on_any_rank
 from fenics_mortar.verify.certificate import Certificate
-from fenics_mortar.verify.estimate import ErrorEstimate
+from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
 from fenics_mortar.verify.matrices import OperatorMatrices
-from fenics_mortar.verify.tangent import TangentCheck
+from fenics_mortar.verify.tangent import TangentCheck, check_tangent
 
 
 class ContactProblem:
@@ -123,27 +126,14 @@ class ContactProblem:
         before_assembly: Callable[[], Any] | None = None,
         model_check: Any | None = None,
     ) -> None:
-        self._given = {
-            "residual": residual, "u": u, "bcs": bcs, "jacobian": jacobian,
-            "petsc_options_prefix": petsc_options_prefix, "petsc_options": petsc_options,
-            "algorithm": algorithm, "solver": solver, "linearization": linearization,
-            "newton": newton, "displacement": displacement, "linear_bulk": linear_bulk,
-            "geometry": geometry, "thickness": thickness, "remote": remote, "history": history,
-            "before_assembly": before_assembly,
-        }  # fmt: skip
+        given, apart = locals().copy(), ("self", "pairs", "model_check")
+        self._given = {name: value for name, value in given.items() if name not in apart}
         setup.check_given(self._given, pairs, model_check)
         with unchanged_if_refused(u):
-            self.equations = setup.equations_of(
-                residual, u, pairs, bcs, jacobian, solver=solver, linearization=linearization,
-                newton=newton or NewtonOptions(), displacement=displacement, geometry=geometry,
-                thickness=thickness, algorithm=algorithm, remote=remote, history=history,
-                before_assembly=before_assembly,
-            )  # fmt: skip
-            self._solver = setup.solver_of(
-                self.equations, petsc_options_prefix, petsc_options, algorithm, solver, linear_bulk
-            )
+            self.equations = setup.equations_of(self._given, pairs)
+            self._solver = setup.solver_of(self.equations, self._given)
             self._continuation = Continuation(self.equations)
-            self._present = PresentState(self.equations, self._solver)
+            self._estimator: Estimator | None = None
             self._inputs = Inputs(self.equations)
             self.equations.model_check = model_check
             if model_check is not None:
@@ -201,7 +191,7 @@ class ContactProblem:
 
         With any exception but ``NotConvergedError`` the state of the problem is restored.
         """
-        self._present.renew_if_interrupted()
+        self._renew_if_interrupted()
         setup.check_attributes(self, self._given)
         self.equations.bulk.input_data.check()
         remarks = self._inputs.check(
@@ -231,6 +221,7 @@ class ContactProblem:
         Raises:
             MortarError: On all ranks, if ``state`` is not a state of this problem.
         """
+        self._renew_if_interrupted()
         self.equations.restore(state)
         self.equations.bulk.assemble_residual()
         self.equations.motions.record()
@@ -241,11 +232,14 @@ class ContactProblem:
         Returns:
             Bulk residual and contact forces at the dofs of this rank, each of shape (owned dofs,)
             [stress length]; their sum at prescribed dofs is the support reaction, see
-            ``equations.present``. Third, force and moment about the pivot that keep each obstacle
+            ``equations.reactions``. Third, force and moment about the pivot that keep each obstacle
             in place, shape (obstacles, 3) [stress length, moments stress length^2], equal on all
             ranks.
         """
-        return self._present.forces()
+        e = self.equations
+        e.evaluate_operators()  # users may have set the displacement
+        bulk, contact, on_obstacles = e.residual.forces()
+        return bulk, contact, on_obstacles * e.motions.scales[: len(on_obstacles)]
 
     def reaction(
         self, name: Names, about: npt.ArrayLike | None = None, *, data: MeshData | None = None
@@ -270,7 +264,11 @@ class ContactProblem:
                 force, moment, _ = problem.reaction("upper/top")
                 print(force, problem.contacts[0].total_force)
         """
-        return self._present.reaction(name, about, data)
+        e = self.equations
+        meshes = [c.pair.data for c in e.contacts] if data is None else [data]
+        data, point = named_boundary(e.bulk, meshes, name, about)
+        bulk, contact, _ = self.forces()
+        return reaction_of(e.bulk, bulk + contact, data, name, point)
 
     def variant(self, *, residual: Any | None = None, **pair_options: Any) -> ContactProblem:
         """Another model of this problem, with its ``u``, conditions and obstacles (collective).
@@ -293,7 +291,7 @@ class ContactProblem:
 
     def certificate(self) -> Certificate:
         """Measure balance with the present loads, signs, penetration and crossings (collective)."""
-        self._present.forces()
+        self.forces()  # assembles the residual
         return self._solver.certificate()
 
     def estimate(self) -> ErrorEstimate:
@@ -303,19 +301,35 @@ class ContactProblem:
             MortarError: On all ranks, if the residual has integrals that are not supported, or
                 bodies have inertia or history functions.
         """
-        return self._present.estimate()
+        bulk = self.equations.bulk
+        refuse_inertia(bulk, "estimate()")
+        refuse_remote(bulk.spread, "the error estimate is not implemented")
+        refuse_history(bulk, "estimate()")
+        self._renew_if_interrupted()
+        self._estimator = self._estimator or Estimator(bulk)
+        self.equations.evaluate_operators()
+        bulk.free_garbage()
+        return self._estimator.evaluate(self.equations.contacts)
 
     # For research
 
     @property
     def matrices(self) -> OperatorMatrices:
         """D, M, gap, normals and derivatives at the present state, as PETSc objects; collective."""
-        return self._present.matrices()
+        self.equations.evaluate_operators()
+        return OperatorMatrices(self.equations.bulk, self.equations.contacts)
 
     @property
     def tangent(self) -> PETSc.Mat:
         """Matrix of the linear system at the present state (collective)."""
-        return self._present.tangent()
+        self._renew_if_interrupted()
+        e = self.equations
+        e.bulk.free_garbage()
+        e.evaluate_operators()
+        e.bulk.assemble_tangent()
+        e.bulk.assemble_residual()
+        e.system.assemble()
+        return e.system.matrix
 
     def linear_solve(self, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:
         """Solve with the tangent at the present state, or with its transpose (collective).
@@ -337,7 +351,12 @@ class ContactProblem:
             MortarError: On all ranks, if the tangent is singular, for instance because contact
                 leaves a body free, or if z or q differ between ranks.
         """
-        return self._present.linear_solve(rhs, transpose=transpose)
+        self._renew_if_interrupted()
+        e = self.equations
+        with restored_if_interrupted(e):
+            e.evaluate_operators()
+            e.bulk.free_garbage()
+            return LinearizedEquations(e).solve(rhs, transpose=transpose)
 
     def check_tangent(self, **options: Any) -> TangentCheck:
         """Taylor slopes of all derivatives at the present state, 2 if exact (collective).
@@ -349,4 +368,13 @@ class ContactProblem:
         Returns:
             Remainders and slopes of each block: bulk, n, g, D, M and the whole system.
         """
-        return self._present.check_tangent(**options)
+        self._renew_if_interrupted()
+        with restored_if_interrupted(self.equations):
+            return check_tangent(self.equations, **options)
+
+    def _renew_if_interrupted(self) -> None:
+        """Create solver and estimator again after an interruption."""
+        if on_any_rank(self.equations.comm, self.equations.interrupted):
+            self._solver.renew()
+            self._estimator = None
+            self.equations.interrupted = False

@@ -34,7 +34,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.fields import ContactFields
-from fenics_mortar.contact.laws import KINK
+from fenics_mortar.contact.laws import KINK, STICK, Branches
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.kernels import complementarity
 from fenics_mortar.kernels.complementarity import choose
@@ -77,6 +77,9 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, int]:
     if changes or moves:
         f = f.after(f.state.replaced(z=new, **changes))
     branch = f.interface.law_calls.branch(law, f.nodal, before.branch, o.x)
+    if o.n.shape[1] == 3 and law.has_friction:
+        branch, heading = stick_where_turning_back(f, branch, before.heading, start=start)
+        f = f.after(f.state.replaced(heading=heading))
     branched = branch != before.branch
     if branched.any():
         f = f.after(f.state.replaced(branch=branch))
@@ -85,6 +88,40 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, int]:
     ruled = f.acts if law.bridges_gap else active
     changed = (active != before.active) | (ruled & f.interface.follows_law & branched)
     return f, int(np.count_nonzero(changed))
+
+
+# Number of times that a node may turn back in a solve before it sticks first. The first time may be
+# that of a load that is reversed, which needs no iteration with stick.
+MAX_TURNS_BACK = 1
+
+
+def stick_where_turning_back(
+    f: Any, branch: Branches, before: tuple[Array, Array] | None, *, start: bool
+) -> tuple[Branches, tuple[Array, Array]]:
+    """Branches of nodes in space, with stick for one iteration where sliding turns back (local).
+
+    A node that slides in the direction e with w . e < 0 in the next iterate slides in the opposite
+    direction then. With weights c_t (k / l) of the slip that exceed the stiffness of the node, as
+    that of corners of facets with nine nodes, it jumps over stick each time, and turns back for
+    ever. In the plane the two directions are branches of their own, and cycles of them are found.
+
+    Args:
+        f: Fields in space.
+        branch: Branches of the law, shape (slave nodes,), int.
+        before: ``InterfaceState.heading`` of the last iterate.
+        start: Whether this precedes the first iteration.
+
+    Returns:
+        Branches, shape (slave nodes,), and the new heading [1].
+    """
+    slides = f.acts & (branch != STICK) & (f.directions.size > 0.0)
+    count = np.zeros(branch.size) if start or before is None else before[1]
+    if not start and before is not None:
+        back = slides & (np.einsum("ja,ja->j", f.directions.along, before[0]) < 0.0)
+        count = count + back
+        stuck = back & (count > MAX_TURNS_BACK)
+        branch, slides = np.where(stuck, STICK, branch), slides & ~stuck
+    return branch, (np.where(slides[:, None], f.directions.along, 0.0), count)
 
 
 # Cosine of the angle between the normal of a slave node with one prescribed component and the free

@@ -247,6 +247,11 @@ class Conductance:
         return power, slope
 
     @property
+    def is_perfect(self) -> bool:
+        """Whether conduction is perfect where contact is closed (local)."""
+        return any(isinstance(term, ClosedConductance) and term.h == np.inf for term in self._terms)
+
+    @property
     def on_obstacle(self) -> float:
         """Present value of the field on an obstacle [field] (local)."""
         given: Any = self.temperature

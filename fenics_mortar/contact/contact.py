@@ -167,7 +167,9 @@ class Contact(Interface):
         branch = self.law_calls.branch(pair.law, start, at_rest, self.slave.X)
         self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
         raise_stored(self.slave.comm, [self])
-        self.all_fluxes = [Flux(conductance, space, self) for conductance in pair.fluxes]
+        self.all_fluxes = [
+            Flux(conductance, space, self, prescribed) for conductance in pair.fluxes
+        ]
         self.fluxes = [flux for flux in self.all_fluxes if not flux.is_separate]
 
     def _find_guides(self) -> None:
@@ -226,11 +228,6 @@ class Contact(Interface):
         if self.obstacle is not None or self.pair.sliding == "small":
             return "partners"
         return "operators" if self.slave.dim == 3 else self.pair.discretization.slip
-
-    @property
-    def least_coverage(self) -> Array:
-        """``Partners.least``, shape (slave nodes,) [length]."""
-        return self.slave.nodal_areas * (np.inf if self.pair.law.bridges_gap else ROUNDING)
 
     @property
     def rotating_planes(self) -> Array | None:
@@ -331,7 +328,10 @@ class Contact(Interface):
 
     def partners_at(self, fields: Any) -> Any:
         """Partners at the accepted state of some fields (collective)."""
-        o, least = fields.operators, self.least_coverage
+        o, least = (
+            fields.operators,
+            (self.slave.nodal_areas * (np.inf if self.pair.law.bridges_gap else ROUNDING)),
+        )
         mirrored = None if self.pair.sliding == "small" else self._mirrored
         if self.slave.dim == 3 and self.obstacle is not None:
             return find_obstacle_partners(o, least, mirrored=mirrored)

@@ -29,12 +29,7 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError
-from fenics_mortar.utils.rounding import SAME_PLACE
-
-
-def tied_nodes(ties: Sequence[Tie]) -> Indices:
-    """Global numbers of the slave nodes with a multiplier of a tie, shape (k,) (local)."""
-    return _joined(tie.slave.nodes[tie.may_carry] for tie in ties)
+from fenics_mortar.utils.rounding import ROUNDING, SAME_PLACE
 
 
 def drop_crosspoints(ties: Sequence[Tie]) -> None:
@@ -122,7 +117,7 @@ def bind(
     every_tie = list(ties.values())
     if chains:
         drop_crosspoints(every_tie)
-    tied = tied_nodes(every_tie) if chains else NO_NODES
+    tied = _joined(tie.slave.nodes[tie.may_carry] for tie in every_tie) if chains else NO_NODES
     welds = np.concatenate([NO_WELDS, *(tie.welds() for tie in every_tie)])
 
     def all_bound() -> list[Contact | Tie]:
@@ -151,13 +146,17 @@ def close_gaps(ties: Sequence[Tie], space: DisplacementSpace) -> bool:
         SurfaceError: If the mesh cannot represent the new positions.
     """
     closing = [tie for tie in ties if tie.pair.gap == "removed"]
+    motions = [0.0]
     for sweep in range(len(closing) + 2):
-        open_ties = [tie for tie in closing if tie.close_gap(space)]
-        if not open_ties:
+        motions = [tie.close_gap(space) for tie in closing]
+        if not any(motions):
             return sweep > 0
         for tie in ties:
             tie.update_reference(space)
+    if max(motions) <= ROUNDING:
+        return True  # of plane interfaces, at nodes that the mesh cannot move
+    widest = closing[int(np.argmax(motions))]
     raise SurfaceError(
-        f"the gap of {open_ties[0].pair} cannot be removed: straight cells with a displacement of "
+        f"the gap of {widest.pair} cannot be removed: straight cells with a displacement of "
         f"degree 2 cannot represent a curved interface; use a mesh of second order, or gap='kept'"
     )

@@ -7,13 +7,14 @@ Their directional derivatives are replicated.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from operator import attrgetter
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from fenics_mortar.contact.interface_fields import InterfaceConstants, InterfaceFields, field
-from fenics_mortar.contact.law import VectorRow, with_gap_of_slip
+from fenics_mortar.contact.law import VectorRow, chain_rule
 from fenics_mortar.contact.law_calls import LawCalls
 from fenics_mortar.contact.laws import BUILT_IN, KINK, STICK, Frictionless, Nodal, Row
 from fenics_mortar.interface.mortar import Block, scaled
@@ -84,28 +85,35 @@ class ContactFields(InterfaceFields):
         """Mean gap of every covered slave node, nan elsewhere, (slave nodes,) [length]."""
         return self.fill_inside(np.where(self.covered, self.mean_gap, np.nan))
 
-    @field("multiplier_nodes")
-    def adhesion(self) -> tuple[Array, Array]:
-        """Adhesion a at the mean gaps of covered nodes, and a'; zero elsewhere, (slave nodes,).
-
-        Continued linearly to negative gaps [stress, stress / length].
-        """
-        law, on, none = self.interface.pair.law, self.covered, np.zeros(len(self.state.z))
+    @field(*LAW_ATTRIBUTES)
+    def pull(self) -> Row:
+        """Adhesion of covered nodes, continued linearly to negative gaps, each (slave nodes,)."""
+        law, none = self.interface.pair.law, np.zeros(len(self.state.z))
         if type(law) in BUILT_IN or not law.has_adhesion:
-            return none, none
-        gap = self.mean_gap
-        pull, by_gap = self.interface.law_calls.adhesion(
-            law, np.maximum(gap, 0.0), self.operators.x
-        )
-        pull = pull + by_gap * np.minimum(gap, 0.0)
-        return np.where(on, pull, 0.0), np.where(on, by_gap, 0.0)
+            return Row(none, none, none, none, none)
+        node, x = self.nodal, self.operators.x
+        opened = replace(node, gap=np.maximum(node.gap, 0.0))
+        row = self.interface.law_calls.adhesion_at(law, opened, self.covered, x)
+        row = self.without_slip_on_planes(row)
+        row = row._replace(residual=row.residual + row.by_gap * np.minimum(node.gap, 0.0))
+        return Row(*(np.where(self.covered, values, 0.0) for values in row))
 
-    @field("multiplier_nodes", "active")
+    def without_slip_on_planes(self, row: Row) -> Row:
+        """The row with zero slip on symmetry planes."""
+        on_plane = np.isfinite(self.interface.plane_normals[:, 0])
+        return row._replace(by_slip=np.where(on_plane, 0.0, row.by_slip))
+
+    @property
+    def adhesion(self) -> tuple[Array, Array]:
+        """Adhesion a at the gaps, and a', each (slave nodes,) [stress, stress / length]."""
+        return self.pull.residual, self.pull.by_gap
+
+    @field(*LAW_ATTRIBUTES, "active")
     def attracted(self) -> Flags:
         """Open nodes under adhesion, shape (slave nodes,), bool."""
         return (self.adhesion[0] > 0.0) & ~self.state.active
 
-    @field("multiplier_nodes", "active")
+    @field(*LAW_ATTRIBUTES, "active")
     def acts(self) -> Flags:
         """See ``InterfaceFields``."""
         return self.state.active | self.attracted
@@ -117,10 +125,10 @@ class ContactFields(InterfaceFields):
 
     def closed_adhesion(self) -> Array:
         """Adhesion of closed gaps, shape (slave nodes,) [stress]."""
-        none = np.zeros(len(self.state.z))
-        return self.interface.law_calls.adhesion(
-            self.interface.pair.law, none, self.interface.slave.X
-        )[0]
+        law, node = self.interface.pair.law, replace(self.nodal, gap=np.zeros(len(self.state.z)))
+        return self.interface.law_calls.adhesion_at(
+            law, node, self.covered, self.operators.x
+        ).residual
 
     @property
     def tension(self) -> Array:
@@ -203,16 +211,24 @@ class ContactFields(InterfaceFields):
     def law_rows(self) -> tuple[Row, ...]:
         """Rows of the contact law along tau, and along n for open nodes, each (slave nodes,).
 
+        With a closing gap of the law its row is the third.
+
         Where adhesion decreases with the gap faster than the elastic forces increase, its
         derivative is left out of the tangent. With it a Newton step would close the gap, and the
         node would open and close alternately. Without it the gap grows over the iterations up to
         the next equilibrium.
         """
-        (pull, by_gap), none = self.adhesion, np.zeros(len(self.state.z))
+        pull, closing = self.pull, self.closing
+        by_gap = pull.by_gap
         if by_gap.any() and not self.operators.linearization.exact:
             by_gap = np.where(self.decreases_fast, 0.0, by_gap)
-        opening = Row(self.z_n + pull, by_gap, none, none + 1.0, none)
-        return self.at_gaps(self.tangential_row), opening
+        opening = Row(
+            self.z_n + pull.residual, by_gap, pull.by_slip, pull.by_z_n + 1.0, pull.by_z_tau
+        )
+        rows = [self.tangential_row, opening]
+        if closing is not None:
+            rows = [*(chain_rule(row, closing) for row in rows), closing]
+        return tuple(self.at_gaps(row) for row in rows)
 
     @property
     def counted_shear(self) -> Array:
@@ -240,7 +256,7 @@ class ContactFields(InterfaceFields):
         """A row of the law with its whole derivative by the mean gap: slip depends on it."""
         if not np.any(row.by_slip):
             return row
-        return with_gap_of_slip(row, self.slip_by_gap)
+        return row._replace(by_gap=row.by_gap + row.by_slip * self.slip_by_gap)
 
     @field(*RULED)
     def vector_rows(self) -> tuple[VectorRow, ...]:

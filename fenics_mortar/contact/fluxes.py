@@ -11,6 +11,16 @@ where T_k, T_l are the values at the nodes, see ``traces``. With the share s of 
 D^T (q - s P) leaves the slave and M^T (q + (1 - s) P) enters the master. Since M reproduces
 constants, the loads of both sides and the source are in balance to rounding for any mesh.
 
+A field of degree 1 beside a displacement of degree 2 has fewer dofs than there are nodes: with a
+large h, jumps of zero at all nodes would leave it no freedom where facets do not match. Carriers c
+are therefore the nodes with dofs, and q is linear between them, with the means over their part of
+the surface: A has the linear values at the nodes, A_jc = 1 at carriers, and
+
+    q_j = sum_c A_jc h_c [T]_c,    ([T]_c, h_c) = sum_j A_jc w_j ([T]_j, h_j) / sum_j A_jc w_j.
+
+Where conduction is perfect, and the slave's field is prescribed at a node, its equation is left to
+the carriers beside it, as in ``tied_field``.
+
 On a rigid obstacle its given value replaces the master's, and the master's load leaves the system.
 
 The loads depend on displacements and T, and by p and P on the multipliers. Sources: Hueber &
@@ -24,13 +34,13 @@ depend on h, up to perfect conduction. At a solution derivatives are exact.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array, csr_array, diags, eye, hstack
 
 from dolfinx import fem
 
@@ -38,7 +48,7 @@ from fenics_mortar.contact.conductance import Conductance
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.law import Row, VectorRow
 from fenics_mortar.contact.rows import row_by_displacements, row_by_motions
-from fenics_mortar.interface.mortar import Block, MortarOperators, scaled
+from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.traces import Trace, trace_of
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -55,6 +65,7 @@ class FluxValues:
         T, T_master: The field at the nodes of both sides.
         perfect: Conductance of perfect conduction, shape (slave nodes,) [flux / field].
         largest: Bound of the total conduction in derivatives at fixed jumps [flux length].
+        spread: The matrix A, shape (slave nodes, slave nodes) [1].
     """
 
     def __init__(
@@ -65,23 +76,35 @@ class FluxValues:
         T_master: Array,
         perfect: Array,
         largest: float,
+        spread: csr_array,
     ) -> None:
         self._law, self.f, self.T, self.T_master = law, f, T, T_master
         self.o: MortarOperators = f.operators
-        self.on = f.covered
-        self._per_weight = np.where(self.on, 1.0 / np.where(self.on, self.o.weight, 1.0), 0.0)
+        self.on, self._spread = f.covered, spread
+        self.weight: Array = np.where(self.on, self.o.weight, 0.0)
+        of_carriers = self._spread.T @ self.weight
+        on = of_carriers > 0.0
+        self._per_weight = np.where(on, 1.0 / np.where(on, of_carriers, 1.0), 0.0)
         D, M = self.o.matrices
         self._reference = 0.0 if law.temperature is None else law.on_obstacle
         jump = D @ (T - self._reference) - M @ (T_master - self._reference)
-        self.jump = self._per_weight * jump
         closed = f.state.active
         self.h = law.evaluate(
             np.where(closed, np.maximum(f.z_n, 0.0), 0.0),
             np.where(closed, 0.0, np.maximum(f.mean_gap, 0.0)),
             perfect,
         )
-        self.conduction = np.where(self.on, self.h.h * self.jump, 0.0)
+        self._jump = self._mean(np.where(self.on, jump, 0.0))
+        self._h = self._mean(self.weight * self.h.h)
+        self.jump, self.conductance, self.conduction = (
+            np.where(self.on, self._spread @ values, 0.0)
+            for values in (self._jump, self._h, self._h * self._jump)
+        )
         self._largest = largest
+
+    def _mean(self, weighted: Array) -> Array:
+        """Means at the carriers of values at the nodes times their weights, (slave nodes,)."""
+        return np.asarray(self._per_weight * (self._spread.T @ weighted))
 
     @cached_property
     def _heating(self) -> Row:
@@ -107,7 +130,7 @@ class FluxValues:
     @cached_property
     def _admitted(self) -> float:
         """Fraction of the conduction that derivatives take as flux, 1 at a solution [1]."""
-        total = float(self.o.weight @ np.abs(self.conduction))
+        total = float(self.weight @ np.abs(self.conduction))
         return min(1.0, self._largest / total) if total > 0.0 else 1.0
 
     @property
@@ -126,47 +149,70 @@ class FluxValues:
         """Flux that enters the master, (slave nodes,) [flux]."""
         return self.on_slave + self.friction
 
-    @cached_property
-    def sides(self) -> list[VectorRow]:
-        """Derivatives of both fluxes at fixed jumps [flux]."""
-        closed, heating = self.f.state.active, self._heating
-        pressed = closed & (self.f.z_n > 0.0)
-        jump = self._admitted * self.jump
-        by_gap = np.where(self.on & ~closed & (self.f.mean_gap > 0.0), jump, 0.0)
-        by_pressure = np.where(self.on & pressed, jump * self.h.by_pressure, 0.0)
-        own = Row(self.conduction, by_gap * self.h.by_gap, 0.0, by_pressure)
-        share = self._law.share
-        rows = [
-            Row(*(a + factor * b for a, b in zip(own, heating, strict=True)))
-            for factor in (-share, 1.0 - share)
+    # Derivatives of both fluxes are sums over four quantities of the nodes: weighted jumps,
+    # weighted conductances, weights and the source.
+
+    def stacked(self, parts: Sequence[Iterable[Block]]) -> _Numbered:
+        """Derivatives of the four quantities from their blocks, whose rows are slave nodes."""
+        count = len(self.T)
+        blocks = [
+            block._replace(rows=block.rows + number * count)
+            for number, part in enumerate(parts)
+            for block in part
         ]
-        return [self.f.by_vectors(row) for row in rows]
-
-    def moved(self, side: VectorRow) -> Iterator[Block]:
-        """Blocks of a flux's derivative by displacements at fixed jumps; rows are slave nodes."""
-        return row_by_displacements(self.f, side)
+        return _sparse(blocks, 4 * count)
 
     @cached_property
-    def _factor(self) -> Array:
-        """Derivative of the conduction by the weighted jump [1 / length]."""
-        return np.asarray(self._per_weight * np.where(self.on, self.h.h, 0.0))
+    def by_quantities(self) -> list[csr_array]:
+        """Derivatives of the fluxes of slave and master, (slave nodes, 4 slave nodes)."""
+        to_carriers = self._spread.T @ diags(self.on.astype(float))
+        jump = self._per_weight * self._jump
+        nodal = diags(np.where(self.on, self.h.h, 0.0))
+        twice = diags(2.0 * jump * self._h) @ to_carriers
+        conduction = [
+            self._on_nodes(part)
+            for part in (
+                diags(self._per_weight * self._h) @ to_carriers,
+                diags(self._admitted * jump) @ to_carriers,
+                diags(jump) @ to_carriers @ nodal - twice,
+            )
+        ]
+        one, share = eye(len(self.T)), self._law.share
+        return [csr_array(hstack([*conduction, part * one])) for part in (-share, 1.0 - share)]
+
+    def _on_nodes(self, of_carriers: csr_array) -> csr_array:
+        return diags(self.on.astype(float)) @ self._spread @ of_carriers
+
+    @cached_property
+    def rows(self) -> tuple[VectorRow, VectorRow]:
+        """Derivatives of weighted conductances at fixed weights, and of the source."""
+        closed = self.f.state.active
+        pressed, apart = closed & (self.f.z_n > 0.0), ~closed & (self.f.mean_gap > 0.0)
+        h = Row(
+            self.weight * self.h.h,
+            np.where(apart, self.weight * self.h.by_gap, 0.0),
+            0.0,
+            np.where(pressed, self.weight * self.h.by_pressure, 0.0),
+        )
+        return self.f.by_vectors(h), self.f.by_vectors(self._heating)
+
+    def by_displacements(self) -> list[Iterable[Block]]:
+        """Blocks of the four quantities' derivatives by displacements."""
+        o, (h, source) = self.o, self.rows
+        apart = (T - self._reference for T in (self.T, self.T_master))
+        return [
+            o.matrix_derivative(*apart),
+            row_by_displacements(self.f, h),
+            o.weight_derivative(),
+            row_by_displacements(self.f, source),
+        ]
 
     def by_field(self, traces: list[Trace]) -> Iterator[Block]:
-        """Blocks of the conduction's derivative by the field's dofs; rows are slave nodes."""
-        o, s, factor = self.o, self.o.segments, self._factor
-        nodes = o.facet_nodes
-        yield Block(nodes, *traces[0].columns(nodes, factor[nodes][:, :, None] * o.D))
+        """Blocks of the weighted jumps' derivative by the field's dofs; rows are slave nodes."""
+        o, s = self.o, self.o.segments
+        yield Block(o.facet_nodes, *traces[0].columns(o.facet_nodes, o.D))
         if len(traces) > 1:
-            values = -factor[s.slave][:, :, None] * o.M
-            yield Block(s.slave, *traces[1].columns(s.master, values))
-
-    def by_matrices(self) -> Iterator[Block]:
-        """Blocks of the conduction's derivative by D, M and w; rows are slave nodes."""
-        o, factor = self.o, self._factor
-        for block in o.matrix_derivative(*(T - self._reference for T in (self.T, self.T_master))):
-            yield scaled(block, factor)
-        for block in o.weight_derivative():
-            yield scaled(block, -factor * self.jump)
+            yield Block(s.slave, *traces[1].columns(s.master, -o.M))
 
 
 # Conduction over the fluxes of ``Flux.expect`` above which derivatives take less [1]. At a solution
@@ -205,6 +251,7 @@ class Flux:
         law: The conductance.
         space: The displacement's nodes, and the mixed space.
         contact: The contact; its surfaces are those of the traces.
+        prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
 
     Attributes:
         law: The conductance.
@@ -218,7 +265,9 @@ class Flux:
         ValueError: On all ranks, if the space has no such field, or an obstacle no temperature.
     """
 
-    def __init__(self, law: Conductance, space: DisplacementSpace, contact: Any) -> None:
+    def __init__(
+        self, law: Conductance, space: DisplacementSpace, contact: Any, prescribed: Flags
+    ) -> None:
         self.law, self._contact = law, contact
         rigid = contact.obstacle is not None
         if rigid == (law.temperature is None):
@@ -237,6 +286,9 @@ class Flux:
             self._owned = law.field.function_space.dofmap.index_map.local_range
         self._values: tuple[Array, Array] = np.zeros(contact.slave.num_nodes), np.zeros(0)
         self._largest, self._to_force = np.inf, 1.0
+        not_known = np.zeros(prescribed.size, bool)  # those of a separate field
+        fixed = not_known if self.is_separate else prescribed
+        self._spreads = _spreads(contact, self.traces[0], fixed)
         self.perfect = np.full(contact.slave.num_nodes, np.inf)
 
     def evaluate(self, u: Array) -> None:
@@ -302,7 +354,13 @@ class Flux:
 
     def at(self, f: ContactFields) -> FluxValues:
         """Values and derivatives by nodal quantities at the fields of the contact (collective)."""
-        return FluxValues(self.law, f, *self._values, self.perfect, self._largest)
+        spread = self._spreads[self.law.is_perfect]
+        return FluxValues(self.law, f, *self._values, self.perfect, self._largest, spread)
+
+    @property
+    def coupled(self) -> csr_array:
+        """Slave nodes whose conductions depend on each other: entries of A A^T (local)."""
+        return sum(abs(spread) @ abs(spread).T for spread in self._spreads)
 
     def nodal(self) -> NodalFlux:
         """The flux at the present state (collective); filled inside of facets as the pressure."""
@@ -312,7 +370,7 @@ class Flux:
         slave, master = (float(weight @ of_side) for of_side in (now.on_slave, now.on_master))
         jump, h, conduction, heating = (
             now.f.fill_inside(values.copy())
-            for values in (now.jump, now.h.h, now.conduction, now.friction)
+            for values in (now.jump, now.conductance, now.conduction, now.friction)
         )
         return NodalFlux(jump, h, conduction, heating, -slave, master)
 
@@ -366,31 +424,22 @@ class Flux:
         """Blocks of the loads' derivatives by all unknowns of the bodies (collective)."""
         now = self.at(self._contact.now)
         blocks = [] if now.o.linearization.frozen else list(self._of_matrices(now))
-        slave, master = (
-            _sparse([*now.by_field(self.traces), *now.by_matrices(), *now.moved(side)], len(now.T))
-            for side in now.sides
-        )
-        numbers, change = self._loads(now, slave, master)
-        return [*blocks, _as_block(change, self.dofs, numbers)]
+        by_jump, *others = now.by_displacements()
+        parts = [[*now.by_field(self.traces), *by_jump], *others]
+        return [*blocks, self._loads(now, *now.stacked(parts))]
 
     def field_derivative(self) -> Block:
         """Derivatives of the loads by the field alone (collective)."""
         now = self.at(self._contact.now)
-        conduction = _sparse(now.by_field(self.traces), len(now.T))
-        numbers, change = self._loads(now, conduction, conduction)
-        return _as_block(change, self.dofs, numbers)
+        return self._loads(now, *now.stacked([now.by_field(self.traces)]))
 
     def by_multipliers(self) -> Block:
         """Derivatives of the loads by multipliers; columns index z.ravel() (collective)."""
         now = self.at(self._contact.now)
         own, dim = self._contact.slave.owned, self._contact.slave.dim
         columns = dim * own[:, None] + np.arange(dim)
-        parts = [
-            _sparse([Block(own[:, None], columns, side.by_z[own][:, None])], len(now.T))
-            for side in now.sides
-        ]
-        numbers, change = self._loads(now, *parts)
-        return _as_block(change, self.dofs, numbers)
+        h, source = ([Block(own[:, None], columns, row.by_z[own][:, None])] for row in now.rows)
+        return self._loads(now, *now.stacked([[], h, [], source]))
 
     def add_by_motions(self, columns: Array) -> None:
         """Add the loads' derivatives by the motions of the obstacle (collective).
@@ -399,8 +448,9 @@ class Flux:
             columns: Shape (m, owned dofs) or longer [load / length]; changed in place.
         """
         now = self.at(self._contact.now)
-        change = row_by_motions(now.f, now.sides[0])
-        self._add(self._to_loads(now)[0].T @ change, columns.T)
+        h, source = (row_by_motions(now.f, row) for row in now.rows)
+        change = np.concatenate([0.0 * h, h, 0.0 * h, source])
+        self._add(self._by_quantities(now) @ change, columns.T)
 
     def _add(self, values: Array, target: Array) -> None:
         """Add ``values`` (d, ...) at the dofs to those that this rank owns in ``target``."""
@@ -409,10 +459,8 @@ class Flux:
 
     def _linear_part(self, now: FluxValues, z: Array) -> Array:
         """Derivatives of the loads by multipliers times ``z`` (slave nodes, dim): (d,) [load]."""
-        total = np.zeros(self.dofs.size)
-        for matrix, sign, side in zip(self._to_loads(now), (1.0, -1.0), now.sides, strict=False):
-            total += sign * (matrix.T @ np.einsum("jc,jc->j", side.by_z, z))
-        return total
+        h, source = (np.einsum("jc,jc->j", row.by_z, z) for row in now.rows)
+        return self._by_quantities(now) @ np.concatenate([0.0 * h, h, 0.0 * h, source])
 
     def _of_matrices(self, now: FluxValues) -> Iterator[Block]:
         """Blocks of d(D^T q)/dd and -d(M^T q)/dd at fixed fluxes."""
@@ -423,21 +471,17 @@ class Flux:
             nodes = np.arange(len(now.o.m))[:, None]
             yield self.traces[1].rows(now.o.master_force_derivative(on_master[:, None], nodes))
 
-    def _loads(
-        self, now: FluxValues, slave: _Numbered, master: _Numbered
-    ) -> tuple[Indices, csr_array]:
-        """E^T D^T times one matrix minus E^T M^T times the other, with their column numbers."""
-        numbers = np.union1d(slave[0], master[0])
-        change = csr_array((self.dofs.size, numbers.size))
-        for matrix, sign, (columns, values) in zip(
-            self._to_loads(now), (1.0, -1.0), (slave, master), strict=False
-        ):
-            placed = values.tocoo()
-            at = np.searchsorted(numbers, columns)[placed.col]
-            shape = values.shape[0], numbers.size
-            wide = coo_array((placed.data, (placed.row, at)), shape=shape).tocsr()
-            change = change + sign * (matrix.T @ wide)
-        return numbers, change
+    def _loads(self, now: FluxValues, numbers: Indices, change: csr_array) -> Block:
+        """Derivatives of the loads, from those of the four quantities by unknowns of ``numbers``.
+
+        Collective.
+        """
+        return _as_block(csr_array(self._by_quantities(now) @ change), self.dofs, numbers)
+
+    def _by_quantities(self, now: FluxValues) -> csr_array:
+        """Derivatives of the loads by the four quantities, E^T (D^T - M^T), (d, 4 n)."""
+        sides = zip(self._to_loads(now), (1.0, -1.0), now.by_quantities, strict=False)
+        return sum(sign * (matrix.T @ of_flux) for matrix, sign, of_flux in sides)
 
     def _to_loads(self, now: FluxValues) -> list[csr_array]:
         """D E and M E with columns in the order of ``dofs`` (collective)."""
@@ -452,6 +496,36 @@ class Flux:
         column = np.searchsorted(self.dofs, trace.dofs[node, part])
         shape = len(trace.dofs), self.dofs.size
         return coo_array((trace.weights[node, part], (node, column)), shape=shape).tocsr()
+
+
+def _spreads(contact: Any, trace: Trace, prescribed: Flags) -> tuple[csr_array, csr_array]:
+    """The matrices A of a field, and of one that is conducted perfectly (collective).
+
+    Args:
+        contact: The contact.
+        trace: The field on its slave.
+        prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
+    """
+    slave, count = contact.slave, contact.slave.num_nodes
+    at_carriers = csr_array(eye(count))
+    if trace.dofs.shape[1] > 1:
+        inner, corners, weights = slave.between_corners
+        first = np.unique(inner, return_index=True)[1]
+        rows = np.repeat(inner[first], corners.shape[1])
+        values = np.broadcast_to(weights[first], corners[first].shape).ravel()
+        linear = coo_array((values, (rows, corners[first].ravel())), shape=(count, count))
+        at_carriers = csr_array(diags((~slave.inner).astype(float)) + linear)
+    at_corners = contact.at_vertices or trace.dofs.shape[1] > 1
+    facets = slave.corners if at_corners else slave.facets
+    of_facets = np.repeat(np.arange(len(facets)), facets.shape[1]), facets.ravel()
+    beside = coo_array((np.ones(facets.size), of_facets), shape=(len(facets), count)).tocsr()
+    free = trace.gather(prescribed.astype(float)) < 1.0
+    others = (beside.T @ beside) @ diags(free.astype(float))
+    sums = others.sum(axis=1)
+    kept = free | (sums == 0.0)
+    shares = np.where(kept, 0.0, 1.0 / np.where(sums > 0.0, sums, 1.0))
+    handed = diags(kept.astype(float)) + diags(shares) @ others
+    return at_carriers, csr_array(at_carriers @ handed)
 
 
 # Numbers of the columns of a matrix, and the matrix.

@@ -177,7 +177,7 @@ class Parameters:
     def _scalar(self) -> tuple[fem.Function, Indices]:
         """A function of one component of the displacement's space, and local nodes of its dofs."""
         V, dofs = self._space.V.sub(0).collapse()
-        return fem.Function(V), np.asarray(dofs, np.int64) // 2
+        return fem.Function(V), np.asarray(dofs, np.int64) // self._space.dim
 
     def _at_nodes(self, function: fem.Function) -> Array:
         """Values of a function at the slave nodes (collective)."""

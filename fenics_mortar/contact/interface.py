@@ -88,7 +88,7 @@ class Interface(ABC):
     z, active = read_only("_state.z"), read_only("_state.active")
     branch, multiplier_nodes = read_only("_state.branch"), read_only("_state.multiplier_nodes")
     redundant, partners = read_only("_state.redundant"), read_only("_state.partners")
-    accepted_partners = read_only("_state.accepted_partners")
+    accepted_partners, heading = read_only("_state.accepted_partners"), read_only("_state.heading")
     accepted_instant = read_only("_state.accepted_instant")
     operators, gap = read_only("now.operators"), read_only("now.gap")
     covered, acts = read_only("now.covered"), read_only("now.acts")

@@ -165,11 +165,6 @@ def chain_rule(row: Row, gap: Row) -> Row:
     return Row(row.residual, first * gap.by_gap, *chained)
 
 
-def with_gap_of_slip(row: Row, by_gap: Array) -> Row:
-    """Row of a law whose slip depends on the gap, with the derivative ``by_gap`` of the slip."""
-    return row._replace(by_gap=row.by_gap + row.by_slip * by_gap)
-
-
 def at_points(node: Nodal, of: Callable[[Any], Any]) -> Nodal:
     """Nodal values interpolated to points of the surface; fields of shape (n, q).
 
@@ -328,8 +323,17 @@ class Law(ABC):
         """Adhesion at the gaps ``node.gap`` >= 0, and its derivatives [stress].
 
         Override this method instead of ``adhesion`` if the adhesion depends on more than the gap.
+
+        Raises:
+            ValueError: If ``adhesion`` returns something else than two arrays.
         """
-        return Row(*self.adhesion(node.gap))
+        result = self.adhesion(node.gap)
+        if not isinstance(result, tuple) or len(result) != 2:
+            raise ValueError(
+                f"{self!r}: adhesion returned {result!r}; expected two arrays, the adhesion and "
+                "its derivative"
+            )
+        return Row(*result)
 
     def closing_gap(self, node: Nodal) -> Row:
         """The gap that contact closes, and its derivatives [length]; the gap by default."""

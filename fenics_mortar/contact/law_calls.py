@@ -140,30 +140,6 @@ class LawCalls:
 
         return self._storing_errors(call, np.full_like(pressure, np.inf))
 
-    def adhesion(self, law: Law, gap: Array, x: Array) -> tuple[Array, Array]:
-        """See ``Law.adhesion``."""
-        if type(law) in BUILT_IN:
-            return law.adhesion(gap)
-
-        def call() -> tuple[Array, Array]:
-            result = law.adhesion(read_only_view(gap))
-            if not isinstance(result, tuple) or len(result) != 2:
-                raise ValueError(
-                    f"{law!r}: adhesion returned {result!r}; expected two arrays, the adhesion and "
-                    "its derivative"
-                )
-            pull, by_gap = self._numbers(law, "adhesion", result, gap.size)
-            self._check_finite(law, "adhesion", (pull, by_gap), np.isfinite(gap), x)
-            if (pull < 0.0).any():
-                j = int(np.argmin(pull))
-                raise ValueError(
-                    f"{law!r}: adhesion returned {pull[j]:g} for a gap of {gap[j]:g}; expected "
-                    "zero or a positive stress"
-                )
-            return pull, by_gap
-
-        return self._storing_errors(call, (np.zeros_like(gap), np.zeros_like(gap)))
-
     def _row(self, law: Law, what: str, row: Any, node: Nodal, used: Marks, x: Array) -> Row:
         """A row of arrays (slave nodes,), finite at the nodes where it is used."""
         if not isinstance(row, tuple) or len(row) != len(Row._fields):

@@ -21,6 +21,7 @@ from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import MortarOptions, evaluate_normals, find_segments
 from fenics_mortar.interface.sight import Sight
 from fenics_mortar.interface.space_integrals import evaluate_space
+from fenics_mortar.interface.surfaces import POINTS
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags
 
@@ -175,10 +176,9 @@ class OperatorEvaluation:
         """
         if self.options.integration == "segments" or self.obstacle is not None or o.slave.dim == 3:
             return o.segments
-        return find_segments(
-            self.slave, self.master, o.x, o.n, o.m, facets=o.segments.facets,
-            radius=self.options.radius, min_cosine=self.options.min_cosine, behind=self.behind,
-        )  # fmt: skip
+        options = replace(self.options, integration="segments", points=POINTS)
+        at = o.x, o.n, o.m, o.segments.facets
+        return find_segments(self.slave, self.master, *at, options, self.behind)
 
     def _positions_at(self, u: Array | None) -> tuple[BodiesBehind | None, Array, Array]:
         """Bodies behind the slave; positions of both sides, undeformed for None (collective)."""
@@ -204,13 +204,9 @@ class OperatorEvaluation:
         ``searched``: see ``evaluate_mortar``.
         """
         self.behind = behind
-        if self.slave.dim == 3 and self.obstacle is None:
-            return evaluate_space(
-                self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,
-                linearization, behind, searched,
-            )  # fmt: skip
         if self.obstacle is None:
-            return evaluate_mortar(
+            evaluate: Any = evaluate_mortar if self.slave.dim == 2 else evaluate_space
+            return evaluate(
                 self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,
                 linearization, behind, searched,
             )  # fmt: skip

@@ -38,9 +38,10 @@ import numpy as np
 
 from fenics_mortar.contact.fields import LAW_ATTRIBUTES, RULED, ContactFields
 from fenics_mortar.contact.interface_fields import Parts, field, normal_parts, tangential
-from fenics_mortar.contact.law import Nodal, Row, Stick, VectorRow, chain_rule
+from fenics_mortar.contact.law import Nodal, Row, Stick, VectorRow
 from fenics_mortar.contact.laws import STICK, Friction, Frictionless
 from fenics_mortar.interface.mortar import Block
+from fenics_mortar.interface.space_mortar import SpaceOperators
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING
 
@@ -65,14 +66,9 @@ class LawFields(ContactFields):
         if not law.has_closing_gap:
             return None
         on, x = self.covered, self.operators.x
-        row = self._without_slip_on_planes(self.interface.law_calls.closing_gap(law, node, on, x))
+        row = self.without_slip_on_planes(self.interface.law_calls.closing_gap(law, node, on, x))
         plain = Row(node.gap, 1.0, 0.0, 0.0, 0.0)
         return Row(*(np.where(on, a, b) for a, b in zip(row, plain, strict=True)))
-
-    def _without_slip_on_planes(self, row: Row) -> Row:
-        """The row with zero slip on symmetry planes."""
-        on_plane = np.isfinite(self.interface.plane_normals[:, 0])
-        return row._replace(by_slip=np.where(on_plane, 0.0, row.by_slip))
 
     @field(*LAW_ATTRIBUTES)
     def nodal(self) -> Nodal:
@@ -90,62 +86,12 @@ class LawFields(ContactFields):
         """See ``InterfaceFields``; minus the thickness of the law's layer."""
         return np.asarray(self.state.offset - (self.nodal.gap - self.of_geometry.gap))
 
-    @field(*LAW_ATTRIBUTES)
-    def pull(self) -> Row:
-        """Adhesion at closing gaps, extrapolated linearly to negative ones, each (slave nodes,)."""
-        law, node, none = self.interface.pair.law, self.nodal, np.zeros(len(self.state.z))
-        if not law.has_adhesion:
-            return Row(none, none, none, none, none)
-        opened = replace(node, gap=np.maximum(node.gap, 0.0))
-        row = self.interface.law_calls.adhesion_at(law, opened, self.covered, self.operators.x)
-        row = self._without_slip_on_planes(row)
-        row = row._replace(residual=row.residual + row.by_gap * np.minimum(node.gap, 0.0))
-        return Row(*(np.where(self.covered, values, 0.0) for values in row))
-
-    @field(*LAW_ATTRIBUTES)
-    def adhesion(self) -> tuple[Array, Array]:
-        """See ``ContactFields``."""
-        return self.pull.residual, self.pull.by_gap
-
-    @field(*LAW_ATTRIBUTES, "active")
-    def attracted(self) -> Flags:
-        """See ``ContactFields``."""
-        return (self.adhesion[0] > 0.0) & ~self.state.active
-
-    @field(*LAW_ATTRIBUTES, "active")
-    def acts(self) -> Flags:
-        """See ``ContactFields``."""
-        return self.state.active | self.attracted
-
-    @field(*RULED)
-    def law_rows(self) -> tuple[Row, ...]:
-        """See ``ContactFields``; with a closing gap of the law its row is the third."""
-        _, opening = ContactFields.law_rows.func(self)
-        tangential = self.tangential_row
-        by_z_n = opening.by_z_n + self.pull.by_z_n
-        opening = opening._replace(
-            by_slip=self.pull.by_slip, by_z_n=by_z_n, by_z_tau=self.pull.by_z_tau
-        )
-        closing = self.closing
-        rows = [tangential, opening]
-        if closing is not None:
-            rows = [chain_rule(tangential, closing), chain_rule(opening, closing), closing]
-        return tuple(self.at_gaps(row) for row in rows)
-
     def friction_limit(self, pressure: Array) -> Array:
         """See ``ContactFields``; at closed gaps."""
         node = replace(self.nodal, z_n=pressure, gap=np.zeros_like(pressure))
         return self.interface.law_calls.friction_limit_at(
             self.interface.pair.law, node, self.operators.x
         )
-
-    def closed_adhesion(self) -> Array:
-        """See ``ContactFields``."""
-        law, none = self.interface.pair.law, np.zeros(len(self.state.z))
-        if not law.has_adhesion:
-            return none
-        node, x = replace(self.nodal, gap=none), self.operators.x
-        return self.interface.law_calls.adhesion_at(law, node, self.covered, x).residual
 
 
 # Largest ratio of shear and |w| in the tangent [1], which is singular at 1: the node is about to
@@ -231,6 +177,19 @@ class SpaceFields(ContactFields):
         """See ``InterfaceFields``; the tangential part is that along e."""
         z_n = normal_parts(self.operators.n, self.z_u)
         return Parts(z_n, normal_parts(self.directions.along, self.z_u))
+
+    @property
+    def steepness(self) -> float:
+        """See ``ContactFields``; collective. The mean square of d(nodal force)/d(slip), too.
+
+        Each is multiplied by the rounding of the slip over that of a position: functions on a small
+        part of a facet with nine nodes may be 1e4 times their mean.
+        """
+        o, steepest = self.operators, super().steepness
+        if not (isinstance(o, SpaceOperators) and self._has_slip):
+            return steepest
+        forces = o.rounding_of_vectors() * self.interface.foundation * self.state.active
+        return max(steepest, float(np.sqrt((forces**2).mean())))
 
     @property
     def slip_in_space(self) -> Array:

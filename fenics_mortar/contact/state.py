@@ -43,6 +43,9 @@ class InterfaceState(Value):
         force_decided: Nodes with tensile multiplier and compressive force, shape (slave nodes,),
             bool, and the forces of all nodes, shape (slave nodes, 2) [stress length], for the next
             active set; see ``Contact.move``.
+        heading: In space, the directions in which nodes slid in the last iteration, zero where they
+            did not, (slave nodes, 3) [1], and how often each has turned back in this solve, (slave
+            nodes,), int; see ``active_set``.
     """
 
     z: Array
@@ -59,6 +62,7 @@ class InterfaceState(Value):
     start_instant: Any = field(default=None, metadata=DERIVED)
     accepted_instant: Any = field(default=None, metadata=DERIVED)
     force_decided: tuple[Flags, Array] | None = field(default=None, metadata=DERIVED)
+    heading: tuple[Array, Array] | None = field(default=None, metadata=DERIVED)
 
 
 # Names of the attributes that determine all others.

@@ -237,8 +237,12 @@ class Tie(Interface):
         """Intersections of this rank's slave facets with the master."""
         return self.operators.segments
 
-    def close_gap(self, space: DisplacementSpace) -> bool:
-        """Move active nodes such that D X_s = M X_m (collective); return whether any node moved."""
+    def close_gap(self, space: DisplacementSpace) -> float:
+        """Move active nodes such that D X_s = M X_m (collective).
+
+        Returns:
+            The largest motion over the size of the surface, 0 if it is rounding [1].
+        """
         on, slave = self.active_nodes, self.slave
         if slave.dim == 3 and self.at_vertices:
             return self._close_at_corners(space)
@@ -247,7 +251,7 @@ class Tie(Interface):
         X = spsolve(self.D[on][:, on].tocsc(), rhs).reshape(-1, self.slave.dim)
         return self._move(space, on, X)
 
-    def _close_at_corners(self, space: DisplacementSpace) -> bool:
+    def _close_at_corners(self, space: DisplacementSpace) -> float:
         """As ``close_gap``, with corners that take the other nodes of their facets along."""
         inner, corners, weights = self.slave.between_corners
         on, count = self.active_nodes, self.slave.num_nodes
@@ -261,13 +265,14 @@ class Tie(Interface):
         X = self.slave.X + take @ change
         return self._move(space, np.arange(count), X)
 
-    def _move(self, space: DisplacementSpace, nodes: Indices, X: Array) -> bool:
-        """Move slave nodes to ``X`` (k, dim); return whether they are not there (collective)."""
+    def _move(self, space: DisplacementSpace, nodes: Indices, X: Array) -> float:
+        """Move slave nodes to ``X`` (k, dim); see ``close_gap`` (collective)."""
         size = self.slave.extent + np.abs(self.slave.X).max()
-        if np.abs(X - self.slave.X[nodes]).max() <= LAST_DIGITS * size:
-            return False
+        motion = float(np.abs(X - self.slave.X[nodes]).max() / size)
+        if motion <= LAST_DIGITS:
+            return 0.0
         space.move_nodes(self.slave.nodes[nodes], X)
-        return True
+        return motion
 
     def update_reference(self, space: DisplacementSpace) -> None:
         """Update the reference positions from the mesh (collective)."""

@@ -20,10 +20,9 @@ from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.errors import refuse_in_space
 
 
-def check_arguments(
-    residual: Any, u: Any, pairs: Any, bcs: Any, jacobian: Any, history: Any, before_assembly: Any
-) -> None:
+def check_arguments(pairs: Any, given: dict[str, Any]) -> None:
     """Reject forms, pairs, conditions or history functions of a wrong type (local)."""
+    residual, u, jacobian, bcs = (given[name] for name in ("residual", "u", "jacobian", "bcs"))
     check_kind("residual", residual, ufl.Form, "a UFL form")
     if not isinstance(pairs, Sequence) or not all(
         isinstance(p, (ContactPair, TiedPair)) for p in pairs
@@ -35,8 +34,9 @@ def check_arguments(
         raise ValueError(f"bcs={bcs!r}: expected a list of Dirichlet conditions")
     for pair in pairs:
         pair.check()
-    check_residual("residual", residual, u, contains_u=before_assembly is None)
-    if before_assembly is not None and (not callable(before_assembly) or jacobian is None):
+    set_before = given["before_assembly"]
+    check_residual("residual", residual, u, contains_u=set_before is None)
+    if set_before is not None and (not callable(set_before) or jacobian is None):
         raise ValueError(
             "before_assembly: expected a function without arguments, and jacobian, the form with "
             "the derivatives of the functions that it sets"
@@ -45,41 +45,31 @@ def check_arguments(
         check_kind("jacobian", jacobian, ufl.Form, "a UFL form, or None")
         check_jacobian(jacobian, u)
     forms = {"residual": residual, "jacobian": jacobian}
-    check_history(history, {n: form for n, form in forms.items() if form is not None}, u)
+    check_history(given["history"], {n: form for n, form in forms.items() if form is not None}, u)
 
 
-def check_options(
-    petsc_options_prefix: Any,
-    petsc_options: Any,
-    algorithm: Any,
-    solver: Any,
-    linearization: Any,
-    newton: Any,
-    displacement: Any,
-    linear_bulk: Any,
-    model_check: Any,
-    geometry: Any,
-    thickness: Any,
-) -> None:
+def check_options(given: dict[str, Any], model_check: Any) -> None:
     """Reject options of a wrong type (local)."""
-    check_geometry(geometry, thickness)
-    check_kind("petsc_options_prefix", petsc_options_prefix, str, "a string, e.g. 'blocks_'")
-    for name, value, kind, expected in (
-        ("petsc_options", petsc_options, dict, "a dictionary, or None"),
-        ("newton", newton, NewtonOptions, "an instance of NewtonOptions, or None"),
-        ("linear_bulk", linear_bulk, bool, "True, False or None"),
+    check_geometry(given["geometry"], given["thickness"])
+    check_kind(
+        "petsc_options_prefix", given["petsc_options_prefix"], str, "a string, e.g. 'blocks_'"
+    )
+    for name, kind, expected in (
+        ("petsc_options", dict, "a dictionary, or None"),
+        ("newton", NewtonOptions, "an instance of NewtonOptions, or None"),
+        ("linear_bulk", bool, "True, False or None"),
     ):
-        if value is not None:
-            check_kind(name, value, kind, expected)
-    for name in petsc_options or {}:
+        if given[name] is not None:
+            check_kind(name, given[name], kind, expected)
+    for name in given["petsc_options"] or {}:
         if not isinstance(name, str) or name.startswith("-"):
             raise ValueError(f"petsc_options with {name!r}: expected a name such as 'ksp_rtol'")
-    check_choice("linearization", linearization, LINEARIZATIONS)
-    check_choice("solver", solver, get_args(SolverName))
-    if algorithm is not None:
-        check_choice("algorithm", algorithm, get_args(Algorithm))
-    expected = "the number of a sub-space"
-    check_number("displacement", displacement, expected, lambda part: part >= 0, whole=True)
+    check_choice("linearization", given["linearization"], LINEARIZATIONS)
+    check_choice("solver", given["solver"], get_args(SolverName))
+    if given["algorithm"] is not None:
+        check_choice("algorithm", given["algorithm"], get_args(Algorithm))
+    part, expected = given["displacement"], "the number of a sub-space"
+    check_number("displacement", part, expected, lambda part: part >= 0, whole=True)
     if model_check is not None and (
         isinstance(model_check, type) or not hasattr(model_check, "prepare")
     ):

@@ -21,7 +21,6 @@ from fenics_mortar.contact.messages import describe_overlap
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.tied_field import rows_of
 from fenics_mortar.equations.set_record import SetsOfPairs
-from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
@@ -62,11 +61,11 @@ def describe_isolated(bulk: Bulk, contacts: Sequence[Interface], floating: Float
 
 def _part_of_dofs(bulk: Bulk, floating: FloatingBodies, field: int) -> Indices | None:
     """Part of the mesh of each owned dof of a scalar field, -1 for others; ``None`` for vectors."""
-    Q, numbers = bulk.space.whole.sub(field).collapse()
+    Q, numbers = compat.collapsed(bulk.space.whole.sub(field))
     if Q.dofmap.index_map_bs > 1 or Q.num_sub_spaces:
         return None
     cells = floating.parts[compat.dofmap(bulk.V)[:, :1]]
-    dofs = np.asarray(numbers, np.int64).ravel()[compat.dofmap(Q)]
+    dofs = numbers.ravel()[compat.dofmap(Q)]
     part_of = np.full(bulk.u.x.array.size, -1)
     part_of[dofs] = cells
     return part_of[: bulk.num_owned]
@@ -157,30 +156,20 @@ def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> Non
         )
 
 
-def diagnose(
-    bulk: Bulk,
-    contacts: Sequence[Interface],
-    floating: FloatingBodies,
-    motions: DrivenMotions,
-    force: float,
-    recent: Sequence[SetsOfPairs],
-) -> str:
+def diagnose(equations: Any, recent: Sequence[SetsOfPairs]) -> str:
     """Describe inverted cells, loose bodies, wrong laws, edges and overlaps; "" if none.
 
     Args:
-        bulk: The bodies.
-        contacts: All pairs.
-        floating: Bodies that Dirichlet conditions leave free to move rigidly.
-        motions: The rigid motions.
-        force: Size of the forces [stress length].
+        equations: The ``ContactEquations``.
         recent: Sets of the last iterations.
     """
+    bulk, contacts, floating = equations.bulk, equations.contacts, equations.floating
     first = describe_inverted(bulk)
     if not first:
-        free = floating.describe(floating.loose()), motions.describe(force)
-        first = ", ".join(filter(None, free)) or _describe_limits(contacts)
-        first = first or _describe_twice(contacts) or _describe_peeling(contacts, recent)
-        first = first or _describe_nine_nodes(contacts)
+        driven = equations.motions.describe(equations.residual.force)
+        first = ", ".join(filter(None, (floating.describe(floating.loose()), driven)))
+        first = first or _describe_limits(contacts) or _describe_twice(contacts)
+        first = first or _describe_peeling(contacts, recent)
         first = first or describe_isolated(bulk, contacts, floating)
     at_nodes = bulk.describe_inverted_nodes()
     return "; ".join(filter(None, (first, at_nodes, *map(describe_overlap, contacts))))
@@ -262,23 +251,5 @@ def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[SetsOfPair
                 "shear without pressure, which may peel them off each time they close; take "
                 "smaller steps, or Coulomb(mu, max_shear=...), whose limit vanishes with the "
                 "pressure"
-            )
-    return ""
-
-
-def _describe_nine_nodes(contacts: Sequence[Interface]) -> str:
-    """Describe friction with dual multipliers on facets of nine nodes; "" if none (local).
-
-    A node may then have no branch: shear opposite to its slip, and stick above its limit.
-    """
-    for contact in contacts:
-        if not isinstance(contact, Contact) or contact.slave.facets.shape[1] != 9:
-            continue
-        dual = contact.pair.discretization.basis == "dual"
-        if dual and contact.active.any() and contact.pair.law.has_friction:
-            return (
-                f"'{contact.slave.name}' has facets of nine nodes, on which dual multipliers with "
-                "friction may have no solution: if smaller steps do not help, take "
-                "Discretization(basis='linear') for this pair"
             )
     return ""

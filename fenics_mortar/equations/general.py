@@ -226,10 +226,7 @@ class ContactEquations:
 
     def diagnose(self) -> str:
         """Describe inverted cells, loose bodies, peeling edges and deep overlaps; "" if none."""
-        recent = self._set_record.recent
-        return diagnose(
-            self.bulk, self.contacts, self.floating, self.motions, self.residual.force, recent
-        )
+        return diagnose(self, self._set_record.recent)
 
     # Newton iteration
 

@@ -355,20 +355,6 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
                 "set up a new problem (its law may be set, values of its conductances, "
                 "contact.c_n and contact.offset)"
             )
-    count = contact.slave.num_nodes
-    for name, shape, kind in (
-        ("z", (count, contact.slave.dim + len(getattr(pair, "fields", ()))), float),
-        ("active", (count,), bool),
-        ("multiplier_nodes", (count,), bool),
-        ("branch", (count,), int),
-    ):
-        given = getattr(contact, name)
-        check_kind(f"{name} of {pair!r}", given, np.ndarray, "an array")
-        if given.shape != shape or not np.can_cast(given.dtype, kind, "same_kind"):
-            raise MortarError(
-                f"{name} of {pair!r} has shape {given.shape} and type {given.dtype}; expected "
-                f"{shape} and {kind.__name__}"
-            )
     if isinstance(contact, Tie):
         contact.pair.present_jump()
     if isinstance(contact, Contact):

@@ -37,18 +37,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.law_calls import raise_stored
-from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.bordered import solve_bordered
-from fenics_mortar.rigid.driven import DrivenMotions, border_of
+from fenics_mortar.rigid.driven import border_of
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_same, together
@@ -136,31 +133,21 @@ class LinearizedEquations:
     Valid until the next Newton iteration, since matrix and factors are those of the problem.
 
     Args:
-        bulk: The bodies.
-        contacts: The contacts and ties, evaluated.
-        motions: The rigid motions.
-        system: System of displacements and multipliers.
-        tangent: Solves for these by other factors than those of ``system``.
+        equations: The ``ContactEquations``, evaluated.
     """
 
-    def __init__(
-        self,
-        bulk: Bulk,
-        contacts: Sequence[Interface],
-        motions: DrivenMotions,
-        system: LinearSystem,
-        tangent: Tangent | None = None,
-    ) -> None:
-        self._bulk, self._contacts, self._system = bulk, contacts, system
-        self._tangent = tangent or system
+    def __init__(self, equations: Any) -> None:
+        bulk, motions, tangent = equations.bulk, equations.motions, equations.reduced_tangent()
+        self._bulk, self._contacts, self._system = bulk, equations.contacts, equations.system
+        self._tangent: Tangent = tangent or self._system
         self._shape, self._driven = motions.scales.shape, motions.unknowns
         if tangent is None:
             bulk.assemble_tangent()
             for load in motions.remote:
                 load.take_bulk_rows()
         self._tangent.assemble()
-        border, extra = border_of(motions, system), np.ones(motions.num_of_spread)
-        raise_stored(bulk.comm, contacts)
+        border, extra = border_of(motions, self._system), np.ones(motions.num_of_spread)
+        raise_stored(bulk.comm, self._contacts)
         self._border = border.scaled(np.append(motions.scales.ravel(), extra))
 
     def solve(self, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:

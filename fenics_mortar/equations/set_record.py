@@ -204,8 +204,7 @@ class CombinedSprings:
 
     def remove_springs(self) -> None:
         """Remove the springs."""
-        self._floating.remove_springs()
-        self._obstacles.remove_springs()
+        self._floating.springs = self._obstacles.springs = None
 
     def max_motion(self) -> float:
         """Largest rigid motion since ``anchor`` [shortest facets]."""

@@ -6,7 +6,7 @@ Outlines of the bodies that limit the search of each pair (local).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import replace
@@ -43,9 +43,8 @@ from fenics_mortar.equations.inputs import check_roles
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.interface.outline import Outline
-from fenics_mortar.la.choice import Algorithm, system_of
-from fenics_mortar.la.options import SolverName
-from fenics_mortar.mesh.space import DisplacementSpace, Geometry, thickness_of
+from fenics_mortar.la.choice import system_of
+from fenics_mortar.mesh.space import DisplacementSpace, thickness_of
 from fenics_mortar.newton.loop import NewtonOptions
 from fenics_mortar.rigid.section import sections_of
 from fenics_mortar.rigid.spread import check_remote
@@ -83,8 +82,8 @@ def check_given(
         MortarError: On all ranks, if arguments differ between ranks.
         NotImplementedError: On all ranks, if an argument needs the plane.
     """
-    names = ("residual", "u", "bcs", "jacobian", "history", "before_assembly")
-    forms = {name: given[name] for name in names}
+    lists = ("bcs", "remote", "history")
+    forms = ("residual", "u", "jacobian", "before_assembly", *lists)
     options = {name: value for name, value in given.items() if name not in forms}
     check_kind("u", given["u"], fem.Function, "a function of dolfinx")
     mesh = given["u"].function_space.mesh
@@ -92,9 +91,9 @@ def check_given(
     if comm.size > 1:
         compat.settle_coordinate_element(mesh)
     with together(comm, "ContactProblem"):
-        check_arguments(pairs=pairs, **forms)
-        check_remote(options.pop("remote"))
-        check_options(**options, model_check=model_check)
+        check_arguments(pairs, given)
+        check_remote(given["remote"])
+        check_options(given, model_check)
         beyond = [name for name in ("history", "before_assembly") if given[name]]
         if beyond and model_check is not None:
             raise ValueError(f"model_check does not support {beyond[0]}")
@@ -102,7 +101,6 @@ def check_given(
         options["residual"] = f"a form with the signature {signature[:8]}"
     check_given_in_space(given)
     options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
-    lists = ("bcs", "remote", "history")
     counts = {"pairs": len(pairs), **{name: len(given[name]) for name in lists}}
     check_same_texts(comm, "ContactProblem", {**counts, **options})
 
@@ -119,24 +117,9 @@ def check_attributes(problem: Any, given: dict[str, Any]) -> None:
 
 
 def equations_of(
-    residual: Any,
-    u: Any,
-    pairs: Sequence[ContactPair | TiedPair],
-    bcs: Sequence[Any],
-    jacobian: Any | None,
-    *,
-    solver: str,
-    linearization: str,
-    newton: NewtonOptions,
-    displacement: int,
-    geometry: Geometry,
-    thickness: float | Callable[[Array], Any] | None,
-    algorithm: Algorithm | None,
-    remote: Sequence[Any] = (),
-    history: Sequence[tuple[Any, Any]] = (),
-    before_assembly: Callable[[], Any] | None = None,
+    given: dict[str, Any], pairs: Sequence[ContactPair | TiedPair]
 ) -> ContactEquations:
-    """Equations of a problem, for arguments of ``ContactProblem`` (collective).
+    """Equations of a problem, for arguments of ``ContactProblem`` by name (collective).
 
     Gaps of ties are removed from the mesh.
 
@@ -144,27 +127,30 @@ def equations_of(
         MortarError: On all ranks, if the mesh or a surface is unsuitable.
         ValueError: On all ranks, if ``u`` is a mixed function and the solver iterative.
     """
+    residual, u, jacobian = (given[name] for name in ("residual", "u", "jacobian"))
     petsc.free_garbage_of_earlier(u.function_space.mesh.comm)
-    weight = thickness_of(geometry, thickness)
-    space = DisplacementSpace(u.function_space, displacement, weight)
+    weight = thickness_of(given["geometry"], given["thickness"])
+    space = DisplacementSpace(u.function_space, given["displacement"], weight)
     check_space(space.V, pairs)
     check_pairs_in_space(pairs)
     for name, form in (("residual", residual), ("jacobian", jacobian)):
         if form is not None:
             check_subdomains(name, form, space.V.mesh, [pair.data for pair in pairs])
-    if solver == "iterative" and space.is_mixed:
+    if given["solver"] == "iterative" and space.is_mixed:
         raise ValueError("solver='iterative': mixed functions need solver='direct'")
-    loads = [load.bind(space) for load in remote]
-    bcs = [*bcs, *(load for load in loads if hasattr(load, "dof_indices"))]
+    loads = [load.bind(space) for load in given["remote"]]
+    bcs = [*given["bcs"], *(load for load in loads if hasattr(load, "dof_indices"))]
     prescribed = mark_prescribed(space, u, bcs)
     check_axis(space, prescribed)
     check_radius(residual, u, space)
     check_rules(residual, u, space)
-    contacts = bind(pairs, space, prescribed, chains=algorithm != "condensed")  # may move nodes
+    contacts = bind(
+        pairs, space, prescribed, chains=given["algorithm"] != "condensed"
+    )  # may move nodes
     for load in loads:
         load.update_reference()
     loads += sections_of(contacts)
-    bulk = Bulk(residual, u, list(bcs), jacobian, space, history, before_assembly)
+    bulk = Bulk(residual, u, bcs, jacobian, space, given["history"], given["before_assembly"])
     bulk.surfaces_slide = any(p.sliding == "finite" for p in pairs if isinstance(p, ContactPair))
     petsc.keep_communicators(bulk.comm, bulk.r, bulk.K)
     check_slave_nodes(contacts)
@@ -172,26 +158,25 @@ def equations_of(
     check_cells(bulk)
     check_mesh_overlap(space, contacts)
     bulk.input_data.check()
-    equations = ContactEquations(bulk, contacts, LINEARIZATIONS[linearization], newton, loads)
+    linearization, newton = LINEARIZATIONS[given["linearization"]], given["newton"]
+    newton = newton or NewtonOptions()
+    equations = ContactEquations(bulk, contacts, linearization, newton, loads)
     outline, labels = equations.crossings.outline, equations.floating.labels
     set_outlines(contacts, outline, outline.gather(bulk.space.spread(labels)))
     return equations
 
 
-def solver_of(
-    equations: ContactEquations,
-    prefix: str,
-    options: dict[str, Any] | None,
-    algorithm: Algorithm | None,
-    solver: SolverName,
-    linear_bulk: bool | None,
-) -> Solver:
-    """Solver of equations, for arguments of ``ContactProblem`` (collective)."""
+def solver_of(equations: ContactEquations, given: dict[str, Any]) -> Solver:
+    """Solver of equations, for arguments of ``ContactProblem`` by name (collective)."""
+    prefix, solver, linear_bulk = (
+        given[name] for name in ("petsc_options_prefix", "solver", "linear_bulk")
+    )
     if solver == "iterative" and linear_bulk is None:
         linear_bulk = False  # the factors may exceed the memory
     create_system = system_of(
-        equations.bulk, equations.contacts, prefix, options, algorithm, solver, linear_bulk
-    )
+        equations.bulk, equations.contacts, prefix, given["petsc_options"], given["algorithm"],
+        solver, linear_bulk,
+    )  # fmt: skip
     return Solver(equations, create_system, linear_bulk=linear_bulk, prefix=prefix)
 
 

@@ -92,15 +92,9 @@ class Solver:
             of_step: Measures of the step that led to the state, see ``Certificate``.
         """
         e = self._equations
-        certificate = certify(
-            e.bulk,
-            e.contacts,
-            e.floating.labels,
-            e.floating.parts,
-            e.motions.residual(),
-            e.crossings.nodes_inside(),
-        )
-        tipping = tipping_bodies(e.floating, certificate.pairs)
+        unbalanced, inside = e.motions.residual(), e.crossings.nodes_inside()
+        certificate = certify(e.contacts, e.floating, unbalanced, inside)
+        tipping = tipping_bodies(e.floating, certificate.pairs, e.motions.pushed_nodes())
         springs, crossings = e.springs.largest(), e.crossings.find()
         found = {"springs": springs, "crossings": crossings, "tipping": tipping, **of_step}
         return agreed(e.comm, replace(certificate, **found))
@@ -194,7 +188,7 @@ class Solver:
             self._accept_moved()
         e.idle.find(e.evaluate_forces)
         report = self._solve()
-        moved += e.floating.check(e.idle.reach())
+        moved += e.floating.settling.check(e.idle.reach())
         moved += e.idle.end()
         return report, moved
 
@@ -273,7 +267,7 @@ class Solver:
         Motion of a body towards another one is not slip; motion along a surface in contact is slip.
         """
         e = self._equations
-        touched = iter(e.floating.touched)
+        touched = iter(e.floating.settling.touched)
         for contact in e.contacts:
             if isinstance(contact, Contact):
                 before = next(touched, np.zeros_like(contact.active))

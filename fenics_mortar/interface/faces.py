@@ -249,6 +249,15 @@ def _facet_rule(size: int) -> tuple[Array, Array]:
     return points, area * np.tile(weights, len(triangles))
 
 
+def reference_values(size: int) -> tuple[Array, Array]:
+    """Shape functions (q, K) [1] at points of a reference facet, and weights (q,) [1] (local)."""
+    points, weights = _facet_rule(size)
+    N = np.empty((len(points), 3, size))
+    for (a, b), values in zip(points, N, strict=True):
+        tabulate_shapes(a, b, values)
+    return N[:, 0].copy(), weights
+
+
 def extract_faces(
     space: DisplacementSpace, facet_tags: Any, tags: Sequence[int], name: str
 ) -> Faces:

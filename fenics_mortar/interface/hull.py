@@ -13,16 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from dolfinx import mesh as dmesh
-
 from fenics_mortar.interface.faces import Faces, outward_nodes
-from fenics_mortar.interface.outline import STEP_FACTOR, Outline
+from fenics_mortar.interface.outline import Outline, exterior_facets
 from fenics_mortar.kernels.space.normals import facets_around
 from fenics_mortar.kernels.space.pairs import spatial_order
 from fenics_mortar.kernels.space.shapes import triangles_of
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.rounding import ROUNDING, TINY
+from fenics_mortar.utils.rounding import TINY
 
 
 @dataclass(frozen=True)
@@ -119,39 +117,8 @@ def extract_hull(space: DisplacementSpace, labels: Indices, bodies: Indices) -> 
         labels: Body of each local node, shape (local nodes,).
         bodies: Numbers of the bodies, equal on all ranks, shape (k,).
     """
-    V, comm = space.V, space.V.mesh.comm
-    topology, index_map = V.mesh.topology, V.dofmap.index_map
-    topology.create_connectivity(2, 3)
-    topology.create_connectivity(3, 2)
-    facets = outward_nodes(V, dmesh.exterior_facet_indices(topology))
-    facets = facets[np.isin(labels[facets[:, 0]], bodies)]
-    to_global = index_map.local_to_global(facets.ravel().astype(np.int32))
-    X = V.tabulate_dof_coordinates()
-    mine = np.asarray(to_global, np.int64).reshape(facets.shape), X[facets], labels[facets]
-    numbers, positions, of_bodies = (
-        np.concatenate(column) for column in zip(*comm.allgather(mine), strict=True)
-    )
-    nodes, first, inverse = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
-    X = positions.reshape(-1, 3)[first]
-    order = _by_position(X)
-    place = np.empty_like(order)
-    place[order] = np.arange(order.size)
-    facets = place[inverse.ravel()].reshape(numbers.shape)
-    facets = facets[np.lexsort(np.sort(facets, axis=1).T[::-1])]
-    X, nodes, of_bodies = X[order], nodes[order], of_bodies.ravel()[first][order]
-    triangles, owner = triangles_of(facets)
-    along = spatial_order(X, triangles)
-    begin, end = index_map.local_range
-    starts = np.array(comm.allgather(begin))
-    owners = np.asarray(np.searchsorted(starts, nodes, side="right"), np.int64) - 1
-    owned = nodes[(nodes >= begin) & (nodes < end)]
-    dofs = space.dofs[owned - begin]
+    at, facets, of_ranks = exterior_facets(space, labels, bodies, outward_nodes)
+    triangles, owner = triangles_of(facets[np.lexsort(np.sort(facets, axis=1).T[::-1])])
+    along = spatial_order(at[0], triangles)
     parts = np.ascontiguousarray(triangles[along]), owner[along][:, None]
-    return Hull(X, nodes, of_bodies, *parts, owners, dofs, comm)
-
-
-def _by_position(X: Array) -> Indices:
-    """Order of points (n, 3) by their coordinates, up to rounding, shape (n,)."""
-    extent = max(float(np.ptp(X, axis=0).max(initial=0.0)) if len(X) else 0.0, TINY)
-    steps = np.rint(X / (STEP_FACTOR * ROUNDING * extent))
-    return np.lexsort(steps.T[::-1])
+    return Hull(*at, *parts, *of_ranks, space.V.mesh.comm)

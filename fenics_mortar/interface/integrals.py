@@ -80,19 +80,7 @@ def evaluate_mortar(
             n[given], dn[given] = prescribed_normals[given], 0.0
         if not linearization.normals:
             dn = np.zeros_like(dn)
-        s = find_segments(
-            slave,
-            master,
-            x,
-            n,
-            m,
-            facets=share,
-            radius=options.radius,
-            min_cosine=options.min_cosine,
-            integration=options.integration,
-            points=options.points,
-            behind=behind,
-        )
+        s = find_segments(slave, master, x, n, m, share, options, behind)
     D, dD, M, dM, gap, dgap, cover = _integrate(
         slave, s, (x, n, dn, m), multiplier_nodes, options, linearization.segments
     )

@@ -40,7 +40,7 @@ from fenics_mortar.interface.obstacle_facets import (
     whole_rule,
 )
 from fenics_mortar.interface.plane_mortar import PlaneOperators
-from fenics_mortar.interface.segments import AT_VERTICES, MortarOptions, Segments
+from fenics_mortar.interface.segments import COMBINED, MortarOptions, Segments
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rotations import TURNS, by_further_motion, motion_between
@@ -288,7 +288,7 @@ def evaluate_obstacle(
     if linearization.frozen:
         by_motions = np.einsum("ejk,ejc,ekmc->ejm", D, n[nodes], V[nodes])
     diagonal, gap, cover, weight = sum_over_facets(slave, nodes, D, gap, cover)
-    if dim == 3 and options.basis in AT_VERTICES:  # see ``space_integrals``
+    if dim == 3 and options.basis in COMBINED:  # see ``space_integrals``
         diagonal = weight
     dgap_dq = np.zeros(V.shape[:2])
     np.add.at(dgap_dq, nodes, by_motions)
@@ -312,7 +312,8 @@ def facet_hand_over(carries: Flags, dim: int, options: MortarOptions) -> Array:
     """
     if dim == 2:
         return integrals.hand_over(carries)
-    return space_mortar.hand_over(carries, at_corners=options.basis in AT_VERTICES)
+    functions = space_mortar.functions_of(carries.shape[1], options.basis)
+    return space_mortar.hand_over(carries, functions)
 
 
 def facet_thickness(slave: Surface, x: Array, nodes: Indices) -> tuple[Array, float] | None:

@@ -7,6 +7,7 @@ consist of straight segments between nodes: two for a quadratic facet.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from mpi4py import MPI
@@ -159,37 +160,54 @@ def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) 
         labels: Body of each local node, shape (local nodes,).
         bodies: Numbers of the bodies, equal on all ranks, shape (k,).
     """
+    at, facets, of_ranks = exterior_facets(space, labels, bodies, facet_nodes)
+    segments = np.concatenate([facets[:, k : k + 2] for k in range(facets.shape[1] - 1)])
+    ends = np.tile(facets[:, [0, -1]], (facets.shape[1] - 1, 1))
+    along = _along_a_curve(at[0], segments)
+    segments, ends = segments[along], ends[along]
+    return Outline(*at, segments, ends, *of_ranks, space.V.mesh.comm)
+
+
+def exterior_facets(
+    space: DisplacementSpace, labels: Indices, bodies: Indices, nodes_of: Callable[..., Indices]
+) -> tuple[tuple[Array, Indices, Indices], Indices, tuple[Indices, Indices]]:
+    """The exterior facets of bodies with nodes ordered by their coordinates (collective).
+
+    Args:
+        space: See ``extract_outline``, as ``labels`` and ``bodies``.
+        labels: Body of each local node, shape (local nodes,).
+        bodies: Numbers of the bodies, shape (k,).
+        nodes_of: Function that returns the local nodes (m, K) of facets (m,).
+
+    Returns:
+        ``X``, ``nodes`` and ``bodies`` of ``Outline``; nodes of the facets, shape (m, K);
+        ``owners`` and ``local_dofs``.
+    """
     V, comm = space.V, space.V.mesh.comm
-    topology, index_map = V.mesh.topology, V.dofmap.index_map
-    topology.create_connectivity(1, 2)
-    topology.create_connectivity(2, 1)
-    facets = facet_nodes(V, dmesh.exterior_facet_indices(topology))
+    topology, index_map, dim = V.mesh.topology, V.dofmap.index_map, space.dim
+    topology.create_connectivity(dim - 1, dim)
+    topology.create_connectivity(dim, dim - 1)
+    facets = nodes_of(V, dmesh.exterior_facet_indices(topology))
     facets = facets[np.isin(labels[facets[:, 0]], bodies)]
-    X = V.tabulate_dof_coordinates()[:, :2]
+    X = V.tabulate_dof_coordinates()[:, :dim]
     to_global = index_map.local_to_global(facets.ravel().astype(np.int32))
     mine = np.asarray(to_global, np.int64).reshape(facets.shape), X[facets], labels[facets]
     numbers, positions, of_bodies = (
         np.concatenate(column) for column in zip(*comm.allgather(mine), strict=True)
     )
     nodes, first, inverse = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
-    X = positions.reshape(-1, 2)[first]
+    X = positions.reshape(-1, dim)[first]
     extent = max(float(np.ptp(X, axis=0).max(initial=0.0)) if len(X) else 0.0, TINY)
-    steps = np.rint(X / (STEP_FACTOR * ROUNDING * extent))
-    order = np.lexsort((steps[:, 1], steps[:, 0]))
-    rank_of = np.empty_like(order)
-    rank_of[order] = np.arange(order.size)
-    facets = rank_of[inverse.ravel()].reshape(numbers.shape)
+    order = np.lexsort(np.rint(X / (STEP_FACTOR * ROUNDING * extent)).T[::-1])
+    place = np.empty_like(order)
+    place[order] = np.arange(order.size)
     X, nodes, of_bodies = X[order], nodes[order], of_bodies.ravel()[first][order]
     begin, end = index_map.local_range
     starts = np.array(comm.allgather(begin))
     owners = np.asarray(np.searchsorted(starts, nodes, side="right"), np.int64) - 1
     owned = nodes[(nodes >= begin) & (nodes < end)]
-    segments = np.concatenate([facets[:, k : k + 2] for k in range(facets.shape[1] - 1)])
-    ends = np.tile(facets[:, [0, -1]], (facets.shape[1] - 1, 1))
-    along = _along_a_curve(X, segments)
-    segments, ends = segments[along], ends[along]
-    dofs = space.dofs[owned - begin]
-    return Outline(X, nodes, of_bodies, segments, ends, owners, dofs, comm)
+    facets = place[inverse.ravel()].reshape(numbers.shape)
+    return (X, nodes, of_bodies), facets, (owners, space.dofs[owned - begin])
 
 
 def _along_a_curve(X: Array, segments: Indices) -> Indices:

@@ -29,7 +29,6 @@ import numpy as np
 
 from fenics_mortar.interface.behind import BodiesBehind, nothing_behind
 from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.interface.surfaces import POINTS
 from fenics_mortar.kernels import basis, normals, search
 from fenics_mortar.kernels.space import normals as space_normals
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -88,19 +87,9 @@ class Segments:
 
 @clock("search")
 def find_segments(
-    slave: Curve,
-    master: Curve,
-    x: Array,
-    n: Array,
-    m: Array,
-    *,
-    facets: Indices,
-    radius: float,
-    min_cosine: float,
-    integration: Integration = "segments",
-    points: int = POINTS,
-    behind: BodiesBehind | None = None,
-) -> Segments:
+    slave: Curve, master: Curve, x: Array, n: Array, m: Array, facets: Indices,
+    options: MortarOptions, behind: BodiesBehind | None = None,
+) -> Segments:  # fmt: skip
     """Find the segments of the given slave facets.
 
     Args:
@@ -110,10 +99,7 @@ def find_segments(
         n: Unit normals of the slave nodes, shape (slave nodes, 2).
         m: Current positions of the master nodes, shape (master nodes, 2) [length].
         facets: Slave facets to search, shape (f,).
-        radius: Largest distance along the normal, on either side [length].
-        min_cosine: Smallest cosine between the slave's normal and the reversed master's [1].
-        integration: Kind of segments; see above.
-        points: Gauss points per segment, with "elements" per slave facet.
+        options: Kind of segments, see above, quadrature and limits of the search.
         behind: Limits of the search behind the slave facets; none by default.
 
     Returns:
@@ -127,7 +113,11 @@ def find_segments(
     """
     geometry, nodes = (x, n, m), slave.facets[facets]
     behind = nothing_behind(facets.size) if behind is None else behind.of(facets)
-    search_for, limits = (geometry, nodes, master.facets, radius), (min_cosine, ROUNDING)
+    search_for, limits = (
+        (geometry, nodes, master.facets, options.radius),
+        (options.min_cosine, ROUNDING),
+    )
+    integration, points = options.integration, options.points
     if integration == "segments":
         roles = slave.roles.of(facets) if slave.roles else None
         sight = (behind[:3], behind.outline, ROUNDING)
@@ -196,7 +186,7 @@ def facet_rule(integration: Integration, size: int, points: int) -> tuple[Array,
     return np.linspace(-1.0, 1.0, size), np.array(weights[size])
 
 
-Basis = Literal["dual", "standard", "vertices", "linear"]
+Basis = Literal["dual", "standard", "vertices", "linear", "quadratic"]
 Weighting = Literal["opposite", "unit", "own"]
 GapWeights = Literal["cover", "basis", "standard"]
 BASES = {
@@ -204,9 +194,12 @@ BASES = {
     "standard": basis.STANDARD,
     "vertices": basis.DUAL,
     "linear": basis.STANDARD,
+    "quadratic": basis.STANDARD,
 }
 # Bases without multipliers at the inner nodes of quadratic facets.
 AT_VERTICES = ("vertices", "linear")
+# Bases in space whose functions are given combinations of shape functions.
+COMBINED = (*AT_VERTICES, "quadratic")
 GAP_WEIGHTS = {
     "basis": basis.BY_BASIS,
     "cover": basis.BY_COVER,
@@ -219,9 +212,12 @@ def basis_on(surface: Any, basis: Basis) -> Basis:
     """Basis of the multipliers on a surface (local).
 
     Triangles with six nodes have "linear" functions at their corners: there the integral of the
-    quadratic function is zero, and a dual one does not exist.
+    quadratic function is zero, and a dual one does not exist. With "quadratic" they have those of
+    ``space_mortar.functions_of``; on other facets these are dual.
     """
-    return "linear" if surface.dim == 3 and surface.facets.shape[1] == 6 else basis
+    if surface.dim == 3 and surface.facets.shape[1] == 6:
+        return basis if basis == "quadratic" else "linear"
+    return "dual" if basis == "quadratic" else basis
 
 
 @dataclass(frozen=True)
@@ -229,7 +225,8 @@ class MortarOptions:
     """Discretization of one pair.
 
     Attributes:
-        basis: "dual" (D is diagonal), "standard" or, at vertices only, "vertices" and "linear".
+        basis: "dual" (D is diagonal), "standard" or, at vertices only, "vertices" and "linear";
+            on triangles with six nodes "quadratic".
         weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
         gap_weights: Weights of the gap: "basis", "cover" or "standard"; see ``kernels.basis``.
         integration: "segments", "elements" or "nodes"; see ``segments``.

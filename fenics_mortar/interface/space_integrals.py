@@ -10,11 +10,18 @@ from fenics_mortar.interface.faces import Faces, covers
 from fenics_mortar.interface.integrals import share_of, sum_over_facets
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.interface.roles import FaceRoles
-from fenics_mortar.interface.segments import AT_VERTICES, MortarOptions, evaluate_normals
+from fenics_mortar.interface.segments import (
+    AT_VERTICES,
+    COMBINED,
+    Basis,
+    MortarOptions,
+    evaluate_normals,
+)
 from fenics_mortar.interface.space_mortar import (
     FacetPairs,
     Moments,
     SpaceOperators,
+    functions_of,
     hand_over,
     inverse_of,
     merge,
@@ -75,20 +82,22 @@ def evaluate_space(
     nodes, rule = slave.facets[share], triangle_rule(options.points)
     moments = _integrate((x, n, m), nodes, s, rule)
     is_dual = options.kinds[0] == basis.DUAL
-    at_corners = options.basis in AT_VERTICES
-    H = _hand_over(slave, nodes, moments, multiplier_nodes, at_corners)
+    H = _hand_over(slave, nodes, moments, multiplier_nodes, options.basis)
     A = moments.De[:, :, None] * moments.inverse
     if not is_dual:
         A = np.tile(np.eye(nodes.shape[1]), (len(nodes), 1, 1))  # kernels need all entries
-    D, M = H @ (A @ moments.Me), (H @ A)[s.owner] @ moments.B
-    if is_dual:  # remove rounding
-        D = H * moments.De[:, None]
+    functions = H @ A
+    D = functions @ moments.Me
+    if is_dual:  # remove rounding, from D and by one refinement from the functions
+        rest, D = H * moments.De[:, None] - D, H * moments.De[:, None]
+        functions = functions + rest @ moments.inverse
+    M = functions[s.owner] @ moments.B
     by_dual = is_dual and options.kinds[1] != basis.BY_STANDARD
-    gap = np.einsum("fjk,fk->fj", H @ A if by_dual else H, moments.G)
+    gap = np.einsum("fjk,fk->fj", functions if by_dual else H, moments.G)
     diagonal, gap, cover, weight = sum_over_facets(slave, nodes, D, gap, covers(moments.De))
     if slave.roles is not None:
         cover[_constrained_twice(slave, slave.roles, s)] = 0.0
-    if at_corners:  # integrals of linear times quadratic functions may be negative
+    if options.basis in COMBINED:  # integrals of their products may be negative
         diagonal = weight
     count = s.num_segments
     return SpaceOperators(
@@ -128,7 +137,7 @@ def _constrained_twice(surface: Faces, roles: FaceRoles, s: FacetPairs) -> Flags
 
 
 def _hand_over(
-    slave: Faces, nodes: Indices, moments: Moments, multiplier_nodes: Flags, at_corners: bool
+    slave: Faces, nodes: Indices, moments: Moments, multiplier_nodes: Flags, kind: Basis
 ) -> Array:
     """Hand-over of the functions of nodes without multiplier, (f, K, K) [1] (collective).
 
@@ -136,12 +145,14 @@ def _hand_over(
     those that are handed over to a node: its pressure would pull, and its active set not converge.
     Such nodes carry no multiplier, either.
     """
-    own = sum_over_facets(slave, nodes, moments.Me, moments.De, moments.De)[2]
-    carries = multiplier_nodes & (at_corners | (own > 0.0))
+    functions = functions_of(nodes.shape[1], kind)
+    if kind in AT_VERTICES or nodes.shape[1] < 6:  # no integral is negative
+        return hand_over(multiplier_nodes[nodes], functions)
+    integrals_of = moments.De @ functions.T
+    own = sum_over_facets(slave, nodes, moments.Me, integrals_of, integrals_of)[2]
+    carries = multiplier_nodes & (own > 0.0)
     while True:
-        H = hand_over(carries[nodes], at_corners=at_corners)
-        if at_corners or nodes.shape[1] < 6:  # no integral is negative
-            return H
+        H = hand_over(carries[nodes], functions)
         given = np.einsum("fjk,fk->fj", H, moments.De)
         weight = sum_over_facets(slave, nodes, moments.Me, given, given)[2]
         reduced = carries & (weight < LEAST_WEIGHT * own)

@@ -28,17 +28,27 @@ part: Cichosz & Bischoff (2011), Popp, Seitz, Gee & Wall (2013).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
 
-from fenics_mortar.interface.faces import CORNERS, linear_values
+from fenics_mortar.interface.faces import CORNERS, linear_values, reference_values
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, MortarOperators, without_values
+from fenics_mortar.interface.segments import AT_VERTICES, Basis
 from fenics_mortar.kernels.space.integrals import most_corners, sample_gaps, tabulate_corners
 from fenics_mortar.kernels.space.linearize import linearize_facets
-from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.rounding import EPSILON
+from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
+from fenics_mortar.utils.ranks import sum_over_ranks
+
+# Least eigenvalue of a scaled mass matrix over its largest [1] whose functions are independent:
+# rounding then changes its inverse by 2e-6, and the forces of a narrow cover by less than 1e-11 of
+# those of the surface. Covers of 1e-3 of a facet of nine nodes have 1e-12 and less.
+NARROW_COVER = 1e-10
+
+# Fraction a of both functions beside a corner that is added to the corner's [1]: integrals over a
+# straight triangle are 2/15 at corners and 1/5 at middles, closest to each other in the source.
+OF_MIDDLES = 0.2
 
 
 @dataclass(frozen=True)
@@ -341,6 +351,17 @@ class SpaceOperators(MortarOperators):
         self._fill((self.A, None, None, None, q, seen, w), (None, None, None, None, change))
         return change
 
+    def rounding_of_vectors(self) -> Array:
+        """Rounding of D x - M m over that of a position, (slave nodes,) [area] (collective).
+
+        Roots of the sums of squares of all products in the rows of H A Me: their errors have
+        random signs.
+        """
+        nodes, comm = self.facet_nodes, self.slave.comm
+        squares = (self.H @ self.A) ** 2 @ (self.moments.Me**2).sum(axis=2)[:, :, None]
+        total = summed(squares.ravel(), nodes.ravel(), len(self.x))
+        return np.asarray(np.sqrt(sum_over_ranks(comm, total) if comm.size > 1 else total))
+
     def matrix_derivative(self, on_slave: Array, on_master: Array) -> list[Block]:
         """See ``MortarOperators``."""
         if self.linearization.frozen:
@@ -434,9 +455,10 @@ def inverse_of(Me: Array) -> Array:
     """Inverses of mass matrices (f, K, K), [1 / area], zero without cover.
 
     They are scaled by the diagonals: integrals of quadratic functions over a small cover may be
-    negative, the diagonals are not. A small cover at a corner has a condition number of 1e10
-    even so. Covers so narrow that their matrix is singular within rounding, as in an iteration,
-    have its generalized inverse: dual functions still sum to one.
+    negative, the diagonals are not. Functions of nine nodes over a narrow cover, as along edges of
+    both sides that nearly coincide, depend on each other within rounding: these have the
+    generalized inverse. With the inverse dual functions would change at random between iterations,
+    and their sum would not be one; with the other it is one to 1e-12.
     """
     diagonal = np.einsum("fkk->fk", Me)
     inverse, covered = np.zeros_like(Me), (diagonal > 0.0).all(axis=1)
@@ -445,31 +467,56 @@ def inverse_of(Me: Array) -> Array:
     try:
         inverted = np.linalg.inv(scaled)
     except np.linalg.LinAlgError:
-        inverted = np.linalg.pinv(scaled, rcond=EPSILON, hermitian=True)
+        inverted = np.full_like(scaled, np.inf)
+    narrow = ~(np.abs(inverted).max(axis=(1, 2), initial=0.0) < 1.0 / NARROW_COVER)
+    inverted[narrow] = np.linalg.pinv(scaled[narrow], rcond=NARROW_COVER, hermitian=True)
     inverse[covered] = inverted / (root[:, :, None] * root[:, None])
     return inverse
 
 
-def hand_over(multiplier_nodes: Flags, *, at_corners: bool) -> Array:
+@cache
+def functions_of(size: int, basis: Basis) -> Array:
+    """Coefficients of multiplier functions in the shape functions, (K, K) [1] (local).
+
+    The unit matrix for dual and standard functions. "linear": those of the corners. "quadratic", of
+    triangles with six nodes: with N~ = T N, N~_corner = N_corner + a (N of the two middles beside
+    it) and N~_middle = (1 - 2 a) N_middle, all integrals of N~ are positive, and diag(int N~)
+    (int N~ N~^T)^-1 N~ is dual to N~ on straight, fully covered facets (Wohlmuth, Popp, Gee & Wall
+    2012). These combinations are taken on all facets: D need not be diagonal.
+
+    Args:
+        size: Number of nodes of a facet.
+        basis: Basis of the multipliers on such facets.
+    """
+    if basis in AT_VERTICES:
+        functions = np.zeros((size, size))
+        functions[: CORNERS[size]] = linear_values(size).T
+        return functions
+    if basis != "quadratic" or size == 3:  # linear fields of a tie with quadratic displacements
+        return np.eye(size)
+    N, weights = reference_values(size)
+    T = np.diag([1.0, 1.0, 1.0, *np.full(3, 1.0 - 2.0 * OF_MIDDLES)])
+    for corner, beside in enumerate(((3, 5), (3, 4), (4, 5))):
+        T[corner, beside] = OF_MIDDLES
+    given = T @ N.T
+    gram = (given * weights) @ given.T
+    return np.asarray(np.diag(given @ weights) @ np.linalg.solve(gram, T))
+
+
+def hand_over(multiplier_nodes: Flags, functions: Array) -> Array:
     """Fraction of node k's function that is added to node j's, per facet, shape (f, K, K) [1].
 
     Multiplier nodes keep their own function; other functions are split equally among the multiplier
-    nodes of the facet. With multipliers at corners only, those of other nodes are first added to
-    the corners such that the sums are linear functions.
+    nodes of the facet.
 
     Args:
         multiplier_nodes: Whether a node of a facet carries a multiplier, shape (f, K), bool.
-        at_corners: Whether only corners carry multipliers.
+        functions: Functions of the nodes before, see ``functions_of``, shape (K, K).
     """
-    size, linear = multiplier_nodes.shape[1], np.eye(multiplier_nodes.shape[1])
-    carries = multiplier_nodes.astype(float)
-    if at_corners:
-        count = CORNERS[size]
-        linear = np.zeros((size, size))
-        linear[:count] = linear_values(size).T
+    size, carries = multiplier_nodes.shape[1], multiplier_nodes.astype(float)
     shares = carries / np.maximum(carries.sum(axis=1, keepdims=True), 1.0)
     own = np.eye(size) * carries[:, None]
-    return (own + shares[:, :, None] * (1.0 - carries[:, None])) @ linear
+    return (own + shares[:, :, None] * (1.0 - carries[:, None])) @ functions
 
 
 def merge(owner: Indices, master: Indices, count: int) -> tuple[Indices, Indices]:

@@ -224,8 +224,7 @@ def _space_of(function: fem.Function) -> tuple[fem.FunctionSpace, slice | Indice
     space = function.function_space
     if not compat.is_sub_space(space):
         return space, slice(None)
-    collapsed, dofs = space.collapse()
-    return collapsed, np.asarray(dofs, dtype=np.int64)
+    return compat.collapsed(space)
 
 
 # Number of points per direction of the grid on which outlines of obstacles are searched: its cells

@@ -6,10 +6,12 @@ numbers, so that each derivative can be checked by a complex step. There is no `
 may drop the inf and nan that indicate a failed projection.
 """
 
+import gc
 import logging
 import os
 import sys
 import time
+from collections import Counter
 
 import numba
 from numba import types
@@ -28,21 +30,27 @@ class _Progress:
     """
 
     def __init__(self) -> None:
-        self.defined = self.compiled = 0
+        self.defined, self._packages, self.compiled = Counter[str](), set[str](), 0
         self._depth, self._began, self._spent, self._next = 0, 0.0, 0.0, INTERVAL
+        self._collects = False
         self._prints = next((os.environ[v] for v in RANK if v in os.environ), "0") == "0"
 
-    def begin(self) -> None:
-        """A kernel is compiled now, perhaps within another one that calls it."""
+    def begin(self, package: str) -> None:
+        """A kernel of a package is compiled now, perhaps within another one that calls it."""
+        self._packages.add(package)
         self.compiled += 1
         if self._depth == 0:
             self._began = time.monotonic()
+            # Most objects of numba live until the end: looking for dead ones took 10 % of the time.
+            self._collects = gc.isenabled()
+            gc.disable()
         self._depth += 1
         seconds = self._spent + time.monotonic() - self._began
         if seconds >= self._next and self._prints:
             self._next = seconds + INTERVAL
+            most = sum(self.defined[package] for package in self._packages)
             print(
-                f"fenics_mortar: compiling kernel {self.compiled} of about {self.defined} "
+                f"fenics_mortar: compiling kernel {self.compiled} of at most {most} "
                 f"({seconds:.0f} s; later runs load them from the cache)",
                 file=sys.stderr, flush=True,
             )  # fmt: skip
@@ -52,9 +60,16 @@ class _Progress:
         self._depth -= 1
         if self._depth == 0:
             self._spent += time.monotonic() - self._began
+            if self._collects:
+                gc.enable()
 
 
 _progress = _Progress()
+
+
+def _package(function):
+    """Name of the package of a function: those of the plane and of space are separate."""
+    return function.__module__.rpartition(".")[0]
 
 
 class _NamingCompiler(Compiler):
@@ -68,29 +83,53 @@ class _NamingCompiler(Compiler):
         logging.getLogger("fenics_mortar").info(
             "compiling the kernel %s; later runs load it from the cache", func.__qualname__
         )
-        _progress.begin()
+        _progress.begin(_package(func))
         try:
             return super().compile_extra(func)
         finally:
             _progress.end()
 
 
-_compiled = numba.njit(
-    cache=True, error_model="numpy", no_cfunc_wrapper=True, pipeline_class=_NamingCompiler
-)
+class _PartCompiler(_NamingCompiler):
+    """Compiles a kernel as part of the kernels that call it.
+
+    LLVM optimises it there, with its caller, and there it becomes machine code and is cached. Numba
+    alone does both for each kernel in each kernel on the way to the one that Python calls.
+    """
+
+    def compile_extra(self, func):
+        """Compile the kernel to LLVM's intermediate representation."""
+        library = self.state.targetctx.codegen().create_library(func.__qualname__)
+        library._optimize_final_module = lambda: None
+        library._finalize_final_module = lambda: setattr(library, "_finalized", True)
+        self.state.library = library
+        self.state.flags.no_compile = True
+        result = super().compile_extra(func)._replace(entry_point=object())
+        self.state.targetctx.insert_user_function(result.entry_point, result.fndesc, [library])
+        return result
+
+
+_options = {"error_model": "numpy", "no_cfunc_wrapper": True}
+_compiled = numba.njit(cache=True, pipeline_class=_NamingCompiler, **_options)
+_part = numba.njit(no_cpython_wrapper=True, pipeline_class=_PartCompiler, **_options)
 
 
 def kernel(function):
     """Decorate a function that numba compiles at its first call with each kind of arguments.
 
     Calls with different constants share one compiled function, which LLVM inlines where it pays;
-    numba alone would compile it for each constant. Nothing is compiled for calls from C.
+    numba alone would compile it for each constant. Nothing is compiled for calls from C. Calls from
+    kernels use another compiled function than calls from Python. A kernel cannot call itself.
     """
-    _progress.defined += 1
+    _progress.defined[_package(function)] += 1
     compiled = _compiled(function)
     if compiled is not function:  # NUMBA_DISABLE_JIT
-        template = compiled.get_call_template
-        compiled.get_call_template = lambda args, kws: template(
+        part = _part(function)
+        part.add_overload = lambda result: part.overloads.__setitem__(
+            tuple(result.signature.args), result
+        )
+        compiled.get_call_template = lambda args, kws: part.get_call_template(
             tuple(map(types.unliteral, args)), {k: types.unliteral(v) for k, v in kws.items()}
         )
+        compiled.get_overload = part.get_overload
     return compiled

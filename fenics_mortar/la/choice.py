@@ -48,7 +48,10 @@ def system_of(
     else:
         why = f"algorithm='{algorithm}'"
     form: Callable[..., LinearSystem] = SYSTEMS[algorithm]
-    automatic, with_itself = solver == "auto", _in_contact_with_itself(contacts)
+    automatic, with_itself = (
+        solver == "auto",
+        next((c.slave.name for c in contacts if c.slave is c.master), ""),
+    )
     if with_itself and solver == "iterative":
         raise ValueError(
             f"solver='iterative': multigrid needs separate slave and master surfaces, but "
@@ -74,11 +77,6 @@ def system_of(
         return system
 
     return create
-
-
-def _in_contact_with_itself(contacts: Sequence[Interface]) -> str:
-    """Name of the first surface in contact with itself, "" if there is none (local)."""
-    return next((c.slave.name for c in contacts if c.slave is c.master), "")
 
 
 def _is_small(bulk: Bulk, prefix: str, options: dict[str, Any] | None) -> bool:

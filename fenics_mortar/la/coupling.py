@@ -125,7 +125,8 @@ class Coupling:
         carrier, load = self._loads(flux)
         loads = _marks(carrier, load, (self._slave.num_nodes, int(load.max(initial=-1)) + 1))
         numbers, at = np.unique(dofs, return_inverse=True)
-        rows, columns = (loads.T @ _marks(j, at, (self._slave.num_nodes, numbers.size))).nonzero()
+        reached = flux.coupled @ _marks(j, at, (self._slave.num_nodes, numbers.size))
+        rows, columns = (loads.T @ reached).nonzero()
         return zero_block(rows.astype(np.int64)[:, None], numbers[columns][:, None])
 
     def flux_force_pattern(self, flux: Flux | TiedField) -> tuple[Indices, Indices]:
@@ -136,8 +137,11 @@ class Coupling:
         if isinstance(flux, TiedField):
             return NO_ROWS, NO_ROWS[:, 0]
         carrier, load = self._loads(flux)
+        numbers, at = np.unique(load, return_inverse=True)
+        loads = _marks(carrier, at, (self._slave.num_nodes, numbers.size))
+        carrier, at = (flux.coupled @ loads).nonzero()
         mine = np.isin(carrier, self._slave.owned)
-        return load[mine, None], carrier[mine]
+        return numbers[at[mine], None], carrier[mine].astype(np.int64)
 
     def _loads(self, flux: Flux) -> tuple[Indices, Indices]:
         """Slave nodes and the field's dofs that their fluxes may load, (p,) each (collective)."""

@@ -28,7 +28,7 @@ class Worn(Coulomb):
     """Archard's wear with Coulomb's friction: the depth h grows by h' = wear z_n |u'|.
 
     ``ResultsWriter`` writes the depth h [length] as ``memory_depth``; pair i has it as
-    ``problem.equations.contacts[i].accepted_instant.memory["depth"]``.
+    ``problem.contacts[i].memory["depth"]``.
 
     Args:
         mu: Coefficient of friction [1], a number, or as in ``Coulomb`` one that varies in space.

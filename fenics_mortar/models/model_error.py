@@ -27,6 +27,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface_fields import tangential
 from fenics_mortar.contact.laws import Stick
 from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.interface.segments import evaluate_normals
 from fenics_mortar.models.strains import largest_strain, strained
 from fenics_mortar.problem import ContactProblem
@@ -107,7 +108,8 @@ def correct(problem: ContactProblem, *richer: ContactProblem) -> Errors:
     try:
         for model in richer:
             adopt(model, last)
-            errors = take_steps(problem, cheap, model)
+            with restored_if_interrupted(model.equations):
+                errors = take_steps(problem, cheap, model)
             last = model
     except RaisedElsewhereError:
         raise

@@ -253,11 +253,13 @@ class RigidMotion:
         return rotation_by(self.turn)
 
     def turn_since(self, place: Array) -> Array:
-        """Rotation vector in space from an earlier place (6,) to the present one, (3,) [radian].
+        """Angle or rotation vector from an earlier place (m,) to the present one, (k,) [radian].
 
         Rotations about one axis have any size, others, and those free to take any axis, that of the
         shortest way.
         """
+        if self.dim == 2:
+            return self.turn - place[2:]
         free = np.isfinite(self.load[3:]).all()
         return turn_between(place[3:], self.turn, shortest=bool(free))
 

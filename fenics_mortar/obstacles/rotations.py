@@ -89,7 +89,7 @@ def vector_of(R: Array) -> Array:
     traces = np.append(np.diag(R), np.trace(R))
     largest = int(np.argmax(traces))
     if largest == 3:
-        q[:] = *_axial(R), 1.0 + traces[3]
+        q[:] = *np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]), 1.0 + traces[3]
     else:
         i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
         q[i] = 1.0 - traces[3] + 2.0 * R[i, i]
@@ -187,11 +187,6 @@ def inverse_jacobians(v: Array) -> Array:
 def crosses(v: Array) -> Array:
     """Matrices (..., 3, 3) of the products v x, for vectors (..., 3) [any unit] (local)."""
     return np.einsum("...i,iab->...ab", v, TURNS[3])
-
-
-def _axial(R: Array) -> Array:
-    """The vector w of W = R - R^T, shape (3,)."""
-    return np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
 
 
 def _factors(turn: Array) -> tuple[Array, Array]:

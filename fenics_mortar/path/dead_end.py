@@ -156,7 +156,7 @@ def _slid_away(problem: ContactProblem, before: State) -> str:
     """
     equations = problem.equations
     states = dict(zip(map(id, equations.contacts), before.interfaces, strict=True))
-    for body in equations.floating.moved:
+    for body in equations.floating.settling.moved:
         pairs = equations.floating.contacts_of(body)
         loaded = [c for c in pairs if c.pair.law.has_friction and states[id(c)].z.any()]
         if not loaded or any(c.active.any() and not states[id(c)].z.any() for c in pairs):

@@ -195,10 +195,6 @@ class DrivenMotions(RigidMotions):
         self._anchor = self.places
         self.springs = Springs(driven, np.zeros(driven.shape))
 
-    def remove_springs(self) -> None:
-        """Remove the anchored springs."""
-        self.springs = None
-
     def max_motion(self) -> float:
         """Largest motion of an obstacle since ``anchor`` [shortest facets]."""
         if self.springs is None:

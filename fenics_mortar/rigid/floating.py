@@ -29,7 +29,7 @@ from fenics_mortar.rigid.springs import (
     slides,
     tangent_stiffness,
 )
-from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.rounding import SOLVED
 
 
@@ -73,20 +73,6 @@ class FloatingBodies(BodyMotions):
             return []
         min_drive = RIGID.negligible if self.anchored else SOLVED
         return self.settling.settle(evaluate, give_way, min_drive)
-
-    @property
-    def touched(self) -> list[Flags]:
-        """Active sets of contacts at the start of ``settle``, (slave nodes,) each; no ties."""
-        return self.settling.touched
-
-    @property
-    def moved(self) -> list[FloatingBody]:
-        """The bodies that the last ``settle`` moved rigidly."""
-        return self.settling.moved
-
-    def check(self, reach: float) -> list[str]:
-        """Check bodies without contact force before and after a solve; see ``body_settling``."""
-        return self.settling.check(reach)
 
     def start_with_stick(self) -> None:
         """Let nodes stick at the start of a solve that touch without multipliers (local).
@@ -180,10 +166,6 @@ class FloatingBodies(BodyMotions):
         )
         springs = {body.label: float(k) for body, k in zip(bodies, stiffness, strict=True)}
         self.springs = Springs(self._spread(springs), self._place())
-
-    def remove_springs(self) -> None:
-        """Remove the anchored springs."""
-        self.springs = None
 
     @property
     def anchored(self) -> bool:

@@ -98,10 +98,6 @@ class RigidMotions:
         """Places of the obstacles alone, shape (obstacles, 3) [length, length, radian]."""
         return self.places[: len(self.obstacles)]
 
-    def motions_of(self, places: Array) -> Array:
-        """Motions x, y, turn [length] of ``places``, shape (m, 3)."""
-        return places * self.scales
-
     def motions_since(self, places: Array) -> Array:
         """Motions from earlier places (m, 3) to the present ones, shape (m, 3) [length]."""
         each = zip(places, self.places, self.scales, strict=True)
@@ -117,7 +113,7 @@ class RigidMotions:
         """Largest motion since the movers were created [length]."""
         if not self.movers:
             return 0.0
-        return float(np.abs(self.motions_of(self.places)).max(initial=0.0))
+        return float(np.abs(self.places * self.scales).max(initial=0.0))
 
     @property
     def any_driven(self) -> bool:

@@ -190,15 +190,11 @@ class SpreadLoad(BoundaryMotion):
 
     kind, unloaded = "spread load", 0.0
 
-    def move(
-        self,
-        *,
-        x: float | None = None,
-        y: float | None = None,
-        z: float | None = None,
-        angle: npt.ArrayLike | None = None,
-    ) -> None:
+    def move(self, **motions: Any) -> None:
         """Raise an error: the boundary is free.
+
+        Args:
+            motions: See ``BoundaryMotion.move`` [length, radian].
 
         Raises:
             ValueError: Always.

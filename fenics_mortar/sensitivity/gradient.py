@@ -36,8 +36,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from fenics_mortar.equations.linearized import LinearVector
-from fenics_mortar.equations.present import linearized
+from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.forms import put_owned
 from fenics_mortar.sensitivity.history import Before, Memories, StepHistory, StepMemory, added
@@ -225,7 +224,7 @@ class Step:
     def solve(self, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:
         """Solve with the tangent A = dR/ds, or with its transpose."""
         self._problem.equations.bulk.free_garbage()
-        return linearized(self._problem.equations).solve(rhs, transpose=transpose)
+        return LinearizedEquations(self._problem.equations).solve(rhs, transpose=transpose)
 
 
 def _backwards(

@@ -95,20 +95,6 @@ def history_of(problem: ContactProblem, before: Before) -> StepHistory | None:
     return before
 
 
-def earlier_of_pair(problem: ContactProblem, before: Before, i: int) -> Earlier | None:
-    """The state of pair ``i`` before, ``None`` if it is not given or not needed (collective).
-
-    Raises:
-        MortarError: On all ranks, if slip is counted from another state.
-    """
-    contact = problem.equations.contacts[i]
-    if before is None or not isinstance(contact, Contact) or not has_history(contact):
-        return None
-    if isinstance(before, StepHistory):
-        return before.pairs[i].earlier
-    return earlier_state_of(problem.equations, i, contact, before)
-
-
 class StepMemory:
     """Derivatives of the memory of all pairs in a step; constructor and methods are collective.
 

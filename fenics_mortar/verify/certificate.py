@@ -12,17 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.utils.ranks import agreed
-from fenics_mortar.verify.checks import checks
+from fenics_mortar.verify.checks import Kind, checks
 from fenics_mortar.verify.checks.balance import balance_of_bodies
 from fenics_mortar.verify.checks.contact_conditions import paired_nodes
 from fenics_mortar.verify.crossing import Crossing
@@ -176,7 +177,8 @@ class Certificate(Markdown):
         loose = [self.unsupported] * (self.unsupported != "")
         yield from _counted("unsupported", "problems without supports and loads", loose, remark=0)
         for crossing in self.crossings:
-            yield _crossed(crossing.facets, f"{crossing}", crossing.admitted)
+            limits = crossing.admitted, crossing.remark
+            yield _crossed(crossing.facets, f"{crossing}", *limits, advised=crossing.hint != "")
         if not self.crossings:
             yield _crossed(0.0)
         yield from _counted("passages", "bodies passed through in the step", self.passages, limit=0)
@@ -192,20 +194,14 @@ class Certificate(Markdown):
 
 
 def certify(
-    bulk: Bulk,
-    contacts: Sequence[Contact | Tie],
-    labels: Indices,
-    parts: Indices,
-    unbalanced: Array,
+    contacts: Sequence[Contact | Tie], floating: FloatingBodies, unbalanced: Array,
     inside: Sequence[Indices] | None = None,
-) -> Certificate:
+) -> Certificate:  # fmt: skip
     """Measure the present state (collective).
 
     Args:
-        bulk: The bodies, with ``r`` at the present state.
         contacts: The pairs, evaluated there.
-        labels: Body of each local node, tied ones joined, shape (local nodes,).
-        parts: As ``labels``, tied bodies not joined: springs may pull these against each other.
+        floating: The bodies, with the residual of the bulk at the present state.
         unbalanced: Sums of all forces on the obstacles, equal on all ranks [stress length].
         inside: In space, global numbers of the nodes of the bodies of each pair inside another body
             of it, ascending.
@@ -213,69 +209,49 @@ def certify(
     Raises:
         Exception: An error of a user's law, raised on all ranks.
     """
+    bulk, pairs = floating.bulk, list[PairCertificate]()
     paired = np.unique(np.concatenate([np.empty(0, np.int64), *map(paired_nodes, contacts)]))
     inverted, _ = bulk.inverted_cells()
     of_pairs: Sequence[Indices | None] = [None] * len(contacts) if inside is None else inside
-    pairs = [
-        _certify_pair(bulk, contact, labels, paired, nodes)
-        for contact, nodes in zip(contacts, of_pairs, strict=True)
-    ]
+    for contact, nodes in zip(contacts, of_pairs, strict=True):
+        kind: Kind = "of_tie" if isinstance(contact, Tie) else "of_contact"
+        measured: Any = contact
+        if isinstance(contact, Contact):
+            measured = Measured(contact, bulk, floating.labels, paired, nodes)
+        found = [each for check in checks(kind, bulk.space.dim) for each in check(measured)]
+        names = f"{contact.slave.name} - {contact.master.name}"
+        pairs.append(PairCertificate(names, tuple(found)))
     raise_stored(bulk.comm, contacts)
-    balance = balance_of_bodies(bulk, contacts, parts, unbalanced)
-    return agreed(
-        bulk.comm,
-        Certificate(
-            pairs,
-            balance,
-            inverted,
-            inverted_nodes=bulk.describe_inverted_nodes(),
-            dim=bulk.space.dim,
-        ),
-    )
+    # tied bodies are not joined: springs may pull these against each other
+    balance = balance_of_bodies(bulk, contacts, floating.parts, unbalanced)
+    at_nodes, dim = bulk.describe_inverted_nodes(), bulk.space.dim
+    whole = Certificate(pairs, balance, inverted, inverted_nodes=at_nodes, dim=dim)
+    return agreed(bulk.comm, whole)
 
 
-def _certify_pair(
-    bulk: Bulk,
-    contact: Contact | Tie,
-    labels: Indices,
-    paired: Indices,
-    inside: Indices | None,
-) -> PairCertificate:
-    """Run the checks of one pair (collective)."""
-    if isinstance(contact, Tie):
-        found = [
-            finding for check in checks("of_tie", contact.slave.dim) for finding in check(contact)
-        ]
-    else:
-        measured = Measured(contact, bulk, labels, paired, inside)
-        found = [
-            finding
-            for check in checks("of_contact", contact.slave.dim)
-            for finding in check(measured)
-        ]
-    return PairCertificate(f"{contact.slave.name} - {contact.master.name}", tuple(found))
+def _crossed(
+    facets: float,
+    message: str = "",
+    limit: float = LIMITS.penetration,
+    remark: float = LIMITS.coarse_penetration,
+    *,
+    advised: bool = False,
+) -> Finding:
+    """The finding of a crossing of this depth, with its limits [facet lengths] (local).
 
-
-def _crossed(facets: float, message: str = "", limit: float = LIMITS.penetration) -> Finding:
-    """The finding of a crossing of this depth, with its limit [facet lengths] (local)."""
-    advice = "" if facets > limit else _SMALLER
+    ``advised``: whether the message says what helps.
+    """
+    advice = "" if facets > limit or advised else _SMALLER
     return Finding(
         "crossings", "depth of crossing outlines", facets, message + advice, limit=limit,
-        remark=min(LIMITS.coarse_penetration, limit), unit="facet lengths",
+        remark=min(remark, limit), unit="facet lengths",
     )  # fmt: skip
 
 
-def _counted(
-    name: str,
-    check: str,
-    messages: Sequence[str],
-    *,
-    limit: float = INFINITE,
-    remark: float = INFINITE,
-) -> Iterator[Finding]:
+def _counted(name: str, check: str, messages: Sequence[str], **limits: Any) -> Iterator[Finding]:
     """A finding for each message, with their number as value, or one without a message (local)."""
     for message in messages or [""]:
-        yield Finding(name, check, len(messages), message, limit, remark)
+        yield Finding(name, check, len(messages), message, **limits)
 
 
 def _verdict(row: Sequence[tuple[int, Finding]]) -> str:

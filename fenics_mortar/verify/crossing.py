@@ -21,10 +21,11 @@ segments 2 ms, rotated by more than 1 degree 10 ms.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import chain, product
+from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.interface.outline import Outline, extract_outline
+from fenics_mortar.interface.outline import extract_outline
 from fenics_mortar.kernels.crossing import find_crossings
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
@@ -64,6 +65,7 @@ class Crossing:
         admitted: Depth above which the state is wrong [facet lengths].
         is_paired: Whether a pair keeps these surfaces apart.
         hint: What the pair does not see there.
+        remark: Depth above which there is a remark [facet lengths].
     """
 
     sides: tuple[str, str]
@@ -73,6 +75,7 @@ class Crossing:
     admitted: float = LIMITS.penetration
     is_paired: bool = True
     hint: str = ""
+    remark: float = LIMITS.coarse_penetration
 
     def __str__(self) -> str:
         """The crossing as text."""
@@ -115,6 +118,8 @@ class Crossings:
         led: Bodies that prescribed values turn.
     """
 
+    extract: Callable[..., Any] = staticmethod(extract_outline)
+
     def __init__(
         self, bulk: Bulk, contacts: Sequence[Contact | Tie], floating: FloatingBodies
     ) -> None:
@@ -127,25 +132,36 @@ class Crossings:
             for one, other in product(slave, master)
             if not isinstance(contact, Tie)
         }
-        bodies = np.array(sorted({body for pair in sides for side in pair for body in side}))
-        finite = (both for c, both in zip(contacts, sides, strict=True) if not slides_little(c))
-        self._slide_little = np.setdiff1d(bodies, sorted(set().union(*chain(*finite))))
-        self.outline: Outline = extract_outline(bulk.space, self._labels, bodies)
-        self._links = self.outline.neighbours()
-        self._segment_bodies = self.outline.segment_bodies
+        self._of_pairs = [sorted(slave | master) for slave, master in sides]
+        bodies = np.array(sorted({body for pair in self._of_pairs for body in pair}), np.int64)
+        self.outline: Any = self.extract(bulk.space, self._labels, bodies)
         self._slaves = [self.outline.indices_of(contact.slave.nodes) for contact in contacts]
         self._free: Array = 1.0 - self.outline.gather(bulk.prescribed.astype(float))
         self._prescribed = (self._free == 0.0).all(axis=1)
         name_of_body = partial(floating.name_of, labels=self._labels)
         self._names = OutlineNames(self.outline, contacts, name_of_body)
-        self._admitted = AdmittedDepth(self.outline, contacts)
-        self._excused = self._as_meshed()
-        self.in_step = Passages(self.outline, contacts, self._slaves, self._names, self._excused)
         self._leaders = {b: m for b, m in floating.leaders.items() if b in self.outline.bodies}
         self.led = LedBodies(bulk, contacts, floating, self.outline)
+        self._prepare()
         self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)), self._led())
         self._left: Array = self.accepted.x
         self._restored: Array | None = None
+
+    def _prepare(self) -> None:
+        """Find which overlaps the mesh has, and which the discretization admits."""
+        little = [body for c, pair in self._with_bodies() if slides_little(c) for body in pair]
+        finite = [body for c, pair in self._with_bodies() if not slides_little(c) for body in pair]
+        self._slide_little = np.setdiff1d(little, finite)
+        self._links = self.outline.neighbours()
+        self._segment_bodies = self.outline.segment_bodies
+        self._admitted = AdmittedDepth(self.outline, self._contacts)
+        self._excused = self._as_meshed()
+        given = self.outline, self._contacts, self._slaves, self._names, self._excused
+        self.in_step = Passages(*given)
+
+    def _with_bodies(self) -> Iterator[tuple[Contact | Tie, list[int]]]:
+        """Pairs and their bodies."""
+        return zip(self._contacts, self._of_pairs, strict=True)
 
     # A state
 

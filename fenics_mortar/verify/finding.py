@@ -34,6 +34,8 @@ class Limits:
         unloaded: Smallest depth of the sides of a pair in each other, beside nodes without force,
             that is an error [facet lengths]: curved surfaces touch a coarse facet by less. In the
             plane a corner of the master touches a facet early or late by up to as much.
+        coarse_unloaded: Smallest such depth in space with a remark [facet lengths]: a ball that
+            enters a facet between its nodes by as much has no force.
         negligible: Force over the contact force below which it is smaller than the error of the
             discretization: 0.5 %, for springs and for shear caused by corners.
         min_pressure: Smallest reference of pressures, as a fraction of the stiffness [1]: smaller
@@ -42,6 +44,8 @@ class Limits:
         coarse_penetration: Smallest penetration with a remark [facet lengths]; curved bodies on
             coarse meshes overlap by less.
         coarse_distance: Smallest distance with a remark [facet lengths].
+        missed: Smallest penetration between the nodes with a remark if no force acts [facet
+            lengths]: positions in files of few digits overlap by less.
         at_corners: Threshold at corners and ends [1], above the error of estimates there (a few
             per cent), for the sine of the angle of oblique forces, the excess of the shear
             of a sticking corner over the friction limit, and the pressure over the largest
@@ -74,11 +78,13 @@ class Limits:
     penetration: float = HALF_FACET
     unpaired: float = 0.01
     unloaded: float = 0.1
+    coarse_unloaded: float = 0.02
     negligible: float = RIGID.negligible
     min_pressure: float = SOLVED
     min_force: float = 1e-4
     coarse_penetration: float = 0.2
     coarse_distance: float = 0.05
+    missed: float = 1e-3
     at_corners: float = 0.1
     corner: float = 0.3
     sharp_corner: float = np.pi / 3

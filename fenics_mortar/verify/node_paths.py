@@ -18,50 +18,74 @@ see ``Alternative``.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import Literal, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.obstacles.rigid_motion import RigidMotion
+from fenics_mortar.obstacles.rotations import rotation_by
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import SMALL_ANGLE, TINY
 from fenics_mortar.verify.finding import LIMITS
 from fenics_mortar.verify.led_bodies import TOLD_TURN
 
 
-class Rotation(NamedTuple):
+@dataclass(frozen=True)
+class RigidPath:
     """Motion of a rigid frame in a step: a point on a straight line, and a rotation about it.
 
     Attributes:
-        point: The point at the start, shape (2,) [length].
-        shift: Its motion, shape (2,) [length].
-        angle: Angle of the rotation, of any size [radian].
+        start: The point at the start, shape (dim,) [length].
+        end: The point at the end, shape (dim,) [length].
+        turn: Angle of the rotation, shape (1,), in space its vector, (3,), of any size [radian].
     """
 
-    point: Array
-    shift: Array
-    angle: float
+    start: Array
+    end: Array
+    turn: Array
+
+    @property
+    def angle(self) -> float:
+        """Angle of the rotation, in space without sign [radian]."""
+        return float(self.turn[0] if self.turn.size == 1 else np.linalg.norm(self.turn))
+
+    def turned(self, vectors: Array, t: float) -> Array:
+        """Vectors (n, dim) [any unit] turned by the rotation up to ``t``, negative: back."""
+        return vectors @ rotation_by(t * self.turn).T
 
     def carry(self, x: Array, t: float) -> Array:
-        """Positions at the time ``t`` (0 to 1) of points at ``x`` (n, 2) at the start [length]."""
-        return self.point + t * self.shift + _turned(x - self.point, t * self.angle)
+        """Positions at ``t``, 0 to 1, of points at ``x`` (n, dim) at the start [length]."""
+        return self._centre(t) + self.turned(x - self.start, t)
 
     def back(self, x: Array, t: float) -> Array:
-        """Positions at the start of points that are at ``x`` (n, 2) at ``t`` [length]."""
-        return self.point + _turned(x - self.point - t * self.shift, -t * self.angle)
+        """Positions at the start of points that are at ``x`` (n, dim) at ``t`` [length]."""
+        return self.start + self.turned(x - self._centre(t), -t)
+
+    def _centre(self, t: float) -> Array:
+        return self.start + t * (self.end - self.start)
+
+    def backwards(self) -> RigidPath:
+        """The motion to the same positions with the other sense of rotation."""
+        factor = 1.0 - 2.0 * np.pi / abs(self.angle) if self.angle else 0.0
+        return replace(self, turn=factor * self.turn)
 
 
 # Alternative to the motions of bodies, see ``Motions``; "" for none.
 Alternative = Literal["", "sense", "centre"]
-AT_REST = Rotation(np.zeros(2), np.zeros(2), 0.0)
-NONE_KNOWN: Mapping[int, Rotation] = {}
+AT_REST = RigidPath(np.zeros(2), np.zeros(2), np.zeros(1))
+NONE_KNOWN: Mapping[int, RigidPath] = {}
 
 
-def motion_of(mover: RigidMotion, before: Array, after: Array) -> Rotation:
-    """Motion of an obstacle or a boundary between places (3,) [length, length, radian] (local)."""
-    change = after - before
-    return Rotation(mover.pivot + before[:2], change[:2], float(change[2]))
+def motion_of(mover: RigidMotion, before: Array, after: Array) -> RigidPath:
+    """Motion of an obstacle or a boundary between places (m,) [length, radian] (local).
+
+    In space ``after`` is its present place.
+    """
+    dim = mover.dim
+    turn = after[2:] - before[2:] if dim == 2 else mover.turn_since(before)
+    return RigidPath(mover.pivot + before[:dim], mover.pivot + after[:dim], turn)
 
 
 class Motions:
@@ -94,7 +118,7 @@ class Motions:
         prescribed: Flags | None = None,
         *,
         other: Alternative = "",
-        known: Mapping[int, Rotation] = NONE_KNOWN,
+        known: Mapping[int, RigidPath] = NONE_KNOWN,
         doubtful: Collection[int] = (),
     ) -> None:
         self._x0, self._x1 = x0, x1
@@ -117,13 +141,13 @@ class Motions:
             if body in known:
                 self._take(i, known[body])
 
-    def _take(self, i: int, known: Rotation) -> None:
+    def _take(self, i: int, known: RigidPath) -> None:
         """Take a known motion of body ``i``, if the fitted one equals it up to full turns."""
         turns = (known.angle - self.angles[i]) / (2.0 * np.pi)
         if 2.0 * np.pi * abs(turns - np.round(turns)) > SMALL_ANGLE:
             return  # nodes were not where the boundary was at the start
         self.are_known[i], self.two_ways[i] = True, False
-        self._start[i], self._end[i] = known.point, known.point + known.shift
+        self._start[i], self._end[i] = known.start, known.end
         self.angles[i] = known.angle
 
     def _mean(self, values: Array, weight: Array) -> Array:
@@ -168,10 +192,9 @@ class Motions:
         """Whether all rotations are small, so that no rotating frames are needed."""
         return float(np.abs(self.angles).max(initial=0.0)) <= SMALL_ANGLE
 
-    def of(self, body: int) -> Rotation:
+    def of(self, body: int) -> RigidPath:
         """The motion of the body with the number ``body`` in ``labels``."""
-        start = self._start[body]
-        return Rotation(start, self._end[body] - start, float(self.angles[body]))
+        return RigidPath(self._start[body], self._end[body], self.angles[body : body + 1])
 
     def moved_with_own_body(self) -> Array:
         """Initial positions moved rigidly with the body of each node, shape (n, 2) [length]."""
@@ -190,13 +213,6 @@ class Motions:
         y1 = _turned(self._x1 - self._end[i], -self.angles[i])
         centre = self._start + t * (self._end - self._start)
         return centre[i] + _turned(y0 + t * (y1 - y0), t * self.angles[i])
-
-    def node_paths(self) -> Array:
-        """Positions at start, intermediate times and end, shape (m + 1, n, 2) [length]."""
-        largest = float(np.abs(self.angles).max(initial=0.0))
-        sections = max(int(np.ceil(largest / LIMITS.section_turn)), 1)
-        along = [self.at(t) for t in np.arange(1, sections) / sections]
-        return np.array([self._x0, *along, self._x1])
 
 
 class Paths:
@@ -227,15 +243,15 @@ class Paths:
         x1: Array,
         bodies: Indices,
         prescribed: Flags,
-        obstacles: Sequence[Rotation],
+        obstacles: Sequence[RigidPath],
         resolution: float,
         other: Alternative = "",
-        known: Mapping[int, Rotation] = NONE_KNOWN,
+        known: Mapping[int, RigidPath] = NONE_KNOWN,
         doubtful: Collection[int] = (),
     ) -> None:
         self._x0, self._x1, self._resolution, self._known = x0, x1, resolution, known
 
-        def fit(end: Array, known: Mapping[int, Rotation] = NONE_KNOWN) -> Motions:
+        def fit(end: Array, known: Mapping[int, RigidPath] = NONE_KNOWN) -> Motions:
             ends = x0, end, bodies, prescribed
             return Motions(*ends, other=other, known=known, doubtful=doubtful)
 
@@ -269,11 +285,11 @@ class Paths:
             x[mine] = self._carriers[k].carry(x[mine], t)
         return x
 
-    def frame_of(self, body: int) -> list[Rotation]:
+    def frame_of(self, body: int) -> list[RigidPath]:
         """The frame of the body with the number ``body`` in ``motions.labels``."""
         return [self._relative.of(body), self._carriers[self._carrier[body]]]
 
-    def seen_from(self, frame: Sequence[Rotation]) -> Array:
+    def seen_from(self, frame: Sequence[RigidPath]) -> Array:
         """Paths of the nodes in a frame, shape (m + 1, n, 2) [length].
 
         Bodies that move less in this frame than in that of their carrier are carried by it.
@@ -289,7 +305,9 @@ class Paths:
             along.append(np.where(carried[:, None], inside.at(t), far))
         return np.array([self._x0, *along, end])
 
-    def points_seen_from(self, body: int, obstacle: Rotation, points: Array) -> tuple[Array, Array]:
+    def points_seen_from(
+        self, body: int, obstacle: RigidPath, points: Array
+    ) -> tuple[Array, Array]:
         """Paths of points of an obstacle and of a body's nodes in the frame of the body.
 
         Args:
@@ -315,24 +333,24 @@ class Paths:
         carriers = np.array([carrier.angle for carrier in self._carriers])
         return np.abs(carriers[self._carrier]) + np.abs(self._relative.angles)
 
-    def _times(self, angle: float, frame: Sequence[Rotation], points: Array) -> Array:
+    def _times(self, angle: float, frame: Sequence[RigidPath], points: Array) -> Array:
         """Times between straight sections of paths with a rotation by ``angle``, 0 to 1."""
         every = np.concatenate([points, self._x0, self._x1])
-        reach = max(float(np.hypot(*(every - r.point).T).max(initial=0.0)) for r in frame)
+        reach = max(float(np.hypot(*(every - r.start).T).max(initial=0.0)) for r in frame)
         # the sagitta of a chord of angle a is r a^2 / 8
         largest = min(np.sqrt(8.0 * self._resolution / max(reach, TINY)), LIMITS.section_turn)
         sections = int(min(max(np.ceil(angle / max(largest, TINY)), 1), LIMITS.max_points))
         return np.arange(1, sections) / sections
 
 
-def carry(frame: Sequence[Rotation], x: Array) -> Array:
+def carry(frame: Sequence[RigidPath], x: Array) -> Array:
     """Move positions ``x`` (..., 2) [length] with a frame to the end of the step."""
     for rotation in frame:
-        x = rotation.carry(x.reshape(-1, 2), 1.0).reshape(x.shape)
+        x = rotation.carry(x, 1.0)
     return x
 
 
-def _back(frame: Sequence[Rotation], x: Array, t: float) -> Array:
+def _back(frame: Sequence[RigidPath], x: Array, t: float) -> Array:
     """Move positions ``x`` (n, 2) [length] with a frame from the time ``t`` to the start."""
     for rotation in reversed(frame):
         x = rotation.back(x, t)

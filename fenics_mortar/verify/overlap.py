@@ -30,7 +30,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +40,8 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.kernels.passage import depths_inside
+from fenics_mortar.kernels.space.inside import depths_inside as depths_inside_hull
+from fenics_mortar.kernels.tree import build_tree
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.verify.finding import LIMITS
 
@@ -123,12 +125,31 @@ def _winding(x: Array, segments: Indices, P: Array) -> int:
     return round(float(angles.sum()) / (2.0 * np.pi))
 
 
+def depths_in_body(outline: Any, x: Array, body: int, points: Array) -> tuple[Array, Indices]:
+    """Depths of points (k, dim) in a body, zero outside [length]; the nearest segments (local).
+
+    Args:
+        outline: Outlines or hulls of the bodies.
+        x: Positions of their nodes, shape (n, dim) [length].
+        body: The body.
+        points: The points, shape (k, dim) [length].
+    """
+    if x.shape[1] == 2:
+        rows = depths_inside(x, outline.segments, outline.segment_bodies, body, points)
+        return rows[:, 0], rows[:, 1].astype(np.int64)
+    mine = np.flatnonzero(outline.segment_bodies == body)
+    triangles, size = outline.segments[mine], float(np.median(outline.lengths(x)[mine]))
+    boxes, points = build_tree(x, triangles), np.ascontiguousarray(points)
+    depths, nearest = depths_inside_hull(x, triangles, boxes, points, size)
+    return depths, mine[nearest]
+
+
 class Deepest(NamedTuple):
     """The point of an obstacle that is deepest in a body.
 
     Attributes:
         depth: Depth less the overlap admitted by the offset [length]; zero if no point is inside.
-        facets: The same over the length of the nearest facet [1].
+        facets: The same over the size of the nearest facet [1].
         point: Position, shape (2,) [length].
         segment: Nearest segment of the outlines.
     """
@@ -137,6 +158,35 @@ class Deepest(NamedTuple):
     facets: float
     point: Array
     segment: int
+
+
+def obstacle_depths(
+    outline: Any, x: Array, body: int, points: Array, offset: Array,
+    distance: Callable[[Array], Array],
+) -> tuple[Array, Array, Indices]:  # fmt: skip
+    """Depths of an obstacle in a body; an error is that of ``distance``.
+
+    Points that are not on the obstacle, since a user's function is no distance, do not count.
+
+    Args:
+        outline: See ``depths_in_body``, as ``x`` and ``body``.
+        x: Positions of the nodes, shape (n, dim) [length].
+        body: The body.
+        points: Points of the obstacle, shape (k, dim) [length].
+        offset: Lengths of which the overlap -offset is admitted, any shape [length].
+        distance: Distance of points from the obstacle.
+
+    Returns:
+        Depths less the admitted overlap, of the points where they are positive, (m,) [length],
+        these points (m, dim) [length], and the nearest segments or triangles (m,).
+    """
+    mine = x[outline.bodies == body]
+    near = points[((points > mine.min(axis=0)) & (points < mine.max(axis=0))).all(axis=1)]
+    depths, nearest = depths_in_body(outline, x, body, near)
+    depths = depths - max(-float(offset.min(initial=0.0)), 0.0)
+    off = np.abs(distance(near)) > LIMITS.coarse_distance * outline.lengths(x)[nearest]
+    below = (depths > 0.0) & ~off
+    return depths[below], near[below], nearest[below]
 
 
 def deepest_point(contact: Contact, outline: Outline, slave: Indices, x: Array) -> Deepest:
@@ -150,24 +200,14 @@ def deepest_point(contact: Contact, outline: Outline, slave: Indices, x: Array) 
     """
     o = contact.now.on_obstacle
     points = np.concatenate([o.nearest_points(), o.obstacle.to_space(o.obstacle.salient_points())])
-    lengths, bodies = outline.lengths(x), outline.segment_bodies
-    deepest = Deepest(0.0, 0.0, np.zeros(2), -1)
-    admitted = max(-float(contact.now.offset.min(initial=0.0)), 0.0)
-    for body in np.unique(outline.bodies[slave]):
-        mine = x[outline.bodies == body]
-        near = points[((points > mine.min(axis=0)) & (points < mine.max(axis=0))).all(axis=1)]
-        rows = depths_inside(x, outline.segments, bodies, body, near)
-        rows[:, 0] -= admitted
-        inside = rows[:, 0] > 0.0
-        if not inside.any():
-            continue
-        near, depths, nearest = near[inside], rows[inside, 0], rows[inside, 1].astype(np.int64)
-        facets = depths / lengths[nearest]
-        facets[o.obstacle.evaluate(near)[0] > LIMITS.coarse_distance * lengths[nearest]] = 0.0
-        first = int(np.argmax(facets))
-        if facets[first] > deepest.facets:
-            depth, segment = float(depths[first]), int(nearest[first])
-            deepest = Deepest(depth, float(facets[first]), near[first], segment)
+    given = points, contact.now.offset, lambda at: o.obstacle.evaluate(at)[0]
+    lengths, deepest = outline.lengths(x), Deepest(0.0, 0.0, np.zeros(2), -1)
+    for body in np.unique(outline.bodies[slave]).tolist():
+        depths, at, segments = obstacle_depths(outline, x, body, *given)
+        facets = depths / lengths[segments]
+        if facets.max(initial=0.0) > deepest.facets:
+            k = int(np.argmax(facets))
+            deepest = Deepest(float(depths[k]), float(facets[k]), at[k], int(segments[k]))
     return deepest
 
 

@@ -16,7 +16,6 @@ inside another body are reported as well.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -30,22 +29,20 @@ from fenics_mortar.kernels.passage import (
     OPPOSED,
     OTHERS,
     OWN,
-    depths_inside,
     find_events,
     find_passages,
 )
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.errors import call_together, format_point
+from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.finding import LIMITS
-from fenics_mortar.verify.node_paths import Alternative, Paths, Rotation, carry, motion_of
-from fenics_mortar.verify.overlap import OutlineNames
-from fenics_mortar.verify.through_obstacles import in_space, own_frame, passed_through
+from fenics_mortar.verify.node_paths import Alternative, Paths, RigidPath, carry, motion_of
+from fenics_mortar.verify.overlap import OutlineNames, depths_in_body
+from fenics_mortar.verify.through_obstacles import ADVICE, in_space, nodes_through, own_frame
 
 # Number of points inside a body up to which a path along its surface is not recognized.
 FEW_POINTS = 2
-ADVICE = "since the last accepted state: take smaller steps"
 UNKNOWN = "the ends of the step do not tell how bodies turned in between"
 # Alternatives to the motions of bodies that turn far, as text.
 ALTERNATIVES: dict[Alternative, str] = {
@@ -73,7 +70,7 @@ class StepEnds(NamedTuple):
     prescribed: Flags
     before: Array
     after: Array
-    known: Mapping[int, Rotation] = {}
+    known: Mapping[int, RigidPath] = {}
     doubtful: Collection[int] = ()
 
 
@@ -200,12 +197,12 @@ class Passages:
         count = int(min(np.ceil(far[-1] / spacing), LIMITS.max_points))
         at = np.linspace(0.0, far[-1], count + 1)
         points = np.stack([np.interp(at, far, column) for column in knots.T], axis=1)
-        segments, body = self.outline.segments, self._segment_bodies[entry]
-        depths, nearest = depths_inside(x, segments, self._segment_bodies, body, points).T
+        segments, body = self.outline.segments, int(self._segment_bodies[entry])
+        depths, nearest = depths_in_body(self.outline, x, body, points)
         inside = np.flatnonzero(depths > 0.0)
         if inside.size <= FEW_POINTS:
             return True
-        tangents = np.diff(x[segments[nearest[inside].astype(np.int64)]], axis=1)[:, 0]
+        tangents = np.diff(x[segments[nearest[inside]]], axis=1)[:, 0]
         tangents /= np.hypot(*tangents.T)[:, None]
         flips = ((tangents[1:] * tangents[:-1]).sum(axis=1) < OPPOSED)[np.diff(inside) == 1]
         chord = np.hypot(*(points[inside] - points[inside[0]]).T).max()
@@ -253,24 +250,12 @@ class Passages:
         """Messages on an obstacle between two places (3,): nodes through it, its points."""
         motion = motion_of(obstacle, *places)
         pairs = [pair for pair in self._on_obstacles if pair[0].obstacle is obstacle]
-        along = paths.seen_from([motion])
-        along = own_frame(obstacle, along.reshape(-1, 2), places[0]).reshape(along.shape)
+        along = own_frame(obstacle, paths.seen_from([motion]), places[0])
         messages = []
         for contact, there in pairs:
             given = along[:, there], contact.now.offset, contact.slave.nodal_lengths
-            depth = call_together(
-                self.outline.comm,
-                f"the distance of '{obstacle.name}'",
-                partial(passed_through, obstacle, *given),
-            )
-            through = np.flatnonzero(depth > 0.0)
-            if through.size:
-                first = through[np.argmax(depth[through])]
-                messages.append(
-                    f"{through.size} nodes of '{contact.slave.name}' went through obstacle "
-                    f"'{obstacle.name}', and one at {format_point(x1[there[first]])} ended "
-                    f"{depth[first]:.3g} beyond its surface, {ADVICE}"
-                )
+            name, comm = f"'{contact.slave.name}'", self.outline.comm
+            messages += nodes_through(comm, obstacle, given, x1[there], lambda _, n=name: n)  # type: ignore[misc]
         bodies = np.unique(self.outline.bodies[np.concatenate([there for _, there in pairs])])
         points = in_space(obstacle, obstacle.salient_points(), places[0])
         for body in bodies if len(points) else ():
@@ -282,7 +267,7 @@ class Passages:
                 messages.append(self._message(who, first, where))
         return messages
 
-    def _rows_of_points(self, paths: Paths, body: int, motion: Rotation, points: Array) -> Array:
+    def _rows_of_points(self, paths: Paths, body: int, motion: RigidPath, points: Array) -> Array:
         """Rows of ``find_passages`` of points of an obstacle that went through a body.
 
         A narrow obstacle may pass between the nodes of a body. A row begins with the number of a

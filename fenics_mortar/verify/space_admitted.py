@@ -170,6 +170,20 @@ class Kind(IntEnum):
     PAIRED, UNLOADED, UNPAIRED, WITHOUT_AREA = range(4)
 
 
+# What a pair does not see, by the kind of an overlap between its sides.
+HINTS = {
+    Kind.WITHOUT_AREA: "; no facets of their pair face each other there: edges or corners meet, or "
+    "contact was missed",
+    Kind.UNLOADED: "; no node carries force there, since the facets of the slave are too coarse "
+    "for this tip or edge: refine the slave there",
+}
+
+
+def remark_of(kind: Kind) -> float:
+    """Depth of an overlap above which there is a remark [facet sizes] (local)."""
+    return LIMITS.coarse_unloaded if kind == Kind.UNLOADED else LIMITS.coarse_penetration
+
+
 class SpaceAdmitted:
     """Kinds of overlaps by pairs, and the depths admitted for them.
 
@@ -240,22 +254,32 @@ class SpaceAdmitted:
         """
         sagittas = self._sagittas(x)
         at_nodes = self._hull.largest_at_nodes(sagittas)[overlaps.nodes].max(axis=1)
-        both = at_nodes + sagittas[overlaps.triangles]
-        limits = [LIMITS.penetration, np.maximum(both, LIMITS.unloaded)]
-        are = [kinds == Kind.PAIRED, kinds == Kind.UNLOADED]
-        return np.select(are, limits, np.maximum(both, LIMITS.unpaired))
+        return self._depths(at_nodes + sagittas[overlaps.triangles], kinds)
 
-    def at_obstacle(self, x: Array, triangle: int, *, paired: bool) -> float:
-        """Admitted depth of an obstacle below a triangle [facet sizes] (local).
+    def at_obstacle(
+        self, x: Array, paired: Flags, pairs: Sequence[Contact]
+    ) -> tuple[Indices, Array]:
+        """``Kind`` of an obstacle below each triangle, and the depth admitted, (m,) each (local).
 
         Args:
             x: Positions of the nodes, shape (n, 3) [length].
-            triangle: The triangle.
-            paired: Whether a pair keeps the obstacle apart from it.
+            paired: Whether a pair keeps the obstacle apart from a triangle, shape (m,), bool.
+            pairs: The pairs with the obstacle.
+
+        Returns:
+            Kinds and depths [facet sizes].
         """
-        if paired:
-            return LIMITS.penetration
-        return max(float(self._sagittas(x)[triangle]), LIMITS.unpaired)
+        kinds = np.where(paired, int(Kind.UNLOADED), int(Kind.UNPAIRED))
+        for contact in pairs:
+            kinds[paired & self._loaded(contact)] = Kind.PAIRED
+        return kinds, self._depths(self._sagittas(x), kinds)
+
+    @staticmethod
+    def _depths(sagittas: Array, kinds: Indices) -> Array:
+        """Admitted depths of overlaps of ``kinds`` (k,) with the sum of ``sagittas`` (k,) there."""
+        unloaded = np.maximum(sagittas, LIMITS.unloaded)
+        are = [kinds == Kind.PAIRED, kinds == Kind.UNLOADED]
+        return np.select(are, [LIMITS.penetration, unloaded], np.maximum(sagittas, LIMITS.unpaired))
 
     def _sagittas(self, x: Array) -> Array:
         """Sagittas of surfaces through the triangles, (m,) [facet sizes]; zero at sharp edges."""

@@ -9,79 +9,50 @@ finds the points inside bodies, ``space_admitted`` the depths that the discretiz
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from functools import partial
-from itertools import product
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from fenics_mortar.bulk.bodies import label_bodies
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.tied import Tie
-from fenics_mortar.interface.hull import Hull, extract_hull
-from fenics_mortar.rigid.floating import FloatingBodies
+from fenics_mortar.interface.hull import extract_hull
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError, format_point
 from fenics_mortar.utils.rounding import HALF_FACET, SMALL_ANGLE
-from fenics_mortar.verify.crossing import AcceptedPositions, Crossing, Crossings
+from fenics_mortar.verify.crossing import Crossing, Crossings
 from fenics_mortar.verify.finding import LIMITS
-from fenics_mortar.verify.led_bodies import LedBodies
-from fenics_mortar.verify.overlap import OutlineNames
+from fenics_mortar.verify.node_paths import RigidPath, motion_of
 from fenics_mortar.verify.passages import found_either_way
-from fenics_mortar.verify.space_admitted import Kind, Overlaps, SpaceAdmitted, find_overlaps
-from fenics_mortar.verify.space_obstacles import SpaceObstacles, motion_of
-from fenics_mortar.verify.space_passages import RigidMotion, SpacePassages, SpacePaths
+from fenics_mortar.verify.space_admitted import (
+    HINTS,
+    Kind,
+    Overlaps,
+    SpaceAdmitted,
+    find_overlaps,
+    remark_of,
+)
+from fenics_mortar.verify.space_obstacles import SpaceObstacles
+from fenics_mortar.verify.space_passages import SpacePassages, SpacePaths
 
 # Bodies of a point and of the triangle above it, ascending.
 Bodies = tuple[int, int]
 
-# What a pair does not see, by the kind of an overlap between its sides.
-_HINTS = {
-    Kind.WITHOUT_AREA: "; no facets of their pair face each other there: edges or corners meet, or "
-    "contact was missed",
-    Kind.UNLOADED: "; no node carries force there, since the facets of the slave are too coarse "
-    "for this tip or edge of the master: refine the slave there, or exchange slave and master",
-}
+# A further remedy where nodes of the slave carry no force: the nodes of the other side may.
+_OTHER_ROLES = ", or exchange slave and master"
 
 
 class SpaceCrossings(Crossings):
     """Detection of crossings and passages in space; see ``Crossings``."""
 
-    outline: Hull
+    extract = staticmethod(extract_hull)
 
-    def __init__(
-        self, bulk: Bulk, contacts: Sequence[Contact | Tie], floating: FloatingBodies
-    ) -> None:
-        self._bulk, self._contacts = bulk, contacts
-        self._labels, _ = label_bodies(bulk.V)
-        sides = [[self._bodies_of(side) for side in (c.slave, c.master)] for c in contacts]
-        self._in_contact = {
-            (min(one, other), max(one, other))
-            for contact, (slave, master) in zip(contacts, sides, strict=True)
-            for one, other in product(slave, master)
-            if not isinstance(contact, Tie)
-        }
-        self._of_pairs = [sorted(slave | master) for slave, master in sides]
-        bodies = np.array(sorted({body for pair in self._of_pairs for body in pair}), np.int64)
-        self.outline = extract_hull(bulk.space, self._labels, bodies)
-        self._slaves = [self.outline.indices_of(contact.slave.nodes) for contact in contacts]
-        self._free = 1.0 - self.outline.gather(bulk.prescribed.astype(float))
-        name_of_body = partial(floating.name_of, labels=self._labels)
-        self._names = OutlineNames(self.outline, contacts, name_of_body)
-        self._in_space = SpaceAdmitted(self.outline, contacts)
+    def _prepare(self) -> None:
+        """See ``Crossings``."""
+        self._in_space = SpaceAdmitted(self.outline, self._contacts)
         self._found_at: tuple[Array, Overlaps] | None = None
         self._excused = self._overlaps_as_meshed()
         self._through = SpacePassages(self.outline, self._names, self._excused)
         self._obstacles = SpaceObstacles(
-            self.outline, contacts, self._slaves, self._names, self._in_space
+            self.outline, self._contacts, self._slaves, self._names, self._in_space
         )
-        self._prescribed = (self._free == 0.0).all(axis=1)
-        self._leaders = {b: m for b, m in floating.leaders.items() if b in self.outline.bodies}
-        self.led = LedBodies(bulk, contacts, floating, self.outline)
-        self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)), self._led())
-        self._left = self.accepted.x
-        self._restored = None
 
     def find(self) -> list[Crossing]:
         """See ``Crossings``: of two bodies up to one for each ``Kind``."""
@@ -141,7 +112,9 @@ class SpaceCrossings(Crossings):
                 )
                 where = format_point(overlaps.points[k])
                 measures = float(overlaps.depths[k]), depth, float(limits[k])
-                yield Crossing(sides, where, *measures, kind != Kind.UNPAIRED, _HINTS.get(kind, ""))
+                hint = HINTS.get(kind, "") + _OTHER_ROLES * (kind == Kind.UNLOADED)
+                told = hint, remark_of(kind)
+                yield Crossing(sides, where, *measures, kind != Kind.UNPAIRED, *told)
 
     def _overlaps_as_meshed(self) -> dict[Bodies, float]:
         """See ``Crossings``: overlap of bodies in the mesh [facets]."""
@@ -200,7 +173,7 @@ class SpaceCrossings(Crossings):
         """See ``Crossings``; of bodies that values turn in space the other sense is examined."""
         (x0, before), x1 = (self.accepted.x, self.accepted.places), self._positions()
         known = self._known()
-        turns = any(motion.vector.any() for motion in known.values())
+        turns = any(motion.angle for motion in known.values())
         bodies_rest = np.array_equal(x0, x1) and not turns
         if not len(x0) or (bodies_rest and np.array_equal(before, places)):
             return [], []
@@ -216,14 +189,14 @@ class SpaceCrossings(Crossings):
         doubtful, found = self.led.parts(self.led.doubtful(x0, x1)), messages(())
         return found_either_way(found, "sense", messages(doubtful)) if doubtful else (found, [])
 
-    def _known(self) -> dict[int, RigidMotion]:
+    def _known(self) -> dict[int, RigidPath]:
         """Motions of bodies by rigid boundaries that their prescribed nodes followed."""
-        (x0, x1), found = (self.accepted.x, self._positions()), dict[int, RigidMotion]()
+        (x0, x1), found = (self.accepted.x, self._positions()), dict[int, RigidPath]()
         led = zip(self._leaders.items(), self.accepted.leaders, self._led(), strict=True)
         for (body, leader), *ends in led:
             motion = motion_of(leader, *ends)
             mine = self._prescribed & (self.outline.bodies == body)
-            apart = motion.end + motion.turned(x0[mine] - motion.start, 1.0) - x1[mine]
+            apart = motion.carry(x0[mine], 1.0) - x1[mine]
             size = float(np.abs(x0[mine] - motion.start).max(initial=0.0))
             if np.abs(apart).max(initial=0.0) <= SMALL_ANGLE * size:
                 found[body] = motion

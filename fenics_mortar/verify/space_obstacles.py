@@ -24,21 +24,17 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.hull import Hull
-from fenics_mortar.kernels.space.inside import depths_inside
-from fenics_mortar.kernels.tree import build_tree
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.obstacles.rigid_motion import RigidMotion as Mover
-from fenics_mortar.obstacles.rotations import rotation_by
 from fenics_mortar.utils.arrays import Array, Flags, Indices, norms
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.utils.rounding import ROUNDING
 from fenics_mortar.verify.crossing import Crossing
 from fenics_mortar.verify.finding import LIMITS
-from fenics_mortar.verify.overlap import OutlineNames
-from fenics_mortar.verify.passages import ADVICE
-from fenics_mortar.verify.space_admitted import SpaceAdmitted
-from fenics_mortar.verify.space_passages import RigidMotion, SpacePassages, SpacePaths
-from fenics_mortar.verify.through_obstacles import passed_through
+from fenics_mortar.verify.node_paths import RigidPath, motion_of
+from fenics_mortar.verify.overlap import OutlineNames, obstacle_depths
+from fenics_mortar.verify.space_admitted import HINTS, Kind, SpaceAdmitted, remark_of
+from fenics_mortar.verify.space_passages import SpacePassages, SpacePaths
+from fenics_mortar.verify.through_obstacles import nodes_through, own_frame
 
 # Points of a triangle near an obstacle, weights of its corners: a grid of a quarter of its sides.
 _PARTS = 4
@@ -115,25 +111,15 @@ class SpaceObstacle:
         near = self._evaluate(middles)[0] <= reach
         return np.einsum("qk,tkc->tqc", WITHIN, corners[near]).reshape(-1, 3)
 
-    def deepest_in(self, x: Array, points: Array, body: int) -> tuple[float, float, Array, int]:
-        """The point deepest in a body: depth [length], [facet sizes], the point, its triangle.
+    def depths_in(self, x: Array, points: Array, body: int) -> tuple[Array, Array, Indices]:
+        """Depths of the obstacle in a body, see ``obstacle_depths`` (collective)."""
+        at = self.hull, x, body, points, self.offset()
+        return obstacle_depths(*at, lambda points: self._evaluate(points)[0])
 
-        The overlap admitted by offsets is left out. Points that are not on the obstacle, since a
-        user's function is no distance, do not count.
-        """
-        hull, mine = self.hull, np.flatnonzero(self.hull.segment_bodies == body)
-        triangles, sizes = hull.segments[mine], hull.lengths(x)[mine]
-        boxes = build_tree(x, triangles)
-        at = points[((points > boxes[1, :3]) & (points < boxes[1, 3:])).all(axis=1)]
-        depths, nearest = depths_inside(x, triangles, boxes, at, float(np.median(sizes)))
-        at, depths, nearest = at[nearest >= 0], depths[nearest >= 0], nearest[nearest >= 0]
-        depths = depths - max(-float(self.offset().min(initial=0.0)), 0.0)
-        facets = depths / sizes[nearest]
-        facets[np.abs(self._evaluate(at)[0]) > LIMITS.coarse_distance * sizes[nearest]] = 0.0
-        if not (facets > 0.0).any():
-            return 0.0, 0.0, np.zeros(3), -1
-        first = int(np.argmax(facets))
-        return float(depths[first]), float(facets[first]), at[first], int(mine[nearest[first]])
+    @property
+    def contacts(self) -> list[Contact]:
+        """The pairs with the obstacle."""
+        return [contact for contact, _ in self._pairs]
 
 
 class SpaceObstacles:
@@ -166,19 +152,23 @@ class SpaceObstacles:
         ]
 
     def find(self, x: Array) -> Iterator[Crossing]:
-        """The deepest point of each obstacle in each body, with nodes at ``x`` (n, 3)."""
+        """The deepest point of each obstacle in each body by kinds, with nodes at ``x`` (n, 3)."""
+        sizes = self._hull.lengths(x)
         for each in self._each:
             points = each.points(x)
+            kinds, limits = self._admitted.at_obstacle(x, each.near_slave, each.contacts)
             for body in each.bodies.tolist():
-                depth, facets, where, triangle = each.deepest_in(x, points, body)
-                if triangle < 0:
-                    continue
-                paired = bool(each.near_slave[triangle])
-                limit = self._admitted.at_obstacle(x, triangle, paired=paired)
-                sides = self._names.segment(triangle), f"obstacle '{each.obstacle.name}'"
-                yield Crossing(sides, format_point(where), depth, facets, limit, paired)
+                depths, at, triangles = each.depths_in(x, points, body)
+                for kind in np.unique(kinds[triangles]).tolist():
+                    facets = np.where(kinds[triangles] == kind, depths / sizes[triangles], 0.0)
+                    k = int(facets.argmax())
+                    t = int(triangles[k])
+                    sides = self._names.segment(t), f"obstacle '{each.obstacle.name}'"
+                    measures = float(depths[k]), float(facets[k]), float(limits[t])
+                    told = kind != Kind.UNPAIRED, HINTS.get(kind, ""), remark_of(kind)
+                    yield Crossing(sides, format_point(at[k]), *measures, *told)
 
-    def motions(self, before: Array, after: Array) -> dict[int, RigidMotion]:
+    def motions(self, before: Array, after: Array) -> dict[int, RigidPath]:
         """Motions of the obstacles in a step, by label.
 
         Args:
@@ -207,28 +197,21 @@ class SpaceObstacles:
     def _nodes_through(self, each: SpaceObstacle, paths: SpacePaths, place: Array) -> list[str]:
         """Message on nodes of bodies that went through an obstacle, which began at ``place``."""
         obstacle, nodes = each.obstacle, np.flatnonzero(each.counted)
-        knots = paths.seen_from(each.label)[:, nodes] @ rotation_by(place[3:]) + obstacle.pivot
+        knots = own_frame(obstacle, paths.seen_from(each.label)[:, nodes], place)
         x1 = paths.along[-1]
         given = knots, each.offset()[nodes], self._hull.node_sizes(x1)[nodes]
-        what, call = f"the distance of '{obstacle.name}'", partial(passed_through, obstacle, *given)
-        depth = call_together(self._hull.comm, what, call)
-        count = int((depth > 0.0).sum())
-        if not count:
-            return []
-        first = nodes[np.argmax(depth)]
-        return [
-            f"{count} nodes of {self._names.node(int(first))} went through obstacle "
-            f"'{obstacle.name}', and one at {format_point(x1[first])} ended {depth.max():.3g} "
-            f"beyond its surface, {ADVICE}"
-        ]
+
+        def name(first: int) -> str:
+            return self._names.node(int(nodes[first]))
+
+        return nodes_through(self._hull.comm, obstacle, given, x1[nodes], name)
 
     def _points_through(
         self, each: SpaceObstacle, paths: SpacePaths, through: SpacePassages
     ) -> Iterator[str]:
         """Messages on points of an obstacle that went through bodies."""
         motion = paths.motions[each.label]
-        there = each.points(paths.along[-1])
-        begin = motion.start + motion.turned(there - motion.end, -1.0)
+        begin = motion.back(each.points(paths.along[-1]), 1.0)
         for body in each.bodies.tolist():
             of_points = paths.seen_from(body, paths.carried(motion, begin))
             along = np.concatenate([paths.seen_from(body), of_points], axis=1)
@@ -239,9 +222,3 @@ class SpaceObstacles:
             if len(passed.ends):
                 who = f"{len(passed.ends)} points of obstacle '{each.obstacle.name}'"
                 yield through.message(who, passed, along[-1], body)
-
-
-def motion_of(mover: Mover, before: Array, after: Array) -> RigidMotion:
-    """Motion of an obstacle or a boundary to its present place, (6,) [length, radian] (local)."""
-    pivot = mover.pivot
-    return RigidMotion(pivot + before[:3], pivot + after[:3], mover.turn_since(before))

@@ -18,9 +18,8 @@ that nodes move straight within each of them.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,64 +28,20 @@ from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.kernels.space.inside import depths_inside
 from fenics_mortar.kernels.space.passage import find_edge_events, find_node_events
 from fenics_mortar.kernels.tree import build_tree
+from fenics_mortar.obstacles.rotations import polar_rotation, vector_of
 from fenics_mortar.utils.arrays import Array, Flags, Indices, norms
 from fenics_mortar.utils.rounding import HALF_FACET, SMALL_ANGLE, TINY
 from fenics_mortar.verify.finding import LIMITS
-from fenics_mortar.verify.overlap import OutlineNames
-from fenics_mortar.verify.passages import ADVICE
+from fenics_mortar.verify.node_paths import NONE_KNOWN, RigidPath
+from fenics_mortar.verify.overlap import OutlineNames, depths_in_body
+from fenics_mortar.verify.through_obstacles import ADVICE
 
 
-@dataclass(frozen=True)
-class RigidMotion:
-    """Motion of a body in a step.
-
-    Attributes:
-        start: Its centre at the start, shape (3,) [length].
-        end: Its centre at the end, shape (3,) [length].
-        vector: Rotation vector, shape (3,) [radian]; zero for small angles.
-    """
-
-    start: Array
-    end: Array
-    vector: Array
-
-    def centre(self, time: float) -> Array:
-        """Centre at a ``time`` from 0 to 1, shape (3,) [length]."""
-        return (1.0 - time) * self.start + time * self.end
-
-    def turned(self, vectors: Array, time: float) -> Array:
-        """Vectors (n, 3) [any unit] turned by the rotation up to a ``time``, negative: back."""
-        angle = float(np.linalg.norm(self.vector))
-        if angle == 0.0:
-            return vectors
-        axis, a = self.vector / angle, time * angle
-        across = np.cross(axis, vectors)
-        along = np.outer(vectors @ axis, axis)
-        return along + np.cos(a) * (vectors - along) + np.sin(a) * across
-
-    def backwards(self) -> RigidMotion:
-        """The motion to the same positions with the other sense of rotation."""
-        angle = float(np.linalg.norm(self.vector))
-        factor = 1.0 - 2.0 * np.pi / angle if angle else 0.0
-        return replace(self, vector=factor * self.vector)
-
-
-def motion_between(x0: Array, x1: Array) -> RigidMotion:
+def motion_between(x0: Array, x1: Array) -> RigidPath:
     """The rigid motion that fits two positions (n, 3) of a body best (Kabsch 1976)."""
     start, end = x0.mean(axis=0), x1.mean(axis=0)
-    left, _, right = np.linalg.svd((x1 - end).T @ (x0 - start))
-    sign = np.ones(3)
-    sign[2] = np.sign(np.linalg.det(left) * np.linalg.det(right)) or 1.0
-    rotation = (left * sign) @ right
-    angle = float(np.arccos(np.clip(0.5 * (np.trace(rotation) - 1.0), -1.0, 1.0)))
-    if angle < SMALL_ANGLE:
-        return RigidMotion(start, end, np.zeros(3))
-    from scipy.spatial.transform import Rotation  # not imported by problems without rotations
-
-    return RigidMotion(start, end, Rotation.from_matrix(rotation).as_rotvec())
-
-
-NONE_KNOWN: Mapping[int, RigidMotion] = {}
+    turn = vector_of(polar_rotation((x1 - end).T @ (x0 - start)))
+    return RigidPath(start, end, turn if np.linalg.norm(turn) >= SMALL_ANGLE else np.zeros(3))
 
 
 class SpacePaths:
@@ -112,12 +67,12 @@ class SpacePaths:
         x0: Array,
         x1: Array,
         bodies: Indices,
-        obstacles: Mapping[int, RigidMotion],
+        obstacles: Mapping[int, RigidPath],
         resolution: float,
-        known: Mapping[int, RigidMotion] = NONE_KNOWN,
+        known: Mapping[int, RigidPath] = NONE_KNOWN,
         backwards: Collection[int] = (),
     ) -> None:
-        self.motions: dict[int, RigidMotion] = {**obstacles, **known}
+        self.motions: dict[int, RigidPath] = {**obstacles, **known}
         for body in np.unique(bodies).tolist():
             if body not in known:
                 motion = motion_between(x0[bodies == body], x1[bodies == body])
@@ -126,27 +81,27 @@ class SpacePaths:
         self.along = np.empty((len(self.times), *x0.shape))
         for body in np.unique(bodies).tolist():
             at, motion = bodies == body, self.motions[body]
-            begin = x0[at] - motion.start
-            strain = motion.turned(x1[at] - motion.end, -1.0) - begin
+            strain = motion.back(x1[at], 1.0) - x0[at]
             for k, time in enumerate(self.times):
-                self.along[k, at] = motion.centre(time) + motion.turned(begin + time * strain, time)
+                self.along[k, at] = motion.carry(x0[at] + time * strain, time)
 
     def _count(self, x0: Array, resolution: float) -> int:
         """Number of sections: the sagitta of a chord of angle a is r a^2 / 8."""
         count = 1
         for motion in self.motions.values():
-            turn, reach = np.linalg.norm(motion.vector), norms(x0 - motion.start).max(initial=TINY)
-            largest = min(np.sqrt(8.0 * resolution / reach), LIMITS.section_turn)
-            count = max(count, int(min(np.ceil(turn / max(largest, TINY)), LIMITS.max_points)))
+            reach = norms(x0 - motion.start).max(initial=TINY)
+            largest = max(min(np.sqrt(8.0 * resolution / reach), LIMITS.section_turn), TINY)
+            count = max(count, int(min(np.ceil(motion.angle / largest), LIMITS.max_points)))
         return count
 
-    def carried(self, motion: RigidMotion, points: Array) -> Array:
+    def carried(self, motion: RigidPath, points: Array) -> Array:
         """Positions of points (k, 3) [length] at the start moved along, (sections + 1, k, 3)."""
-        turned = (motion.turned(points - motion.start, time) for time in self.times)
-        return np.array([motion.centre(t) + x for t, x in zip(self.times, turned, strict=True)])
+        return np.array([motion.carry(points, time) for time in self.times])
 
     def seen_from(self, label: int, along: Array | None = None) -> Array:
         """Positions in the frame of a body or an obstacle, shape (sections + 1, n, 3) [length].
+
+        They are moved with it to the start of the step.
 
         Args:
             label: Label of the body or the obstacle.
@@ -154,7 +109,7 @@ class SpacePaths:
         """
         motion = self.motions[label]
         frames = zip(self.along if along is None else along, self.times, strict=True)
-        return np.array([motion.turned(x - motion.centre(time), -time) for x, time in frames])
+        return np.array([motion.back(x, time) for x, time in frames])
 
 
 # Points of a path between entry and exit at which its depth is measured.
@@ -180,13 +135,8 @@ class Passed(NamedTuple):
 
     def select(self, marked: Flags) -> Passed:
         """Some of the paths."""
-        return Passed(
-            self.ends[marked],
-            self.place[marked],
-            self.times[marked],
-            self.enters[marked],
-            self.leaves[marked],
-        )
+        each: Any = (values[marked] for values in self)
+        return Passed(*each)
 
 
 class SpacePassages:
@@ -310,13 +260,10 @@ class SpacePassages:
         """Those paths that lead deep below the surface of the body, not along it."""
         if not len(passed.ends):
             return passed
-        hull, mine = self._hull, np.flatnonzero(self._hull.segment_bodies == body)
-        x = _at(along, np.array([passed.times.mean()]))[0]
+        hull = self._hull
+        x = _at(along, passed.times.mean(keepdims=True)[0], np.arange(along.shape[1])[None])[0]
         points = np.moveaxis(_on_paths(passed, along), 0, 1)
-        triangles, sizes = hull.segments[mine], hull.lengths(x)
-        boxes, size = build_tree(x, triangles), float(np.median(sizes[mine]))
-        flat = np.ascontiguousarray(points.reshape(-1, 3))
-        depths = depths_inside(x, triangles, boxes, flat, size)[0].reshape(points.shape[:2])
+        depths = depths_in_body(hull, x, body, points.reshape(-1, 3))[0].reshape(points.shape[:2])
         chords = norms(points[:, -1] - points[:, 0])
         least = np.minimum(
             HALF_FACET * hull.node_sizes(x)[passed.enters[:, 0]], LIMITS.deep * chords
@@ -365,23 +312,20 @@ def _share(passed: Passed) -> Flags:
     )
 
 
-def _at(along: Array, times: Array) -> Array:
-    """Positions of all nodes at ``times`` (t,), numbers of sections, (t, n, 3) [length]."""
-    k = np.minimum(times.astype(np.int64), len(along) - 2)
-    part = (times - k)[:, None, None]
-    return np.asarray((1.0 - part) * along[k] + part * along[k + 1])
+def _at(along: Array, times: Array, nodes: Indices) -> Array:
+    """Positions of ``nodes`` (t, n) at ``times`` (t,), numbers of sections, (t, n, 3) [length]."""
+    k = np.minimum(times.astype(np.int64), len(along) - 2)[:, None]
+    part = times[:, None, None] - k[..., None]
+    return np.asarray((1.0 - part) * along[k, nodes] + part * along[k + 1, nodes])
 
 
 def _on_paths(passed: Passed, along: Array) -> Array:
     """Points on paths between entry and exit, (POINTS_ON_PATH, k, 3) [length]."""
     found = []
     for part in np.linspace(0.0, 1.0, POINTS_ON_PATH):
-        times = (1.0 - part) * passed.times[:, 0] + part * passed.times[:, 1]
-        place = ((1.0 - part) * passed.place[:, 0] + part * passed.place[:, 1])[:, None]
-        k = np.minimum(times.astype(np.int64), len(along) - 2)
-        rest = (times - k)[:, None, None]
-        ends = (1.0 - rest) * along[k[:, None], passed.ends] + rest * along[
-            k[:, None] + 1, passed.ends
-        ]
-        found.append((1.0 - place) * ends[:, 0] + place * ends[:, 1])
+        times, place = (
+            (1.0 - part) * ends[:, 0] + part * ends[:, 1] for ends in (passed.times, passed.place)
+        )
+        ends = _at(along, times, passed.ends)
+        found.append((1.0 - place)[:, None] * ends[:, 0] + place[:, None] * ends[:, 1])
     return np.array(found)

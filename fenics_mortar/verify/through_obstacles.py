@@ -11,6 +11,11 @@ some path passes through each round obstacle whose radius is a facet or more.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 
@@ -18,8 +23,11 @@ from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rotations import rotation_by
 from fenics_mortar.utils.arrays import Array, norms
+from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.utils.rounding import HALF_FACET, TINY
 from fenics_mortar.verify.finding import LIMITS
+
+ADVICE = "since the last accepted state: take smaller steps"
 
 
 def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Array) -> Array:
@@ -49,6 +57,30 @@ def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Arr
         passed = _trace(obstacle, knots[:, which], far[:, which], offset[which], lengths[which])
         through[which] = np.where(passed, np.maximum(end[which], TINY), 0.0)
     return through
+
+
+def nodes_through(
+    comm: MPI.Comm, obstacle: Obstacle, paths: tuple[Array, Array, Array], x1: Array,
+    name: Callable[[int], str],
+) -> list[str]:  # fmt: skip
+    """Message on nodes that went through an obstacle, if there are any (collective).
+
+    Args:
+        comm: Communicator.
+        obstacle: The obstacle.
+        paths: Knots, offset and lengths, see ``passed_through``.
+        x1: Positions of the s nodes at the end, shape (s, d) [length].
+        name: Function that returns the name of the surface of one of them.
+    """
+    what = f"the distance of '{obstacle.name}'"
+    depth = call_together(comm, what, partial(passed_through, obstacle, *paths))
+    count, first = int((depth > 0.0).sum()), int(np.argmax(depth)) if len(depth) else 0
+    if not count:
+        return []
+    return [
+        f"{count} nodes of {name(first)} went through obstacle '{obstacle.name}', and one at "
+        f"{format_point(x1[first])} ended {depth[first]:.3g} beyond its surface, {ADVICE}"
+    ]
 
 
 def own_frame(obstacle: Obstacle, x: Array, place: Array) -> Array:

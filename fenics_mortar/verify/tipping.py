@@ -109,12 +109,15 @@ def slips_in_space(rates: Array, n: Array) -> Array:
     return np.stack([np.einsum("mpc,pc->pm", rates, t) for t in (e, np.cross(n, e))], axis=1)
 
 
-def tipping_bodies(bodies: BodyMotions, pairs: Sequence[PairCertificate]) -> list[str]:
+def tipping_bodies(
+    bodies: BodyMotions, pairs: Sequence[PairCertificate], pushed: Array | float
+) -> list[str]:
     """Describe floating bodies that would tip over an edge (collective).
 
     Args:
         bodies: The bodies, with the bulk residual and all contacts at the present state.
         pairs: Certificates of the pairs.
+        pushed: Forces of the loads at points, (owned dofs,) or 0 [force].
 
     Returns:
         One message, or an empty list: if all bodies are balanced, if no resultant acts beyond the
@@ -125,7 +128,7 @@ def tipping_bodies(bodies: BodyMotions, pairs: Sequence[PairCertificate]) -> lis
     if not (beyond and bodies.bodies) or any(c.pair.law.has_adhesion for c in bodies.contacts):
         return []
     bulk = bodies.bulk
-    forces = bulk.r.array_r[: bulk.num_owned]
+    forces = bulk.r.array_r[: bulk.num_owned] - pushed
     loads = np.concatenate([bodies.resultant(body, forces) for body in bodies.bodies])
     touching = _joined([_touching(bodies, contact, loads) for contact in bodies.contacts])
     motion = unresisted_motion(loads, touching)
@@ -144,7 +147,7 @@ def tipping_bodies(bodies: BodyMotions, pairs: Sequence[PairCertificate]) -> lis
         f"pressures where the surfaces touch cannot balance {names}, as "
         f"{bodies.name_of(body.label)} can {body.describe(move, directed=True)}, but those of the "
         f"solution act elsewhere ({where}): refine the facets there, or take the side that ends "
-        "or is sharp there as slave"
+        "there, or has a corner there, as slave"
     ]
 
 

@@ -14,6 +14,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.energies import elastic_strain, lame, linear_elastic, stress
+from fenics_mortar.utils import compat
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box
 from meshes.mapped_grids import Grid, block, mesh
@@ -69,13 +70,13 @@ class Heated:
 
     def at(self, part: int) -> tuple[np.ndarray, np.ndarray]:
         """Owned values of a part and positions of its dofs, gathered on all ranks."""
-        space, dofs = self.w.function_space.sub(part).collapse()
+        space, dofs = compat.collapsed(self.w.function_space.sub(part))
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        values = self.w.x.array[np.asarray(dofs)[:owned]]
+        values = self.w.x.array[dofs[:owned]]
         X = space.tabulate_dof_coordinates()[: space.dofmap.index_map.size_local]
         X = X[:, : self.data.mesh.geometry.dim]
         comm = self.data.mesh.comm
-        values = values.reshape(len(X), -1)
+        values = values.reshape(len(X), space.dofmap.index_map_bs)
         return np.concatenate(comm.allgather(values)), np.concatenate(comm.allgather(X))
 
 

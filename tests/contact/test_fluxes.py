@@ -326,6 +326,57 @@ def test_temperatures_may_be_shifted():
     assert found[1] == pytest.approx(found[0], rel=1e-11)
 
 
+def beside_each_other(cells, degrees, *, h=None, algorithm=None):
+    """Blocks pressed together, with the conductance ``h`` or tied.
+
+    A side of the lower one is cold, the opposite side of the upper one is hot.
+    """
+    lower = Grid("lower", block(cells[0], cells[0], width=1.0, height=1.0))
+    upper = Grid("upper", block(cells[1], cells[1], width=1.0, height=1.0, corner=(0.0, 1.0)))
+    scene = heated([lower, upper], degrees=degrees, alpha=1e-4, nu=0.0)
+    for body in ("lower", "upper"):
+        scene.prescribe(f"{body} x", [f"{body}/left", f"{body}/right"], 0, 0)
+    scene.prescribe("bottom", "lower/bottom", 0, 1)
+    scene.prescribe("top", "upper/top", 0, 1)
+    scene.prescribe("cold", "lower/left", 1)
+    scene.prescribe("hot", "upper/right", 1)
+    sides = scene.data, "upper/bottom", "lower/top"
+    pair = fm.TiedPair(*sides, fields=[1])
+    if h is not None:
+        pair = fm.ContactPair(*sides, fluxes=[fm.Conductance(1, h)])
+    problem = scene.problem([pair], algorithm=algorithm)
+    scene.set(top=-0.02, hot=10.0)
+    problem.solve()
+    return problem
+
+
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+@pytest.mark.parametrize("degrees", [(1, 1), (2, 2)])
+def test_perfect_conduction_is_that_of_a_tie(degrees, algorithm):
+    """Fluxes that vary along the contact, and a slave node with a prescribed temperature.
+
+    A tie integrates over undeformed facets. With quadratic functions ties and contacts hand over
+    in other ways at prescribed nodes.
+    """
+    contact = beside_each_other((5, 7), degrees, h=np.inf, algorithm=algorithm)
+    tie = beside_each_other((5, 7), degrees)
+    found, expected = (p.contacts[0].fluxes[0].into_master for p in (contact, tie))
+    assert found == pytest.approx(expected, rel=2e-5 if degrees == (1, 1) else 0.01)
+    assert contact.contacts[0].fluxes[0].jump == pytest.approx(0.0, abs=1e-5)
+    slopes = contact.check_tangent(print_table=False).slopes
+    assert slopes["whole"] == pytest.approx(2.0, abs=0.02)
+
+
+@pytest.mark.parametrize("h", [1e5, np.inf])
+def test_large_conductances_do_not_lock_fields_of_degree_one(h):
+    """Jumps of zero at all nodes of facets of degree 2 would be two constraints for each dof.
+
+    The heat flow was wrong by 9 % then; ties on fine cells have 46.2.
+    """
+    flow = beside_each_other((10, 14), (2, 1), h=h).contacts[0].fluxes[0].into_master
+    assert flow == pytest.approx(46.2, rel=0.03)
+
+
 @pytest.mark.parametrize("pressed", [False, True])
 @pytest.mark.parametrize("law", [None, fm.Coulomb(0.3)], ids=str)
 def test_iterations_do_not_depend_on_a_large_conductance(law, pressed):

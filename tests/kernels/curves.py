@@ -52,10 +52,13 @@ class Curves:
         """Find the segments as in a problem."""
         moves = self.coupled or (self.thickness is not None and self.thickness[1] != 0.0)
         slave = SimpleNamespace(facets=self.slave, functions_move=moves, roles=None)
+        options = SimpleNamespace(
+            radius=self.radius, min_cosine=LIMITS[0], integration=self.integration,
+            points=self.points,
+        )  # fmt: skip
         self.segments = s = find_segments(
             slave, SimpleNamespace(facets=self.master), self.x, n, self.m,
-            facets=np.arange(len(self.slave)), radius=self.radius, min_cosine=LIMITS[0],
-            integration=self.integration, points=self.points,
+            np.arange(len(self.slave)), options,
         )  # fmt: skip
         self.offsets, self.pair_offsets, self.partial = s.offsets, s.pair_offsets, s.partial
         self.ends, self.nodes, self.pairs = s.ends, (s.slave, s.master), s.pairs

@@ -126,7 +126,7 @@ def test_only_a_body_stopped_by_a_wall_is_at_rest(stopped_by, slid):
 
     contacts, states = zip(pair("friction", 2.0, 1.0), pair("wall", 0.0, 0.0), strict=True)
     floating = SimpleNamespace(
-        moved=[SimpleNamespace(label=0)],
+        settling=SimpleNamespace(moved=[SimpleNamespace(label=0)]),
         contacts_of=lambda body: contacts,
         name_of=lambda label: "the block",
     )

@@ -56,22 +56,6 @@ def test_weight_of_the_gap_that_is_set_later_is_checked(value):
         scene.problem.solve()
 
 
-@pytest.mark.parametrize("name, shape", [("z", (2, 2)), ("active", (2,)), ("branch", (7,))])
-def test_state_of_a_contact_of_another_shape_is_refused(name, shape):
-    scene = small_blocks()
-    scene.contact.change(**{name: np.zeros(shape)})
-    with refused(fm.MortarError, f"{name} of ContactPair.* has shape"):
-        scene.problem.solve()
-
-
-@pytest.mark.parametrize("value", [[[0.0, 0.0]] * 5, np.zeros((5, 2), complex)])
-def test_multipliers_of_another_type_are_refused(value):
-    scene = small_blocks()
-    scene.contact.change(z=value)
-    with pytest.raises((ValueError, fm.MortarError), match="z of ContactPair"):
-        scene.problem.solve()
-
-
 def test_state_of_another_problem_is_refused_and_nothing_changes():
     scene, other = small_blocks(), small_blocks(degree=2)
     before = scene.u.x.array.copy()

@@ -99,6 +99,30 @@ def test_reaction_by_name_is_that_of_the_boundary():
     assert rest[3:].max() < 1e-4 * size  # between two surfaces moments balance to third order
 
 
+@pytest.mark.parametrize(
+    "slave, master", [("block/top", "bar/bottom"), ("bar/bottom", "block/top")]
+)
+def test_lever_on_the_edge_of_a_block(slave, master):
+    """A bar with a moment about the axle at its end, which only contact stops; covers are in part.
+
+    The certificate judges by the moment whether the pressures can balance the bar.
+    """
+    bar = block((12, 2, 2), size=(4.0, 0.5, 0.5), corner=(0.0, 0.1, 1.0))
+    under = block((3, 3, 3), size=(0.8, 0.7, 1.0), corner=(3.0, 0.0, 0.0))
+    scene = of(mapped_boxes.mesh([Box("bar", bar), Box("block", under)]), 1)
+    held(scene, side="block/bottom")
+    axle = fm.RigidBoundary(scene.data, "bar/left", pivot=(0.0, 0.35, 1.25))
+    pair = fm.ContactPair(scene.data, slave, master, law=fm.Coulomb(0.2))
+    scene.set_up([pair], remote=[axle])
+    axle.push(moment=(None, 3e-4 * YOUNG, None))
+    scene.problem.solve()
+    contact = scene.problem.contacts[0]
+    arms, sign = contact.positions - axle.pivot, 1.0 if slave == "block/top" else -1.0
+    moment = sign * np.cross(arms, contact.forces).sum(axis=0)[1]
+    assert moment == pytest.approx(3e-4 * YOUNG, rel=0.01)  # third order in the facet length
+    assert axle.reaction[4] == pytest.approx(3e-4 * YOUNG, rel=1e-8)
+
+
 def test_forces_are_derivatives_of_the_energy_of_a_twisted_bar():
     """Of all six motions of its end after a turn by more than a radian, by central differences."""
     scene = solid(counts=(2, 2, 4), jiggle=0.1, size=(0.6, 0.5, 2.0))

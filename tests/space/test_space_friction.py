@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Friction in space: directions, rotated scenes, rigid rotations, plane scenes, symmetry planes."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scenes import read
@@ -12,6 +14,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import energies
+from fenics_mortar.contact.active_set import stick_where_turning_back
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid
 
@@ -50,6 +53,34 @@ def test_friction_is_along_the_pull_and_of_one_size(cell, degree, angle):
     weight = scene.problem.equations.contacts[0].operators.weight
     work = (weight[:, None] * contact.shear * contact.slip)[contact.active].sum()
     assert contact.friction_work == pytest.approx(float(work), rel=1e-9)
+
+
+@pytest.mark.parametrize("cell, degree", [("hexahedron", 2), ("tetrahedron", 1)])
+@pytest.mark.parametrize("c_t", [1.0, 10.0])
+def test_large_weights_of_the_slip_do_not_turn_nodes_back_for_ever(cell, degree, c_t):
+    """With w = z_t + c_t (k / l) s a node that should stick may slide to and fro instead."""
+    results = []
+    for weight in (0.1, c_t):
+        scene = stack(cell, degree, sizes=SIZES, offset=(0.3, 0.25, 0.0), poisson=0.3)
+        scene.press().set_up(fm.Coulomb(MU, c_t=weight), newton=SOLVED)
+        for way in (0.0, 0.002, 0.01):
+            assert scene.move(way, 0.5 * way, -0.02).num_iterations <= 15
+        results.append(scene.contact.total_force)
+    assert np.abs(results[1] - results[0]).max() < 1e-8 * np.abs(results[0]).max()
+
+
+def test_a_node_that_turns_back_again_sticks_first():
+    """The first time it may slide in the opposite direction, as where a load is reversed."""
+    e = np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0]])
+    branch, heading = np.array([1, 1]), None
+    for number, signs in enumerate(([1, 1], [-1, 1], [1, 1], [-1, -1])):
+        along = np.array(signs)[:, None] * e
+        fields = SimpleNamespace(
+            acts=np.ones(2, bool), directions=SimpleNamespace(along=along, size=np.ones(2))
+        )
+        found, heading = stick_where_turning_back(fields, branch, heading, start=number == 0)
+        assert found.tolist() == ([0, 1] if number == 2 else [1, 1])
+    assert heading[1].tolist() == [2, 1]
 
 
 @pytest.mark.once

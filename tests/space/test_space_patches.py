@@ -9,6 +9,8 @@ from space_pairs import KINDS, ROLES, TILTED, UPRIGHT, YOUNG, off, stack
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.interface.faces import reference_values
+from fenics_mortar.interface.space_mortar import functions_of
 
 EXACT = {"discretization": fm.Discretization(points=36)}
 STRETCH = 0.9
@@ -43,6 +45,31 @@ def test_uniform_pressure_passes_any_straight_facets(cell, degree, tie, turn):
         scene = stack(cell, degree, turn=turn).press().set_up(tie=tie, roles=roles, pair=EXACT)
         of_u, of_p = errors(scene)
         assert of_u < 1e-12 and of_p < 1e-11
+
+
+QUADRATIC = {"discretization": fm.Discretization(basis="quadratic", points=36)}
+
+
+@pytest.mark.parametrize("turn", [UPRIGHT, TILTED], ids=["upright", "tilted"])
+@pytest.mark.parametrize("tie", [False, True], ids=["contact", "tie"])
+@pytest.mark.parametrize("lower", [(2, 3, 1), (5, 4, 1)])
+def test_uniform_pressure_passes_quadratic_multipliers(lower, tie, turn):
+    for roles in ROLES:
+        scene = stack("tetrahedron", 2, turn=turn, lower=lower).press()
+        of_u, of_p = errors(scene.set_up(tie=tie, roles=roles, pair=QUADRATIC))
+        contact = scene.problem.equations.contacts[0]
+        assert of_u < 1e-12 and of_p < 1e-11 and contact.may_carry.all()
+
+
+def test_quadratic_multipliers_are_dual_to_functions_of_positive_integral():
+    functions, (N, weights) = functions_of(6, "quadratic"), reference_values(6)
+    D = 2.0 * (functions @ N.T * weights) @ N
+    assert functions.sum(axis=0) == pytest.approx(np.ones(6))
+    assert D.sum(axis=1) == pytest.approx(np.repeat([2 / 15, 1 / 5], 3))
+    exact = np.diag(np.repeat([2 / 15, 1 / 3], 3))
+    exact[[3, 3, 4, 4, 5, 5], [0, 1, 1, 2, 2, 0]] = -1 / 15
+    assert D == pytest.approx(exact, abs=1e-14)
+    assert (functions_of(3, "quadratic") == np.eye(3)).all()  # of fields of degree 1 on ties
 
 
 @pytest.mark.once

@@ -100,6 +100,16 @@ def test_tangents_of_partly_covered_facets(cell, degree, law):
         assert_exact(scene)
 
 
+@pytest.mark.parametrize("law", ["frictionless", "Coulomb", "cohesive"])
+def test_tangents_of_quadratic_multipliers(law):
+    pair = {"discretization": fm.Discretization(basis="quadratic")}
+    assert_exact(slid(LAWS[law], "tetrahedron", 2, pair=pair))
+    for roles in ROLES:
+        scene = hanging_over(LAWS[law], "tetrahedron", 2, roles, pair=pair)
+        assert 0 < scene.contact.active.sum() < scene.contact.active.size
+        assert_exact(scene)
+
+
 @pytest.mark.parametrize("preset", ["other_codes", "petrov_galerkin"])
 @pytest.mark.parametrize("cell, degree", KINDS)
 def test_tangents_of_presets(cell, degree, preset):

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: MIT
 """The log names what is compiled, not what comes from a cache."""
 
+import gc
 import importlib.util
 import logging
 import subprocess
 import sys
 import uuid
+from pathlib import Path
 
 from mpi4py import MPI
 
@@ -60,6 +62,45 @@ def test_a_kernel_is_named_when_it_is_compiled(caplog, tmp_path):
         assert len(messages) == count and {"double", "fourfold"} == {
             m.split()[3].strip(";") for m in messages
         }
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_machine_code_is_made_and_kept_for_kernels_that_python_calls_only(tmp_path):
+    path = tmp_path / "parts.py"
+    path.write_text(f"{KERNELS}\n# {uuid.uuid4()}\n")
+    spec = importlib.util.spec_from_file_location("parts", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+
+    def kept():
+        # Beside the source, or in a folder of NUMBA_CACHE_DIR for it.
+        folder = Path(module.fourfold.stats.cache_path)
+        return sorted(p.name.split("-")[0] for p in folder.glob("parts.*.nbi"))
+
+    assert module.fourfold(1.5) == 6.0 and kept() == ["parts.fourfold"]
+    assert module.double(1.5) == 3.0 and kept() == ["parts.double", "parts.fourfold"]
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+@pytest.mark.parametrize("collects", [True, False])
+def test_garbage_collection_is_as_before_when_a_kernel_is_compiled(collects, tmp_path):
+    path = tmp_path / "failing.py"
+    path.write_text(
+        "from fenics_mortar.kernels import kernel\n"
+        "@kernel\ndef add(x): return x + 1\n@kernel\ndef fail(x): return add(x).nothing\n"
+    )
+    spec = importlib.util.spec_from_file_location("failing", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    enabled = gc.isenabled()
+    try:
+        (gc.enable if collects else gc.disable)()
+        assert module.add(1) == 2 and gc.isenabled() == collects
+        with pytest.raises(numba.TypingError, match="nothing"):
+            module.fail(1)
+        assert gc.isenabled() == collects
+    finally:
+        (gc.enable if enabled else gc.disable)()
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")

@@ -84,6 +84,16 @@ def test_contact_of_one_node_with_an_obstacle_is_not_resolved(facets):
     assert "refine 'block/top' there to facets of" in remark
 
 
+@pytest.mark.parametrize("depth", [0.002, 0.003])
+def test_a_tip_between_two_nodes_of_the_slave_is_not_missed(depth):
+    """Below the middle of a facet of 0.67 the mean gap is open: no node carries a force."""
+    problem = disk(80, "disk/bottom", slave="block/top", depth=depth, columns=3)
+    found = remarks(problem, "but no node carries a force")
+    assert not problem.equations.contacts[0].active.any()
+    (remark,) = found
+    assert f"by {depth / (2.0 / 3.0):.2g} facets" in remark and "refine the slave there" in remark
+
+
 def test_master_facets_wider_than_the_contact_are_not_resolved():
     (remark,) = remarks(disk(100, "block/top", columns=9), UNRESOLVED)
     assert "3 active nodes" in remark and "refine 'block/top' there" in remark

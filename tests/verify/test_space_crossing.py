@@ -18,6 +18,7 @@ from space_pair_scenes import (
     rods,
     two_blocks,
 )
+from space_scenes import held, solid
 
 import fenics_mortar as fm
 from fenics_mortar.utils.errors import MeshError
@@ -116,6 +117,32 @@ def test_edges_that_cross_without_a_node_inside(pair, text):
     (crossing,) = (crossing for crossing in found if text in str(crossing))
     assert crossing.depth == pytest.approx(0.02) and crossing.facets > crossing.admitted
     assert not crossings_of(scene, is_second, lambda X: X + np.array([0.02, -0.08, 0.013]))
+
+
+# Places between the nodes of a unit square, of two triangles or one quadrilateral [length].
+BETWEEN = [
+    ("tetrahedron", 1, (0.62, 0.31)),
+    ("tetrahedron", 2, (0.62, 0.31)),
+    ("hexahedron", 1, (0.5, 0.5)),
+    ("hexahedron", 2, (0.62, 0.31)),
+]
+
+
+@pytest.mark.parametrize("facets, verdict", [(0.01, ""), (0.03, "remark"), (0.13, "violation")])
+@pytest.mark.parametrize("cell, order, at", BETWEEN)
+def test_a_ball_between_the_nodes_of_a_facet_is_told(cell, order, at, facets, verdict):
+    """No node carries force: all means of the gap over the functions of nodes are positive."""
+    scene = solid(cell, order, counts=(1, 1, 1), size=np.ones(3), jiggle=0.0)
+    depth = facets * (1.0 if cell == "hexahedron" else np.sqrt(0.5))
+    held(scene)
+    ball = fm.Sphere((*at, 1.2 - depth), 0.2)
+    scene.set_up([fm.ContactPair(scene.data, "block/top", ball)])
+    certificate = scene.problem.solve(accept_violations=True).certificate
+    assert not scene.problem.contacts[0].active.any()
+    given = {"violation": certificate.violations(), "remark": certificate.remarks()}
+    assert [kind for kind in given if "no node carries force" in str(given[kind])] == [
+        *filter(None, [verdict])
+    ]
 
 
 @pytest.mark.once

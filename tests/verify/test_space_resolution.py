@@ -9,7 +9,7 @@ from space_pair_scenes import bodies, cap_on_block, cylinder_on_block, shaft_in_
 
 import fenics_mortar as fm
 from fenics_mortar.obstacles.rotations import rotation_by
-from fenics_mortar.verify.checks.space_friction_work import work_along_screws
+from fenics_mortar.verify.checks.friction_work import work_along_arcs
 from meshes.mapped_boxes import Box, block
 
 
@@ -91,5 +91,5 @@ def test_work_along_a_circle(angle):
     """A force that turns along with its node on a circle."""
     Q = rotation_by(np.array([0.0, 0.0, angle]))
     force, x = np.array([[0.0, 2.0, 0.7]]), np.array([[1.5, 0.0, 0.0]])
-    work = work_along_screws(force, force @ Q.T, x @ Q.T - x, Q[None])
+    work = work_along_arcs(force, force @ Q.T, x @ Q.T - x, Q[None])
     assert work == pytest.approx(2.0 * 1.5 * angle)

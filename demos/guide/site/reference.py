@@ -9,7 +9,7 @@ from typing import Any
 import fenics_mortar
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.contact.view import PairSide
-from fenics_mortar.equations.present import Reaction
+from fenics_mortar.equations.reactions import Reaction
 from fenics_mortar.newton.report import Iteration
 from fenics_mortar.path.report import PathStep
 from fenics_mortar.sensitivity.objective import Control, Quantity

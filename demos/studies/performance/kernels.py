@@ -12,6 +12,7 @@ import numpy as np
 
 from fenics_mortar.interface.integrals import integrate_segments
 from fenics_mortar.interface.segments import find_segments
+from fenics_mortar.interface.surfaces import POINTS
 from fenics_mortar.kernels import basis, normals
 
 # -
@@ -47,8 +48,9 @@ def measure(facets, **integration):
     normals.tabulate_normals(x, chain - 1, following, inner, normals.OPPOSITE, n, dn)
 
     def find():
-        options = {"facets": chain[:-1], "radius": 0.5, "min_cosine": 0.1, **integration}
-        return find_segments(surface, surface, x, n, m, **options)
+        given = {"integration": "segments", "points": POINTS, **integration}
+        options = SimpleNamespace(radius=0.5, min_cosine=0.1, **given)
+        return find_segments(surface, surface, x, n, m, chain[:-1], options)
 
     s = find()
     weights = np.tile(np.eye(2), (facets, 1, 1))

@@ -62,8 +62,9 @@ def draw_patches(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[...
     if last == "across":
         moves.append(down + pull + np.cross((0.0, 0.0, 1.0), pull))
     elif last == "together":
-        moves.append(Rotation.from_rotvec(spin).apply(down + pull))
-    motion = moving(*moves, about=middle)
+        moves.append(down + pull)
+    # In every part of the last step it turns like the ground, about the middle before it moved.
+    motion = moving(*moves, about=middle - down - pull)
     motion.moves[3:, 3:] = spin if last == "together" else 0.0
     ground = _turning(len(moves), middle, spin if last == "together" else 0.0 * spin)
     E = size(rng, 0.1, 10.0)

@@ -176,6 +176,9 @@ def _slip(scene: SpaceScene, number: int, before: Array, now: Array) -> Iterator
     product = np.linalg.norm(shear, axis=1) * norm
     facet = longest(now, scene.triangles[pair[0]])
     far = sliding & (norm > 0.02 * facet)
+    if pair[1] not in scene.case.tools:  # beyond the end of the other surface it turns the distance
+        _, _, off = nearest(before[nodes], before[scene.triangles[pair[1]]])
+        far &= off < SEPARATION * facet
     if far.any() and not work[far].sum() >= AGAINST * product[far].sum():
         part = work[far].sum() / product[far].sum()
         yield f"friction of pair {number} is not against the slip: {part:.2f}"

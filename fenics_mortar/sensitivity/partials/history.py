@@ -207,7 +207,7 @@ class _Terms:
     def blocks(self) -> Iterator[Block]:
         """Blocks of the derivative of the slip: rows slave nodes, columns dofs of both sides."""
         yield from self._of_matrices()
-        yield from self._of_positions()
+        yield from self.partners.by_positions(self.o, self.start)
         yield from self._of_normals()
         yield from self._of_nearest()
 
@@ -233,10 +233,6 @@ class _Terms:
         values -= mean[:, :, None] * o.dD.sum(axis=2)
         yield Block(s.slave, o.columns, values)
         yield Block(s.slave[i], o.columns[k], of_M)
-
-    def _of_positions(self) -> Iterator[Block]:
-        """Terms e' . (P dx' - Q dm')."""
-        return self.partners.by_positions(self.o, self.start)
 
     def _of_normals(self) -> Iterator[Block]:
         """Terms with the changes of the normals of contact and of both surfaces."""

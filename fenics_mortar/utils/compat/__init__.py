@@ -38,6 +38,7 @@ from fenics_mortar.utils.compat.libraries import (
 from fenics_mortar.utils.compat.meshes import (
     are_tags_of,
     cell_name,
+    collapsed,
     create_mesh,
     dofmap,
     geometry_dofmap,

@@ -248,6 +248,24 @@ def is_sub_space(V: fem.FunctionSpace) -> bool:
     return len(getattr(V, "_cpp_object", V).component()) > 0
 
 
+def collapsed(V: fem.FunctionSpace) -> tuple[fem.FunctionSpace, npt.NDArray[np.int64]]:
+    """A sub-space as a space of its own, and the local dofs of its own in the whole (collective).
+
+    ``collapse`` of dolfinx 0.5 crashes on ranks without cells, for scalar sub-spaces.
+    """
+    index_map = V.mesh.topology.index_map(V.mesh.topology.dim)
+    cells = index_map.size_local + index_map.num_ghosts
+    if V.num_sub_spaces or V.mesh.comm.allreduce(cells, MPI.MIN) > 0:
+        space, dofs = V.collapse()
+        return space, np.asarray(dofs, np.int64)
+    create = fem.functionspace if hasattr(fem, "functionspace") else fem.FunctionSpace
+    space = create(V.mesh, V.ufl_element())
+    index_map = space.dofmap.index_map
+    dofs = np.zeros(index_map.size_local + index_map.num_ghosts, np.int64)
+    dofs[dofmap(space)] = dofmap(V)
+    return space, dofs
+
+
 def dofmap(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     """Return the blocked local dofs of all local cells, ghosts too, shape (num_cells, num_dofs).
 

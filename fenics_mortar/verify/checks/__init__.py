@@ -19,10 +19,11 @@ from typing import Any, Literal
 from fenics_mortar.verify.finding import Finding
 
 Check = Callable[[Any], Iterable[Finding]]
+Kind = Literal["of_contact", "of_tie"]
 
 
 @cache
-def checks(kind: Literal["of_contact", "of_tie"], dim: int) -> tuple[Check, ...]:
+def checks(kind: Kind, dim: int) -> tuple[Check, ...]:
     """The functions of this name in all modules of this folder, in the order of modules (local).
 
     In space, dim = 3, without the modules with ``IN_PLANE_ONLY``, in the plane without those with

@@ -86,11 +86,12 @@ def _between_nodes(measured: Measured) -> Iterator[Finding]:
     Yields:
         ``penetration``: largest penetration of a segment over the length of its facet, admitted by
         the discretization between the nodes, of second order in the facet length; ``distance``:
-        smallest distance of slave and master over the facet length if a force acts.
+        smallest distance of slave and master over the facet length if a force acts; ``missed``: the
+        penetration if none does, as of a tip that enters a facet while the mean gap is open.
     """
     smallest, where = _smallest_gap(measured.contact)
-    penetration = max(-smallest, 0.0)
-    distance = max(smallest, 0.0) if measured.contact.active.any() else 0.0
+    penetration, is_pressed = max(-smallest, 0.0), measured.contact.active.any()
+    distance = max(smallest, 0.0) if is_pressed else 0.0
     yield Finding(
         "penetration", "penetration between the nodes", penetration,
         f"penetration of {penetration:.2f} facets between the nodes, at {where}; finer facets, or "
@@ -103,6 +104,14 @@ def _between_nodes(measured: Measured) -> Iterator[Finding]:
         f"a force acts, but the sides are {distance:.2f} facets apart; finer facets of the slave, "
         f"or {CURVED}, reduce the distance",
         limit=LIMITS.penetration, remark=LIMITS.coarse_distance, unit="facet lengths",
+    )  # fmt: skip
+    missed = 0.0 if is_pressed else penetration
+    yield Finding(
+        "missed", "penetration of sides without contact forces", missed,
+        f"the sides penetrate by {missed:.2g} facets between the nodes, at {where}, but no node "
+        "carries a force: the facets do not resolve contact there; refine the slave there, or "
+        f"exchange slave and master; of curves that fit each other, take {CURVED}",
+        remark=LIMITS.missed, unit="facet lengths", where=where,
     )  # fmt: skip
 
 

@@ -243,14 +243,9 @@ def _angle(a: Array, b: Array) -> Array:
     return np.arctan2(cross, (a * b).sum(axis=-1))
 
 
-def runs_of(contact: Contact, active: Flags | None = None) -> Indices:
-    """Numbers of the runs of neighbouring active nodes, shape (slave nodes,).
-
-    Args:
-        contact: The pair.
-        active: Marked nodes instead of the active ones, shape (slave nodes,), bool.
-    """
-    active, before = contact.active if active is None else active, contact.slave.previous
+def runs_of(contact: Contact) -> Indices:
+    """Numbers of the runs of neighbouring active nodes, shape (slave nodes,)."""
+    active, before = contact.active, contact.slave.previous
     own = np.arange(active.size)
     back = np.where(active & (before >= 0) & active[before], before, own)
     least = own  # smallest number of the nodes passed backwards

@@ -6,10 +6,13 @@ of both sides and on the obstacle, which follow from D and M of both ends of the
 are independent of each other, and equal but for discretization errors if slip is the way along the
 surface: a chord of a quarter of a turn is 10 % shorter.
 
-The force on a node turns with the normal of the surface by an angle a, and so does its velocity:
-the mean force is that of both forces rotated by a / 2 and -a / 2, and the path is the chord times
-(a / 2) / sin(a / 2). A constant tangential force on a turning shaft then does the work of its
-moment. Only nodes that transfer shear at both ends of the step are compared.
+A force that turns with the material of a node, by the rotation Q = exp(f) in a step, does the work
+
+    (F_0 + Q^T F) / 2 . J(f)^-1 d
+
+on a node that moves by d with a velocity that is constant in the frame of the material: on an arc,
+in space on a screw line. J is that of ``arcs``. A constant tangential force on a turning shaft then
+does the work of its moment. Only nodes that transfer shear at both ends of the step are compared.
 """
 
 from __future__ import annotations
@@ -17,17 +20,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.sparse import csr_array, eye
 
-from fenics_mortar.contact.arcs import MAX_ROTATION, quarter_turn, surface_rotation
+from fenics_mortar.contact.arcs import (
+    MAX_ROTATION,
+    Material,
+    quarter_turn,
+    surface_rotation,
+    vectors_of,
+)
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.slip import centre_of
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
-from fenics_mortar.utils.arrays import Array, Flags, norms
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.obstacles.rotations import inverse_jacobians, moments_of
+from fenics_mortar.utils.arrays import Array, norms
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.rounding import SUM_ROUNDING, TINY
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
-
-IN_PLANE_ONLY = True
 
 # Difference between the work of friction by slip and by motions, over shear forces times motions,
 # above which there is a remark [1]. In ironing with long steps, where nodes turn and stretch, it is
@@ -42,22 +51,25 @@ BOTH_TURN = np.pi / 6.0
 # which its sense may be wrong; the error is known up to a third of it.
 SENSE = 0.7
 
-Forces = tuple[Array, Array]
 
-
-def work_along_arcs(before: Array, after: Array, moved: Array, angle: Array) -> Array:
-    """Work on each node in a step, shape (n,) [stress length^2] (local).
+def work_along_arcs(before: Array, after: Array, moved: Array, turned: Array) -> Array:
+    """Work on each node in a step, shape (n,) [stress length^d] (local).
 
     Args:
-        before: Forces at the start of the step, shape (n, 2) [stress length].
+        before: Forces at the start of the step, shape (n, d) [stress length^(d - 1)].
         after: Forces at its end, likewise.
-        moved: Motions of the nodes, shape (n, 2) [length].
-        angle: Rotations of the surface at the nodes, shape (n,) [radian].
+        moved: Motions of the nodes, shape (n, d) [length].
+        turned: Rotations of the material at the nodes, in the plane angles (n,) [radian], in space
+            matrices (n, 3, 3) [1].
     """
-    c, s = np.cos(0.5 * angle)[:, None], np.sin(0.5 * angle)[:, None]
-    mean = 0.5 * (c * (before + after) + s * quarter_turn(before - after))
-    longer = 1.0 / np.sinc(0.5 * angle / np.pi)
-    return np.asarray(longer * np.einsum("nc,nc->n", mean, moved))
+    Q = turned
+    if moved.shape[1] == 2:
+        before, after, moved = (np.pad(v, ((0, 0), (0, 1))) for v in (before, after, moved))
+        c, s, none = np.cos(turned), np.sin(turned), 0.0 * turned
+        Q = np.array([[c, -s, none], [s, c, none], [none, none, none + 1.0]]).transpose(2, 0, 1)
+    mean = 0.5 * (before + np.einsum("nba,nb->na", Q, after))
+    way = inverse_jacobians(vectors_of(Q)[0])
+    return np.asarray(np.einsum("na,nab,nb->n", mean, way, moved))
 
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
@@ -67,10 +79,7 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
         return
     yield from findings(_difference_of_work(contact), *uncertain_rotation(contact))
     if contact.obstacle is None and contact.rotating_planes is not None:
-        o, partners = contact.operators, contact.partners
-        slave = np.abs(surface_rotation(o.slave, partners.x, o.x))
-        master = np.abs(partners.M @ surface_rotation(o.master, partners.m, o.m))
-        yield from approach(measured, slave, master)
+        yield from _approach(measured)
 
 
 def findings(work: float, rotation: float, where: str) -> Iterator[Finding]:
@@ -112,17 +121,46 @@ def _difference_of_work(contact: Contact) -> float:
     Zero if bodies were moved rigidly before the solve.
     """
     partners, o = contact.partners, contact.operators
-    shear = np.where(contact.active, contact.z_tau, 0.0)
-    both = (shear != 0.0) & (partners.shear != 0.0)
+    in_space, on_obstacle = o.slave.dim == 3, isinstance(o, ObstacleOperators)
+    then = partners.shear
+    if not in_space:
+        then = then[:, None] * quarter_turn(partners.normals)
+    both = (contact.active & (contact.z_tau != 0.0) & then.any(axis=1))[:, None]
     if not contact.pair.law.has_friction or partners.counted.any() or not both.any():
         return 0.0
-    before = np.where(both, partners.weight * partners.shear, 0.0)
-    after = np.where(both, o.weight * shear, 0.0)
-    by_slip = 0.5 * (before + after) @ contact.slip
-    works = _works_on_nodes(contact, both, before)
-    if isinstance(o, ObstacleOperators):
-        works = [*works, _work_on_obstacle(contact, before, after)]
-    return relative_difference(works, float(by_slip), after, o.x)
+    weights = o.weight if in_space and on_obstacle else partners.weight
+    before = np.where(both, weights[:, None] * then, 0.0)
+    shear = np.where(both, contact.shear, 0.0)
+    after = o.weight[:, None] * shear
+    if in_space:
+        at = partners.at(o)
+        turned = np.einsum("nab,nb->na", at.slave.Q, before)
+        by_slip = 0.5 * float(((turned + after) * at.slip).sum())
+    else:
+        sizes = np.where(both[:, 0], weights * partners.shear + o.weight * contact.z_tau, 0.0)
+        by_slip = 0.5 * float(sizes @ contact.slip)
+    starts = partners.D.T @ before, -(partners.M.T @ before)
+    sides = (o.slave, partners.x, o.x), (o.master, partners.m, o.m)
+    works = [
+        _sums(f_0, f, x - x_0, _rotations(contact, surface, x_0, x))
+        for f_0, f, (surface, x_0, x) in zip(starts, o.force(shear), sides, strict=False)
+        if len(x)
+    ]
+    if on_obstacle:
+        works.append(_work_on_obstacle(contact, before, after))
+    return relative_difference(works, by_slip, after, o.x)
+
+
+def _rotations(contact: Contact, surface: Surface, x_0: Array, x: Array) -> Array:
+    """Rotations of the material at nodes, see ``work_along_arcs``; in space none if they are small.
+
+    There directions of forces are kept with small sliding.
+    """
+    if surface.dim == 2:
+        return surface_rotation(surface, x_0, x)  # type: ignore[arg-type]
+    turns = 0.0 if contact.rotating_planes is None else 1.0
+    weights, still = turns * csr_array(eye(len(x))), np.zeros(x.shape, bool)
+    return Material(weights, surface, x_0, still).turned(x).Q
 
 
 def relative_difference(
@@ -143,48 +181,26 @@ def relative_difference(
     return float(abs(by_motions - by_slip)) / max(size, rounding, TINY)
 
 
-def _works_on_nodes(contact: Contact, both: Flags, before: Array) -> list[tuple[float, float]]:
-    """Work of the shear on the nodes of each side, and its upper bound (collective)."""
-    partners, o = contact.partners, contact.operators
-    start = before[:, None] * quarter_turn(partners.normals)
-    at_start = partners.D.T @ start, -(partners.M.T @ start)
-    at_end = o.force(np.where(both[:, None], contact.shear, 0.0))
-    sides = (o.slave, partners.x, o.x), (o.master, partners.m, o.m)
-    return [
-        _sums(f_0, f, x - x_0, surface_rotation(surface, x_0, x))
-        for f_0, f, (surface, x_0, x) in zip(at_start, at_end, sides, strict=True)
-        if len(x)
-    ]
-
-
 def _work_on_obstacle(contact: Contact, before: Array, after: Array) -> tuple[float, float]:
-    """Work on an obstacle, by forces of the slave nodes and their moments; its bound (local)."""
+    """Work on an obstacle of shears (slave nodes, dim) at the nodes, and its bound (local)."""
     partners, o = contact.partners, contact.on_obstacle
-    now, then = centre_of(o.obstacle), o.obstacle.pivot + partners.place[:2]
-    angle = surface_rotation(o.slave, partners.x, o.x)
-    start, end = (
-        (-size[:, None] * quarter_turn(n), -size * np.einsum("jc,jc->j", n, x - centre))
-        for size, n, x, centre in (
-            (before, partners.normals, partners.x, then),
-            (after, o.n, o.x, now),
-        )
-    )
-    moved = np.broadcast_to(now - then, o.x.shape)
-    by_turn = 0.5 * float(o.obstacle.place[2] - partners.place[2]) * (start[1] + end[1])
-    by_force, size = _sums(start[0], end[0], moved, angle)
-    return by_force + float(by_turn.sum()), size + float(np.abs(by_turn).sum())
+    obstacle, dim = o.obstacle, o.obstacle.dim
+    now, then = (obstacle.pivot + place[:dim] for place in (obstacle.place, partners.place))
+    turned = partners.at(o).slave.Q if dim == 3 else surface_rotation(o.slave, partners.x, o.x)
+    by_shift = _sums(-before, -after, np.broadcast_to(now - then, o.x.shape), turned)
+    moments = moments_of(partners.x - then, before) + moments_of(o.x - now, after)
+    by_turn = -0.5 * obstacle.turn_since(partners.place) @ moments
+    return by_shift[0] + float(by_turn.sum()), by_shift[1] + float(np.abs(by_turn).sum())
 
 
-def _sums(before: Array, after: Array, moved: Array, angle: Array) -> tuple[float, float]:
+def _sums(before: Array, after: Array, moved: Array, turned: Array) -> tuple[float, float]:
     """Sum of ``work_along_arcs``, and that of mean forces times motions (local)."""
-    forces = 0.5 * (np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1))
-    work = work_along_arcs(before, after, moved, angle)
-    return float(work.sum()), float(forces @ np.linalg.norm(moved, axis=1))
+    forces = 0.5 * (norms(before) + norms(after))
+    work = work_along_arcs(before, after, moved, turned)
+    return float(work.sum()), float(forces @ norms(moved))
 
 
-def approach(
-    measured: Measured, slave: Array, master: Array, relative: Array | float = 0.0
-) -> Iterator[Finding]:
+def _approach(measured: Measured) -> Iterator[Finding]:
     """Rotation of both sides before nodes came into contact in the step (local).
 
     The slip that is counted until then is that of two rigid frames beside each other. It is exact
@@ -194,15 +210,16 @@ def approach(
     That is compared with the slip, and with the one that strains the bodies up to the friction
     limit. Slip by "operators" leaves out the gap g from which nodes come: half of the relative
     rotation turns it into slip.
-
-    Args:
-        measured: The pair.
-        slave: Sizes of the rotations of the slave's material at its nodes, (slave nodes,) [radian].
-        master: Those of the master's material at the partners.
-        relative: Relative rotation at nodes whose slip is measured by "operators", else zero.
     """
-    contact = measured.contact
-    partners, o = contact.partners, contact.operators
+    contact, partners, o = measured.contact, measured.contact.partners, measured.contact.operators
+    relative: Array | float = 0.0
+    if o.slave.dim == 2:
+        slave = np.abs(surface_rotation(o.slave, partners.x, o.x))
+        master = np.abs(partners.M @ surface_rotation(o.master, partners.m, o.m))
+    else:
+        found = partners.at(o)
+        slave, master = (vectors_of(side.Q)[1] for side in (found.slave, found.master))
+        relative = np.where(partners.present > 0.0, found.doubt, 0.0)
     start = norms(partners.D @ partners.x - partners.M @ partners.m)
     apart = np.maximum(start, norms(partners.gap_vectors(o)))
     new = contact.active & (partners.pressure == 0.0) & (apart > contact.slave.nodal_lengths)

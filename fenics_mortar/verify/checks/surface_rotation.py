@@ -32,7 +32,7 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
     yield Finding(
         "surface_rotation", "rotation of the surface, with small sliding", degrees,
         f"the contact surface has rotated by {degrees:.1f} degrees, but sliding='small' keeps the "
-        "directions of the undeformed mesh: contact forces are misdirected by this angle; use "
+        "directions of the undeformed mesh: those of contact forces are wrong by this angle; use "
         "sliding='finite'",
         remark=float(np.degrees(SMALL_ANGLE)), unit="degrees",
     )  # fmt: skip

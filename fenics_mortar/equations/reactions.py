@@ -1,34 +1,20 @@
 # SPDX-License-Identifier: MIT
-"""Forces, matrices, derivatives and the error estimate of a problem at its present state.
-
-Support reactions: force and moment of the Dirichlet conditions on named boundaries.
-"""
+"""Support reactions: force and moment of the Dirichlet conditions on named boundaries."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
-
-from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
 
 from dolfinx import fem
 
-from fenics_mortar.bulk.checks import refuse_history, refuse_inertia
 from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.equations.general import ContactEquations
-from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
-from fenics_mortar.equations.solver import Solver
-from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.mesh.data import MeshData, Names, as_list, joined_names
-from fenics_mortar.rigid.spread import refuse_remote
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError, check_same_texts, together
 from fenics_mortar.utils.ranks import on_any_rank, sum_over_ranks
-from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
-from fenics_mortar.verify.matrices import OperatorMatrices
-from fenics_mortar.verify.tangent import TangentCheck, check_tangent
 
 
 class Reaction(NamedTuple):
@@ -80,7 +66,11 @@ def named_boundary(
             raise MeshError("without pairs there are no names of boundaries; expected data=")
         if any(data.mesh is not bulk.V.mesh for data in given):
             raise MeshError("data belongs to another mesh than u")
-        known = [data for data in given if all(_is_named(data, name) for name in as_list(names))]
+        known = [
+            data
+            for data in given
+            if all((isinstance(name, str) and name in data.boundaries) for name in as_list(names))
+        ]
         data = (known or given)[0]
         tags = data.boundary_tags(names)
     check_same_texts(bulk.comm, "reaction", {"boundary": tags, "about": point})
@@ -132,11 +122,6 @@ def _point(about: Any, dim: int) -> Array:
     return point
 
 
-def _is_named(data: MeshData, name: Any) -> bool:
-    """Whether a boundary has this name (local)."""
-    return isinstance(name, str) and name in data.boundaries
-
-
 def _nodes(bulk: Bulk, facets: npt.NDArray[np.int32]) -> Indices:
     """Nodes of the displacement owned by this rank on facets, shape (k,) (collective)."""
     dim = bulk.space.dim
@@ -155,89 +140,3 @@ def _supported(bulk: Bulk, data: MeshData) -> list[str]:
         if 0 < count == fixed:
             found.append(name)
     return found
-
-
-def linearized(e: ContactEquations) -> LinearizedEquations:
-    """Solves with the tangent at the last evaluated state, or with its transpose."""
-    return LinearizedEquations(e.bulk, e.contacts, e.motions, e.system, e.reduced_tangent())
-
-
-class PresentState:
-    """Evaluates the equations of a problem at its present state; all methods are collective.
-
-    Operators are evaluated first, since users may have set the displacement.
-
-    Args:
-        equations: The equations of the problem.
-        solver: Its solver, created again after an interruption.
-    """
-
-    def __init__(self, equations: ContactEquations, solver: Solver) -> None:
-        self._equations, self._solver = equations, solver
-        self._estimator: Estimator | None = None
-
-    def renew_if_interrupted(self) -> None:
-        """Create the solver and the estimator again after an interruption."""
-        if on_any_rank(self._equations.comm, self._equations.interrupted):
-            self._solver.renew()
-            self._estimator = None
-            self._equations.interrupted = False
-
-    def forces(self) -> tuple[Array, Array, Array]:
-        """See ``ContactProblem.forces``."""
-        self._equations.evaluate_operators()
-        bulk, contact, on_obstacles = self._equations.residual.forces()
-        return bulk, contact, on_obstacles * self._equations.motions.scales[: len(on_obstacles)]
-
-    def reaction(
-        self, names: Names, about: npt.ArrayLike | None, given: MeshData | None
-    ) -> Reaction:
-        """See ``ContactProblem.reaction``."""
-        e = self._equations
-        meshes = [c.pair.data for c in e.contacts] if given is None else [given]
-        data, point = named_boundary(e.bulk, meshes, names, about)
-        bulk, contact, _ = self.forces()
-        return reaction_of(e.bulk, bulk + contact, data, names, point)
-
-    def estimate(self) -> ErrorEstimate:
-        """See ``ContactProblem.estimate``."""
-        e = self._equations
-        refuse_inertia(e.bulk, "estimate()")
-        refuse_remote(e.bulk.spread, "the error estimate is not implemented")
-        refuse_history(e.bulk, "estimate()")
-        self.renew_if_interrupted()
-        self._estimator = self._estimator or Estimator(e.bulk)
-        e.evaluate_operators()
-        e.bulk.free_garbage()
-        return self._estimator.evaluate(e.contacts)
-
-    def matrices(self) -> OperatorMatrices:
-        """See ``ContactProblem.matrices``."""
-        self._equations.evaluate_operators()
-        return OperatorMatrices(self._equations.bulk, self._equations.contacts)
-
-    def tangent(self) -> PETSc.Mat:
-        """See ``ContactProblem.tangent``."""
-        self.renew_if_interrupted()
-        e = self._equations
-        e.bulk.free_garbage()
-        e.evaluate_operators()
-        e.bulk.assemble_tangent()
-        e.bulk.assemble_residual()
-        e.system.assemble()
-        return e.system.matrix
-
-    def linear_solve(self, rhs: LinearVector, *, transpose: bool) -> LinearVector:
-        """See ``ContactProblem.linear_solve``."""
-        self.renew_if_interrupted()
-        e = self._equations
-        with restored_if_interrupted(e):
-            e.evaluate_operators()
-            e.bulk.free_garbage()
-            return linearized(e).solve(rhs, transpose=transpose)
-
-    def check_tangent(self, **options: Any) -> TangentCheck:
-        """See ``ContactProblem.check_tangent``."""
-        self.renew_if_interrupted()
-        with restored_if_interrupted(self._equations):
-            return check_tangent(self._equations, **options)
