@@ -27,13 +27,12 @@ from fenics_mortar.contact.conductance import (
     GapConductance,
     PressureConductance,
 )
-from fenics_mortar.contact.discretization import Discretization
 from fenics_mortar.contact.fluxes import NodalFlux
-from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
-from fenics_mortar.contact.pair import ContactPair, Pretension, TiedPair
+from fenics_mortar.contact.law import Coulomb, Frictionless, Law, Tresca
+from fenics_mortar.contact.pair import ContactPair, Discretization, Pretension, TiedPair
 from fenics_mortar.contact.view import PairView
+from fenics_mortar.equations.general import State
 from fenics_mortar.equations.linearized import LinearVector
-from fenics_mortar.equations.state import State
 from fenics_mortar.io.checkpoint import load_state, save_state
 from fenics_mortar.io.fields import contact_table
 from fenics_mortar.io.paraview import ResultsWriter
@@ -47,10 +46,8 @@ from fenics_mortar.models.elastic_obstacle import ElasticObstacle
 from fenics_mortar.models.in_space import InSpace
 from fenics_mortar.models.model_check import ModelCheck
 from fenics_mortar.models.model_error import ModelReport
-from fenics_mortar.newton.loop import NewtonOptions
-from fenics_mortar.newton.report import NewtonReport
-from fenics_mortar.obstacles.balls import Circle, Sphere
-from fenics_mortar.obstacles.obstacle import Obstacle, SignedDistance
+from fenics_mortar.newton.loop import NewtonOptions, NewtonReport
+from fenics_mortar.obstacles.obstacle import Circle, Obstacle, SignedDistance, Sphere
 from fenics_mortar.obstacles.shapes import Plane, Polygon, Spline
 from fenics_mortar.obstacles.space_shapes import Cone, Cylinder, Extruded, Revolved, Torus
 from fenics_mortar.path.dynamics import Dynamics

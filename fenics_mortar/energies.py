@@ -28,9 +28,8 @@ from typing import Any
 import ufl
 
 from fenics_mortar.mesh.space import Geometry
-from fenics_mortar.utils.arguments import check_choice
 from fenics_mortar.utils.compat import domain_of
-from fenics_mortar.utils.errors import refuse_in_space
+from fenics_mortar.utils.errors import check_choice, refuse_in_space
 
 __all__ = [
     "deformation_gradient",

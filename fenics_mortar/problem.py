@@ -16,27 +16,24 @@ from fenics_mortar.bulk.checks import refuse_history, refuse_inertia
 from fenics_mortar.contact.pair import ContactPair, TiedPair
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations import setup
-from fenics_mortar.equations.continuation import Continuation
+from fenics_mortar.equations.general import State, restored_if_interrupted, unchanged_if_refused
 from fenics_mortar.equations.inputs import Inputs
 from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
-from fenics_mortar.equations.reactions import Reaction, named_boundary, reaction_of
-from fenics_mortar.equations.state import State
-from fenics_mortar.equations.undo import restored_if_interrupted, unchanged_if_refused
+from fenics_mortar.equations.residual import Reaction, named_boundary, reaction_of
+from fenics_mortar.equations.solver import Continuation
 from fenics_mortar.la import options as solvers
 from fenics_mortar.la.choice import Algorithm
 from fenics_mortar.mesh.data import MeshData, Names
 from fenics_mortar.mesh.space import Geometry
-from fenics_mortar.newton.loop import NewtonOptions
-from fenics_mortar.newton.report import NewtonReport
+from fenics_mortar.newton.loop import NewtonOptions, NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.rigid.spread import refuse_remote
-from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import check_number
 from fenics_mortar.utils.ranks import on_any_rank
 from fenics_mortar.verify.certificate import Certificate
 from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
-from fenics_mortar.verify.matrices import OperatorMatrices
-from fenics_mortar.verify.tangent import TangentCheck, check_tangent
+from fenics_mortar.verify.tangent import OperatorMatrices, TangentCheck, check_tangent
 
 
 class ContactProblem:
@@ -171,7 +168,7 @@ class ContactProblem:
 
         Args:
             predict: Whether to extrapolate the initial guess from the last two solves if the loads
-                continue in their direction, see ``continuation``; it is the last state otherwise.
+                continue in their direction, see ``solver``; it is the last state otherwise.
             accept_violations: Whether to return a state that violates its certificate instead of
                 raising an error; see ``report.certificate``.
 
@@ -232,7 +229,7 @@ class ContactProblem:
         Returns:
             Bulk residual and contact forces at the dofs of this rank, each of shape (owned dofs,)
             [stress length]; their sum at prescribed dofs is the support reaction, see
-            ``equations.reactions``. Third, force and moment about the pivot that keep each obstacle
+            ``equations.residual``. Third, force and moment about the pivot that keep each obstacle
             in place, shape (obstacles, 3) [stress length, moments stress length^2], equal on all
             ranks.
         """

@@ -18,7 +18,7 @@ from typing import NamedTuple
 PACKAGE = Path(__file__).resolve().parents[2] / "fenics_mortar"
 # Modules with frozen classes of thresholds that are no options of users.
 OPTIONS = (
-    "equations/options.py", "la/options.py", "rigid/options.py", "verify/finding.py",
+    "equations/arguments.py", "la/options.py", "rigid/proximal.py", "verify/finding.py",
 )  # fmt: skip
 
 

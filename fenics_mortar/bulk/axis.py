@@ -28,9 +28,8 @@ from ufl.corealg.traversal import unique_pre_traversal
 
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.errors import MeshError, MortarError, count_points
-from fenics_mortar.utils.rounding import ROUNDING
 
 # Numbers of which one is a factor of the measures of bodies of revolution [1].
 PI: list[Any] = [2.0 * np.pi, np.pi]

@@ -16,9 +16,8 @@ from scipy.sparse.csgraph import connected_components
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
-from fenics_mortar.utils.rounding import ROUNDING, TINY
 
 # Rotation or translation of a motion of size one [1] below which messages leave it out.
 MINOR = 0.1

@@ -14,14 +14,13 @@ import numpy.typing as npt
 
 import basix
 
-from fenics_mortar.interface.obstacle_facets import gauss_points, tabulate
-from fenics_mortar.kernels.cells import tabulate_volumes
-from fenics_mortar.kernels.inside import find_inside
+from fenics_mortar.interface.on_obstacle import gauss_points, tabulate
+from fenics_mortar.kernels.crossing import find_inside
+from fenics_mortar.kernels.facets import tabulate_volumes
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.errors import count_points
 from fenics_mortar.utils.ranks import any_over_ranks, on_any_rank
-from fenics_mortar.utils.rounding import ROUNDING
 
 # Degree of Lagrange functions by the number of nodes of a cell.
 DEGREES = {3: 1, 4: 1, 6: 2, 9: 2, 10: 2, 8: 1, 27: 2}

@@ -23,9 +23,14 @@ from fenics_mortar.interface.corners import TURN
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.data import MeshData, check_solid, check_tags
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import MeshError, MortarError, SurfaceError, format_point
+from fenics_mortar.utils.errors import (
+    MeshError,
+    MortarError,
+    SurfaceError,
+    check_kind,
+    format_point,
+)
 
 # Name of the measure, dimension of the mesh minus that of its entities, and description of these,
 # by UFL's type of integral.

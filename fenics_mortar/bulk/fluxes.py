@@ -28,10 +28,9 @@ from ufl.corealg.multifunction import MultiFunction
 from fenics_mortar.bulk.cells import ReferenceCell
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import ROUNDING, Array, Indices
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.ranks import largest_over_ranks
-from fenics_mortar.utils.rounding import ROUNDING
 
 Subdomain = tuple[Any, Any]
 

@@ -31,13 +31,12 @@ from ufl.corealg.multifunction import MultiFunction
 
 from fenics_mortar.bulk.cells import areas_at, areas_or_nan, gradients_at, nodal_gradients
 from fenics_mortar.bulk.fluxes import Given
-from fenics_mortar.kernels.cells import keep_volume
+from fenics_mortar.kernels.facets import keep_volume
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.ranks import largest_over_ranks
-from fenics_mortar.utils.rounding import ROUNDING
 
 # Skew matrices that represent all rotations: forms are linear in them, with simple coefficients.
 SPINS = {

@@ -30,11 +30,10 @@ from dolfinx import fem
 from ufl.algorithms import extract_arguments, extract_coefficients
 from ufl.domain import extract_domains
 
-from fenics_mortar.mesh.numbering import by_cell, set_by_cell
+from fenics_mortar.mesh.space import by_cell, set_by_cell
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Indices, Value
-from fenics_mortar.utils.errors import MortarError, count_points
+from fenics_mortar.utils.errors import MortarError, check_kind, check_number, count_points
 
 EXPECTED = "expected a list of pairs (quadrature function, UFL expression of its new value)"
 

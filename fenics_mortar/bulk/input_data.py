@@ -14,10 +14,9 @@ from dolfinx import fem
 
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.errors import MortarError, check_same, count_points
 from fenics_mortar.utils.ranks import on_all_ranks, on_any_rank
-from fenics_mortar.utils.rounding import ROUNDING
 
 
 class InputData:

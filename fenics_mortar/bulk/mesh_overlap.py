@@ -34,10 +34,9 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.outline import Outline, extract_outline
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import SAME_PLACE, Array, Indices
 from fenics_mortar.utils.errors import MeshError, count_points, format_point
 from fenics_mortar.utils.lines import lines_cross, near_pairs
-from fenics_mortar.utils.rounding import SAME_PLACE
 
 # Distance from a facet of points inside of its body, over its length [1]: above the rounding of
 # coordinates in files, below the thickness of cells.

@@ -28,8 +28,7 @@ from fenics_mortar.bulk.form_points import FormPoints
 from fenics_mortar.bulk.history import History
 from fenics_mortar.bulk.input_data import InputData
 from fenics_mortar.bulk.node_blocks import CellBlocks, come_in_pairs
-from fenics_mortar.mesh import numbering
-from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.mesh.space import DisplacementSpace, by_input_node, set_by_input_node
 from fenics_mortar.utils import compat, petsc
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
@@ -350,8 +349,8 @@ class Bulk:
         return mine if self.comm.size == 1 else float(self.comm.allreduce(mine, MPI.MAX))
 
     def by_input_node(self) -> tuple[Indices, Array]:
-        """Identifiers (n, k) and values (n, dim) of all nodes, see ``numbering`` (collective)."""
-        return numbering.by_input_node(self.space, self.u)
+        """Identifiers (n, k) and values (n, dim) of all nodes, see ``mesh.space`` (collective)."""
+        return by_input_node(self.space, self.u)
 
     def set_by_input_node(self, nodes: Indices, values: Array) -> None:
         """Set the displacement from the result of ``by_input_node`` (collective).
@@ -363,7 +362,7 @@ class Bulk:
         Raises:
             MortarError: On all ranks, if the nodes belong to another mesh or degree.
         """
-        numbering.set_by_input_node(self.space, self.u, nodes, values)
+        set_by_input_node(self.space, self.u, nodes, values)
 
     @cached_property
     def form_points(self) -> FormPoints:

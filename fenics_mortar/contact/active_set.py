@@ -34,12 +34,11 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.fields import ContactFields
-from fenics_mortar.contact.laws import KINK, STICK, Branches
+from fenics_mortar.contact.law import KINK, STICK, Branches
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.kernels import complementarity
 from fenics_mortar.kernels.complementarity import choose
-from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.rounding import LAST_DIGITS
+from fenics_mortar.utils.arrays import LAST_DIGITS, Array, Flags, Indices
 
 
 def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, int]:

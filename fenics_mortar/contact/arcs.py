@@ -75,14 +75,12 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.interface.integrals import share_of
+from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block, MortarOperators
-from fenics_mortar.interface.segments import evaluate_normals
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels.arcs import tabulate_arcs
-from fenics_mortar.obstacles.rotations import crosses, inverse_factors, inverse_jacobians
-from fenics_mortar.utils.arrays import Array, Flags, Indices, norms, read_only_view
-from fenics_mortar.utils.rounding import TINY
+from fenics_mortar.kernels.passage import tabulate_arcs
+from fenics_mortar.obstacles.rigid_motion import crosses, inverse_factors, inverse_jacobians
+from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices, norms, read_only_view
 
 # Largest relative rotation of two bodies in a step [radian]: 135 degrees. Their positions are also
 # those after a rotation in the other direction, of 225 degrees, which is no longer much larger.

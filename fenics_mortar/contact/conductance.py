@@ -15,9 +15,8 @@ import numpy as np
 
 from dolfinx import fem
 
-from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.errors import MortarError, check_number
 
 # Pressure over the reference pressure [1] below which a power law with an exponent below 1, whose
 # slope is infinite at zero, is continued by a parabola with the same value and slope: Newton's

@@ -13,58 +13,61 @@ multiplier z, its two rows in the linear system are
     inactive:   z_j = 0.
 
 The second row of an active node is that of frictionless contact; in general it is the linearized
-rho_j = 0 of the contact law, see ``laws``, with the slip of ``slip``. With adhesion a(g), z_n + a
+rho_j = 0 of the contact law, see ``law``, with the slip of ``slip``. With adhesion a(g), z_n + a
 replaces z_n in the complementarity function, and the normal row of an inactive node under adhesion
 is z_n + a(g_j / w_j) = 0.
 
 c_j = c k_j / l_j with k_j the mean diagonal entry of the bulk tangent at the node
 (about Young's modulus), l_j its length and c a number without unit: results do not depend on the
 system of units.
+
+Start and end of a step of all pairs: slip, time and memory.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 
-from fenics_mortar.contact.active_set import (
-    MultiplierNodes,
-    next_sets,
-    normals_on_planes,
-)
+from fenics_mortar.contact.active_set import MultiplierNodes, next_sets, normals_on_planes
 from fenics_mortar.contact.fields import ContactFields, change_along
 from fenics_mortar.contact.fluxes import Flux
-from fenics_mortar.contact.instant import Parameters, first_instant
 from fenics_mortar.contact.interface import (
     NO_NODES,
     NO_PAIRS,
     NO_WELDS,
     Interface,
+    points_per_segment,
     read_only,
     settable,
 )
-from fenics_mortar.contact.law_calls import LawCalls, raise_stored
-from fenics_mortar.contact.laws import Frictionless, Nodal
+from fenics_mortar.contact.law import Frictionless, Nodal
+from fenics_mortar.contact.law_calls import (
+    Instant,
+    LawCalls,
+    Parameters,
+    first_instant,
+    raise_stored,
+)
 from fenics_mortar.contact.operator_evaluation import OperatorEvaluation
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.rows import ContactRows, SpaceRows
-from fenics_mortar.contact.sides import points_per_segment
 from fenics_mortar.contact.slip import Measure, find_partners
 from fenics_mortar.contact.space_fields import kind_of
 from fenics_mortar.contact.space_partners import find_obstacle_partners, find_space_partners
+from fenics_mortar.interface.integrals import Segments, evaluate_normals
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.outline import Outline
-from fenics_mortar.interface.segments import Segments, evaluate_normals
 from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.utils.arguments import check_lengths
-from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.errors import SurfaceError
-from fenics_mortar.utils.rounding import HALF_FACET, ROUNDING
+from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, Array, Flags, Indices
+from fenics_mortar.utils.errors import MortarError, SurfaceError, check_lengths, check_same
 
 
 class Contact(Interface):
@@ -415,3 +418,81 @@ def _covered_fraction(o: MortarOperators) -> Array:
         return o.cover / slave.full_cover
     alone = slave.weightless
     return np.where(alone, 0.0, o.cover / np.where(alone, 1.0, slave.full_cover))
+
+
+def begin_step(contacts: Sequence[Interface]) -> None:
+    """Adopt the present laws, and start a step at the accepted state (collective).
+
+    Raises:
+        MortarError: On all ranks, if a law needs the length of the step and the time is not later
+            than that of the accepted state.
+        Exception: Any error of a law, on all ranks.
+    """
+    for contact in contacts:
+        if isinstance(contact, Contact):
+            contact.adopt_law()
+            _check_time(contact)
+        contact.start_step()
+
+
+def needing_time(contact: Contact) -> list[Any]:
+    """Laws and conductances of a contact that need the length of the step (local)."""
+    law, fluxes = contact.pair.law, contact.pair.fluxes
+    heated = [flux for flux in fluxes if flux.heating == "friction"] if law.has_friction else []
+    return [law, *heated] if law.needs_time else heated
+
+
+def _check_time(contact: Contact) -> None:
+    """Raise an error for a step of zero length if a law or a source needs the length (local)."""
+    now, before = contact.state.load_time, contact.state.accepted_instant.time
+    needing = needing_time(contact)
+    if needing and not now > before:
+        raise MortarError(
+            f"{needing[0]!r} needs the length of the step, but the time {now:g} is not later "
+            f"than {before:g}, that of the last accepted state: set problem.time before each "
+            "solve, or use follow_path or Dynamics, which set it"
+        )
+
+
+def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[Instant | None]:
+    """Time and memory of all pairs at the end of the present step; ``None`` for ties (collective).
+
+    Raises:
+        Exception: Any error of a law, on all ranks.
+        MortarError: On all ranks, if the memory of a law differs between ranks.
+    """
+    found = [_instant_of(c) if isinstance(c, Contact) else None for c in contacts]
+    raise_stored(comm, contacts)
+    memories = [
+        (f"{name} of {contact.pair.law!r}", values)
+        for contact, instant in zip(contacts, found, strict=True)
+        if instant is not None
+        for name, values in instant.memory.items()
+    ]
+    if memories:
+        check_same(comm, memories)
+    return found
+
+
+def _instant_of(contact: Contact) -> Instant:
+    """Time and memory at the end of the present step (local)."""
+    law, node = contact.pair.law, contact.nodal
+    memory = node.memory
+    if law.memory:
+        memory = contact.law_calls.remember(law, node, contact.branch)
+    return Instant.of(contact.state.load_time, node.step, memory)
+
+
+def commit(contacts: Sequence[Interface], instants: Sequence[Instant | None]) -> None:
+    """Set the accepted time and memory, from which the next step starts (local)."""
+    for contact, instant in zip(contacts, instants, strict=True):
+        contact.change(accepted_instant=instant)
+
+
+def start_clock(contacts: Sequence[Interface], time: float) -> None:
+    """Set the time of the accepted state (local)."""
+    for contact in contacts:
+        instant = contact.state.accepted_instant
+        if instant is not None and instant.time != time:
+            instant = replace(instant, time=time)
+        contact.change(accepted_instant=instant, load_time=time)

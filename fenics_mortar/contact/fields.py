@@ -14,15 +14,22 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from fenics_mortar.contact.interface_fields import InterfaceConstants, InterfaceFields, field
-from fenics_mortar.contact.law import VectorRow, chain_rule
+from fenics_mortar.contact.law import (
+    BUILT_IN,
+    KINK,
+    STICK,
+    Frictionless,
+    Nodal,
+    Row,
+    VectorRow,
+    chain_rule,
+)
 from fenics_mortar.contact.law_calls import LawCalls
-from fenics_mortar.contact.laws import BUILT_IN, KINK, STICK, Frictionless, Nodal, Row
 from fenics_mortar.interface.mortar import Block, scaled
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.kernels import complementarity
-from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags
 from fenics_mortar.utils.ranks import sum_over_ranks
-from fenics_mortar.utils.rounding import ROUNDING
 
 # Attributes of the state on which the arguments of a law and its tangential row depend.
 LAW_ATTRIBUTES = ("z", "multiplier_nodes", "partners", "c_n", "load_time", "start_instant")

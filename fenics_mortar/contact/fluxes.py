@@ -19,7 +19,7 @@ the surface: A has the linear values at the nodes, A_jc = 1 at carriers, and
     q_j = sum_c A_jc h_c [T]_c,    ([T]_c, h_c) = sum_j A_jc w_j ([T]_j, h_j) / sum_j A_jc w_j.
 
 Where conduction is perfect, and the slave's field is prescribed at a node, its equation is left to
-the carriers beside it, as in ``tied_field``.
+the carriers beside it, as in ``tied_rows``.
 
 On a rigid obstacle its given value replaces the master's, and the master's load leaves the system.
 
@@ -51,9 +51,8 @@ from fenics_mortar.contact.rows import row_by_displacements, row_by_motions
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.traces import Trace, trace_of
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
-from fenics_mortar.utils.rounding import TINY
 
 
 class FluxValues:

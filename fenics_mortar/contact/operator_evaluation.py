@@ -14,12 +14,15 @@ import numpy as np
 
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.behind import BodiesBehind
-from fenics_mortar.interface.integrals import evaluate_mortar
+from fenics_mortar.interface.integrals import (
+    MortarOptions,
+    evaluate_mortar,
+    evaluate_normals,
+    find_segments,
+)
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import evaluate_obstacle
-from fenics_mortar.interface.outline import Outline
-from fenics_mortar.interface.segments import MortarOptions, evaluate_normals, find_segments
-from fenics_mortar.interface.sight import Sight
+from fenics_mortar.interface.outline import Outline, Sight
 from fenics_mortar.interface.space_integrals import evaluate_space
 from fenics_mortar.interface.surfaces import POINTS
 from fenics_mortar.obstacles.obstacle import Obstacle

@@ -35,8 +35,7 @@ from scipy.sparse import csr_array
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.rounding import SAME_PLACE
+from fenics_mortar.utils.arrays import SAME_PLACE, Array, Indices
 
 # Norm of the remainder of a normalized row after projection [1] below which the row is dependent.
 # The remainder of a redundant row is of the order of the strains of the step.

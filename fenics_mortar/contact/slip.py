@@ -75,10 +75,9 @@ from fenics_mortar.contact.arcs import (
 )
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.facing import Facing, face, nearest_facets
-from fenics_mortar.interface.integrals import share_of
+from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
-from fenics_mortar.interface.segments import evaluate_normals
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
 

@@ -38,12 +38,10 @@ import numpy as np
 
 from fenics_mortar.contact.fields import LAW_ATTRIBUTES, RULED, ContactFields
 from fenics_mortar.contact.interface_fields import Parts, field, normal_parts, tangential
-from fenics_mortar.contact.law import Nodal, Row, Stick, VectorRow
-from fenics_mortar.contact.laws import STICK, Friction, Frictionless
+from fenics_mortar.contact.law import STICK, Friction, Frictionless, Nodal, Row, Stick, VectorRow
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.space_mortar import SpaceOperators
-from fenics_mortar.utils.arrays import Array, Flags
-from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING
+from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, Array, Flags
 
 
 class LawFields(ContactFields):

@@ -35,11 +35,11 @@ from fenics_mortar.contact.arcs import (
     vectors_of,
 )
 from fenics_mortar.contact.slip import Entries, Measure, entries_of
+from fenics_mortar.interface.facing import nearest_on_master
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.interface.nearest_points import nearest_on_master
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.space_mortar import SpaceOperators
-from fenics_mortar.obstacles.rotations import inverse_jacobians, turns_between
+from fenics_mortar.obstacles.rigid_motion import inverse_jacobians, turns_between
 from fenics_mortar.utils.arrays import Array, Flags, Indices, norms
 
 

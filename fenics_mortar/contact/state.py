@@ -6,11 +6,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from fenics_mortar.contact.laws import Branches
+from fenics_mortar.contact.law import Branches
 from fenics_mortar.utils.arrays import Array, Flags, Value
 
 # Attributes that follow from the others at the end of a solve; they are not written to files.
-# Instants are written by ``instant``.
+# Instants are written by ``law_calls``.
 DERIVED = {"derived": True}
 
 

@@ -17,16 +17,15 @@ from fenics_mortar.bulk.bodies import join_bodies
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.messages import describe_overlap
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.contact.tied_field import rows_of
+from fenics_mortar.contact.tied_rows import rows_of
+from fenics_mortar.contact.view import describe_overlap
 from fenics_mortar.equations.set_record import SetsOfPairs
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, ROUNDING, SMALL_ANGLE, Array, Indices
 from fenics_mortar.utils.errors import MortarError, NotFiniteError, format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
-from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING, ROUNDING, SMALL_ANGLE
 
 
 def describe_isolated(bulk: Bulk, contacts: Sequence[Interface], floating: FloatingBodies) -> str:

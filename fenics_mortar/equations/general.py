@@ -5,44 +5,159 @@ Residual of the bodies, contact laws and balance of driven motions form one syst
 consists of displacement, multipliers, active sets and places. The class implements the protocols of
 ``newton.loop``, ``newton.loop`` and ``rigid.proximal``; linear system, initial guess and model
 are chosen by ``problem`` and ``solver``.
+
+Undo of interrupted or refused solves and set-ups: all is as it was before.
+
+An interruption is a KeyboardInterrupt or any other exception that does not come from the equations,
+such as an error of a user's function. It may occur anywhere and on one rank only; therefore a state
+is restored without communication. Incomplete matrices, factors and solvers are created again at the
+start of the next solve.
+
+State of a problem as a value: all quantities from which a solve starts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, NoReturn
 
 from mpi4py import MPI
 
 import numpy as np
 
 from fenics_mortar.bulk.bodies import FloatingBody
-from fenics_mortar.bulk.inertia import Inertia
+from fenics_mortar.bulk.history import HistoryValues
+from fenics_mortar.bulk.inertia import Inertia, Rates
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.redundancy import Redundancy
+from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
 from fenics_mortar.equations.linearized import Tangent
 from fenics_mortar.equations.linearized_contact import LinearizedContact
-from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.residual import NO_MOTION, Increment, LastTangent, Residual
 from fenics_mortar.equations.set_record import CombinedSprings, Remedies, SetRecord
-from fenics_mortar.equations.state import State, check_state
 from fenics_mortar.interface.mortar import Linearization
+from fenics_mortar.la.options import drop_added_options
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.loop import NewtonOptions, Status, Step, forcing
+from fenics_mortar.obstacles.rigid_motion import places_towards
 from fenics_mortar.rigid.body_motions import HeldBodies
 from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.idle import IdleBodies
-from fenics_mortar.utils.arrays import Array, norms
+from fenics_mortar.utils.arrays import TINY, Array, Value, norms
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.errors import NotFiniteError, format_point, together
-from fenics_mortar.utils.rounding import TINY
-from fenics_mortar.verify.crossing import Crossings
+from fenics_mortar.utils.errors import (
+    MortarError,
+    NotConvergedError,
+    NotFiniteError,
+    check_kind,
+    format_point,
+    together,
+)
+from fenics_mortar.verify.crossing import AcceptedPositions, Crossings
 from fenics_mortar.verify.space_crossing import SpaceCrossings
+
+
+@dataclass(frozen=True)
+class State(Value):
+    """All quantities from which a solve starts, as an immutable value; all methods are local.
+
+    ``replaced`` and ``dataclasses.replace`` return changed copies.
+
+    Attributes:
+        u: Displacement and other unknowns of the bulk, shape (local dofs,) [length].
+        interfaces: State of each pair.
+        places: Places (x, y, angle) of the m obstacles and remote loads, shape (m, 3) [length,
+            length, radian].
+        accepted_positions: Positions of outlines and obstacles in the last accepted state.
+        converged: Whether the last solve ended in this state.
+        history: Values of the history functions of the bodies.
+        rates: Velocity and accelerations, ``None`` in statics.
+    """
+
+    u: Array
+    interfaces: tuple[InterfaceState, ...]
+    places: Array
+    accepted_positions: AcceptedPositions
+    converged: bool
+    history: HistoryValues
+    rates: Rates | None = None
+
+    def with_settings_of(self, other: State) -> State:
+        """This state with the offsets, weights of gaps, time and undeformed operators of ``other``.
+
+        Users set these for a problem, while this state may be an extrapolation of earlier states or
+        the state of another model.
+        """
+        pairs = zip(self.interfaces, other.interfaces, strict=True)
+        return self.replaced(
+            interfaces=tuple(
+                a.replaced(offset=b.offset, c_n=b.c_n, reference=b.reference, load_time=b.load_time)
+                for a, b in pairs
+            ),
+        )
+
+    def counting_slip_from(self, other: State) -> State:
+        """This state with the partners, instants, history and accepted positions of ``other``."""
+        pairs = zip(self.interfaces, other.interfaces, strict=True)
+        return self.replaced(
+            interfaces=tuple(
+                a.replaced(
+                    partners=b.partners,
+                    accepted_partners=b.accepted_partners,
+                    start_instant=b.start_instant,
+                    accepted_instant=b.accepted_instant,
+                )
+                for a, b in pairs
+            ),
+            accepted_positions=other.accepted_positions,
+            history=other.history,
+        )
+
+    def towards(self, other: State, fraction: float) -> State:
+        """Interpolate to ``other`` by a ``fraction`` [1], with the active sets of this state."""
+        pairs = zip(self.interfaces, other.interfaces, strict=True)
+        return self.replaced(
+            u=self.u + fraction * (other.u - self.u),
+            interfaces=tuple(a.replaced(z=a.z + fraction * (b.z - a.z)) for a, b in pairs),
+            places=places_towards(self.places, other.places, fraction),
+        )
+
+
+def check_state(
+    state: Any,
+    shape: tuple[int, ...],
+    pairs: Sequence[tuple[int, ...]],
+    num_movers: int,
+    history: int,
+) -> None:
+    """Check that an object is a state of this problem (local).
+
+    Args:
+        state: The object.
+        shape: Shape of the displacement of the problem.
+        pairs: Shapes of the multipliers of its pairs.
+        num_movers: Number of its obstacles and remote loads.
+        history: Number of its local values of history functions.
+
+    Raises:
+        TypeError: If the object is not a state.
+        MortarError: If its arrays have other shapes.
+    """
+    check_kind("state", state, State, "what state() of the same problem returned")
+    found = [interface.z.shape for interface in state.interfaces]
+    same = state.u.shape == shape and state.history.accepted.shape == (history,)
+    if not (same and found == list(pairs) and len(state.places) == num_movers):
+        raise MortarError(
+            "the state belongs to another problem: expected a result of state() of this one"
+        )
 
 
 class ContactEquations:
@@ -386,3 +501,87 @@ class ContactEquations:
         sides = [side for c in self.contacts for side in (c.slave, c.master) if side.num_nodes]
         motions = [norms(side.gather(change)).max() / side.facet_sizes.min() for side in sides]
         return float(max(motions, default=0.0))
+
+
+@contextmanager
+def unchanged_if_refused(u: Any) -> Iterator[None]:
+    """Context that restores mesh and displacement if a set-up raises any exception (local).
+
+    Ties move nodes, and cheaper models may displace them.
+
+    Args:
+        u: The function of the unknowns.
+    """
+    positions, values = u.function_space.mesh.geometry.x, u.x.array
+    before = positions.copy(), values.copy()
+    try:
+        yield
+    except BaseException:
+        positions[:], values[:] = before
+        raise
+
+
+class Snapshot:
+    """Snapshot of a problem (local).
+
+    Args:
+        equations: The equations of the problem.
+    """
+
+    def __init__(self, equations: ContactEquations) -> None:
+        self._equations, self._state, self._depth = equations, equations.state(), clock.depth
+        self._operators = [contact.operators for contact in equations.contacts]
+        self._springs = equations.floating.springs, equations.motions.springs
+        model_check = equations.model_check
+        self._revert_model_check = None if model_check is None else model_check.snapshot()
+
+    def revert(self, *, renew: bool) -> None:
+        """Restore the snapshot; ``renew``: create matrices and solvers again in the next solve."""
+        equations = self._equations
+        clock.leave(self._depth)
+        drop_added_options()
+        equations.put(self._state)
+        for contact, operators in zip(equations.contacts, self._operators, strict=True):
+            contact.set_operators(operators)
+        equations.floating.springs, equations.motions.springs = self._springs
+        if self._revert_model_check is not None:
+            self._revert_model_check()
+        equations.interrupted |= renew
+
+
+@contextmanager
+def restored_if_interrupted(equations: ContactEquations) -> Iterator[None]:
+    """Context that restores a problem if any exception but ``NotConvergedError`` is raised."""
+    before = Snapshot(equations)
+    try:
+        yield
+    except NotConvergedError:
+        raise
+    except MortarError:
+        before.revert(renew=True)
+        raise
+    except BaseException as error:
+        before.revert(renew=True)
+        raise_cause(error)
+
+
+def raise_cause(error: BaseException) -> NoReturn:
+    """Raise an error, or the interruption that caused it; see ``as_interruption``."""
+    interruption = as_interruption(error)
+    if interruption is error:
+        raise error
+    raise interruption from error
+
+
+def as_interruption(error: BaseException) -> BaseException:
+    """Return a KeyboardInterrupt for an error that one in compiled code caused (local).
+
+    Numba reports an exception that is set during a call as a SystemError. Any other error is
+    returned unchanged.
+    """
+    cause: BaseException | None = error
+    while isinstance(cause, SystemError):
+        cause = cause.__cause__ or cause.__context__
+    if isinstance(error, SystemError) and isinstance(cause, KeyboardInterrupt):
+        return KeyboardInterrupt(*cause.args)
+    return error

@@ -21,37 +21,33 @@ from fenics_mortar.bulk.axis import AxisConditions, remark_on_radius, remark_on_
 from fenics_mortar.bulk.checks import have_common_facet
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.law import Law, check_names
-from fenics_mortar.contact.laws import BUILT_IN
-from fenics_mortar.contact.messages import remarks_on_ties
+from fenics_mortar.contact.law import BUILT_IN, Law, check_names
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.contact.view import remarks_on_ties
 from fenics_mortar.equations.general import ContactEquations
-from fenics_mortar.interface.segments import evaluate_normals
+from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.newton.loop import NewtonOptions
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import DRIVEN_TURNS, RigidMotion
 from fenics_mortar.rigid.motions import RigidMotions
 from fenics_mortar.rigid.spread import SpreadLoad
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arguments import (
+from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, Array
+from fenics_mortar.utils.errors import (
+    MortarError,
+    NotFiniteError,
+    as_text,
     check_flag,
     check_kind,
     check_lengths,
     check_no_effect,
     check_number,
-    parameters_of,
-)
-from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import (
-    MortarError,
-    NotFiniteError,
-    as_text,
     check_same,
     check_same_texts,
     format_point,
+    parameters_of,
     together,
 )
-from fenics_mortar.utils.rounding import ROUNDING, SAME_PLACE
 from fenics_mortar.verify.checks.obstacle_gradient import check_user_gradient
 
 

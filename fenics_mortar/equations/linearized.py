@@ -44,11 +44,10 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.contact.law_calls import raise_stored
-from fenics_mortar.rigid.bordered import solve_bordered
 from fenics_mortar.rigid.driven import border_of
-from fenics_mortar.utils.arguments import check_kind
+from fenics_mortar.rigid.spread import solve_bordered
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same, together
+from fenics_mortar.utils.errors import check_kind, check_same, together
 
 
 @dataclass(frozen=True)

@@ -30,9 +30,9 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC
-from fenics_mortar.contact.laws import STICK, Coulomb, Frictionless
-from fenics_mortar.equations.options import EQUATIONS
-from fenics_mortar.la.factored import column_groups, factored_bulk
+from fenics_mortar.contact.law import STICK, Coulomb, Frictionless
+from fenics_mortar.equations.arguments import EQUATIONS
+from fenics_mortar.la.solver import column_groups, factored_bulk
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.complementarity import (
@@ -44,10 +44,9 @@ from fenics_mortar.rigid.complementarity import (
 )
 from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils import errors
-from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.rounding import SOLVED
+from fenics_mortar.utils.arrays import SOLVED, Array, Flags, Indices
 
 PREFIX = "fenics_mortar_settling_"
 

@@ -34,15 +34,13 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.equations.general import ContactEquations
-from fenics_mortar.equations.options import EQUATIONS
-from fenics_mortar.equations.state import State
+from fenics_mortar.equations.arguments import EQUATIONS
+from fenics_mortar.equations.general import ContactEquations, State
 from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.kernels.inside import box_triangles, interpolate
+from fenics_mortar.kernels.crossing import box_triangles, interpolate
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.rounding import HALF_FACET, TINY
+from fenics_mortar.utils.arrays import HALF_FACET, TINY, Array, Indices
 
 # Triangles between the nodes of a cell, by the number of nodes; for their order see ``bulk.cells``.
 DIVISIONS = {

@@ -33,19 +33,17 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.steps import begin_step
-from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.contact.contact import Contact, begin_step
+from fenics_mortar.equations.arguments import EQUATIONS
+from fenics_mortar.equations.general import ContactEquations, State
 from fenics_mortar.equations.moving_frame import MovingFrame
-from fenics_mortar.equations.options import EQUATIONS
-from fenics_mortar.equations.state import State
-from fenics_mortar.newton.report import NewtonReport, then_solve
-from fenics_mortar.obstacles.rotations import polar_rotation
+from fenics_mortar.newton.loop import NewtonReport, then_solve
+from fenics_mortar.obstacles.rigid_motion import polar_rotation
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import NotConvergedError
 from fenics_mortar.utils.ranks import sum_over_ranks
-from fenics_mortar.verify.led_bodies import SLENDER, STRETCHED
+from fenics_mortar.verify.node_paths import SLENDER, STRETCHED
 
 
 class Point(NamedTuple):

@@ -43,13 +43,13 @@ from scipy.sparse import coo_array, csr_array
 
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.rows import Rows
+from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.equations.general import ContactEquations
-from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.reduced_tangent import ContactMatrices, ReducedTangent, solve_dense
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.compliance import Compliance, ContactDofs, FactoredBulk
-from fenics_mortar.la.factored import column_groups, factored_bulk
 from fenics_mortar.la.options import costs_of
+from fenics_mortar.la.solver import column_groups, factored_bulk
 from fenics_mortar.la.sparse import flatten
 from fenics_mortar.newton.loop import Status, Step
 from fenics_mortar.utils.arrays import Array, Indices

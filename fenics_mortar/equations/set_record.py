@@ -11,16 +11,15 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.discretization import Discretization
-from fenics_mortar.contact.laws import STICK, Branches
+from fenics_mortar.contact.law import STICK, Branches
+from fenics_mortar.contact.pair import Discretization
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.equations.options import EQUATIONS
+from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.equations.residual import Residual
 from fenics_mortar.newton.loop import UNSETTLED, decreased
 from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.rigid.proximal import Remaining
+from fenics_mortar.rigid.proximal import RIGID, Remaining
 from fenics_mortar.utils.arrays import Array, Flags
 
 # Active set and branches of each pair in one iteration.

@@ -28,10 +28,9 @@ from fenics_mortar.bulk.form_points import check_rules
 from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.crosspoints import bind
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.pair import ContactPair, TiedPair
-from fenics_mortar.contact.tied import Tie
+from fenics_mortar.contact.tied import Tie, bind
 from fenics_mortar.equations.arguments import (
     check_arguments,
     check_given_in_space,
@@ -46,12 +45,10 @@ from fenics_mortar.interface.outline import Outline
 from fenics_mortar.la.choice import system_of
 from fenics_mortar.mesh.space import DisplacementSpace, thickness_of
 from fenics_mortar.newton.loop import NewtonOptions
-from fenics_mortar.rigid.section import sections_of
-from fenics_mortar.rigid.spread import check_remote
+from fenics_mortar.rigid.spread import check_remote, sections_of
 from fenics_mortar.utils import compat, petsc
-from fenics_mortar.utils.arguments import check_kind, check_no_effect
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same_texts, together
+from fenics_mortar.utils.errors import check_kind, check_no_effect, check_same_texts, together
 
 
 def set_outlines(contacts: Sequence[Contact | Tie], outline: Outline, labels: Array) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Bodies behind the facets of a slave surface, which limit the search; see ``sight``."""
+"""Bodies behind the facets of a slave surface, which limit the search; see ``outline``."""
 
 from __future__ import annotations
 

@@ -23,12 +23,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.interface.roles import CurveRoles
-from fenics_mortar.interface.surfaces import Surface, facet_measures, place_of_nodes
-from fenics_mortar.interface.tagged_facets import local_facets
+from fenics_mortar.interface.surfaces import Surface, facet_measures, local_facets, place_of_nodes
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.utils.arrays import Array, Indices, norms
+from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, Array, Indices, norms
 from fenics_mortar.utils.errors import SurfaceError, format_point
-from fenics_mortar.utils.rounding import ROUNDING, SAME_PLACE
 
 # A node is a corner if the undeformed outline turns there by more than this angle [radian], that of
 # a regular hexagon; curves are meshed finer.

@@ -22,8 +22,7 @@ import basix
 
 from fenics_mortar.interface.corners import SharpEdges
 from fenics_mortar.interface.roles import FaceRoles
-from fenics_mortar.interface.surfaces import Surface, place_of_nodes
-from fenics_mortar.interface.tagged_facets import tagged_facets
+from fenics_mortar.interface.surfaces import Surface, place_of_nodes, tagged_facets
 from fenics_mortar.kernels.space.normals import facets_around, find_rings
 from fenics_mortar.kernels.space.shapes import (
     QUADRATIC,
@@ -31,8 +30,7 @@ from fenics_mortar.kernels.space.shapes import (
     tabulate_shapes,
     triangle_rule,
 )
-from fenics_mortar.mesh.numbering import input_nodes
-from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.mesh.space import DisplacementSpace, input_nodes
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, format_point

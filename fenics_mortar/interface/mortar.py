@@ -17,7 +17,7 @@ over areas: the units of D and M are those with a thickness.
 
 Each rank has the integrals over its share of the slave facets. Nodal quantities are summed over the
 ranks and equal on all of them. Derivatives are of type ``Block``; they are computed in
-``plane_mortar`` and ``space_mortar``.
+``integrals`` and ``space_mortar``.
 
 Blocks of sparse matrices, and the terms of the tangent that are kept.
 """

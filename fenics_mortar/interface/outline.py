@@ -3,12 +3,29 @@
 
 Outlines are curves, as contact surfaces, and small compared with the bulk; see ``surfaces``. They
 consist of straight segments between nodes: two for a quadratic facet.
+
+Limits of the search behind a slave surface, from the present outlines of a pair's bodies.
+
+Without a limit, the back of a plate would find partners through the plate. Such a partner is
+farther behind the slave surface than half the thickness of both bodies together, see
+``kernels.sight`` and, of faces, ``kernels.space.inside``. Thicknesses are measured in the present
+state, since bodies bend and are compressed.
+
+Up to a safe depth the limit is not evaluated. The cost per iteration is therefore that of gathering
+the outlines, which include the positions of both surfaces.
+
+The hulls of bodies in space, all of their exterior facets as triangles, on every rank.
+
+The counterpart of ``outline``: hulls are small compared with the bulk. Quadrilaterals and facets of
+order 2 are divided into flat triangles between their nodes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 from mpi4py import MPI
 
@@ -17,13 +34,19 @@ import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
+from fenics_mortar.interface.behind import BodiesBehind
 from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.interface.surfaces import replicate
-from fenics_mortar.interface.tagged_facets import facet_nodes
+from fenics_mortar.interface.faces import Faces, outward_nodes
+from fenics_mortar.interface.surfaces import facet_nodes, replicate
+from fenics_mortar.kernels import sight
+from fenics_mortar.kernels.space import inside as space_sight
+from fenics_mortar.kernels.space.normals import facets_around
+from fenics_mortar.kernels.space.pairs import spatial_order
+from fenics_mortar.kernels.space.shapes import triangles_of
+from fenics_mortar.kernels.tree import build_tree
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, SAME_PLACE, TINY, Array, Indices
 from fenics_mortar.utils.lines import near
-from fenics_mortar.utils.rounding import HALF_FACET, ROUNDING, SAME_PLACE, TINY
 
 # Factor of the steps to which coordinates are rounded [1]. With an odd factor no node of a regular
 # mesh lies halfway between two steps, where the result would depend on the last digit.
@@ -224,3 +247,158 @@ def _along_a_curve(X: Array, segments: Indices) -> Indices:
         for d in range(2):
             key |= ((cell[:, d] >> bit) & 1) << (2 * bit + d)
     return np.lexsort((segments[:, 1], segments[:, 0], key))
+
+
+# Safe depth over the undeformed thickness behind a facet [1]; the depth is at most the facet's
+# length. Bodies are not compressed to a smaller fraction, nor bent within a shorter length.
+SAFE = 0.25
+
+
+class Sight:
+    """Outlines of the bodies of a slave and a master surface.
+
+    Args:
+        outline: Outlines of the bodies of all pairs; tied bodies have a common number.
+        slave, master: The surfaces, ``Curve`` or ``Faces``.
+        normals: Normals of the slave nodes in the undeformed mesh, shape (slave nodes, dim).
+
+    Attributes:
+        outline: Outlines of the bodies of the two surfaces.
+    """
+
+    def __init__(self, outline: Outline, slave: Any, master: Any, normals: Array) -> None:
+        bodies = [outline.bodies_of(side) for side in (slave, master)]
+        self.outline = outline = outline.of_bodies(np.unique(np.concatenate(bodies)))
+        self._slave_bodies, self._master_bodies = bodies
+        self._of_slave, self._of_master = map(outline.indices_of, (slave.nodes, master.nodes))
+        self._segment_bodies = outline.segment_bodies
+        lengths = np.empty(len(slave.facets))
+        at = slave.X, normals, slave.facets, bodies[0], self._arrays(outline.X), ROUNDING, lengths
+        (sight if slave.dim == 2 else space_sight).tabulate_lengths(*at)
+        self._safe = np.minimum(SAFE * lengths, slave.facet_sizes)
+
+    def _arrays(self, x: Array) -> tuple[Any, ...]:
+        """Argument ``outline`` of the kernels for outlines with nodes at ``x`` (b, dim)."""
+        segments = self.outline.segments
+        arrays = x, segments, self._segment_bodies
+        if x.shape[1] == 2:
+            return arrays
+        boxes = build_tree(x, segments)
+        return *arrays, boxes, np.empty(len(boxes) // 2, np.int64)
+
+    def behind_at(self, u: Array | None) -> tuple[BodiesBehind, Array, Array]:
+        """The bodies behind the slave at a displacement (collective).
+
+        Args:
+            u: Displacement, shape (local dofs,) [length]; None for the undeformed state.
+
+        Returns:
+            The bodies, and displacements of slave and master nodes, each (nodes, dim) [length].
+        """
+        X = self.outline.X
+        moved = np.zeros_like(X) if u is None else self.outline.gather(u)
+        behind = BodiesBehind(
+            self._safe, self._slave_bodies, self._master_bodies, self._arrays(X + moved)
+        )
+        return behind, moved[self._of_slave], moved[self._of_master]
+
+
+@dataclass(frozen=True)
+class Hull(Outline):
+    """Triangles of the hulls of some bodies; see ``Outline``, equal on all ranks likewise.
+
+    Attributes:
+        segments: Nodes of each triangle, counter-clockwise seen from outside, shape (m, 3). The
+            triangles follow a space-filling curve.
+        ends: Facet of each triangle, shape (m, 1), numbers from 0 on.
+    """
+
+    def lengths(self, x: Array) -> Array:
+        """Sizes of the triangles' facets, nodes at ``x`` (n, 3): roots of areas, (m,) [length]."""
+        a, b, c = np.moveaxis(x[self.segments], 1, 0)
+        areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        return np.sqrt(np.bincount(self.ends[:, 0], areas))[self.ends[:, 0]]
+
+    def node_sizes(self, x: Array) -> Array:
+        """Size of the largest facet at each node, shape (n,) [length]."""
+        return self.largest_at_nodes(self.lengths(x))
+
+    def largest_at_nodes(self, values: Array) -> Array:
+        """Largest of the triangles' nonnegative ``values`` (m,) at each node, (n,) [their unit]."""
+        largest = np.zeros(len(self.X))
+        np.maximum.at(largest, self.segments, values[:, None])
+        return largest
+
+    def normals(self, x: Array) -> Array:
+        """Outward unit normals of the triangles, nodes at ``x`` (n, 3), shape (m, 3) [1]."""
+        a, b, c = np.moveaxis(x[self.segments], 1, 0)
+        normals = np.cross(b - a, c - a)
+        return normals / np.maximum(np.linalg.norm(normals, axis=1), TINY)[:, None]
+
+    @cached_property
+    def around(self) -> tuple[Indices, Indices, Indices]:
+        """Triangles at each node, see ``Faces.around``."""
+        return facets_around(self.segments, len(self.X))
+
+    @cached_property
+    def edges(self) -> tuple[Indices, Indices]:
+        """Nodes of each edge, ascending, and its two triangles, both (k, 2).
+
+        An edge on which more than two triangles meet has the first and the last of them.
+        """
+        ends = np.stack([self.segments, np.roll(self.segments, -1, axis=1)], axis=2).reshape(-1, 2)
+        owner = np.repeat(np.arange(len(self.segments)), 3)
+        edges, number = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
+        number = number.ravel()
+        beside = np.stack([np.full(len(edges), len(owner)), np.full(len(edges), -1)], axis=1)
+        np.minimum.at(beside[:, 0], number, owner)
+        np.maximum.at(beside[:, 1], number, owner)
+        return edges, beside
+
+    def turns(self, x: Array) -> Array:
+        """Angles between the triangles at the edges, nodes at ``x`` (n, 3), (k,) [radian]."""
+        one, other = np.moveaxis(self.normals(x)[self.edges[1]], 1, 0)
+        across = np.linalg.norm(np.cross(one, other), axis=1)
+        return np.arctan2(across, np.einsum("ec,ec->e", one, other))
+
+    def ends_among(self, number: Indices, mine: Any) -> Indices:
+        """See ``Outline``: numbers of facets stay."""
+        return self.ends[mine]
+
+    def are_of(self, surface: Any) -> Any:
+        """Whether each triangle belongs to a surface, shape (m,), bool."""
+        triangles = triangles_of(self.indices_of(surface.nodes)[surface.facets])[0]
+        ours, theirs = (_keys(t, len(self.X)) for t in (self.segments, triangles))
+        return np.isin(ours, theirs)
+
+    def near(self, surface: Faces, marked: Any = None) -> Any:
+        """Whether each triangle has a node of a surface, shape (m,), bool.
+
+        Args:
+            surface: The surface.
+            marked: The nodes that count, shape (nodes of the surface,), bool; all by default.
+        """
+        nodes = np.zeros(len(self.X), bool)
+        nodes[self.indices_of(surface.nodes if marked is None else surface.nodes[marked])] = True
+        return nodes[self.segments].any(axis=1)
+
+
+def _keys(triangles: Indices, num_nodes: int) -> Indices:
+    """One number for the nodes of triangles (m, 3), in any order (m,)."""
+    low, middle, high = np.sort(triangles, axis=1).T
+    return np.asarray((low * num_nodes + middle) * num_nodes + high)
+
+
+def extract_hull(space: DisplacementSpace, labels: Indices, bodies: Indices) -> Hull:
+    """Extract the exterior facets of bodies in space (collective).
+
+    Args:
+        space: Nodes and dofs of the displacement, degree 1 or 2.
+        labels: Body of each local node, shape (local nodes,).
+        bodies: Numbers of the bodies, equal on all ranks, shape (k,).
+    """
+    at, facets, of_ranks = exterior_facets(space, labels, bodies, outward_nodes)
+    triangles, owner = triangles_of(facets[np.lexsort(np.sort(facets, axis=1).T[::-1])])
+    along = spatial_order(at[0], triangles)
+    parts = np.ascontiguousarray(triangles[along]), owner[along][:, None]
+    return Hull(*at, *parts, *of_ranks, space.V.mesh.comm)

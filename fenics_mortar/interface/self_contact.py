@@ -41,9 +41,8 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from fenics_mortar.interface.curve_surface import FOLD, Curve
 from fenics_mortar.interface.faces import Faces, padded
 from fenics_mortar.interface.roles import CurveRoles, FaceRoles, Roles
-from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.arrays import SAME_PLACE, Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, format_point
-from fenics_mortar.utils.rounding import SAME_PLACE
 
 # Digits to which the logarithm of the mean facet size is compared: parts with equal meshes are
 # then ordered by their coordinates, not by rounding.

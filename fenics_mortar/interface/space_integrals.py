@@ -7,16 +7,17 @@ import numpy as np
 
 from fenics_mortar.interface.behind import BodiesBehind
 from fenics_mortar.interface.faces import Faces, covers
-from fenics_mortar.interface.integrals import share_of, sum_over_facets
-from fenics_mortar.interface.mortar import Linearization
-from fenics_mortar.interface.roles import FaceRoles
-from fenics_mortar.interface.segments import (
+from fenics_mortar.interface.integrals import (
     AT_VERTICES,
     COMBINED,
     Basis,
     MortarOptions,
     evaluate_normals,
+    share_of,
+    sum_over_facets,
 )
+from fenics_mortar.interface.mortar import Linearization
+from fenics_mortar.interface.roles import FaceRoles
 from fenics_mortar.interface.space_mortar import (
     FacetPairs,
     Moments,

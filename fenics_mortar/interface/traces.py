@@ -5,11 +5,13 @@ The values at the surface's nodes are E times the dofs. A field of the displacem
 dof at each node, with weight 1. A field of degree 1 beside a displacement of degree 2 has none at
 nodes inside edges and facets; its value there is the mean of their corners. E is then part of D and
 M of the field: jumps are D E T, and the loads of fluxes q are E^T D^T q.
+
+The surface of some boundary tags: curves in the plane, faces in space.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +22,8 @@ import basix
 import ufl
 from dolfinx import fem
 
+from fenics_mortar.interface.curve_surface import extract_curve
+from fenics_mortar.interface.faces import extract_faces
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface, replicate
 from fenics_mortar.mesh.space import DisplacementSpace
@@ -189,3 +193,21 @@ def _pairs(V: Any, T: Any) -> Iterator[tuple[Any, list[tuple[Any, float]]]]:
                 corners = [layouts[1].entity_dofs(0, vertex)[0] for vertex in vertices]
                 share = 1.0 / len(corners)
                 yield nodes[:, node], [(of_field[:, corner], share) for corner in corners]
+
+
+def extract_surface(
+    space: DisplacementSpace, facet_tags: Any, tags: Sequence[int], name: str
+) -> Any:
+    """Extract the facets of some tags as a ``Curve`` or as ``Faces`` (collective).
+
+    Args:
+        space: Nodes and dofs of the displacement, degree 1 or 2.
+        facet_tags: Facet tags of the mesh.
+        tags: Tags of the surface.
+        name: Name used in messages.
+
+    Raises:
+        SurfaceError: On all ranks; see ``extract_curve`` and ``extract_faces``.
+    """
+    extract = extract_curve if space.V.mesh.topology.dim == 2 else extract_faces
+    return extract(space, facet_tags, tags, name)

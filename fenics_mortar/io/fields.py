@@ -26,9 +26,8 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.errors import MortarError, check_kind
 from fenics_mortar.utils.files import MarkdownText, markdown_table, try_together
 from fenics_mortar.utils.ranks import largest_over_ranks
 

@@ -29,12 +29,11 @@ from fenics_mortar.io.fields import (
     owned_cells,
     surface_fields,
 )
-from fenics_mortar.mesh.kinds import KINDS
+from fenics_mortar.mesh.space import KINDS
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import check_same_texts, together
+from fenics_mortar.utils.errors import check_kind, check_number, check_same_texts, together
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
 
 # Name in meshio and order of the nodes in VTK (corners, edges, interior), by number of nodes.

@@ -1,14 +1,24 @@
 # SPDX-License-Identifier: MIT
-"""Pictures of the deformed bodies and the contact pressure."""
+"""Pictures of the deformed bodies and the contact pressure.
+
+Pictures of solids: their outer facets, shaded, and coloured by a field.
+
+The outer facets of solids, for pictures: each of them once, on the rank that owns its cell.
+
+Style of pictures: colours, and what the user chooses.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+
+import basix
+from dolfinx import mesh as dmesh
 
 from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.contact.contact import Contact
@@ -23,22 +33,244 @@ from fenics_mortar.io.fields import (
     owned_cells,
     with_margin,
 )
-from fenics_mortar.io.picture_in_space import (
-    BODIES,
-    GREY,
-    INK,
-    PRESSURE,
-    Style,
-    colours,
-    drawing_of_solids,
-    pressure_label,
-)
+from fenics_mortar.mesh.space import KINDS, Kind
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils.arguments import check_kind, check_number
+from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import together
+from fenics_mortar.utils.errors import check_kind, check_number, together
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
+
+
+class Skin(NamedTuple):
+    """Facets of one cell only.
+
+    Attributes:
+        cells: Local cells of the facets, shape (f,).
+        rings: Local nodes along the outlines of the facets, with those in the middle of edges of
+            order 2, shape (f, k).
+    """
+
+    cells: Indices
+    rings: Indices
+
+
+def skin_of(V: Any) -> Skin:
+    """The outer facets of the mesh of a Lagrange space of degree 1 or 2 in space (collective)."""
+    topology, dofs = V.mesh.topology, compat.dofmap(V)
+    topology.create_connectivity(2, 3)
+    topology.create_connectivity(3, 2)
+    to_cells, to_facets = topology.connectivity(2, 3), topology.connectivity(3, 2)
+    outer = dmesh.exterior_facet_indices(topology)
+    cells = np.array([to_cells.links(facet)[0] for facet in outer], np.int64)
+    kind = KINDS[3, dofs.shape[1]]
+    local = [
+        int(np.flatnonzero(to_facets.links(cell) == facet)[0])
+        for cell, facet in zip(cells, outer, strict=True)
+    ]
+    nodes = dofs[cells][:, np.argsort(kind.order)]
+    numbers = _numbers(kind)[np.array(local, np.int64)]
+    rings = np.take_along_axis(nodes, _rings(kind)[numbers], axis=1)
+    return Skin(cells, rings.astype(np.int64))
+
+
+def _numbers(kind: Kind) -> Indices:
+    """Numbers in ``kind`` of the facets of the reference cell, in the order of basix."""
+    corners = [set(facet) for facet in kind.facets]
+    facets = basix.topology(getattr(basix.CellType, kind.name))[2]
+    return np.array([corners.index({kind.vertices[v] for v in facet}) for facet in facets])
+
+
+def _rings(kind: Kind) -> Indices:
+    """Corners of each facet, one after the other, with the middles of edges between them."""
+    corners = np.array(kind.facets)
+    if kind.degree == 1:
+        return corners
+    middle_of = {frozenset(edge): kind.corners + i for i, edge in enumerate(kind.edges)}
+    pairs = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
+    middles = [[middle_of[frozenset(pair)] for pair in ring] for ring in pairs.tolist()]
+    return np.stack([corners, middles], axis=2).reshape(len(corners), -1)
+
+
+INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
+BODIES = "#dfe6ea"
+SEQUENTIAL, DIVERGING = "YlGnBu", "RdBu_r"
+# A field has both signs if the largest value of one sign is at least this fraction of the largest
+# of the other sign [1]: smaller values may be discretization errors, and half of the colours would
+# not be used.
+SIGNED = 0.2
+
+
+class Style(NamedTuple):
+    """Arguments of ``plot``, see there."""
+
+    label: str
+    title: str | None
+    scale: float
+    units: tuple[str, str] | None
+    limits: tuple[float, float] | None
+    cmap: Any
+
+
+def colours(values: Array, style: Style) -> dict[str, Any]:
+    """Colour map and norm of a field, diverging about zero if it has both signs (local)."""
+    from matplotlib.colors import Normalize, TwoSlopeNorm
+
+    low, high = (values.min(), values.max()) if style.limits is None else style.limits
+    smaller, larger = sorted((abs(low), abs(high)))
+    if not (low < 0.0 < high and smaller > SIGNED * larger):
+        return {"norm": Normalize(low, high), "cmap": style.cmap or SEQUENTIAL}
+    if style.limits is None:
+        low, high = -larger, larger
+    return {"norm": TwoSlopeNorm(0.0, low, high), "cmap": style.cmap or DIVERGING}
+
+
+def pressure_label(contacts: list[Any], contact: Any, style: Style) -> str:
+    """Entry of the legend on the largest pressure of a contact (local)."""
+    slaves = [other.slave.name for other in contacts]
+    name = contact.slave.name
+    if slaves.count(name) > 1:
+        name += f" by {contact.pair.master_name}"
+    unit = "" if style.units is None else f" {style.units[1]}"
+    return f"pressure on {name}, maximum {contact.pressure.max():.4g}{unit}"
+
+
+# Angles of the camera above the x-y plane and about z [degrees].
+CAMERA = (22.0, -60.0)
+# Angles from the camera to the light, upwards and to the right [degrees].
+LIGHT = (25.0, 20.0)
+# Brightness of facets that face away from the light, those that face it have 1 [1].
+DARKEST = 0.55
+
+
+class Facets(NamedTuple):
+    """Outer facets of solids.
+
+    Attributes:
+        polygons: Their outlines in the deformed state, shape (f, k, 3) [length].
+        inner: Midpoints of their cells, shape (f, 3) [length].
+        values: Values of a field in their cells, shape (f,).
+    """
+
+    polygons: Array
+    inner: Array
+    values: Array
+
+
+def drawing_of_solids(
+    problem: ContactProblem, values: Array | None, style: Style
+) -> Callable[[Any], Any]:
+    """Function that draws solids into axes, or into new ones, on the first rank (collective).
+
+    Args:
+        problem: The problem.
+        values: Values of a field in the owned cells, shape (cells,), or ``None``.
+        style: Style of the picture.
+    """
+    bulk = problem.equations.bulk
+    skin, x = skin_of(bulk.V), bulk.cells.X + style.scale * bulk.u.x.array[bulk.space.dofs]
+    given = np.zeros(len(skin.cells)) if values is None else values[skin.cells]
+    branches: Any = bulk.comm.gather((x[skin.rings], bulk.cells.middles(x)[skin.cells], given))
+    contacts = [c for c in evaluated_contacts(problem) if not isinstance(c, Tie)]
+
+    def draw(ax: Any) -> Any:
+        facets = Facets(*(np.concatenate(parts) for parts in zip(*branches, strict=True)))
+        axes = _axes_in_space() if ax is None else ax
+        axes.set_title(style.title or "", y=1.0)
+        _draw_facets(axes, facets, None if values is None else style)
+        _draw_largest_pressures(axes, contacts, style)
+        if style.scale != 1.0:
+            axes.plot([], [], [], " ", color=INK, label=f"displacement x {style.scale:g}")
+        _finish_axes_in_space(axes, style.units)
+        return axes
+
+    return draw
+
+
+def _axes_in_space() -> Any:
+    """Axes of a new figure."""
+    from matplotlib.figure import Figure
+
+    axes = Figure((7.0, 5.5), layout="constrained").add_subplot(projection="3d")
+    axes.view_init(*CAMERA)
+    axes.set_proj_type("ortho")
+    return axes
+
+
+def _draw_facets(axes: Any, facets: Facets, style: Style | None) -> None:
+    """Draw the facets that the camera sees, coloured if there is a style, and set the limits."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import to_rgb
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    faces = np.tile(to_rgb(BODIES), (len(facets.values), 1))
+    if style is not None:
+        mapping = ScalarMappable(**colours(facets.values, style))
+        faces = mapping.to_rgba(facets.values)[:, :3]
+        bar = axes.figure.colorbar(
+            mapping, ax=axes, label=style.label, location="left", shrink=0.6, pad=0.02
+        )
+        bar.outline.set_visible(False)
+    normals = _normals(facets)
+    seen = normals @ _direction(axes.elev, axes.azim) > 0.0  # their order in depth is not exact
+    light = _direction(axes.elev + LIGHT[0], axes.azim + LIGHT[1])
+    brightness = DARKEST + (1.0 - DARKEST) * np.clip(normals @ light, 0.0, 1.0)
+    shaded = (faces * brightness[:, None])[seen]
+    edges = {"edgecolors": (0.1, 0.1, 0.1, 0.5), "linewidths": min(0.35, 12 / len(shaded) ** 0.5)}
+    drawn = Poly3DCollection(facets.polygons[seen], facecolors=shaded, clip_on=False, **edges)
+    axes.add_collection3d(drawn)
+    points = facets.polygons.reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    for name, *limits in zip("xyz", low, high, strict=True):
+        getattr(axes, f"set_{name}lim")(*limits)
+    axes.set_box_aspect(high - low)
+
+
+def _draw_largest_pressures(axes: Any, contacts: list[Any], style: Style) -> None:
+    """Mark the node of the largest pressure of each contact."""
+    for contact in contacts:
+        if contact.pressure.max() > 0.0:
+            X, x = (
+                places[contact.pressure.argmax()]
+                for places in (contact.slave.X, contact.operators.x)
+            )
+            label = pressure_label(contacts, contact, style)
+            place = X + style.scale * (x - X)
+            axes.plot(*place[:, None], "o", markersize=4, color=PRESSURE, label=label, zorder=10)
+
+
+def _finish_axes_in_space(axes: Any, units: tuple[str, str] | None) -> None:
+    """Labels with units, few numbers, panes without colour, and the legend."""
+    for name in "xyz":
+        label = name if units is None else f"{name} [{units[0]}]"
+        getattr(axes, f"set_{name}label")(label, fontsize=9)
+        axis = getattr(axes, f"{name}axis")
+        axis.pane.set_visible(False)
+        axis.set_tick_params(labelsize=8)
+    axes.grid(visible=False)
+    axes.locator_params(nbins=4)
+    if axes.get_legend_handles_labels()[1]:
+        style = {"labelcolor": "linecolor", "frameon": False, "handletextpad": 0.0}
+        # below the labels of the axes, which reach lowest for tall bodies
+        axes.legend(**style, loc="upper left", bbox_to_anchor=(0.0, -0.11), fontsize=9)
+
+
+def _normals(facets: Facets) -> Array:
+    """Outer unit normals of the facets, zero without area, shape (f, 3) [1]."""
+    polygons = facets.polygons
+    first, second = (polygons[:, len(polygons[0]) * k // 3] for k in (1, 2))
+    normals = np.cross(first - polygons[:, 0], second - polygons[:, 0])
+    outward = polygons.mean(axis=1) - facets.inner
+    normals *= np.sign((normals * outward).sum(axis=1))[:, None]
+    size = np.linalg.norm(normals, axis=1)
+    return np.asarray(normals / np.where(size > 0.0, size, 1.0)[:, None])
+
+
+def _direction(elevation: float, azimuth: float) -> Array:
+    """Unit vector to a place at two angles [degrees], shape (3,) [1]."""
+    up, about = np.radians([elevation, azimuth])
+    return np.array([np.cos(up) * np.cos(about), np.cos(up) * np.sin(about), np.sin(up)])
+
 
 # Function that draws into axes, or into those of a new figure, and returns them.
 Draw = Callable[[Any], Any]

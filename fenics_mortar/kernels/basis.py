@@ -46,7 +46,7 @@ derivatives follow from those of G, with coefficients computed once per facet, a
 """
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.rows import copy_row, copy_rows
+from fenics_mortar.kernels.blocks import copy_row, copy_rows
 
 DUAL, STANDARD = range(2)
 # Functions that weight the gap, see above

@@ -2,7 +2,7 @@
 """Masters of each facet on a surface in contact with itself."""
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.rows import copy_row
+from fenics_mortar.kernels.blocks import copy_row
 
 # Distance of two facets along the boundary, over their mean length [1], up to which they are
 # neighbours: the next facet and the one after it. The mesh cannot resolve a fold between them.

@@ -5,16 +5,307 @@ The boxes of the master facets, in the order of the curve, are the leaves of a `
 of a slave facet are the boxes that intersect its strip, the quadrilateral x_k -+ radius n_k. The
 search costs O(log N + hits) per facet, for any radius and orientation of the interface.
 
-For segments and partners on the candidates see ``pairing``.
+For segments and partners on the candidates see below.
+
+Segments and partners of one slave facet among nearby master facets.
+
+A master node lies ahead of or behind the ray of a slave node by the sign of tau . (x_m - x_s). The
+sign is evaluated identically for all facets that share the two nodes. No part of a facet is
+therefore lost or counted twice, even if nodes coincide. A segment end is a slave node if the ray of
+the node hits the master facet, else the partner of a master node. That master node lies strictly
+between the two rays, where q changes sign once and has one root (see ``projection``).
+
+Segments of any length are kept, including zero: when a master node passes a slave node, the sliver
+contributes nothing to the integrals, but the motion of its ends contributes to the derivative.
+Where two bodies end at the same point, two lengths are treated as rounding: facets with negligible
+cover have no segments, and a negligible distance between the cover and an end node is closed.
+
+Quadrature points that are fixed on the slave facets have one ray each, which is tested against both
+ends of each master facet. A ray that passes through a master node, within rounding, is assigned to
+one of the two facets by a fixed rule, so that results on aligned meshes are reproducible.
+
+A slave facet at a corner may face two portions of a master, one far behind the other. A weighted
+average of both gaps is meaningless: with positive functions, a node that touches the nearer portion
+stays open; dual functions, which are partly negative, produce an overlap and pressure at a
+distance. A portion is therefore ignored if it is farther away than the nearest one by half a facet,
+or by two facets if the nearest one is in contact or a tenth of a facet from it: beside a corner of
+the master both portions belong to the contact zone, and a portion that appears and disappears there
+costs iterations.
+
+Master facets behind a slave point count only if moving back through them is the shorter way to
+separate the bodies, see ``sight``. The test is skipped up to a safe depth of each slave facet.
 """
 
 import numpy as np
 
-from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.pairing import curve_starts, facet_segments, point_partners
-from fenics_mortar.kernels.rows import copy_rows, grown
+from fenics_mortar.kernels import kernel, sight
+from fenics_mortar.kernels.blocks import copy_row, copy_rows, grown
+from fenics_mortar.kernels.projection import (
+    gather,
+    interpolate,
+    master_to_slave,
+    side_of_ray,
+    slave_to_master,
+    tabulate_shapes,
+)
+from fenics_mortar.kernels.roles import keep_masters, touch_in_a_point
 from fenics_mortar.kernels.tree import build_tree, query_tree
-from fenics_mortar.utils.rounding import ROUNDING
+from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING
+
+# Distance behind a contact, over the length of a facet [1], above which a surface does not belong
+# to the contact: overlaps of Newton iterates are smaller.
+BEHIND = 2.0
+# Gap over the length of a facet [1] up to which a portion of the master may be in contact in the
+# next iterations.
+ALMOST_CLOSED = 0.1
+
+
+@kernel
+def find_interval(y, N, is_node):
+    """Interval of a slave facet that faces a master facet: (whether there is one, xi_a, xi_b).
+
+    ``is_node`` (2,) is filled with whether each end is a slave node.
+    """
+    size = y.size // 3
+    x, n, m = y[:size], y[size : 2 * size], y[2 * size :]
+    first_1 = side_of_ray(x[:2], n[:2], m[:2])
+    first_2 = side_of_ray(x[:2], n[:2], m[-2:])
+    second_1 = side_of_ray(x[-2:], n[-2:], m[:2])
+    second_2 = side_of_ray(x[-2:], n[-2:], m[-2:])
+    is_node[0], is_node[1] = first_2 <= 0.0, second_1 >= 0.0
+    if (not is_node[0] and second_2 >= 0.0) or (not is_node[1] and first_1 <= 0.0):
+        return False, 1.0, -1.0
+    if (is_node[0] and first_1 <= 0.0) or (is_node[1] and second_2 >= 0.0):
+        return False, 1.0, -1.0
+    lower = -1.0 if is_node[0] else master_to_slave(y, N.shape[1] - 1, N)
+    upper = 1.0 if is_node[1] else master_to_slave(y, 0, N)
+    return True, lower, upper
+
+
+@kernel
+def gap_if_facing(y, xi, shapes, min_cosine):
+    """Gap at ``xi`` [length]; inf if slave normal and reversed master normal differ too much.
+
+    ``shapes`` = (N, L), overwritten; ``min_cosine``: smallest cosine of the angle between the two
+    [1].
+    """
+    N, L = shapes
+    _, alpha = slave_to_master(y, xi, N, L)
+    nx, ny = interpolate(y, 1, N, 0)
+    ax, ay = interpolate(y, 2, L, 1)
+    size = np.sqrt(nx * nx + ny * ny)
+    if not -(nx * ay - ny * ax) >= min_cosine * size * np.sqrt(ax * ax + ay * ay):
+        return np.inf
+    return alpha * size
+
+
+@kernel
+def is_hidden(y, N, xi, depth, behind, facets):
+    """Whether a partner at ``depth`` [length] behind the slave surface is rejected, see ``sight``.
+
+    ``behind`` = (safe depths (f,) [length] and bodies (f,) of the slave facets, bodies of the
+    master facets, outline, fraction of a facet that is rounding [1]), see ``sight``; ``facets`` =
+    (slave facet, master facet).
+    """
+    _, slave_bodies, master_bodies, outline, rounding = behind
+    last = 2 * N.shape[1] - 2
+    length = np.sqrt((y[last] - y[0]) ** 2 + (y[last + 1] - y[1]) ** 2)
+    bodies = slave_bodies[facets[0]], master_bodies[facets[1]]
+    if bodies[0] == bodies[1]:
+        return not sight.overlaps_point(y, N, xi, depth, outline, bodies[0], rounding * length)
+    return not sight.is_nearer_exit(y, N, xi, depth, outline, bodies, rounding * length)
+
+
+@kernel
+def sort_rows(rows, count, column):
+    """Sort the first ``count`` of rows (r, c) in place by one column.
+
+    Stable insertion sort, for few rows.
+    """
+    for i in range(1, count):
+        for j in range(i, 0, -1):
+            if rows[j, column] >= rows[j - 1, column]:
+                break
+            for c in range(rows.shape[1]):
+                rows[j, c], rows[j - 1, c] = rows[j - 1, c], rows[j, c]
+
+
+@kernel
+def keep_nearest(found, count, tolerance):
+    """Keep the nearest of overlapping segments, sorted along the facet; return their number.
+
+    Rows of ``found``: (distance [length], xi_a, xi_b, master facet, whether the lower and whether
+    the upper end is a slave node, gap [length]), of which the first ``count`` are used.
+    ``tolerance``: overlap in xi that is rounding [1].
+    """
+    sort_rows(found, count, 0)
+    kept = 0
+    for i in range(count):
+        free = True
+        for j in range(kept):
+            overlap = min(found[i, 2], found[j, 2]) - max(found[i, 1], found[j, 1])
+            free = free and overlap <= tolerance
+        if free:
+            copy_row(found[i], found[kept])
+            kept += 1
+    sort_rows(found, kept, 1)
+    return kept
+
+
+@kernel
+def keep_near_portions(found, count, master_facets, length):
+    """Drop portions of the master too far behind the nearest one; return the number of rows kept.
+
+    Limits: ``HALF_FACET`` times the ``length`` of the slave facet, or ``BEHIND`` if the nearest
+    portion has a gap between ``-HALF_FACET`` and ``ALMOST_CLOSED`` lengths. Rows of ``found`` are
+    those of ``keep_nearest``; consecutive master facets that share a node form one portion.
+    """
+    nearest, gap = np.inf, np.inf
+    for i in range(count):
+        if found[i, 0] < nearest:
+            nearest, gap = found[i, 0], found[i, 6]
+    in_contact = -HALF_FACET * length <= gap <= ALMOST_CLOSED * length
+    max_distance = length * (BEHIND if in_contact else HALF_FACET)
+    kept, start = 0, 0
+    while start < count:
+        stop, distance = start + 1, found[start, 0]
+        while stop < count and is_next(master_facets, found[stop - 1, 3], found[stop, 3]):
+            distance = min(distance, found[stop, 0])
+            stop += 1
+        if distance <= nearest + max_distance:
+            for i in range(start, stop):
+                copy_row(found[i], found[kept])
+                kept += 1
+        start = stop
+    return kept
+
+
+@kernel
+def is_next(master_facets, one, other):
+    """Whether master facet ``other`` ends where ``one`` begins; they are numbers of rows (f, K)."""
+    return master_facets[int(one), 0] == master_facets[int(other), -1]
+
+
+@kernel
+def facet_segments(
+    geometry, slave, master_facets, hits, radius, limits, found, behind=None, number=0, roles=None
+):
+    """Fill ``found`` with the segments of one slave facet; return their number.
+
+    Args:
+        geometry: (x (n, 2), n (n, 2), m (k, 2)): slave positions and normals, master positions.
+        slave: Nodes of the slave facet, shape (K,).
+        master_facets: Nodes of all master facets, shape (f, K).
+        hits: Candidate master facets, shape (h,).
+        radius: Largest distance along the normal [length].
+        limits: (smallest cosine [1], length in xi that is rounding [1]).
+        found: Rows as in ``keep_nearest``, shape (h, 7) or longer; filled.
+        behind: As in ``is_hidden``; None skips the test.
+        number: Number of the slave facet in ``behind`` and ``roles``.
+        roles: As in ``roles.keep_masters``, if slave and master are one surface.
+    """
+    x, n, m = geometry
+    min_cosine, min_cover = limits
+    y, N, L = np.empty(6 * slave.size), np.empty((3, slave.size)), np.empty((3, slave.size))
+    is_node = np.empty(2, np.bool_)
+    safe = np.inf
+    if behind is not None:
+        safe = behind[0][number]
+    count = 0
+    for hit in range(hits.size):
+        if roles is not None and touch_in_a_point(roles[3], roles[0][number], hits[hit]):
+            continue
+        gather(x, n, m, slave, master_facets[hits[hit]], y)
+        meets, lower, upper = find_interval(y, N, is_node)
+        if not meets:
+            continue
+        middle = 0.5 * (lower + upper)
+        gap = gap_if_facing(y, middle, (N, L), min_cosine)
+        if not abs(gap) <= radius or gap == np.inf:
+            continue
+        if behind is not None:
+            facets = number, hits[hit]
+            if -gap > safe and is_hidden(y, N, middle, -gap, behind, facets):
+                continue
+        found[count, 0], found[count, 1], found[count, 2] = abs(gap), lower, upper
+        found[count, 3] = hits[hit]
+        found[count, 4], found[count, 5], found[count, 6] = is_node[0], is_node[1], gap
+        count += 1
+    kept = keep_nearest(found, count, min_cover)
+    if roles is not None:
+        kept = keep_masters(found, kept, roles, number)
+    edge = x[slave[-1]] - x[slave[0]]
+    length = np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
+    kept = keep_near_portions(found, kept, master_facets, length)
+    if kept == 0:
+        return 0
+    if found[0, 1] < -1.0 + min_cover:
+        found[0, 1], found[0, 4] = -1.0, 1.0
+    if found[kept - 1, 2] > 1.0 - min_cover:
+        found[kept - 1, 2], found[kept - 1, 5] = 1.0, 1.0
+    cover = 0.0
+    for i in range(kept):
+        cover += found[i, 2] - found[i, 1]
+    return kept if cover > min_cover else 0
+
+
+@kernel
+def curve_starts(facets, num_nodes):
+    """Whether a node is not the last one of any facet, shape (num_nodes,)."""
+    starts = np.ones(num_nodes, np.bool_)
+    for f in range(facets.shape[0]):
+        starts[facets[f, -1]] = False
+    return starts
+
+
+@kernel
+def ray_hits(y, N, is_start, tolerance):
+    """Whether the ray of the slave point with shape functions ``N`` hits a master facet.
+
+    A ray within ``tolerance`` [length] of a master node hits the facet that ends at the node; at
+    the start of a curve, where ``is_start``, it hits the facet that begins there.
+    """
+    at = 4 * N.shape[1]
+    x, n = np.empty(2), np.empty(2)
+    x[0], x[1] = interpolate(y, 0, N, 0)
+    n[0], n[1] = interpolate(y, 1, N, 0)
+    first, last = side_of_ray(x, n, y[at : at + 2]), side_of_ray(x, n, y[-2:])
+    return last <= tolerance and first > (-tolerance if is_start else tolerance)
+
+
+@kernel
+def point_partners(
+    geometry, e, slave, master_facets, starts, hits, points, radius, behind, limits, partners
+):
+    """Fill ``partners`` (p,) with the nearest master facet of each point, -1 for none; count them.
+
+    Ties go to the facet with the lower number. ``points`` (p,) are coordinates on the slave facet
+    ``e`` with the nodes ``slave`` (K,), ``starts`` is that of ``curve_starts``, ``limits`` =
+    (smallest cosine [1], fraction of the slave facet within which a ray hits a master node [1]);
+    others as in ``facet_segments``.
+    """
+    x, n, m = geometry
+    min_cosine, tie = limits
+    y, N, L = np.empty(6 * slave.size), np.empty((3, slave.size)), np.empty((3, slave.size))
+    edge = x[slave[-1]] - x[slave[0]]
+    tolerance = tie * np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
+    partners[:], safe = -1, behind[0][e]
+    distances = np.full(points.size, np.inf)
+    for hit in hits:
+        gather(x, n, m, slave, master_facets[hit], y)
+        for p in range(points.size):
+            tabulate_shapes(points[p], N)
+            if not ray_hits(y, N, starts[master_facets[hit, 0]], tolerance):
+                continue
+            gap = gap_if_facing(y, points[p], (N, L), min_cosine)
+            distance = abs(gap)
+            nearer = distance < distances[p] or (distance == distances[p] and hit < partners[p])
+            if not (nearer and distance <= radius):
+                continue
+            if -gap > safe and is_hidden(y, N, points[p], -gap, behind, (e, hit)):
+                continue
+            partners[p], distances[p] = hit, distance
+    return (partners >= 0).sum()
 
 
 @kernel

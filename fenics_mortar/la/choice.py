@@ -12,8 +12,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.la.condensed import CondensedSystem, obstacle_to_condensation
 from fenics_mortar.la.options import ITERATIVE, SMALL, SolverName, costs_of
-from fenics_mortar.la.saddle import SaddleSystem
-from fenics_mortar.la.system import LinearSystem
+from fenics_mortar.la.system import LinearSystem, SaddleSystem
 
 Algorithm = Literal["condensed", "saddle"]
 SYSTEMS: dict[str, type[LinearSystem]] = {"condensed": CondensedSystem, "saddle": SaddleSystem}

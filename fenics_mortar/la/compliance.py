@@ -16,12 +16,11 @@ from scipy.sparse import csr_array
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.la.factored import column_groups, factored_bulk, factored_bulk_by_cholmod
+from fenics_mortar.la.solver import column_groups, factored_bulk, factored_bulk_by_cholmod
 from fenics_mortar.la.sparse import SomeRows, is_indefinite, schur_complement
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import SOLVED, Array, Indices
 from fenics_mortar.utils.errors import MortarError, raise_together
 from fenics_mortar.utils.ranks import sum_over_ranks
-from fenics_mortar.utils.rounding import SOLVED
 
 
 class ContactDofs(SomeRows):
@@ -65,7 +64,7 @@ class FactoredBulk:
     Args:
         bulk: The bodies; their tangent is constant and assembled.
         dofs: The contact dofs.
-        factors: The factors, see ``factored``.
+        factors: The factors, see ``solver``.
     """
 
     def __init__(self, bulk: Bulk, dofs: ContactDofs, factors: PETSc.PC) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array, hstack
 
 from fenics_mortar.contact.fluxes import Flux
-from fenics_mortar.contact.tied_field import NO_ROWS, TiedField
+from fenics_mortar.contact.tied_rows import NO_ROWS, TiedField
 from fenics_mortar.interface.faces import Faces
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.space_mortar import SpaceOperators

@@ -107,7 +107,7 @@ ITERATIVE = {
     "pc_type": "python",
     **{f"cycle_{name}": value for name, value in CYCLE.items()},
 }
-# Options with this prefix belong to another solver, see ``la.factored``.
+# Options with this prefix belong to another solver, see ``la.solver``.
 COMPLIANCE = "compliance_"
 # Prefixes and names of options set in PETSc's database by ``options_added`` at present.
 _added: set[tuple[str, str]] = set()

@@ -25,11 +25,10 @@ import numpy.typing as npt
 
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import pack_product, pack_rows
-from fenics_mortar.utils.arrays import Indices
+from fenics_mortar.utils.arrays import SUM_ROUNDING, Indices
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.petsc import POINTER, petsc_function
 from fenics_mortar.utils.ranks import on_all_ranks
-from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 _set_pattern = petsc_function("MatSetPreallocationCOO", POINTER, ctypes.c_ssize_t, POINTER, POINTER)
 _set_values = petsc_function("MatSetValuesCOO", POINTER, POINTER, ctypes.c_int, checked=False)

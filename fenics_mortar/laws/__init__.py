@@ -10,7 +10,7 @@ helpers ``row_of`` and ``magnitude``: ``demos/guide/laws.md`` explains how.
 SoftLayer(c_t=0.1, mu=0.3, max_shear=inf, limit_by='trial', k=50.0, m=2.0)
 """
 
-from fenics_mortar.contact.laws import (
+from fenics_mortar.contact.law import (
     Coulomb,
     Friction,
     Frictionless,

@@ -11,6 +11,7 @@ import numpy as np
 from fenics_mortar.contact.law import (
     Array,
     Branches,
+    Coulomb,
     Frictionless,
     Law,
     Nodal,
@@ -20,8 +21,7 @@ from fenics_mortar.contact.law import (
     row_of,
     varies,
 )
-from fenics_mortar.contact.laws import Coulomb
-from fenics_mortar.utils.arguments import check_number
+from fenics_mortar.utils.errors import check_number
 
 
 class Worn(Coulomb):

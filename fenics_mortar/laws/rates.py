@@ -11,6 +11,7 @@ import numpy as np
 from fenics_mortar.contact.law import (
     Array,
     Branches,
+    Friction,
     Law,
     Nodal,
     Row,
@@ -18,7 +19,6 @@ from fenics_mortar.contact.law import (
     magnitude,
     row_of,
 )
-from fenics_mortar.contact.laws import Friction
 
 
 class Stribeck(Friction):

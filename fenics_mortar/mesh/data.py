@@ -12,11 +12,10 @@ import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.mesh.numbering import numbered_dofs
+from fenics_mortar.mesh.space import numbered_dofs
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Indices, values_at
-from fenics_mortar.utils.errors import MeshError, raise_together
+from fenics_mortar.utils.errors import MeshError, check_kind, check_number, raise_together
 
 # A name or tag of a boundary, or several of them.
 Names = str | int | Sequence[str | int]

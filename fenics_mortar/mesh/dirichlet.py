@@ -16,8 +16,7 @@ from dolfinx import fem
 
 from fenics_mortar.mesh.data import MeshData, Names
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arguments import check_kind
-from fenics_mortar.utils.errors import MeshError, check_same_texts, together
+from fenics_mortar.utils.errors import MeshError, check_kind, check_same_texts, together
 
 # All components of a vector, and one of them, in messages, by dimension.
 ALL = {2: "both", 3: "all"}

@@ -22,10 +22,17 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.mesh.kinds import KINDS, Kind, codes_of, facets_of
-from fenics_mortar.utils.arrays import Array, Flags, Indices, values_at
+from fenics_mortar.mesh.space import KINDS, Kind, codes_of, facets_of
+from fenics_mortar.utils.arrays import (
+    MAX_STEPS,
+    ROUNDING,
+    SAME_PLACE,
+    Array,
+    Flags,
+    Indices,
+    values_at,
+)
 from fenics_mortar.utils.errors import MeshError, format_point
-from fenics_mortar.utils.rounding import MAX_STEPS, ROUNDING, SAME_PLACE
 
 
 def check_hanging_nodes(

@@ -20,12 +20,17 @@ from dolfinx import mesh as dmesh
 
 from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.mesh.edges import check_hanging_nodes, check_hanging_nodes_in_space
-from fenics_mortar.mesh.kinds import KINDS, Kind, codes_of, facets_of
+from fenics_mortar.mesh.space import KINDS, Kind, codes_of, facets_of
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arguments import check_kind, check_number
-from fenics_mortar.utils.arrays import Array, Indices, values_at
-from fenics_mortar.utils.errors import MeshError, check_same_texts, format_point, together
-from fenics_mortar.utils.rounding import ROUNDING
+from fenics_mortar.utils.arrays import ROUNDING, Array, Indices, values_at
+from fenics_mortar.utils.errors import (
+    MeshError,
+    check_kind,
+    check_number,
+    check_same_texts,
+    format_point,
+    together,
+)
 
 # Shapes of the array of cells by the dimension of the points, and what to do with a plane mesh.
 EXPECTED = {

@@ -26,7 +26,7 @@ from fenics_mortar.mesh.from_arrays import (
     checked,
     distributed,
 )
-from fenics_mortar.mesh.kinds import KINDS, Kind, codes_of, facets_of
+from fenics_mortar.mesh.space import KINDS, Kind, codes_of, facets_of
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError, together
 
@@ -36,7 +36,7 @@ def with_centres(points: Array, cells: Indices, dim: int) -> tuple[Array, Indice
 
     Args:
         points: Positions, shape (n, 2) or (n, 3) [length].
-        cells: Numbers of the nodes of cells, shape (m, k), in the order of ``kinds``.
+        cells: Numbers of the nodes of cells, shape (m, k), in the order of ``mesh.space``.
         dim: Dimension of the cells.
 
     Returns:

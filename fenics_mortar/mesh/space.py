@@ -21,13 +21,21 @@ the cells avoid division by zero.
 
 A body of revolution has one rigid motion, the translation along the axis: a radial translation
 strains it. Only the axial forces must balance; radial forces are balanced by hoop stresses.
+
+Kinds of cells that meshes from arrays may have: their corners, edges and facets.
+
+Nodes are numbered as in VTK and meshio: corners, middles of edges, centres of faces, centre of the
+cell. Faces of hexahedra have centres with 27 nodes.
+
+Function values by input node numbers of the mesh, independent of the number of ranks.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, Literal, get_args
 
 from mpi4py import MPI
@@ -35,10 +43,18 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+import basix
+
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arguments import check_choice, check_number
 from fenics_mortar.utils.arrays import Array, Indices, values_at
-from fenics_mortar.utils.errors import MortarError, call_together, check_same
+from fenics_mortar.utils.errors import (
+    MortarError,
+    call_together,
+    check_choice,
+    check_number,
+    check_same,
+    raise_together,
+)
 
 Geometry = Literal["plane", "axisymmetric"]
 Given = float | Callable[[Array], Any] | None
@@ -228,3 +244,263 @@ class DisplacementSpace:
         at = values_at(here, nodes, np.arange(nodes.size), -1)
         found = (at >= 0) & (index >= 0)
         mesh.geometry.x[index[found], : self.dim] = X[at[found]]
+
+
+# Shifts and factors of the hash function splitmix64; its first factor is the last one here.
+SHIFTS, FACTORS = (30, 27, 31), (0xBF58476D1CE4E5B9, 0x94D049BB133111EB, 0x9E3779B97F4A7C15)
+# Nodes of triangles, quadrilaterals, tetrahedra and hexahedra of order 1 and of order 2.
+NUMBERS = (3, 4, 4, 8), (6, 9, 10, 27)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of cells.
+
+    Attributes:
+        name: Name of the cell in basix.
+        degree: Degree of the geometry.
+        vertices: Corners in the order of basix.
+        edges: Corners of each edge, in the order of the nodes in their middles.
+        faces: Corners of each face one after the other, in the order of the nodes at their centres;
+            the cell itself in the plane.
+    """
+
+    name: str
+    degree: int
+    vertices: tuple[int, ...]
+    edges: tuple[tuple[int, int], ...]
+    faces: tuple[tuple[int, ...], ...]
+
+    @property
+    def dim(self) -> int:
+        """Dimension of the cell."""
+        return 2 if len(self.faces) == 1 else 3
+
+    @property
+    def corners(self) -> int:
+        """Number of corners."""
+        return len(self.vertices)
+
+    @property
+    def facets(self) -> tuple[tuple[int, ...], ...]:
+        """Corners of each facet."""
+        return self.edges if self.dim == 2 else self.faces
+
+    @property
+    def facet_nodes(self) -> Indices:
+        """Corners of each facet and the middles of its edges, shape (facets, k)."""
+        if self.degree == 1:
+            return np.array(self.facets)
+        middles = [
+            [self.corners + i for i, edge in enumerate(self.edges) if set(edge) <= set(facet)]
+            for facet in self.facets
+        ]
+        return np.hstack([self.facets, middles])
+
+    @cached_property
+    def order(self) -> list[int]:
+        """The nodes in the order of basix."""
+        places = {frozenset([corner]): corner for corner in range(self.corners)}
+        if self.degree == 2:
+            named = [frozenset(edge) for edge in self.edges]
+            named += [frozenset(face) for face in self.faces if len(face) == 4]
+            named += [frozenset(range(8))] if self.corners == 8 else []
+            places |= {entity: self.corners + i for i, entity in enumerate(named)}
+        topology = basix.topology(getattr(basix.CellType, self.name))
+        found = [
+            frozenset(self.vertices[v] for v in around) for same in topology for around in same
+        ]
+        return [places[entity] for entity in found if entity in places]
+
+
+def _kinds() -> dict[tuple[int, int], Kind]:
+    """All kinds by dimension and number of nodes."""
+    triangle = (0, 1), (1, 2), (2, 0)
+    square = (0, 1), (1, 2), (2, 3), (3, 0)
+    lid = tuple((i + 4, j + 4) for i, j in square)
+    posts = tuple((i, i + 4) for i in range(4))
+    sides = (0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4), (3, 7, 6, 2), (0, 1, 2, 3), (4, 5, 6, 7)
+    pyramid = (0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)
+    box = (0, 1, 3, 2, 4, 5, 7, 6)
+    kinds: dict[tuple[int, int], Kind] = {}
+    for degree, (of_triangle, of_square, of_pyramid, of_box) in enumerate(NUMBERS, 1):
+        kinds |= {
+            (2, of_triangle): Kind("triangle", degree, (0, 1, 2), triangle, ((0, 1, 2),)),
+            (2, of_square): Kind("quadrilateral", degree, box[:4], square, ((0, 1, 2, 3),)),
+            (3, of_pyramid): Kind(
+                "tetrahedron", degree, (0, 1, 2, 3), (*triangle, (0, 3), (1, 3), (2, 3)), pyramid
+            ),
+            (3, of_box): Kind("hexahedron", degree, box, (*square, *lid, *posts), sides),
+        }
+    return kinds
+
+
+# All kinds by dimension and number of nodes.
+KINDS = _kinds()
+
+
+def facets_of(cells: Indices, kind: Kind) -> Indices:
+    """Corners of the facets of cells (m, k), shape (m, facets, corners of a facet) (local)."""
+    return cells[:, np.array(kind.facets)]
+
+
+def codes_of(facets: Indices, num_points: int) -> Indices:
+    """One number for each facet (f, corners), whatever the order of its corners, shape (f,).
+
+    Those of edges are exact. For faces it is the sum of 64 bits that a hash function gives each
+    node: two of ten million faces have the same number with a probability of 3e-6.
+    """
+    if facets.shape[1] == 2:
+        return np.asarray(facets.min(axis=1) * num_points + facets.max(axis=1))
+    bits = (facets.astype(np.uint64) + np.uint64(1)) * np.uint64(FACTORS[2])
+    for shift, factor in zip(SHIFTS, (*FACTORS[:2], 1), strict=True):
+        bits = (bits ^ (bits >> np.uint64(shift))) * np.uint64(factor)
+    return bits.sum(axis=1, dtype=np.uint64).view(np.int64)
+
+
+def by_input_node(space: DisplacementSpace, u: Any) -> tuple[Indices, Array]:
+    """Identifiers and values of all nodes, on all ranks (collective).
+
+    Args:
+        space: The displacement's nodes and dofs.
+        u: Function of the whole space.
+
+    Returns:
+        Identifiers of the nodes, see ``input_nodes``, shape (n, k), in ascending order, and their
+        values, shape (n, dim); in a mixed space each dof counts as a node, shape (n, 1).
+    """
+    comm, size = space.V.mesh.comm, space.block_size
+    owned = space.num_owned // size
+    nodes = np.concatenate(comm.allgather(input_nodes(space.whole)[:owned]))
+    values = np.concatenate(comm.allgather(u.x.array.reshape(-1, size)[:owned]))
+    order = np.lexsort(nodes.T[::-1])
+    return nodes[order], values[order]
+
+
+def set_by_input_node(space: DisplacementSpace, u: Any, nodes: Indices, values: Array) -> None:
+    """Set a function from the result of ``by_input_node``, for any partition (collective).
+
+    Args:
+        space: The displacement's nodes and dofs.
+        u: The function.
+        nodes: Identifiers of all nodes, shape (n, k).
+        values: Values there, shape (n, components of a node).
+
+    Raises:
+        MortarError: On all ranks, if the nodes belong to another mesh or degree.
+    """
+    mine = input_nodes(space.whole)
+    wrong = nodes.ndim != 2 or nodes.shape[1] != mine.shape[1]
+    if not wrong:
+        both, number = np.unique(np.concatenate([nodes, mine]), axis=0, return_inverse=True)
+        wrong = len(both) != len(nodes)
+    error = MortarError("the saved state belongs to another mesh or degree") if wrong else None
+    raise_together(space.V.mesh.comm, error)
+    of_name = np.empty(len(both), np.int64)
+    number = number.ravel()
+    of_name[number[: len(nodes)]] = np.arange(len(nodes))
+    u.x.array[:] = values[of_name[number[len(nodes) :]]].ravel()
+
+
+def by_cell(function: Any, values: Array) -> tuple[Indices, Array]:
+    """Cells and the values in them, independent of the partition (collective).
+
+    Args:
+        function: Function whose dofs are inside the cells, as of a quadrature space.
+        values: Values like those of its array, shape (local values,) [any unit].
+
+    Returns:
+        Input numbers of the vertices of all cells, in the order of the reference cell and ascending
+        by cells, shape (cells, vertices), and the values in each, shape (cells, values of a cell)
+        [any unit].
+    """
+    V = function.function_space
+    owned = V.mesh.topology.index_map(V.mesh.topology.dim).size_local
+    inside = values.reshape(-1, V.dofmap.bs)[compat.dofmap(V)[:owned]]
+    mine = _vertices(V.mesh)[:owned], inside.reshape(owned, math.prod(inside.shape[1:]))
+    vertices, numbers = (np.concatenate(V.mesh.comm.allgather(each)) for each in mine)
+    order = np.lexsort(vertices.T[::-1])
+    return vertices[order], numbers[order]
+
+
+def set_by_cell(function: Any, vertices: Indices, values: Array) -> Array:
+    """Values like those of the array of a function, (local values,), from ``by_cell`` (local).
+
+    Args:
+        function: See ``by_cell``.
+        vertices: Vertices of all cells of the same mesh, shape (cells, vertices).
+        values: Values in them, shape (cells, values of a cell) [any unit].
+    """
+    V = function.function_space
+    both, number = np.unique(
+        np.concatenate([vertices, _vertices(V.mesh)]), axis=0, return_inverse=True
+    )
+    assert len(both) == len(vertices), "another mesh"
+    row, number = np.empty(len(both), np.int64), number.ravel()
+    row[number[: len(vertices)]] = np.arange(len(vertices))
+    dofs, found = compat.dofmap(V), np.zeros(function.x.array.size)
+    mine = values[row[number[len(vertices) :]]]
+    found.reshape(-1, V.dofmap.bs)[dofs] = mine.reshape(*dofs.shape, V.dofmap.bs)
+    return found
+
+
+def _vertices(mesh: Any) -> Indices:
+    """Input numbers of the vertices of all local cells, shape (cells, vertices) (local)."""
+    numbers = np.asarray(mesh.geometry.input_global_indices, np.int64)
+    return numbers[compat.geometry_dofmap(mesh)[:, : compat.num_corners(mesh)]]
+
+
+def input_nodes(V: Any) -> Indices:
+    """Return identifiers of the local nodes of ``V``, independent of the partition (local).
+
+    A node at a vertex is identified by the number of the vertex in the mesh input, a node on an
+    edge or inside a cell by the numbers of the vertices of the edge or cell in ascending order.
+    Shape (local nodes, largest number of vertices), padded by -1. In a mixed space every dof counts
+    as a node, and a last column numbers dofs at the same position.
+    """
+    mesh, layout, dofs = V.mesh, V.dofmap.dof_layout, compat.dofmap(V)
+    topology = basix.topology(getattr(basix.CellType, compat.cell_name(mesh)))
+    vertices = _vertices(mesh)
+    found = [
+        (dof, number, around)
+        for dim, entities in enumerate(topology)
+        for i, around in enumerate(entities)
+        for number, dof in enumerate(layout.entity_dofs(dim, i))
+    ]
+    width = max(len(around) for _, _, around in found)
+    index_map = V.dofmap.index_map
+    names = np.full((index_map.size_local + index_map.num_ghosts, width + 1), -1, np.int64)
+    for dof, number, around in found:
+        names[dofs[:, dof], : len(around)] = np.sort(vertices[:, around], axis=1)
+        names[dofs[:, dof], width] = number
+    return names if any(number for _, number, _ in found) else names[:, :width]
+
+
+def mesh_by_input_node(mesh: Any) -> tuple[Indices, Array]:
+    """Return cells and coordinates of a mesh, independent of the number of ranks (collective).
+
+    Returns:
+        Input numbers of the nodes of all cells, ascending in a cell and by cells, shape (cells,
+        nodes per cell), and coordinates of all nodes in this numbering, (nodes, dim) [length].
+    """
+    geometry, num_cells = mesh.geometry, mesh.topology.index_map(mesh.topology.dim).size_local
+    numbers = np.asarray(geometry.input_global_indices, np.int64)
+    owned = geometry.index_map().size_local
+    cells = np.sort(numbers[compat.geometry_dofmap(mesh)[:num_cells]], axis=1)
+    cells = np.concatenate(mesh.comm.allgather(cells))
+    names = np.concatenate(mesh.comm.allgather(numbers[:owned]))
+    x = np.concatenate(mesh.comm.allgather(geometry.x[:owned, : geometry.dim]))
+    return cells[np.lexsort(cells.T[::-1])], x[np.argsort(names)]
+
+
+def numbered_dofs(V: Any) -> tuple[Indices, Indices]:
+    """Local blocked dofs at nodes of the mesh input, and the numbers of these, each (n,)."""
+    layout = V.dofmap.dof_layout
+    if len(layout.entity_dofs(0, 0)) != 1:
+        raise ValueError("expected a Lagrange space that is not mixed: one node at each vertex")
+    dofs, geometry = compat.dofmap(V), compat.geometry_dofmap(V.mesh)
+    corners = compat.num_corners(V.mesh)
+    common = geometry.shape[1] if geometry.shape == dofs.shape else corners
+    numbers = np.asarray(V.mesh.geometry.input_global_indices, np.int64)
+    own, first = np.unique(dofs[:, :common], return_index=True)
+    return own.astype(np.int64), numbers[geometry[:, :common].ravel()[first]]

@@ -29,19 +29,29 @@ from fenics_mortar.bulk.bodies import find_floating_bodies, label_bodies
 from fenics_mortar.bulk.checks import check_residual, check_space
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.interface.extraction import extract_surface
-from fenics_mortar.interface.facing import nearest_on_chords, points_of, with_weight
-from fenics_mortar.interface.nearest_points import linear_facets, nearest_points
-from fenics_mortar.interface.segments import gauss_rule
-from fenics_mortar.la.factored import factored_bulk
+from fenics_mortar.interface.facing import (
+    linear_facets,
+    nearest_on_chords,
+    nearest_points,
+    points_of,
+    with_weight,
+)
+from fenics_mortar.interface.integrals import gauss_rule
+from fenics_mortar.interface.traces import extract_surface
+from fenics_mortar.la.solver import factored_bulk
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.models.model_error import Assumption, all_contacts, estimate_wider
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MeshError, call_together, check_same_texts, together
+from fenics_mortar.utils.errors import (
+    MeshError,
+    call_together,
+    check_kind,
+    check_same_texts,
+    together,
+)
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 PREFIX = "fenics_mortar_elastic_obstacle_"

@@ -7,12 +7,30 @@ the bodies in space, so that the thickness of the plane does not matter.
 
 With friction, slip is counted from the lifted solution of the last check, in the first one from the
 state in which the problem in space was given.
+
+The solution of a plane or axisymmetric problem as a state of a problem in space.
+
+Positions of the problem in space have coordinates of the section, as in ``obstacles.space_shapes``:
+with the unit vectors e_1, e_2 and a = e_1 x e_2 along the axis of extrusion, or e_1 = e_r and e_2
+along the axis of revolution,
+
+    u(X) = u_1 e_1 + u_2 e_2 + s e_a a,    z(X) = (z_1 e_1 + z_2 e_2) / (1 + e_a),
+
+where u_1, u_2, z_1 and z_2 are those of the plane problem at the coordinates of X, and
+s = (X - O) . a. e_a is the strain along a, zero in plane strain; forces are those of the thickness
+before it.
+
+Displacements are interpolated linearly between the nodes of the plane mesh, body by body: bodies in
+contact have different values at one position. A body of the plane represents those bodies in space
+most of whose nodes are in it. On a mesh extruded or revolved from that of the plane nothing is
+interpolated; otherwise the difference of the meshes is part of the error.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 from mpi4py import MPI
@@ -21,9 +39,14 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
+from dolfinx import fem
 
-from fenics_mortar.equations.state import State
-from fenics_mortar.models.lift import Lift, Section
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.equations.general import State
+from fenics_mortar.equations.moving_frame import Triangles, triangulate
+from fenics_mortar.interface.facing import linear_facets, nearest_on_chords, nearest_points
+from fenics_mortar.la.solver import factored
 from fenics_mortar.models.model_error import (
     QUANTITIES,
     Assumption,
@@ -32,15 +55,257 @@ from fenics_mortar.models.model_error import (
     differences,
     take_steps,
 )
+from fenics_mortar.obstacles.rigid_motion import check_direction, check_vector
+from fenics_mortar.obstacles.space_shapes import directions_across
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils.arguments import check_kind
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import EPSILON, Array, Indices
 from fenics_mortar.utils.errors import (
+    MeshError,
     MortarError,
     RaisedElsewhereError,
+    check_kind,
     check_same_texts,
+    format_point,
     together,
 )
-from fenics_mortar.utils.ranks import largest_over_ranks
+from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
+
+PREFIX = "fenics_mortar_lift_"
+# Distance of nodes from the plane model over its size [1] above which they are not part of it:
+# chords of a quarter of a circle with 4 facets are within 0.02 of its radius.
+OUTSIDE = 0.03
+
+
+class Section:
+    """Coordinates of a section in space, and vectors of the section in space; all local.
+
+    Args:
+        axis: Direction of extrusion, or axis of revolution, of any length, shape (3,).
+        first: Direction of the first coordinate of an extruded section, shape (3,).
+        origin: Point where both coordinates are zero, shape (3,) [length].
+        revolved: Whether the section is revolved.
+
+    Raises:
+        ValueError: If a direction is zero, or the first one along the axis.
+    """
+
+    def __init__(self, axis: Any, first: Any, origin: Any, *, revolved: bool = False) -> None:
+        self.revolved, self._origin = revolved, check_vector("origin", origin, 3)
+        self.axis = check_direction("axis", axis)
+        self._across = None if revolved else directions_across(axis, first)
+
+    def coordinates(self, X: Array) -> Array:
+        """Coordinates of points (n, 3) in the section, shape (n, 2) [length]."""
+        first, second = self._directions(X)
+        d = X - self._origin
+        return np.stack([(d * first).sum(axis=1), (d * second).sum(axis=1)], axis=1)
+
+    def along(self, X: Array) -> Array:
+        """Distances s of points (n, 3) from the section along the axis, shape (n,) [length]."""
+        return np.asarray((X - self._origin) @ self.axis)
+
+    def in_space(self, X: Array, vectors: Array) -> Array:
+        """Vectors (n, 2) of the section at points ``X`` (n, 3), in space (n, 3) [their unit]."""
+        first, second = self._directions(X)
+        return vectors[:, :1] * first + vectors[:, 1:] * second
+
+    def place_in_space(self, place: Array) -> Array:
+        """Place (x, y, angle) of an obstacle as one in space, (6,) [length, radian]."""
+        if self.revolved:
+            return np.append(place[1] * self.axis, np.zeros(3))
+        moved = self.in_space(np.zeros((1, 3)), place[None, :2])[0]
+        return np.append(moved, place[2] * self.axis)
+
+    def _directions(self, X: Array) -> tuple[Array, Array]:
+        """e_1 and e_2 at points (n, 3), shape (n, 3) each [1]; e_r is zero on the axis."""
+        if self._across is not None:
+            first, second = (np.broadcast_to(e, X.shape) for e in self._across)
+            return first, second
+        d = X - self._origin
+        across = d - np.outer(d @ self.axis, self.axis)
+        r = np.linalg.norm(across, axis=1)
+        off = r > EPSILON * np.abs(d).max(initial=0.0)
+        e_r = np.where(off[:, None], across / np.where(off, r, 1.0)[:, None], 0.0)
+        return e_r, np.broadcast_to(self.axis, X.shape)
+
+
+class Lift:
+    """A plane problem as a part of a problem in space; the constructor is collective.
+
+    Args:
+        plane: The problem in the plane.
+        solid: The problem in space, with the same pairs in the same order.
+        section: The section of the bodies that the plane is.
+
+    Raises:
+        MeshError: On all ranks, if a body or a slave surface in space is not part of the plane.
+    """
+
+    def __init__(self, plane: ContactProblem, solid: ContactProblem, section: Section) -> None:
+        self._plane, self._solid, self._section = plane, solid, section
+        floating, space = plane.equations.floating, plane.equations.bulk.space
+        self._nodes = [np.flatnonzero(floating.parts == b) for b in range(floating.num_parts)]
+        self._bodies = [triangulate(space, nodes) for nodes in self._nodes]
+        X = plane.equations.bulk.cells.X
+        corners = [X.max(axis=0, initial=-np.inf), -X.min(axis=0, initial=np.inf)]
+        ends = largest_over_ranks(plane.equations.comm, np.concatenate(corners))
+        self._size = float(np.hypot(*(ends[:2] + ends[2:])))
+        bulk = solid.equations.bulk
+        self._X = bulk.cells.X[: bulk.space.num_nodes]
+        self._points = section.coordinates(self._X)
+        self._body = self._match_bodies()
+        pairs = zip(plane.equations.contacts, solid.equations.contacts, strict=True)
+        self._pairs = [self._match_slaves(*pair) for pair in pairs]
+
+    def put(self, strain: Any = None) -> None:
+        """Set displacement, multipliers and driven obstacles of the problem in space (collective).
+
+        Args:
+            strain: Strain along the axis of extrusion, a scalar UFL expression [1]; zero if
+                ``None``.
+        """
+        bulk, plane = self._solid.equations.bulk, self._plane.equations.bulk
+        across, widths = np.zeros(len(self._X)), np.ones(bulk.values.size)
+        if strain is not None:
+            across = self._at_nodes(project(plane.V, strain))[:, 0]
+            widths[bulk.space.owned_dofs] += across[:, None]
+        u = self._section.in_space(self._X, self._at_nodes(plane.values[plane.space.dofs]))
+        u += np.outer(self._section.along(self._X) * across, self._section.axis)
+        bulk.values[bulk.space.owned_dofs] = u
+        bulk.u.x.scatter_forward()
+        for contact, other, (ends, shares) in zip(
+            self._solid.equations.contacts, self._plane.equations.contacts, self._pairs
+        ):
+            z = np.einsum("jk,jkc->jc", shares, _multipliers(other)[ends])
+            z = z * contact.may_carry[:, None] / contact.slave.gather(widths)[:, :1]
+            z = self._section.in_space(contact.slave.X, z)
+            active = contact.active
+            if isinstance(contact, Contact):
+                active = contact.may_carry & ((shares * other.active[ends]).sum(axis=1) > 0.5)
+            fluxes = np.zeros((len(z), contact.z.shape[1] - 3))
+            contact.change(z=np.hstack([z, fluxes]), active=active, load_time=other.state.load_time)
+        self._put_obstacles()
+
+    def _put_obstacles(self) -> None:
+        """Set the motions of obstacles that a solve determines (local)."""
+        motions = self._solid.equations.motions
+        for other, contact in zip(self._plane.equations.contacts, self._solid.equations.contacts):
+            if contact.obstacle is None or other.obstacle is None:
+                continue
+            found = motions.found[motions.obstacles.index(contact.obstacle)]
+            place = self._section.place_in_space(other.obstacle.place)
+            contact.obstacle.place = np.where(found, place, contact.obstacle.place)
+
+    def _at_nodes(self, values: Array) -> Array:
+        """Values (nodes of the plane, 2) at the owned nodes in space, (n, 2) [their unit]."""
+        found = np.empty((len(self._points), 2))
+        for number, (body, nodes) in enumerate(zip(self._bodies, self._nodes, strict=True)):
+            mine = self._body == number
+            found[mine] = interpolate(body, values[nodes], self._points[mine])[0]
+        return found
+
+    def _match_bodies(self) -> Indices:
+        """Body of the plane for each owned node in space, shape (n,) (collective).
+
+        Raises:
+            MeshError: On all ranks, if there is none for a body.
+        """
+        floating, comm = self._solid.equations.floating, self._solid.equations.comm
+        parts = floating.parts[: len(self._X)]
+        inside = np.zeros((len(self._bodies), floating.num_parts))
+        for number, body in enumerate(self._bodies):
+            found = body.interpolate(body.X, self._points)
+            in_body = np.isfinite(found[:, 0])
+            inside[number] = np.bincount(parts[in_body], minlength=floating.num_parts)
+        best = sum_over_ranks(comm, inside).argmax(axis=0)[parts]
+        farthest = np.zeros(1)
+        for number, body in enumerate(self._bodies):
+            _, distances = interpolate(body, body.X, self._points[best == number])
+            farthest[0] = max(farthest[0], distances.max(initial=0.0))
+        farthest = largest_over_ranks(comm, farthest)
+        if farthest[0] > OUTSIDE * self._size:
+            raise MeshError(
+                f"a node in space is {farthest[0]:.3g} away from the bodies of the plane problem: "
+                "expected bodies whose section it is; see axis, first and origin of InSpace"
+            )
+        return np.asarray(best)
+
+    def _match_slaves(self, plane: Interface, solid: Interface) -> tuple[Indices, Array]:
+        """Two nodes of the plane's slave for each slave node in space, and shares (n, 2) (local).
+
+        Raises:
+            MeshError: If a slave node is apart from the slave of the plane.
+        """
+        curve = plane.slave
+        chords = np.concatenate([curve.facets[:, k : k + 2] for k in range(curve.degree)])
+        points = self._section.coordinates(solid.slave.X)
+        ends, shares = nearest_on_chords(points, curve.X, replace(curve, facets=chords))
+        away = np.einsum("jk,jkc->jc", shares, curve.X[ends]) - points
+        farthest = int(np.hypot(*away.T).argmax())
+        if np.hypot(*away[farthest]) > OUTSIDE * self._size:
+            raise MeshError(
+                f"slave '{solid.slave.name}': the node at {format_point(solid.slave.X[farthest])} "
+                f"is not on '{curve.name}' of the plane problem: expected the same pairs in the "
+                "same order, with the same roles"
+            )
+        return ends, shares
+
+
+def interpolate(body: Triangles, values: Array, points: Array) -> tuple[Array, Array]:
+    """Values at points in a body, those of the nearest point outside of it (collective).
+
+    Args:
+        body: The body.
+        values: Values at its local nodes, shape (n, 2) [unit].
+        points: Points of this rank, shape (p, 2) [length].
+
+    Returns:
+        Values, shape (p, 2) [unit], and distances from the body, shape (p,) [length].
+    """
+    found, distances = body.interpolate(values, points), np.zeros(len(points))
+    outside = np.flatnonzero(np.isnan(found[:, 0]))
+    requests = body.comm.allgather(points[outside])
+    answers = body.comm.alltoall([_nearest(body, values, there) for there in requests])
+    distances[outside] = np.inf
+    for at, away in answers:
+        nearer = away < distances[outside]
+        found[outside[nearer]], distances[outside[nearer]] = at[nearer], away[nearer]
+    return found, distances
+
+
+def _nearest(body: Triangles, values: Array, points: Array) -> tuple[Array, Array]:
+    """Values at the nearest points of this rank's cells, (p, 2), and distances, (p,) (local)."""
+    if not (len(body.nodes) and len(points)):
+        return np.zeros((len(points), 2)), np.full(len(points), np.inf)
+    corners, weights = nearest_points(points, body.X, linear_facets(body.nodes, len(body.X)))
+    at, x = (np.einsum("pk,pkc->pc", weights, field[corners]) for field in (values, body.X))
+    return at, np.hypot(*(x - points).T)
+
+
+def project(V: Any, expression: Any) -> Array:
+    """Projection of a scalar expression of UFL on the functions of a space (collective).
+
+    Args:
+        V: Space of vectors in the plane.
+        expression: The expression [any unit].
+
+    Returns:
+        Values at the local nodes, ghosts included, in the first column, shape (n, 2) [its unit].
+    """
+    test, found = ufl.TestFunction(V), fem.Function(V)
+    mass = compat.form(ufl.inner(ufl.TrialFunction(V), test) * ufl.dx)
+    M, b = compat.create_matrix(mass), compat.create_vector(V)
+    compat.assemble_matrix(M, mass)
+    compat.assemble_vector(b, compat.form(expression * test[0] * ufl.dx))
+    factored(M, PREFIX).apply(b, compat.petsc_vec(found))
+    found.x.scatter_forward()
+    return np.asarray(found.x.array.reshape(-1, 2))
+
+
+def _multipliers(contact: Interface) -> Array:
+    """Multipliers at all slave nodes of the plane, (slave nodes, 2) [stress] (local)."""
+    return np.stack([contact.now.fill_inside(part) for part in contact.z_u.T.copy()], axis=1)
 
 
 class InSpace:

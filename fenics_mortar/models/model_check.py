@@ -34,7 +34,7 @@ import numpy as np
 import ufl
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.laws import Coulomb, Law, Stick
+from fenics_mortar.contact.law import Coulomb, Law, Stick
 from fenics_mortar.models.elastic_obstacle import ElasticObstacle, rigid_obstacle
 from fenics_mortar.models.in_space import InSpace
 from fenics_mortar.models.model_error import (
@@ -51,9 +51,8 @@ from fenics_mortar.models.model_error import (
     sliding_little,
 )
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same_texts
+from fenics_mortar.utils.errors import check_choice, check_kind, check_number, check_same_texts
 
 
 class ModelCheck:

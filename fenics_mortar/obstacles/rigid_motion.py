@@ -6,20 +6,278 @@ plane, q = (x, y, z, three turns) in space. The velocities at points x are V dq 
 V = (e_x, e_y, ..., e_i x r / arm), r from the pivot, which moves along; e_i are the fixed axes e_z
 in the plane and e_x, e_y, e_z in space. The place has translations and the angle, in space the
 rotation vector (axis times angle); turns add to angles in the plane only.
+
+Rotations of the plane by an angle and of space by a rotation vector, axis times angle.
+
+With W v = w x v, a = sin t / t, b = (1 - cos t) / t^2 and t = |w|, the rotation by w is
+R = 1 + a W + b W^2.
+
+A place of a rigid body has the translation of the pivot and the angle, in space the rotation
+vector, see ``rigid_motion``. A motion q has translations and turns about fixed axes, the angles
+times a length ``arm``; in space its turns are a rotation vector, too: the place after it has the
+rotation exp(turn / arm) R. The vector of this rotation is the one next to that before, so that a
+body may turn any number of times.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.obstacles.rotations import TURNS, rotation_by, rotation_less_one, turn_between
-from fenics_mortar.utils.arguments import check_kind, check_number
-from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import format_point
+from fenics_mortar.utils.arrays import ROUNDING, Array
+from fenics_mortar.utils.errors import check_kind, check_number, format_point
 from fenics_mortar.utils.lines import lines_cross, near_pairs
+
+# Square of an angle [radian^2] below which a, b are sums of the first terms of their series: the
+# next one is below 1e-20.
+SMALL_SQUARE, TERMS = 1e-2, 6
+# Square of an angle [radian^2] below which the functions of ``inverse_factors`` are sums of their
+# series, with terms up to the rounding of the first one: B_2k / (2k)! of Bernoulli's numbers.
+FULL_SERIES_BELOW = 0.25
+BERNOULLI = (1 / 6, 1 / 30, 1 / 42, 1 / 30, 5 / 66, 691 / 2730, 7 / 6, 3617 / 510)
+SERIES = np.array([b / math.factorial(2 * k) for k, b in enumerate(BERNOULLI, start=1)])
+# Matrices of the products e x r with the axes of rotation e: of the plane, of space.
+TURNS = {
+    2: np.array([[[0.0, -1.0], [1.0, 0.0]]]),
+    3: np.array(
+        [
+            [[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
+            [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]],
+            [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+        ]
+    ),
+}
+
+
+def turned(r: Array) -> Array:
+    """Products e x r of the axes of rotation and ``r`` (n, dim), (axes, n, dim) [its unit] (local).
+
+    Velocities of points at ``r`` that turn by one per time about each axis.
+    """
+    return np.einsum("iab,nb->ina", TURNS[r.shape[1]], r)
+
+
+def moments_of(x: Array, p: Array) -> Array:
+    """Moments x cross ``p`` about the origin, (axes, n) [length times the unit of p] (local).
+
+    Args:
+        x: Positions, shape (n, dim) [length].
+        p: Forces or momenta there, shape (n, dim) [any unit].
+    """
+    return np.einsum("ina,na->in", turned(x), p)
+
+
+def rotation_by(turn: Array) -> Array:
+    """Rotation matrix of an angle, shape (1,), or a rotation vector (3,) [radian] (local)."""
+    if turn.size == 1:
+        c, s = np.cos(turn[0]), np.sin(turn[0])
+        return np.array([[c, -s], [s, c]])
+    a, b = _factors(turn)
+    W = crosses(turn)
+    return np.eye(3) + a * W + b * W @ W
+
+
+def rotation_less_one(turn: Array) -> Array:
+    """The rotation matrix minus one, without cancellation, (d, d) [1] (local)."""
+    if turn.size == 1:
+        c, s = -2.0 * np.sin(0.5 * turn[0]) ** 2, np.sin(turn[0])
+        return np.array([[c, -s], [s, c]])
+    a, b = _factors(turn)
+    W = crosses(turn)
+    return a * W + b * W @ W
+
+
+def vector_of(R: Array) -> Array:
+    """The rotation vector (3,) [radian] of a matrix (3, 3), of at most half a turn (local).
+
+    By its unit quaternion, from its largest component.
+    """
+    q = np.empty(4)
+    traces = np.append(np.diag(R), np.trace(R))
+    largest = int(np.argmax(traces))
+    if largest == 3:
+        q[:] = *np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]), 1.0 + traces[3]
+    else:
+        i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
+        q[i] = 1.0 - traces[3] + 2.0 * R[i, i]
+        q[j], q[k] = R[j, i] + R[i, j], R[k, i] + R[i, k]
+        q[3] = R[k, j] - R[j, k]
+    q /= np.linalg.norm(q) * (1.0 if q[3] >= 0.0 else -1.0)
+    sine = float(np.linalg.norm(q[:3]))
+    if sine == 0.0:
+        return np.zeros(3)
+    return np.asarray(2.0 * np.arctan2(sine, q[3]) / sine * q[:3])
+
+
+def vector_beside(R: Array, near: Array) -> Array:
+    """The rotation vector or angle (n,) [radian] of a matrix that is next to ``near`` (n,) (local).
+
+    Those of a matrix, (2, 2) or (3, 3), differ by full turns about its axis.
+    """
+    if near.size == 1:
+        angle = np.arctan2(R[1, 0], R[0, 0])
+        return np.asarray(angle + 2.0 * np.pi * np.round((near - angle) / (2.0 * np.pi)))
+    return _beside(vector_of(R), near)
+
+
+def _beside(least: Array, near: Array) -> Array:
+    """The rotation vector (3,) that differs by full turns from one and is next to another."""
+    angle = float(np.linalg.norm(least))
+    axis = least if angle > 0.0 else near  # no rotation has any axis
+    size = float(np.linalg.norm(axis))
+    if size == 0.0:
+        return least
+    full = 2.0 * np.pi * np.round((axis @ near / size - angle) / (2.0 * np.pi))
+    return least + full / size * axis
+
+
+def polar_rotation(A: Array) -> Array:
+    """The rotation (d, d) [1] next to a matrix (d, d), R in A = P R with symmetric P (local)."""
+    left, _, right = np.linalg.svd(A)
+    left[:, -1] *= np.sign(np.linalg.det(left) * np.linalg.det(right))
+    return np.asarray(left @ right)
+
+
+def turn_between(first: Array, last: Array, *, shortest: bool = False) -> Array:
+    """The rotation vector (3,) [radian] that leads from one rotation vector to another (local).
+
+    About one axis it is the difference, of any size, unless the shortest way is asked for.
+    """
+    size = np.linalg.norm(first) * np.linalg.norm(last)
+    if not shortest and np.linalg.norm(np.cross(first, last)) <= ROUNDING * size:
+        return last - first
+    return vector_of(rotation_by(last) @ rotation_by(first).T)
+
+
+def turns_between(first: Array, last: Array, *, own: bool = False) -> Array:
+    """``turn_between`` of rows, nan where one is unknown, (n, 3) [radian] (local).
+
+    Args:
+        first: Rotation vectors, shape (n, 3) [radian].
+        last: Likewise.
+        own: Whether turns are those seen by the first one, next to the differences of the vectors.
+    """
+    rows, number = np.unique(np.hstack([first, last]), axis=0, return_inverse=True)
+    turns = np.full((len(rows), 3), np.nan)
+    for k in np.flatnonzero(np.isfinite(rows).all(axis=1)):
+        w_0, w = np.split(rows[k], 2)
+        turns[k] = turn = turn_between(w_0, w)
+        if own:
+            turns[k] = _beside(rotation_by(w_0).T @ turn, w - w_0)
+    return turns[number.ravel()]
+
+
+def inverse_factors(v: Array) -> tuple[Array, Array]:
+    """Functions b and b' / |v| of J(v)^-1 = 1 - V / 2 + b V^2, of vectors [radian], each (n,).
+
+    Local. J(v) = int_0^1 exp(t V) dt with the matrix V of the product v x; b = (1 - h cot h) / t^2
+    with t = |v| and h = t / 2.
+    """
+    t2: Array = (v * v).sum(axis=1)
+    small = t2 < FULL_SERIES_BELOW
+    powers = t2[:, None] ** np.arange(len(SERIES))
+    of_slope = 2.0 * np.arange(1, len(SERIES)) * SERIES[1:]
+    t: Array = np.sqrt(np.where(small, 1.0, t2))
+    cot, sine = 1.0 / np.tan(0.5 * t), np.sin(0.5 * t)
+    b = (1.0 - 0.5 * t * cot) / t**2
+    slope = 0.5 * (0.5 * t / sine**2 - cot) / t**3 - 2.0 * b / t**2
+    b[small], slope[small] = (powers @ SERIES)[small], (powers[:, :-1] @ of_slope)[small]
+    return b, slope
+
+
+def inverse_jacobians(v: Array) -> Array:
+    """J(v)^-1 of rotation vectors (n, 3) [radian]: change by a spin, (n, 3, 3) (local)."""
+    V, (b, _) = crosses(v), inverse_factors(v)
+    return np.asarray(np.eye(3) - 0.5 * V + b[:, None, None] * (V @ V), float)
+
+
+def crosses(v: Array) -> Array:
+    """Matrices (..., 3, 3) of the products v x, for vectors (..., 3) [any unit] (local)."""
+    return np.einsum("...i,iab->...ab", v, TURNS[3])
+
+
+def _factors(turn: Array) -> tuple[Array, Array]:
+    """The factors a, b of a rotation vector; see above."""
+    t2 = turn @ turn
+    if np.real(t2) < SMALL_SQUARE:
+        return _series(t2, 1), _series(t2, 2)
+    t = np.sqrt(t2)
+    return np.sin(t) / t, (1.0 - np.cos(t)) / t2
+
+
+def _series(t2: Array, first: int) -> Array:
+    """Sum of (-t2)^k / (2 k + first)!."""
+    term = 1.0 / math.factorial(first) + 0.0 * t2
+    total = term
+    for k in range(1, TERMS):
+        term = -term * t2 / ((2 * k + first - 1) * (2 * k + first))
+        total = total + term
+    return total
+
+
+# Number of coordinates by the number of motions.
+DIMENSIONS = {3: 2, 6: 3}
+
+
+def place_after(place: Array, motion: Array, arm: float) -> Array:
+    """The place after a further motion, shape (m,) [length, radian] (local).
+
+    Args:
+        place: The place before, shape (m,) [length, radian].
+        motion: The motion q, shape (m,) [length].
+        arm: Length by which angles are multiplied [length].
+    """
+    if place.size == 3:
+        return place + motion / [1.0, 1.0, arm]
+    after = rotation_by(motion[3:] / arm) @ rotation_by(place[3:])
+    return np.append(place[:3] + motion[:3], vector_beside(after, place[3:]))
+
+
+def motion_between(before: Array, after: Array, arm: float) -> Array:
+    """The motion q that leads from one place to another, shape (m,) [length] (local).
+
+    In space rotations about one axis have any size, others that of the shortest way.
+    """
+    if before.size == 3:
+        return (after - before) * [1.0, 1.0, arm]
+    turn = turn_between(before[3:], after[3:])
+    return np.append(after[:3] - before[:3], arm * turn)
+
+
+def by_further_motion(motion: Array, arm: float) -> Array:
+    """Derivative of ``motion_between`` by a further motion after it, shape (m, m) [1] (local)."""
+    derivative = np.eye(motion.size)
+    if motion.size == 6:
+        derivative[3:, 3:] = inverse_jacobians(motion[None, 3:] / arm)[0]
+    return derivative
+
+
+def places_towards(places: Array, others: Array, fraction: float) -> Array:
+    """Places of m bodies on the way to other ones, both (m, 3) or (m, 6) (local).
+
+    Args:
+        places: The places at the fraction 0 [length, radian].
+        others: Those at the fraction 1.
+        fraction: Part of the way [1]; extrapolation below 0 and above 1.
+    """
+    found = [
+        place_after(place, fraction * motion_between(place, other, 1.0), 1.0)
+        for place, other in zip(places, others, strict=True)
+    ]
+    return np.reshape(found, places.shape)
+
+
+def describe_place(where: Array) -> str:
+    """Description of a place, shape (m,); "" at the initial position (local)."""
+    dim = DIMENSIONS[where.size]
+    moved, turn = where[:dim], where[dim:]
+    phrases = [f"moved by {format_point(moved)}"] if moved.any() else []
+    by = f"{turn[0]:.4g}" if dim == 2 else format_point(turn)
+    phrases += [f"turned by {by}"] if turn.any() else []
+    return ", " + " and ".join(phrases) if phrases else ""
 
 
 def edges_of(corners: Array) -> Array:

@@ -23,10 +23,8 @@ from scipy.linalg import solve
 
 from fenics_mortar.obstacles.obstacle import Fields, Obstacle
 from fenics_mortar.obstacles.rigid_motion import check_chain, check_simple, check_vector, edges_of
-from fenics_mortar.utils.arguments import check_number
-from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import format_point
-from fenics_mortar.utils.rounding import EPSILON, MAX_STEPS, ROUNDING
+from fenics_mortar.utils.arrays import EPSILON, MAX_STEPS, ROUNDING, Array, Indices
+from fenics_mortar.utils.errors import check_number, format_point
 
 
 class SplineShape:

@@ -17,13 +17,11 @@ from copy import deepcopy
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.obstacles.balls import Circle
-from fenics_mortar.obstacles.obstacle import Fields, Obstacle
+from fenics_mortar.obstacles.obstacle import Circle, Fields, Obstacle
 from fenics_mortar.obstacles.rigid_motion import check_direction, check_vector
 from fenics_mortar.obstacles.shapes import Plane
-from fenics_mortar.utils.arguments import check_flag, check_kind, check_number
-from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.rounding import EPSILON
+from fenics_mortar.utils.arrays import EPSILON, Array
+from fenics_mortar.utils.errors import check_flag, check_kind, check_number
 
 # Directions around the axis in which salient points of a shape are repeated.
 AROUND = 8

@@ -24,8 +24,8 @@ import numpy as np
 from fenics_mortar.bulk.bodies import join_bodies, label_bodies
 from fenics_mortar.bulk.inertia import Inertia
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.obstacles.rotations import moments_of, turned
-from fenics_mortar.path.energy import (
+from fenics_mortar.obstacles.rigid_motion import moments_of, turned
+from fenics_mortar.path.report import (
     MAX_SCALING,
     Forces,
     Impulse,
@@ -35,8 +35,7 @@ from fenics_mortar.path.energy import (
     return_energy,
 )
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.rounding import ROUNDING
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
 
 
 class DeformationRate:
@@ -170,7 +169,7 @@ class SpinReturn:
     def restore(self, before: Balance, after: Balance, dt: float) -> Rotations:
         """Balance the angular momentum at the end of a step.
 
-        The energy added is subtracted from the energy to be returned, see ``energy``.
+        The energy added is subtracted from the energy to be returned, see ``report``.
 
         Args:
             before: Balance at the start of the step.
@@ -251,7 +250,7 @@ class SpinReturn:
 
 
 class Corrections:
-    """Return of angular momentum and energy, see ``energy``; all methods are collective.
+    """Return of angular momentum and energy, see ``report``; all methods are collective.
 
     Args:
         problem: The problem.

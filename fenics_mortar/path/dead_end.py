@@ -18,16 +18,15 @@ from itertools import product
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.laws import STICK
+from fenics_mortar.contact.law import STICK
+from fenics_mortar.equations.general import State
 from fenics_mortar.equations.linearized_contact import LinearizedContact
-from fenics_mortar.equations.state import State
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.utils.arrays import Array, Indices, norms
+from fenics_mortar.rigid.proximal import RIGID
+from fenics_mortar.utils.arrays import HALF_FACET, Array, Indices, norms
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError, format_point
 from fenics_mortar.utils.ranks import agreed
-from fenics_mortar.utils.rounding import HALF_FACET
 
 # Largest number n of sliding nodes for which all 2^n combinations of stick and slip are tried.
 MAX_SLIDING = 8

@@ -4,10 +4,10 @@
 All schemes are the generalized-alpha method with contact at the end of the step. With
 "generalized_alpha" all nodes have mass: an impact stops the mass of the nodes in contact within one
 step, so that pressures oscillate, and energy increases with the trapezoidal rule (rho_inf = 1).
-With "massless" slave nodes have no mass, see ``bulk.massless``: pressures are continuous in time,
+With "massless" slave nodes have no mass, see ``bulk.inertia``: pressures are continuous in time,
 impacts are resolved by waves in the bodies, and errors of the energy are of second order. With
 "conserving" these errors, of contact and of nonlinear stresses, are corrected, too, and those of
-the angular momentum; see ``corrections`` and ``energy``. Measurements are in
+the angular momentum; see ``corrections`` and ``path.report``. Measurements are in
 ``demos/studies/dynamics``.
 """
 
@@ -22,31 +22,35 @@ import numpy as np
 from dolfinx import fem
 
 from fenics_mortar.bulk.inertia import Inertia, Velocity
-from fenics_mortar.contact.steps import start_clock
+from fenics_mortar.contact.contact import start_clock
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.equations.state import State
-from fenics_mortar.equations.undo import restored_if_interrupted
-from fenics_mortar.newton.report import NewtonReport
+from fenics_mortar.equations.general import State, restored_if_interrupted
+from fenics_mortar.newton.loop import NewtonReport
 from fenics_mortar.path.corrections import Corrections
-from fenics_mortar.path.dynamics_input import (
+from fenics_mortar.path.report import DynamicsReport, Energies, Forces, Work, forces_of, work_of
+from fenics_mortar.path.stepping import SteppingOptions
+from fenics_mortar.path.time_steps import (
     SCHEMES,
     DensityValues,
+    GeneralizedAlpha,
+    Motion,
     check_dynamics,
     check_rates,
+    check_run,
     check_step,
     first_acceleration,
     rates_of,
 )
-from fenics_mortar.path.energy import Forces, Work, forces_of, work_of
-from fenics_mortar.path.report import DynamicsReport, Energies
-from fenics_mortar.path.stepping import SteppingOptions
-from fenics_mortar.path.time_steps import GeneralizedAlpha, Motion, check_run
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arguments import check_kind, check_number
-from fenics_mortar.utils.arrays import Array, Flags
-from fenics_mortar.utils.errors import MortarError, check_same_texts, together
-from fenics_mortar.utils.rounding import TINY
+from fenics_mortar.utils.arrays import TINY, Array, Flags
+from fenics_mortar.utils.errors import (
+    MortarError,
+    check_kind,
+    check_number,
+    check_same_texts,
+    together,
+)
 
 
 class Dynamics:

@@ -31,13 +31,11 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.data import MeshData
-from fenics_mortar.obstacles.rigid_motion import RigidMotion
-from fenics_mortar.obstacles.rotations import TURNS, place_after, rotation_by
-from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.obstacles.rigid_motion import TURNS, RigidMotion, place_after, rotation_by
+from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING, SOLVED, SUM_ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
-from fenics_mortar.utils.rounding import ROUNDING, SOLVED, SUM_ROUNDING
 
 
 class HeldBodies:

@@ -15,7 +15,7 @@ import numpy as np
 
 from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.newton.report import NewtonReport
+from fenics_mortar.newton.loop import NewtonReport
 from fenics_mortar.rigid.body_motions import BodyMotions
 from fenics_mortar.rigid.limit_analysis import (
     Touching,
@@ -27,10 +27,9 @@ from fenics_mortar.rigid.limit_analysis import (
     slipping,
     unresisted_motion,
 )
-from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.rigid.proximal import RIGID
+from fenics_mortar.utils.arrays import MAX_STEPS, SOLVED, SUM_ROUNDING, Array, Flags
 from fenics_mortar.utils.errors import MortarError, NotConvergedError
-from fenics_mortar.utils.rounding import MAX_STEPS, SOLVED, SUM_ROUNDING
 
 
 def closest_move(

@@ -30,17 +30,15 @@ import numpy.typing as npt
 from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.interface.extraction import extract_surface
+from fenics_mortar.interface.traces import extract_surface
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.obstacles.rotations import TURNS, describe_place
-from fenics_mortar.rigid.bordered import Border
-from fenics_mortar.rigid.spread import BoundaryMotion
-from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.obstacles.rigid_motion import TURNS, describe_place
+from fenics_mortar.rigid.spread import Border, BoundaryMotion
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import sum_over_ranks
-from fenics_mortar.utils.rounding import ROUNDING
 
 
 class RigidBoundary(BoundaryMotion):

@@ -41,7 +41,7 @@ import numpy.typing as npt
 from scipy.linalg import LinAlgError
 from scipy.linalg.blas import dger
 
-from fenics_mortar.utils.rounding import MAX_STEPS, SOLVED, SUM_ROUNDING
+from fenics_mortar.utils.arrays import MAX_STEPS, SOLVED, SUM_ROUNDING
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]

@@ -2,7 +2,7 @@
 """Motions driven by forces, of obstacles and remote loads: unknowns q of the Newton system.
 
 The balance of these forces borders the system of u and z. The few motions are
-eliminated, see ``bordered``, so that the sparse matrix and its solver are those of fixed obstacles.
+eliminated, see ``spread``, so that the sparse matrix and its solver are those of fixed obstacles.
 
 Tangent springs regularize motions that active contact does not resist, see ``motions``. A driven
 obstacle without contact is moved before the solve until contact stops it, see ``motions``.
@@ -36,8 +36,7 @@ from scipy.linalg import block_diag
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.la.system import LinearSystem
-from fenics_mortar.obstacles.rotations import by_further_motion, motion_between
-from fenics_mortar.rigid.bordered import Border, solve_bordered
+from fenics_mortar.obstacles.rigid_motion import by_further_motion, motion_between
 from fenics_mortar.rigid.motions import (
     RigidMotions,
     describe_loose,
@@ -46,9 +45,8 @@ from fenics_mortar.rigid.motions import (
     slide_along_driven,
     tangent_springs,
 )
-from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.rigid.spread import BoundSpreadLoad
-from fenics_mortar.rigid.springs import Springs, anchored_stiffness, over_contact, slides
+from fenics_mortar.rigid.proximal import RIGID, Springs, anchored_stiffness, over_contact, slides
+from fenics_mortar.rigid.spread import Border, BoundSpreadLoad, solve_bordered
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.ranks import sum_over_ranks
 

@@ -3,7 +3,7 @@
 
 Before a solve, bodies that contact cannot support are moved until contact stops them, see
 ``body_settling``. In Newton's method, tangent springs regularize loose motions, which active
-contact does not resist, see ``springs``. If Newton's method fails, springs anchor the bodies, see
+contact does not resist, see ``proximal``. If Newton's method fails, springs anchor the bodies, see
 ``proximal``.
 """
 
@@ -16,21 +16,20 @@ import numpy as np
 from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.laws import STICK, Friction
+from fenics_mortar.contact.law import STICK, Friction
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.rigid.body_motions import BodyMotions, HeldBodies
 from fenics_mortar.rigid.body_settling import BodySettling, Moves
 from fenics_mortar.rigid.limit_analysis import loose_bodies
-from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.rigid.springs import (
+from fenics_mortar.rigid.proximal import (
+    RIGID,
     Springs,
     anchored_stiffness,
     over_contact,
     slides,
     tangent_stiffness,
 )
-from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.rounding import SOLVED
+from fenics_mortar.utils.arrays import SOLVED, Array
 
 
 class FloatingBodies(BodyMotions):

@@ -26,9 +26,8 @@ from fenics_mortar.bulk.bodies import FloatingBody, centre_and_size, rigid_motio
 from fenics_mortar.rigid.body_settling import Moves, nearest_below
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.limit_analysis import closing, nearly_touching
-from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.rounding import LAST_DIGITS, SOLVED
+from fenics_mortar.rigid.proximal import RIGID
+from fenics_mortar.utils.arrays import LAST_DIGITS, SOLVED, Array, Indices
 
 
 class IdleBodies:

@@ -35,10 +35,8 @@ from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ContactFields, gap_rate, opening_rate, slip_rate
 from fenics_mortar.rigid.body_motions import BodyMotions
-from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.rigid.springs import unresisted
-from fenics_mortar.utils.arrays import Array, Flags
-from fenics_mortar.utils.rounding import SOLVED
+from fenics_mortar.rigid.proximal import RIGID, unresisted
+from fenics_mortar.utils.arrays import SOLVED, Array, Flags
 
 # Numbers of directions of slip in space, tried in turn [1]: with 32 the limit loads of inner and
 # outer polygon differ by 0.5 %, as the error of the discretization.

@@ -10,7 +10,7 @@ Before a solve driven obstacles move: an obstacle without contact is moved until
 An obstacle on sticking nodes follows the prescribed motions, for instance a wheel that is turned.
 
 Driven motions that active contact does not resist are loose: tangent springs regularize them, see
-``springs``.
+``proximal``.
 """
 
 from __future__ import annotations
@@ -24,15 +24,17 @@ from fenics_mortar.bulk.bodies import MINOR, describe_in_space
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.rows import gap_by_motions
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.obstacles.rigid_motion import RigidMotion
-from fenics_mortar.obstacles.rotations import describe_place, motion_between, place_after
+from fenics_mortar.obstacles.rigid_motion import (
+    RigidMotion,
+    describe_place,
+    motion_between,
+    place_after,
+)
 from fenics_mortar.rigid.body_settling import closest_move
-from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.rigid.proximal import RIGID, tangent_stiffness, unresisted
 from fenics_mortar.rigid.spread import BoundSpreadLoad, RemoteMotion
-from fenics_mortar.rigid.springs import tangent_stiffness, unresisted
-from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.arrays import SUM_ROUNDING, Array, Flags
 from fenics_mortar.utils.errors import MortarError, format_point
-from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
 class RigidMotions:

@@ -11,21 +11,105 @@ Contact forces on facets are not exactly conservative, since they act along aver
 error may drive a rolling disk, which then has no equilibrium nearby. In this case weak springs
 remain, and the report states their force. Springs may not remain on a body whose nodes with
 friction all slide, since they would stop a steady slide.
+
+Springs on bodies and obstacles: anchored springs of ``proximal``, and tangent springs.
+
+An anchored spring is part of the residual until it is removed. A tangent spring regularizes a
+motion that active contact does not resist. Its stiffness is in proportion to the force that drives
+the motion, so it vanishes at equilibrium (Levenberg-Marquardt), and the converged solution is
+unaffected.
+
+Thresholds for rigid motions, each with its unit and the reason for its value.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
+from mpi4py import MPI
+
 import numpy as np
 
-from fenics_mortar.newton.loop import Equations, NewtonOptions, solve
-from fenics_mortar.newton.report import NewtonReport, then_solve
-from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.bulk.bodies import resistance
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.newton.loop import Equations, NewtonOptions, NewtonReport, solve, then_solve
+from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, SOLVED, TINY, Array, Flags, Indices, Value
 from fenics_mortar.utils.errors import NotConvergedError
-from fenics_mortar.utils.rounding import SOLVED
+
+
+@dataclass(frozen=True)
+class RigidOptions:
+    """Thresholds common to floating bodies and driven obstacles.
+
+    Attributes:
+        resisted: Contact resists a motion if it changes gaps, or the slip of sticking nodes, by
+            more than this fraction of its size [1].
+        weakest_spring: Smallest stiffness of a spring over the largest diagonal entry of K [1]:
+            enough for a regular matrix.
+        weakest_anchor: Smallest stiffness of an anchored spring that forces determine [1]: a weight
+            of a millionth of the stiffness moves a body. Smaller forces are rounding.
+        stiffness_rounding: Resultants over stiffness times size that are roundoff of the bulk
+            residual [1].
+        negligible: Resultants below this fraction of the forces are within the error of the
+            discretization [1]: 0.5 %. Springs may carry them. Obstacles, whose normals are exact,
+            are subject to such an error of the slave's facets.
+        slight: Resultants below this fraction of the forces are small compared with the error of
+            contact forces along averaged normals, and with ``negligible`` [1]. Springs may not
+            carry more on a body that slides at its friction limit, since they alone would stop it.
+        normals_err: Error of contact forces along averaged normals of two meshes [1].
+        overlap: Overlap of nodes over their length at the end of motions before a solve [1], so
+            that the nodes are active. Bodies that move by less are considered at rest, also with
+            springs.
+        largest_move: Largest motion in one move over the size of the body [1]: gaps are linear in
+            smaller motions.
+        max_moves: Largest number of moves before a solve.
+        max_creeping: Number of successive moves, all shorter than ``overlap``, after which the
+            bodies are considered stopped. A remaining creep, such as that of a disk in a ring, is
+            left to Newton's method.
+        followed: Relative singular-value cutoff of the least-squares fit to nodes that stick [1]:
+            combinations of motions with small slip, such as rolling, are left to the solve.
+        elongation: Elongation of anchored springs per solve [shortest facets].
+        recovery: Factor by which a smaller elongation grows after a solve [1]; after a failure it
+            shrinks by the cube of this factor.
+        max_solves: Largest number of solves with springs.
+        max_readmissions: Number of times that an idle body is squeezed in a solve after which it
+            takes part in contact to the end: Newton's method overestimates forces once or twice.
+        narrowest: Slope of a wedge [1] below which it is squeezed between its neighbours, not out
+            of the way: the smallest friction of dry contact. With more friction, its coefficient.
+        max_failures: Number of failures in a row after which the solve fails: the elongation is
+            below 1e-4 facets then.
+        repeats: Number of solves with springs that remain: contact forces then are as large as
+            possible.
+        sliver: Length over the shortest facet that is considered zero [1]: the advance of an
+            obstacle in a move, or the overlap of surfaces that slip off each other.
+    """
+
+    resisted: float = 1e-3
+    weakest_spring: float = 1e-6
+    weakest_anchor: float = 1e-9
+    stiffness_rounding: float = ASSEMBLY_ROUNDING
+    negligible: float = 0.005
+    slight: float = 1e-5
+    normals_err: float = 0.05
+    overlap: float = 0.01
+    largest_move: float = 0.2
+    max_moves: int = 200
+    max_creeping: int = 10
+    followed: float = 0.5
+    elongation: float = 0.25
+    recovery: float = 2.0
+    max_solves: int = 24
+    max_readmissions: int = 3
+    narrowest: float = 0.1
+    max_failures: int = 5
+    repeats: int = 3
+    sliver: float = 1e-3
+
+
+RIGID = RigidOptions()
 
 
 class Remaining(NamedTuple):
@@ -225,3 +309,83 @@ def _try_anchored(
         report, reason = error.report, str(error) or "not converged"
     equations.restore(start)
     return report, reason
+
+
+@dataclass(frozen=True)
+class Springs(Value):
+    """Anchored springs on dofs or motions, as arrays of equal shape.
+
+    Attributes:
+        stiffness: Stiffness of each [stress].
+        anchor: Position at which each is relaxed [length].
+    """
+
+    stiffness: Array
+    anchor: Array
+
+    def without(self, dofs: Indices) -> Springs:
+        """These springs without those on some dofs (local)."""
+        stiffness = self.stiffness.copy()
+        stiffness[dofs] = 0.0
+        return self.replaced(stiffness=stiffness)
+
+    def forces(self, at: Array) -> Array:
+        """Forces of the springs at ``at``, of the shape of ``anchor`` [stress length] (local)."""
+        return self.stiffness * (at - self.anchor)
+
+    def energy(self, at: Array) -> float:
+        """Energy of the springs at ``at``, of the shape of ``anchor`` [stress length^2] (local)."""
+        return 0.5 * float((self.forces(at) * (at - self.anchor)).sum())
+
+
+def anchored_stiffness(drive: Array, err: Array, length: float, stiffness: Array) -> Array:
+    """Stiffness of springs with a given elongation under given forces, (n,) [stress] (local).
+
+    Args:
+        drive: Forces that drive the motions, shape (n,) [stress length].
+        err: Discretization error of these forces, shape (n,) [stress length].
+        length: Elongation of the springs under the larger of both [length].
+        stiffness: Stiffness of the bulk, shape (n,) or () [stress]; springs of bodies without
+            forces have the fraction ``RIGID.weakest_spring`` of it.
+    """
+    springs = np.maximum(drive, err) / length
+    forceless = springs < RIGID.weakest_anchor * stiffness
+    return np.where(forceless, RIGID.weakest_spring * stiffness, springs)
+
+
+def over_contact(springs: float, contact: float) -> float:
+    """Force of springs over the contact force [1]; inf if only springs act (local)."""
+    if contact > 0.0:
+        return springs / contact
+    return np.inf if springs > 0.0 else 0.0
+
+
+def tangent_stiffness(drive: Array, force: float) -> float:
+    """Stiffness of a tangent spring over that of the bulk [1] (local).
+
+    Args:
+        drive: Resultant along the regularized motions, shape (n,) [stress length].
+        force: Size of all forces [stress length].
+    """
+    relative = float(np.linalg.norm(drive)) / max(force, TINY)
+    return float(np.clip(relative, RIGID.weakest_spring, 1.0))
+
+
+def unresisted(responses: Array) -> Array:
+    """Orthonormal combinations of motions that contact does not resist, (k, motions) [1] (local).
+
+    Args:
+        responses: Changes of gaps and slips due to each motion, shape (motions, n), replicated.
+    """
+    norms, combinations = resistance(responses, MPI.COMM_SELF)
+    return combinations[norms <= RIGID.resisted]
+
+
+def slides(nodes: Sequence[tuple[Contact, Flags]]) -> bool:
+    """Whether all nodes of a body with friction slide (local).
+
+    Args:
+        nodes: Contacts of the body, each with the slave nodes that act on it, (slave nodes,).
+    """
+    sticks = any((contact.sticking & mine).any() for contact, mine in nodes)
+    return not sticks and any((contact.sliding & mine).any() for contact, mine in nodes)

@@ -16,6 +16,7 @@ from fenics_mortar.sensitivity.controls import (
     ObstacleShape,
     Offset,
 )
+from fenics_mortar.sensitivity.forms import NodalPositions
 from fenics_mortar.sensitivity.gradient import (
     Gradient,
     Simulation,
@@ -23,11 +24,16 @@ from fenics_mortar.sensitivity.gradient import (
     tangent_linear,
     to_autograd,
 )
-from fenics_mortar.sensitivity.kinks import Kink
-from fenics_mortar.sensitivity.nodal_positions import NodalPositions
-from fenics_mortar.sensitivity.objective import Control, Quantity, last, least_squares, total
-from fenics_mortar.sensitivity.path_record import RecordedPath
-from fenics_mortar.sensitivity.quantities import (
+from fenics_mortar.sensitivity.objective import (
+    Control,
+    Kink,
+    Quantity,
+    RecordedPath,
+    last,
+    least_squares,
+    total,
+)
+from fenics_mortar.sensitivity.protocols import (
     ContactLength,
     FrictionWork,
     MeanGap,

@@ -13,11 +13,15 @@ from scipy.linalg import block_diag
 from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.obstacles.rotations import inverse_jacobians
+from fenics_mortar.obstacles.rigid_motion import inverse_jacobians
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.history import Before
-from fenics_mortar.sensitivity.pair_operators import OfPair, contact_of
-from fenics_mortar.sensitivity.partials.fields import gap_by_offset
+from fenics_mortar.sensitivity.history import Before, OfPair, contact_of
+from fenics_mortar.sensitivity.partials.fields import (
+    Changes,
+    Matrix,
+    fields_by_shape,
+    gap_by_offset,
+)
 from fenics_mortar.sensitivity.partials.law import (
     PairMemory,
     by_parameter,
@@ -25,12 +29,15 @@ from fenics_mortar.sensitivity.partials.law import (
     change_of_rows,
     parameter,
 )
-from fenics_mortar.sensitivity.partials.maps import Changes, Matrix
-from fenics_mortar.sensitivity.partials.obstacle_shapes import fields_by_shape
 from fenics_mortar.sensitivity.protocols import Control, OnePairControl, PairControl
-from fenics_mortar.utils.arguments import check_choice, check_kind, check_lengths, check_number
 from fenics_mortar.utils.arrays import Array, Flags
-from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.errors import (
+    MortarError,
+    check_choice,
+    check_kind,
+    check_lengths,
+    check_number,
+)
 
 
 class LawParameter(OnePairControl):

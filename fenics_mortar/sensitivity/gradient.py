@@ -40,29 +40,28 @@ from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.forms import put_owned
 from fenics_mortar.sensitivity.history import Before, Memories, StepHistory, StepMemory, added
-from fenics_mortar.sensitivity.kinks import (
-    Kink,
-    Status,
-    find_kinks,
-    flat_remarks,
-    nearest,
-    status_of,
-)
 from fenics_mortar.sensitivity.objective import (
     Control,
+    Kink,
     OverSteps,
     Quantity,
+    RecordedPath,
+    Status,
     as_list,
     controls_of,
     dot,
     evaluate,
     explicit,
+    find_kinks,
+    flat_remarks,
     last,
+    nearest,
+    path_of_state,
     quantities_of,
     read,
+    status_of,
     total,
 )
-from fenics_mortar.sensitivity.path_record import RecordedPath, path_of_state
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import together
 from fenics_mortar.utils.ranks import agreed
@@ -86,9 +85,9 @@ class Gradient:
             values, the derivatives with respect to the value in this step alone [objective / unit
             of the control]. Their sum is the derivative with respect to a
             value of all steps. Functions: values of the owned dofs.
-        kinks: Undecided nodes and the nodes closest to a change of set; see ``kinks``.
+        kinks: Undecided nodes and the nodes closest to a change of set; see ``objective``.
         remarks: Parameters of laws on which the objective does not depend, as all nodes in contact
-            stick, or none is in contact; see ``kinks``.
+            stick, or none is in contact; see ``objective``.
     """
 
     value: float
@@ -383,7 +382,7 @@ class TangentLinear:
         derivatives: Derivatives of the values, shape (steps, quantities) [their units].
         states: Derivatives of the states of all steps, units as in ``equations.linearized`` over
             that of the direction's factor.
-        kinks: Undecided nodes and the nodes closest to a change of set; see ``kinks``.
+        kinks: Undecided nodes and the nodes closest to a change of set; see ``objective``.
     """
 
     value: float

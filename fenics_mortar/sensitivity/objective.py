@@ -4,12 +4,42 @@
 **Objectives of a path as functions of the values of quantities in its steps.** Such a function
 takes the values, shape (steps, quantities), and returns the objective and its derivatives with
 respect to the values, of the same shape. It is local and must return equal numbers on all ranks.
+
+Accepted states of a path, with the loads and data of the solves.
+
+Derivatives are those of a solution. At a state for other loads, materials or laws than the present
+ones they would be wrong without any indication; such a state is not recorded.
+
+Distance of a state from the next change of its active sets and branches, and flat objectives.
+
+The converged state is differentiable where no set changes. At a kink, the derivatives are those of
+the sets of the state: an element of Clarke's generalized derivative. The distances from a kink are
+
+================  ==========================================================
+node              distance [1]
+================  ==========================================================
+active            (z_n + a) / largest pressure of the pair
+open              mean gap / nodal length
+sticking          (b - abs(z_tau)) / b, friction limit b
+sliding           slip / nodal length
+================  ==========================================================
+
+and zero where the cover of a node is at the limit for a multiplier. A node is undecided if its
+distance is at most ``laws.KINK``. Distances of sticking and sliding nodes are known for laws with a
+friction limit that is reached in sliding (``Friction``).
+
+Far from kinks an objective may be flat. If all nodes in contact stick in all steps, a larger
+friction limit changes nothing: the derivative is exactly zero in a whole region, and an optimizer
+that compares gradients with zero stops there. The same holds for all parameters of a pair without
+contact.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -18,14 +48,262 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from fenics_mortar.bulk.checks import check_domain
+from fenics_mortar.bulk.checks import check_domain, refuse_history
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.law import KINK, Friction
+from fenics_mortar.equations.general import Snapshot, State, raise_cause, restored_if_interrupted
+from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.rigid.spread import refuse_remote
+from fenics_mortar.sensitivity.controls import LawParameter
 from fenics_mortar.sensitivity.forms import FormControl, FormQuantity
 from fenics_mortar.sensitivity.history import Before
-from fenics_mortar.sensitivity.path_record import RecordedPath
 from fenics_mortar.sensitivity.protocols import Combined, ContactQuantity, Control, Quantity
-from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same_texts, together
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import LAST_DIGITS, Array, Flags, Indices
+from fenics_mortar.utils.errors import (
+    MortarError,
+    RaisedElsewhereError,
+    check_kind,
+    check_same_texts,
+    format_point,
+    together,
+)
+
+# Residual of a solution over that of Newton's tolerance [1]: the reference force of an iteration
+# may have been larger than that of the state.
+SOLVED_FACTOR = 1e3
+
+
+@dataclass(frozen=True)
+class RecordedStep:
+    """An accepted state with its data (local).
+
+    Attributes:
+        state: The state.
+        data: Values of the constants and functions of the forms, of any shape [their units], see
+            ``Data``.
+        laws: Attributes of the laws and conductances of the contacts.
+        shapes: Parameters of the shape of each obstacle by name [their units].
+        loads: Forces and moments that drive the obstacles, shape (m,) each, nan where prescribed
+            [stress length, stress length^2].
+    """
+
+    state: State
+    data: tuple[Array, ...]
+    laws: tuple[dict[str, Any], ...]
+    shapes: tuple[dict[str, Array], ...]
+    loads: tuple[Array, ...]
+
+
+class Data:
+    """Constants and functions of residual, conditions and laws except the displacement; local.
+
+    Args:
+        problem: The problem.
+        more: Further constants and functions.
+    """
+
+    def __init__(self, problem: ContactProblem, more: Sequence[Any] = ()) -> None:
+        settings = map(vars, _settings(problem))
+        of_laws = [value for values in settings for value in values.values() if _is_data(value)]
+        bulk = problem.equations.bulk
+        objects = dict.fromkeys([*bulk.data, *of_laws, *more])
+        conditions = [compat.condition_numbers(bc) for bc in bulk.bcs]
+        self._arrays = [*map(_array_of, objects), *conditions]
+
+    def values(self) -> tuple[Array, ...]:
+        """Copies of the present values, of the shapes and units of the data [any]."""
+        return tuple(np.array(numbers) for numbers in self._arrays)
+
+    def put(self, values: Sequence[Array]) -> None:
+        """Set all values, of the shapes of the data."""
+        for numbers, value in zip(self._arrays, values, strict=True):
+            numbers[...] = value
+
+
+def _is_data(value: Any) -> bool:
+    """Whether a value is a constant or function of dolfinx (local)."""
+    return isinstance(value, (fem.Constant, fem.Function))
+
+
+def _with_law(problem: ContactProblem) -> list[Contact]:
+    """The contacts of a problem without its ties (local)."""
+    return [c for c in problem.equations.contacts if isinstance(c, Contact)]
+
+
+def _settings(problem: ContactProblem) -> list[Any]:
+    """Laws and conductances of the contacts (local)."""
+    pairs = [contact.pair for contact in _with_law(problem)]
+    return [setting for pair in pairs for setting in (pair.law, *pair.fluxes)]
+
+
+def _copies(values: dict[str, Any]) -> dict[str, Any]:
+    """Attributes with copies of arrays (local)."""
+    return {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in values.items()}
+
+
+def _array_of(data: Any) -> Array:
+    """The numbers of a constant or function, not a copy (local)."""
+    return data.value if isinstance(data, fem.Constant) else data.x.array
+
+
+class RecordedPath:
+    """Accepted states of a problem, in the order of their load steps; all methods are collective.
+
+    Slip is counted from the state before. A path with friction must therefore be recorded without
+    gaps, with one call of ``record`` after each solve::
+
+        path = fm.sensitivity.RecordedPath(problem)  # at the initial state of the path
+        fm.follow_path(problem, set_loads, options, on_step=path.record)
+        mu = fm.sensitivity.LawParameter(0, "mu")
+        gradient = fm.gradient(fm.sensitivity.TotalForce(0, (1.0, 0.0)), [E, mu], path)
+
+    The initial state is fixed: it has no derivatives. Each record contains the displacement, the
+    interface states and the values of all constants and functions of the residual.
+
+    Args:
+        problem: The problem, at the start of the path.
+        also: Constants and functions that change between steps and on which only the objective
+            depends.
+
+    Attributes:
+        problem: The problem.
+        start: State at the start, ``None`` for the path of a single state.
+        steps: The records.
+
+    Raises:
+        ValueError: If ``problem`` is of another type.
+        MortarError: If the problem has inertia or history functions.
+    """
+
+    def __init__(self, problem: ContactProblem, *, also: Sequence[Any] = ()) -> None:
+        check_kind("problem", problem, ContactProblem, "a ContactProblem")
+        if problem.equations.bulk.inertia is not None:
+            raise MortarError("dynamics have no derivatives: expected a static problem")
+        if any(getattr(s, "heating", None) == "friction" for s in _settings(problem)):
+            raise MortarError(
+                "heating='friction' has no derivatives: expected heating=None or a function of "
+                "pressure and position"
+            )
+        motions = problem.equations.motions
+        refuse_remote([*motions.remote, *motions.spread], "gradients are not implemented")
+        refuse_history(problem.equations.bulk, "the gradient of a path")
+        self.problem, self._data = problem, Data(problem, also)
+        self.start: State | None = problem.state()
+        self.steps: list[RecordedStep] = []
+
+    def record(self, *arguments: Any) -> None:
+        """Add the present state.
+
+        Args:
+            arguments: Ignored; ``follow_path`` may therefore call this method as its ``on_step``.
+
+        Raises:
+            MortarError: On all ranks, if the present state is not a solution for the present values
+                of loads, material and laws.
+        """
+        check_solved(self.problem)
+        self.steps.append(self.present())
+
+    def present(self) -> RecordedStep:
+        """Record of the present state."""
+        laws = tuple(_copies(vars(setting)) for setting in _settings(self.problem))
+        shapes = tuple(obstacle.shape() for obstacle in self.problem.obstacles)
+        loads = tuple(obstacle.load.copy() for obstacle in self.problem.obstacles)
+        return RecordedStep(self.problem.state(), self._data.values(), laws, shapes, loads)
+
+    def before(self, number: int) -> State | None:
+        """State before the step ``number``."""
+        return self.steps[number - 1].state if number else self.start
+
+    def go_to(self, number: int) -> None:
+        """Restore the state and the values of step ``number``, and evaluate the operators."""
+        self._put_values(self.steps[number])
+        self.problem.restore(self.steps[number].state)
+
+    def _put_values(self, step: RecordedStep) -> None:
+        self._data.put(step.data)
+        for setting, values in zip(_settings(self.problem), step.laws, strict=True):
+            vars(setting).update(values)
+        for contact in _with_law(self.problem):
+            contact.adopt_law()
+        for obstacle, load in zip(self.problem.obstacles, step.loads, strict=True):
+            if not np.array_equal(obstacle.load, load, equal_nan=True):
+                obstacle.load = load
+        for obstacle, shape in zip(self.problem.obstacles, step.shapes, strict=True):
+            for name, now in obstacle.shape().items():
+                if not np.array_equal(now, shape[name]):
+                    obstacle.set_shape(name, shape[name])
+
+    @contextmanager
+    def visited(self) -> Iterator[None]:
+        """Context of visits to steps, with exact derivatives; changes are reverted at the end."""
+        equations = self.problem.equations
+        present, before = self.present(), Snapshot(equations)
+        residual, linearization = equations.bulk.r.array_r.copy(), equations.linearization
+        equations.linearization, renew = EXACT, True
+        try:
+            yield
+            renew = False
+        except MortarError as error:
+            renew = isinstance(error, RaisedElsewhereError)
+            raise
+        except BaseException as error:
+            raise_cause(error)
+        finally:
+            equations.linearization = linearization
+            self._put_values(present)
+            before.revert(renew=renew)
+            equations.bulk.r.array[:] = residual
+
+    def check(self) -> None:
+        """Reject a path without steps (local).
+
+        Raises:
+            MortarError: If nothing was recorded.
+        """
+        if not self.steps:
+            raise MortarError("the path has no steps: call record() after each solve")
+
+
+def path_of_state(problem: ContactProblem) -> RecordedPath:
+    """Path of the present state alone; the state at the start of the step is fixed (collective)."""
+    path = RecordedPath(problem)
+    path.start = None
+    path.record()
+    return path
+
+
+def check_solved(problem: ContactProblem) -> None:
+    """Reject a state that is not a solution; one evaluation of the residual (collective).
+
+    Raises:
+        MortarError: On all ranks, if the last solve failed, or if displacement, loads, prescribed
+            values, material or law were changed after it.
+    """
+    e = problem.equations
+    if not e.last_converged:
+        raise MortarError(
+            "the present state is not the result of a solve: record a state after solve()"
+        )
+    with restored_if_interrupted(e):
+        e.evaluate_operators()
+        e.bulk.assemble_residual()
+        if e.floating.bodies:
+            e.floating.add_spring_forces()
+        e.residual.begin()
+        residual = e.residual.measure()
+    tolerance = e.newton.residual_tolerance
+    allowed = SOLVED_FACTOR * max(tolerance * e.residual.force, e.residual.attainable)
+    if not residual <= allowed:
+        raise MortarError(
+            f"the present state is not a solution: residual {residual:.1e}, allowed {allowed:.1e}. "
+            "Displacement, loads, prescribed values, material or law were changed after solve(): "
+            "record before changing them, or solve again"
+        )
+
 
 # Cache of controls and quantities with compiled forms, by bulk and UFL object.
 _kept: WeakKeyDictionary[Any, dict[Any, Any]] = WeakKeyDictionary()
@@ -284,3 +562,153 @@ def _called(over_steps: Any, values: Array) -> tuple[Any, Array]:
     if not (np.isfinite(value).all() and np.isfinite(weights).all()):
         raise ValueError("over_steps returned numbers that are not finite")
     return value, weights
+
+
+Change = Literal["opens", "closes", "slides", "sticks", "cover"]
+Status = Literal["open", "stick", "other"]
+
+
+@dataclass(frozen=True)
+class Kink:
+    """The node of a pair and step closest to a change of a set; local.
+
+    Attributes:
+        distance: Distance from the change [1].
+        step: Number of the step.
+        pair: Number of the pair.
+        node: Number of the slave node along the surface.
+        X: Reference position of the node, shape (d,) [length].
+        change: The change.
+    """
+
+    distance: float
+    step: int
+    pair: int
+    node: int
+    X: tuple[float, ...]
+    change: Change
+
+    @property
+    def is_undecided(self) -> bool:
+        """Whether the node is on the kink."""
+        return self.distance <= KINK
+
+    def __str__(self) -> str:
+        """Node, change and distance as text."""
+        return (
+            f"step {self.step}, pair {self.pair}: node {self.node} at {format_point(self.X)} "
+            f"{self.change} at a distance of {self.distance:.1e}"
+        )
+
+
+def find_kinks(problem: ContactProblem, step: int) -> list[Kink]:
+    """Undecided nodes of the present state, and the nearest other one of each pair (local).
+
+    Args:
+        problem: The problem, evaluated.
+        step: Number of the step.
+    """
+    found: list[Kink] = []
+    for pair, contact in enumerate(problem.equations.contacts):
+        if not isinstance(contact, Contact):
+            continue
+        kinks = [
+            Kink(float(distance[j]), step, pair, int(j), tuple(contact.slave.X[j].tolist()), change)
+            for change, distance in _distances(contact).items()
+            for j in _nearest_nodes(distance)
+        ]
+        undecided = [kink for kink in kinks if kink.is_undecided]
+        found += undecided or sorted(kinks, key=_by_distance)[:1]
+    return found
+
+
+def nearest(kinks: list[Kink]) -> Kink | None:
+    """The kink of the smallest distance, ``None`` without contact (local)."""
+    return min(kinks, key=_by_distance, default=None)
+
+
+def _nearest_nodes(distance: Array) -> Indices:
+    """Nodes on the kink, or the nearest one; none if no node can change."""
+    limit = max(KINK, float(distance.min(initial=np.inf)))
+    return np.flatnonzero((distance <= limit) & np.isfinite(distance))
+
+
+def _by_distance(kink: Kink) -> float:
+    return kink.distance
+
+
+def _distances(contact: Contact) -> dict[Change, Array]:
+    """Distances of all nodes from each change, inf where it is not possible, (slave nodes,)."""
+    now, law = contact.now, contact.pair.law
+    active, covered = contact.active, now.covered
+    rounding = LAST_DIGITS * contact.stiffness  # as in the active-set test
+    pressure = np.where(np.abs(now.tension) <= rounding, 0.0, np.abs(now.tension))
+    largest = float(pressure.max(initial=0.0)) or 1.0
+    undecided = np.zeros(active.size, bool)
+    undecided[contact.undecided] = True
+    found: dict[Change, Array] = {
+        "opens": _where(active, pressure / largest),
+        "closes": _where(covered & ~active, np.abs(now.mean_gap) / now.nodal_lengths),
+        "cover": _where(undecided, np.zeros(active.size)),
+    }
+    if isinstance(law, Friction):
+        limit = np.asarray(now.friction_limit(now.z_n))
+        limited = active & (limit > 0.0) & np.isfinite(limit)
+        shear = np.abs(now.z_tau) / np.where(limited, limit, 1.0)
+        found["slides"] = _where(limited & now.sticking, np.abs(1.0 - shear))
+        found["sticks"] = _where(limited & now.sliding, np.abs(now.slip) / now.nodal_lengths)
+    return found
+
+
+def _where(applies: Flags, distance: Array) -> Array:
+    return np.where(applies, distance, np.inf)
+
+
+def status_of(contact: Interface) -> Status:
+    """Whether no node of a pair is in contact, or all that are stick (local)."""
+    if not contact.active.any():
+        return "open"
+    if not isinstance(contact, Contact) or not contact.pair.law.has_friction:
+        return "other"
+    can_slide = contact.active & contact.follows_law
+    return "other" if (can_slide & ~contact.now.sticking).any() else "stick"
+
+
+def flat_remarks(
+    contacts: Sequence[Interface],
+    statuses: Sequence[Sequence[Status]],
+    controls: Sequence[Control],
+    by_step: Sequence[Sequence[Array]],
+) -> tuple[str, ...]:
+    """Describe parameters of laws whose derivative is zero in a whole region (local).
+
+    Args:
+        contacts: The pairs.
+        statuses: ``status_of`` the pairs, in each step that the objective depends on.
+        controls: The controls.
+        by_step: Contributions of the steps to the derivatives by each control.
+    """
+    found = []
+    for control, parts in zip(controls, by_step, strict=True):
+        if not isinstance(control, LawParameter) or any(part.any() for part in parts):
+            continue
+        seen = {each[control.pair] for each in statuses}
+        if seen and "other" not in seen:
+            contact = contacts[control.pair]
+            found.append(
+                f"the derivative by {control.name} is zero: in all {len(statuses)} steps "
+                f"{_reason(contact, seen)} (a flat region, which is not a minimum)"
+            )
+    return tuple(found)
+
+
+def _reason(contact: Interface, seen: set[Status]) -> str:
+    """Why an objective is flat, and what helps (local)."""
+    names = f"'{contact.slave.name}' on '{contact.master.name}'"
+    if "stick" not in seen:
+        return f"no node of {names} is in contact; choose steps or other parameters with contact"
+    return (
+        f"all nodes of {names} in contact stick, so that the objective does not depend on the "
+        "friction limit; start with less friction, bound it to values with slip, or load until "
+        "nodes slide"
+    )

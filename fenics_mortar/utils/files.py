@@ -11,8 +11,7 @@ from typing import TypeVar
 
 from mpi4py import MPI
 
-from fenics_mortar.utils.arguments import check_kind
-from fenics_mortar.utils.errors import MortarError, raise_together
+from fenics_mortar.utils.errors import MortarError, check_kind, raise_together
 
 T = TypeVar("T")
 

@@ -37,12 +37,10 @@ from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.outline import extract_outline
 from fenics_mortar.kernels.crossing import find_crossings
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
+from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices, Value
 from fenics_mortar.utils.errors import format_point
-from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.finding import LIMITS
-from fenics_mortar.verify.led_bodies import LedBodies
-from fenics_mortar.verify.node_paths import motion_of
+from fenics_mortar.verify.node_paths import LedBodies, motion_of
 from fenics_mortar.verify.overlap import (
     AdmittedDepth,
     OutlineNames,

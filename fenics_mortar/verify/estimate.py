@@ -53,15 +53,13 @@ from fenics_mortar.bulk.cells import DEGREES, ReferenceCell, normals_of
 from fenics_mortar.bulk.fluxes import Fluxes
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.interface.obstacle_facets import gauss_points, tabulate
+from fenics_mortar.interface.on_obstacle import gauss_points, tabulate
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arguments import check_number
-from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.errors import together
+from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Flags, Indices
+from fenics_mortar.utils.errors import check_number, together
 from fenics_mortar.utils.files import Markdown, markdown_table
-from fenics_mortar.utils.rounding import ROUNDING, TINY
-from fenics_mortar.verify.interface_defects import interface_defects, interface_tractions
+from fenics_mortar.verify.overlap import interface_defects, interface_tractions
 
 # Decimals of the linear functions at points, which are equal or differ by 0.1 at least.
 DECIMALS = 6

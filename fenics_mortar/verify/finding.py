@@ -17,9 +17,8 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.surfaces import POINTS
-from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.rounding import HALF_FACET, SOLVED
+from fenics_mortar.rigid.proximal import RIGID
+from fenics_mortar.utils.arrays import HALF_FACET, SOLVED, Array, Indices
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.interface.hull import Hull
+from fenics_mortar.interface.outline import Hull
 from fenics_mortar.kernels.space.inside import (
     depths_inside,
     find_piercings,
@@ -38,8 +38,7 @@ from fenics_mortar.kernels.space.inside import (
     winding_by_angles,
 )
 from fenics_mortar.kernels.tree import build_tree
-from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.rounding import SAME_PLACE
+from fenics_mortar.utils.arrays import SAME_PLACE, Array, Flags, Indices
 from fenics_mortar.verify.checks.contact_conditions import paired_nodes
 from fenics_mortar.verify.finding import LIMITS
 

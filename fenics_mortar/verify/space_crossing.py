@@ -13,10 +13,9 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from fenics_mortar.interface.hull import extract_hull
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.interface.outline import extract_hull
+from fenics_mortar.utils.arrays import HALF_FACET, SMALL_ANGLE, Array, Indices
 from fenics_mortar.utils.errors import MeshError, format_point
-from fenics_mortar.utils.rounding import HALF_FACET, SMALL_ANGLE
 from fenics_mortar.verify.crossing import Crossing, Crossings
 from fenics_mortar.verify.finding import LIMITS
 from fenics_mortar.verify.node_paths import RigidPath, motion_of
@@ -29,8 +28,7 @@ from fenics_mortar.verify.space_admitted import (
     find_overlaps,
     remark_of,
 )
-from fenics_mortar.verify.space_obstacles import SpaceObstacles
-from fenics_mortar.verify.space_passages import SpacePassages, SpacePaths
+from fenics_mortar.verify.space_passages import SpaceObstacles, SpacePassages, SpacePaths
 
 # Bodies of a point and of the triangle above it, ascending.
 Bodies = tuple[int, int]

@@ -13,7 +13,7 @@ from dolfinx import mesh
 import fenics_mortar as fm
 from fenics_mortar.bulk.node_blocks import CellBlocks
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.rounding import SUM_ROUNDING
+from fenics_mortar.utils.arrays import SUM_ROUNDING
 
 comm = MPI.COMM_WORLD
 ROUNDING = SUM_ROUNDING if comm.size > 1 else 0.0

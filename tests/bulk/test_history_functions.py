@@ -15,7 +15,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.bulk.history import History
-from fenics_mortar.mesh.numbering import by_cell
+from fenics_mortar.mesh.space import by_cell
 
 comm = MPI.COMM_WORLD
 DEPTHS = (0.004, 0.008, 0.012)

@@ -9,7 +9,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
-from fenics_mortar.interface.extraction import extract_surface
+from fenics_mortar.interface.traces import extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 

@@ -16,7 +16,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.energies import lame
-from fenics_mortar.interface.extraction import extract_surface
+from fenics_mortar.interface.traces import extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
 
 COMM = MPI.COMM_WORLD

@@ -12,7 +12,7 @@ import numpy as np
 import fenics_mortar as fm
 from demos.studies.stability.limit_analysis import GROUND, Point, Structure
 from demos.studies.stability.touching import normal_of, touching_lines, touching_plane
-from fenics_mortar.contact.laws import Stick
+from fenics_mortar.contact.law import Stick
 from meshes.mapped_grids import Grid
 
 Array = np.ndarray

@@ -12,7 +12,7 @@ from spoilt_law import Spoilt, rubbing_blocks
 
 import fenics_mortar as fm
 from fenics_mortar import laws
-from fenics_mortar.contact.laws import Friction
+from fenics_mortar.contact.law import Friction
 from fenics_mortar.utils.errors import NotFiniteError
 
 

@@ -11,7 +11,7 @@ from scenes import homogeneous_blocks, internal, linear_elastic, pair_options, p
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact.laws import Nodal, Row
+from fenics_mortar.contact.law import Nodal, Row
 from fenics_mortar.energies import lame
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, mapped

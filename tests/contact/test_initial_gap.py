@@ -16,7 +16,7 @@ from scenes import (
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact.messages import describe_overlap
+from fenics_mortar.contact.view import describe_overlap
 from fenics_mortar.energies import lame
 from meshes import mapped_grids, rings
 from meshes.mapped_grids import Grid, block

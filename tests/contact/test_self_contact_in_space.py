@@ -15,8 +15,8 @@ from space_self_scenes import clamp, cracked, extruded_strip, flattened_tube, st
 import fenics_mortar as fm
 from fenics_mortar.contact import contact as contact_module
 from fenics_mortar.energies import linear_elastic
-from fenics_mortar.interface.nearest_points import nearest_on_master
-from fenics_mortar.obstacles.rotations import rotation_by
+from fenics_mortar.interface.facing import nearest_on_master
+from fenics_mortar.obstacles.rigid_motion import rotation_by
 from meshes.mapped_boxes import SIDES, Box, block
 
 MU = fm.Coulomb(0.3)

@@ -17,8 +17,8 @@ from fenics_mortar.contact import arcs
 from fenics_mortar.contact.arcs import rotation_past_obstacle
 from fenics_mortar.contact.slip import Partners
 from fenics_mortar.laws import Worn
-from fenics_mortar.path.energy import forces_of, work_of
-from fenics_mortar.verify.led_bodies import STRETCHED, turn_of
+from fenics_mortar.path.report import forces_of, work_of
+from fenics_mortar.verify.node_paths import STRETCHED, turn_of
 from meshes.mapped_grids import Grid, build, sector
 
 MU, TURN = 0.3, 2.0 * np.pi

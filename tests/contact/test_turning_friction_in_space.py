@@ -12,7 +12,7 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.contact import arcs
 from fenics_mortar.contact.arcs import Turned, past_obstacle, screw
-from fenics_mortar.obstacles.rotations import rotation_by
+from fenics_mortar.obstacles.rigid_motion import rotation_by
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, mapped
 

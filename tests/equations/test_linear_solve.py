@@ -11,7 +11,7 @@ from test_operators import dense
 from test_reduced import loaded_blocks
 
 import fenics_mortar as fm
-from fenics_mortar.la.saddle import SaddleSystem
+from fenics_mortar.la.system import SaddleSystem
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 5, "n_lower": 8, "layers_upper": 3, "layers_lower": 3}

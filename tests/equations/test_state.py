@@ -9,7 +9,7 @@ from scenes import neo_hookean, pressed_blocks
 
 import fenics_mortar as fm
 from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.equations.state import State
+from fenics_mortar.equations.general import State
 
 PARTS = {field.name for field in fields(InterfaceState)}
 # Attributes that may be set, and those that an interface has in its state only.

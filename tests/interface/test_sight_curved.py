@@ -11,7 +11,7 @@ from test_sight import E, Scene, at, whole
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact.messages import describe_overlap
+from fenics_mortar.contact.view import describe_overlap
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block, mapped, sector
 

@@ -9,8 +9,8 @@ from space_pair_scenes import bodies
 
 import fenics_mortar as fm
 from fenics_mortar.kernels.sight import first_exit
+from fenics_mortar.kernels.space.inside import crossings, is_hidden, is_nearer_elsewhere
 from fenics_mortar.kernels.space.shapes import triangles_of
-from fenics_mortar.kernels.space.sight import crossings, is_hidden, is_nearer_elsewhere
 from fenics_mortar.kernels.tree import build_tree
 from meshes import mapped_boxes
 from meshes.mapped_boxes import SIDES, Box, block

@@ -10,7 +10,7 @@ from scenes import read
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.interface.extraction import extract_surface
+from fenics_mortar.interface.traces import extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from meshes import mapped_grids, rings, two_blocks
 from meshes.mapped_grids import Grid, block, build, sector

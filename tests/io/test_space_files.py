@@ -12,7 +12,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.io.picture_in_space import skin_of
+from fenics_mortar.io.picture import skin_of
 from fenics_mortar.utils import compat
 
 EACH = pytest.mark.parametrize("cell, order", EACH_CELL)

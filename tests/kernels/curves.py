@@ -8,9 +8,8 @@ import numpy as np
 from closed_form import BOTH, integrate_facet
 from derivatives import complex_step
 
-from fenics_mortar.interface.integrals import integrate_segments
-from fenics_mortar.interface.segments import find_segments
-from fenics_mortar.kernels import basis, normals
+from fenics_mortar.interface.integrals import find_segments, integrate_segments
+from fenics_mortar.kernels import basis, projection
 
 LIMITS = (0.1, 1e-10)
 
@@ -22,7 +21,7 @@ class Curves:
     x: np.ndarray
     m: np.ndarray
     basis: int = basis.DUAL
-    weighting: int = normals.OPPOSITE
+    weighting: int = projection.OPPOSITE
     points: int = 5
     left: np.ndarray | None = None
     gap_weights: int = 0  # BY_BASIS
@@ -67,7 +66,7 @@ class Curves:
     def normals(self, x):
         n, dn = np.empty_like(x), np.zeros((len(x), 2, 6), x.dtype)
         inner = np.zeros(len(x), bool)
-        normals.tabulate_normals(x, self.previous, self.following, inner, self.weighting, n, dn)
+        projection.tabulate_normals(x, self.previous, self.following, inner, self.weighting, n, dn)
         return n, dn
 
     def columns(self, i):
@@ -189,7 +188,7 @@ class CurvedCurves(Curves):
     def normals(self, x):
         n, dn = np.empty_like(x), np.zeros((len(x), 2, 4 * self.degree + 2), x.dtype)
         inner = np.arange(len(x)) % self.degree != 0
-        normals.tabulate_normals(x, self.previous, self.following, inner, self.weighting, n, dn)
+        projection.tabulate_normals(x, self.previous, self.following, inner, self.weighting, n, dn)
         return n, dn
 
     def columns(self, i):

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fenics_mortar.kernels.normals import OPPOSITE
+from fenics_mortar.kernels.projection import OPPOSITE
 from fenics_mortar.kernels.space.integrals import integrate_facets
 from fenics_mortar.kernels.space.linearize import linearize_facets
 from fenics_mortar.kernels.space.normals import facets_around, find_rings, tabulate_normals

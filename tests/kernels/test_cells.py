@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from fenics_mortar.kernels.cells import tabulate_volumes
+from fenics_mortar.kernels.facets import tabulate_volumes
 
 TRIANGLE = np.tile([(-1.0, -1.0), (1.0, 0.0), (0.0, 1.0)], (3, 1, 1))
 # of (1 - s)(1 - t), s (1 - t), (1 - s) t, s t at the nodes (0, 0), (1, 0), (0, 1), (1, 1)

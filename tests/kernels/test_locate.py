@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from fenics_mortar.kernels.inside import box_triangles, interpolate
+from fenics_mortar.kernels.crossing import box_triangles, interpolate
 
 
 def nodes(kind):

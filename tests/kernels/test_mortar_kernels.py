@@ -8,7 +8,7 @@ import pytest
 from closed_form import BOTH, ONLY_FIRST, ONLY_SECOND
 from curves import Curves, wavy
 
-from fenics_mortar.kernels import basis, normals
+from fenics_mortar.kernels import basis, projection
 
 BASES = [basis.DUAL, basis.STANDARD]
 GAP_WEIGHTS = [basis.BY_BASIS, basis.BY_COVER, basis.BY_STANDARD]
@@ -158,7 +158,7 @@ def test_values_and_derivatives_are_those_of_the_closed_form(cover, rule, kind, 
 
 
 @pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
-@pytest.mark.parametrize("kind, weighting", product(BASES, [normals.OPPOSITE, normals.UNIT]))
+@pytest.mark.parametrize("kind, weighting", product(BASES, [projection.OPPOSITE, projection.UNIT]))
 @pytest.mark.parametrize(
     "left, gap_weights",
     [

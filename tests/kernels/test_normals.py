@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from derivatives import complex_step
 
-from fenics_mortar.kernels.normals import OPPOSITE, OWN, UNIT, tabulate_normals
+from fenics_mortar.kernels.projection import OPPOSITE, OWN, UNIT, tabulate_normals
 
 WEIGHTINGS = [OPPOSITE, UNIT, OWN]
 

@@ -6,7 +6,7 @@ import pytest
 from derivatives import complex_step
 from surfaces_in_space import KINDS, cube_sphere, grid, move_corners, normals
 
-from fenics_mortar.kernels.normals import OPPOSITE, OWN, UNIT
+from fenics_mortar.kernels.projection import OPPOSITE, OWN, UNIT
 
 WEIGHTINGS = [OPPOSITE, UNIT, OWN]
 

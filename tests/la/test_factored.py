@@ -6,7 +6,7 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 
-from fenics_mortar.la.factored import factored, factored_by_cholmod
+from fenics_mortar.la.solver import factored, factored_by_cholmod
 from fenics_mortar.utils import compat
 
 pytestmark = pytest.mark.serial

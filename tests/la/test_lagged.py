@@ -9,9 +9,8 @@ import pytest
 from scenes import pressed_blocks
 
 from fenics_mortar.la import solver as solver_module
-from fenics_mortar.la.factored import STEPS
 from fenics_mortar.la.options import SMALL
-from fenics_mortar.la.solver import LinearSolver
+from fenics_mortar.la.solver import STEPS, LinearSolver
 
 pytestmark = pytest.mark.serial
 RANDOM = np.random.default_rng(3)

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from mesh_measures import COMM, on_root, raises_on_all_ranks
 
-from fenics_mortar.mesh.gmsh_mesh import read_msh
-from fenics_mortar.mesh.gmsh_reader import read_gmsh
+from fenics_mortar.mesh.gmsh_reader import read_gmsh, read_msh
 from meshes import half_cylinder_on_block, two_blocks
 
 SHAPES = {

@@ -11,7 +11,7 @@ from refusal import refused
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.mesh.kinds import KINDS, codes_of
+from fenics_mortar.mesh.space import KINDS, codes_of
 from fenics_mortar.utils import compat
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, block, mapped

@@ -19,9 +19,9 @@ from heat_scenes import stacked_in_space
 
 import fenics_mortar as fm
 from fenics_mortar.equations.moving_frame import triangulate
-from fenics_mortar.models.lift import Section, interpolate
+from fenics_mortar.models.in_space import Section, interpolate
 from fenics_mortar.models.model_error import ENERGY, FORCE, PEAK, QUANTITIES
-from fenics_mortar.obstacles.rotations import rotation_by
+from fenics_mortar.obstacles.rigid_motion import rotation_by
 
 
 def judged(plane, in_space):

@@ -10,7 +10,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact.laws import Stick
+from fenics_mortar.contact.law import Stick
 from fenics_mortar.models.model_error import (
     ENERGY,
     PEAK,
@@ -18,9 +18,10 @@ from fenics_mortar.models.model_error import (
     SolutionQuantities,
     differences,
     estimate_wider,
+    largest_strain,
     shear_demand,
+    strained,
 )
-from fenics_mortar.models.strains import largest_strain, strained
 from meshes import mapped_grids, two_blocks
 from meshes.mapped_grids import Grid, block, sector
 

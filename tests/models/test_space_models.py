@@ -14,10 +14,13 @@ from fenics_mortar.models.model_error import (
     ENERGY,
     QUANTITIES,
     SolutionQuantities,
+    angles_of,
     differences,
+    largest_strain,
+    polar,
+    strained,
 )
-from fenics_mortar.models.strains import angles_of, largest_strain, polar, strained
-from fenics_mortar.obstacles.rotations import rotation_by
+from fenics_mortar.obstacles.rigid_motion import rotation_by
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, block, mapped
 

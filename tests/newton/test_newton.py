@@ -10,13 +10,15 @@ import fenics_mortar as fm
 from fenics_mortar.newton.loop import (
     LOOSE_FORCING,
     MAX_FORCING,
+    Iteration,
+    NewtonReport,
     Status,
     Step,
     forcing,
+    merge_repeated,
     period_of,
     solve,
 )
-from fenics_mortar.newton.report import Iteration, NewtonReport, merge_repeated
 from fenics_mortar.rigid import proximal
 
 

@@ -5,16 +5,16 @@ import numpy as np
 import pytest
 
 import fenics_mortar as fm
-from fenics_mortar.interface.obstacle_facets import (
+from fenics_mortar.interface.integrals import MortarOptions
+from fenics_mortar.interface.on_obstacle import (
     integrate_facets,
     obstacle_normals,
     points_of,
     whole_rule,
 )
-from fenics_mortar.interface.segments import MortarOptions
 from fenics_mortar.interface.space_mortar import hand_over
 from fenics_mortar.kernels.space.shapes import reference_nodes
-from fenics_mortar.obstacles.rotations import (
+from fenics_mortar.obstacles.rigid_motion import (
     by_further_motion,
     motion_between,
     place_after,

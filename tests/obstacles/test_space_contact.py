@@ -14,8 +14,8 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import energies
-from fenics_mortar.contact.messages import describe_start
-from fenics_mortar.obstacles.rotations import rotation_by
+from fenics_mortar.contact.view import describe_start
+from fenics_mortar.obstacles.rigid_motion import rotation_by
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, mapped
 

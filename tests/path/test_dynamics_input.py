@@ -11,9 +11,8 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from demos.studies.dynamics.scenes import RHO, E, bar, free_block, scene
-from fenics_mortar.newton.report import Iteration, NewtonReport
-from fenics_mortar.path.energy import Work
-from fenics_mortar.path.report import DynamicsReport, Energies, TimeStep
+from fenics_mortar.newton.loop import Iteration, NewtonReport
+from fenics_mortar.path.report import DynamicsReport, Energies, TimeStep, Work
 from fenics_mortar.utils import compat
 from meshes.mapped_grids import Grid, sector
 

@@ -21,7 +21,7 @@ from demos.studies.dynamics.scenes import (
     oscillator,
 )
 from fenics_mortar.bulk.inertia import Rates
-from fenics_mortar.path.energy import fraction_of_impulse
+from fenics_mortar.path.report import fraction_of_impulse
 from fenics_mortar.path.time_steps import GeneralizedAlpha
 from meshes.mapped_grids import Grid, block, build
 

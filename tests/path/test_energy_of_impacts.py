@@ -13,10 +13,16 @@ import fenics_mortar as fm
 from demos.studies.common import read_mesh
 from demos.studies.dynamics.scenes import RHO, E, free_block, rings, scene
 from fenics_mortar.energies import lame
-from fenics_mortar.newton.report import Iteration, NewtonReport
+from fenics_mortar.newton.loop import Iteration, NewtonReport
 from fenics_mortar.path.corrections import DeformationRate
-from fenics_mortar.path.energy import Work, forces_of, pressure_impulse
-from fenics_mortar.path.report import DynamicsReport, Energies, TimeStep
+from fenics_mortar.path.report import (
+    DynamicsReport,
+    Energies,
+    TimeStep,
+    Work,
+    forces_of,
+    pressure_impulse,
+)
 from meshes.mapped_grids import Grid, block, build
 
 C = np.sqrt(E / RHO)

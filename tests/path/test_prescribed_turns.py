@@ -10,7 +10,7 @@ from turning_scenes import shaft_in_ring
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.path.prescribed_turns import PrescribedTurns
+from fenics_mortar.path.stepping import PrescribedTurns
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block, sector
 

@@ -11,7 +11,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact.laws import Row
+from fenics_mortar.contact.law import Row
 from meshes import indenter_on_block
 
 comm = MPI.COMM_WORLD

@@ -18,7 +18,7 @@ from test_driven import block_under
 from test_floating import falling_disk
 
 import fenics_mortar as fm
-from fenics_mortar.equations.undo import as_interruption
+from fenics_mortar.equations.general import as_interruption
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.clock import clock
 

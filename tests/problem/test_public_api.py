@@ -12,7 +12,7 @@ import pytest
 from scenes import pair_options
 
 import fenics_mortar as fm
-from fenics_mortar.contact.discretization import PRESETS, as_discretization
+from fenics_mortar.contact.pair import PRESETS, as_discretization
 
 
 @pytest.mark.parametrize("name", fm.__all__)

@@ -21,17 +21,15 @@ from fenics_mortar.bulk.inertia import Rates
 from fenics_mortar.contact.law import Nodal, Row
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.contact.view import PairView
-from fenics_mortar.equations.state import State
+from fenics_mortar.equations.general import State
 from fenics_mortar.models.model_error import Assumption
-from fenics_mortar.newton.report import Iteration
-from fenics_mortar.path.energy import Work
-from fenics_mortar.path.report import Energies, PathStep, TimeStep
+from fenics_mortar.newton.loop import Iteration
+from fenics_mortar.path.report import Energies, PathStep, TimeStep, Work
 from fenics_mortar.sensitivity.gradient import Gradient, TangentLinear
-from fenics_mortar.sensitivity.kinks import Kink
-from fenics_mortar.sensitivity.path_record import RecordedStep
+from fenics_mortar.sensitivity.objective import Kink, RecordedStep
 from fenics_mortar.verify.crossing import AcceptedPositions, Crossing
 from fenics_mortar.verify.finding import Finding
-from fenics_mortar.verify.matrices import OperatorMatrices
+from fenics_mortar.verify.tangent import OperatorMatrices
 
 RESULTS = (
     PairView, OperatorMatrices, State, InterfaceState, Rates, Nodal, Row, Assumption, Iteration,

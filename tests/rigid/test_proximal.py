@@ -10,7 +10,7 @@ from small_scenes import pushed_block
 import fenics_mortar as fm
 from fenics_mortar.equations import solver
 from fenics_mortar.rigid import proximal
-from fenics_mortar.rigid.springs import over_contact, slides
+from fenics_mortar.rigid.proximal import over_contact, slides
 
 
 class Scripted:

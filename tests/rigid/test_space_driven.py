@@ -8,7 +8,7 @@ from space_scenes import held, of, solid
 from test_space_contact import KINDS, TIGHT, block_under, law_of
 
 import fenics_mortar as fm
-from fenics_mortar.obstacles.rotations import (
+from fenics_mortar.obstacles.rigid_motion import (
     motion_between,
     place_after,
     places_towards,

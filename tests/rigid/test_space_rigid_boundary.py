@@ -12,7 +12,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import energies
-from fenics_mortar.obstacles.rotations import place_after, turn_between
+from fenics_mortar.obstacles.rigid_motion import place_after, turn_between
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, block
 

@@ -10,7 +10,7 @@ from test_space_rigid_boundary import SIDES
 
 import fenics_mortar as fm
 from fenics_mortar import energies
-from fenics_mortar.obstacles.rotations import motion_between, rotation_by, rotation_less_one
+from fenics_mortar.obstacles.rigid_motion import motion_between, rotation_by, rotation_less_one
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, block
 

@@ -10,7 +10,7 @@ from scenes import Scene, pressed_blocks
 
 import fenics_mortar as fm
 from fenics_mortar.interface.mortar import EXACT
-from fenics_mortar.obstacles.rotations import place_after
+from fenics_mortar.obstacles.rigid_motion import place_after
 
 comm = MPI.COMM_WORLD
 STEPS = 1e-3 * 0.5 ** np.arange(6)

@@ -13,8 +13,7 @@ from test_adhesion import Sticky, columns
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact.law import Row, row_of
-from fenics_mortar.contact.laws import STICK
+from fenics_mortar.contact.law import STICK, Row, row_of
 from fenics_mortar.interface.mortar import EXACT, Linearization
 from fenics_mortar.sensitivity.controls import (
     Interference,
@@ -24,8 +23,8 @@ from fenics_mortar.sensitivity.controls import (
     ObstacleShape,
     Offset,
 )
-from fenics_mortar.sensitivity.nodal_positions import ContactPositions
-from fenics_mortar.sensitivity.pair_operators import check_exact
+from fenics_mortar.sensitivity.forms import ContactPositions
+from fenics_mortar.sensitivity.history import check_exact
 
 comm = MPI.COMM_WORLD
 DOT = 1e-12

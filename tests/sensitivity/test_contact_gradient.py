@@ -18,7 +18,7 @@ from fenics_mortar.sensitivity.controls import (
     Offset,
 )
 from fenics_mortar.sensitivity.objective import last, total
-from fenics_mortar.sensitivity.quantities import FrictionWork, MeanGap, PressureIntegral, TotalForce
+from fenics_mortar.sensitivity.protocols import FrictionWork, MeanGap, PressureIntegral, TotalForce
 
 # Step of Taylor tests [1]; sets change nearby.
 STEP = 2e-4

@@ -13,8 +13,7 @@ from turning_scenes import shaft_in_ring, wheel_under_block
 import fenics_mortar as fm
 from fenics_mortar.contact.law import magnitude, row_of
 from fenics_mortar.interface.mortar import LINEARIZATIONS
-from fenics_mortar.sensitivity.history import StepHistory
-from fenics_mortar.sensitivity.pair_operators import at_pair
+from fenics_mortar.sensitivity.history import StepHistory, at_pair
 
 comm = MPI.COMM_WORLD
 # Relative rounding of sums of some hundred terms [1].

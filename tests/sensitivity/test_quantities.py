@@ -10,7 +10,7 @@ from test_contact_controls import slid_block
 
 import fenics_mortar as fm
 from fenics_mortar.sensitivity.controls import Interference, LawParameter, ObstacleShape, Offset
-from fenics_mortar.sensitivity.quantities import (
+from fenics_mortar.sensitivity.protocols import (
     ContactLength,
     FrictionWork,
     MeanGap,

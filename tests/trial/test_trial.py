@@ -25,7 +25,7 @@ from demos.studies.stability.trial import Worker, case_of, summary
 from demos.studies.stability.trial_judge import check_again, confirm, errors, measure, run
 from demos.studies.stability.trial_scene import build
 from fenics_mortar.contact.view import PairView
-from fenics_mortar.mesh.numbering import input_nodes
+from fenics_mortar.mesh.space import input_nodes
 
 COMM = MPI.COMM_WORLD
 SEEDS = range(1, 21)

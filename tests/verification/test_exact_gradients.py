@@ -9,7 +9,7 @@ from test_axisymmetric import INTERFERENCE, lame_pressure, press_fit
 
 import fenics_mortar as fm
 from fenics_mortar.sensitivity.controls import Interference, LawParameter
-from fenics_mortar.sensitivity.quantities import PressureIntegral, TotalForce
+from fenics_mortar.sensitivity.protocols import PressureIntegral, TotalForce
 
 
 def test_press_fit_by_interference():

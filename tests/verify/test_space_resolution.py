@@ -8,7 +8,7 @@ import pytest
 from space_pair_scenes import bodies, cap_on_block, cylinder_on_block, shaft_in_groove, two_blocks
 
 import fenics_mortar as fm
-from fenics_mortar.obstacles.rotations import rotation_by
+from fenics_mortar.obstacles.rigid_motion import rotation_by
 from fenics_mortar.verify.checks.friction_work import work_along_arcs
 from meshes.mapped_boxes import Box, block
 

@@ -9,12 +9,12 @@ from typing import Any
 import fenics_mortar
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.contact.view import PairSide
-from fenics_mortar.equations.reactions import Reaction
-from fenics_mortar.newton.report import Iteration
+from fenics_mortar.equations.residual import Reaction
+from fenics_mortar.newton.loop import Iteration
 from fenics_mortar.path.report import PathStep
 from fenics_mortar.sensitivity.objective import Control, Quantity
 from fenics_mortar.verify.finding import Finding
-from fenics_mortar.verify.matrices import OperatorMatrices
+from fenics_mortar.verify.tangent import OperatorMatrices
 
 # Pages of the reference: title, and folders of the package whose public names they contain.
 GROUPS = {
@@ -27,14 +27,14 @@ GROUPS = {
             "contact.view",
             "contact.pair_side",
             "contact.state",
-            "verify.matrices",
+            "verify.tangent",
             "io.fields",
         ),
     ),
     "meshes": ("Meshes, spaces and supports", ("mesh", "utils.compat", "bulk.history")),
     "energies": ("Energies of the bodies", ("energies",)),
     "pairs": ("Contact pairs", ("contact",)),
-    "laws": ("Contact laws", ("laws", "contact.laws", "contact.law", "contact.nodal")),
+    "laws": ("Contact laws", ("laws", "contact.law", "contact.law_calls")),
     "obstacles": ("Rigid obstacles", ("obstacles", "rigid")),
     "paths": ("Load steps and dynamics", ("path", "bulk")),
     "sensitivities": ("Sensitivities", ("sensitivity",)),

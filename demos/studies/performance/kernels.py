@@ -10,10 +10,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from fenics_mortar.interface.integrals import integrate_segments
-from fenics_mortar.interface.segments import find_segments
+from fenics_mortar.interface.integrals import find_segments, integrate_segments
 from fenics_mortar.interface.surfaces import POINTS
-from fenics_mortar.kernels import basis, normals
+from fenics_mortar.kernels import basis, projection
 
 # -
 
@@ -45,7 +44,7 @@ def measure(facets, **integration):
     n, dn = np.empty_like(x), np.zeros((facets + 1, 2, 6))
     following = np.append(chain[1:], -1)
     inner = np.zeros(facets + 1, bool)
-    normals.tabulate_normals(x, chain - 1, following, inner, normals.OPPOSITE, n, dn)
+    projection.tabulate_normals(x, chain - 1, following, inner, projection.OPPOSITE, n, dn)
 
     def find():
         given = {"integration": "segments", "points": POINTS, **integration}

@@ -24,7 +24,7 @@ import numpy as np
 from demos.studies.stability.families import scene_of
 from demos.studies.stability.methods import ALL_METHODS, Method
 from demos.studies.stability.model import Posed, Scene, fm, pose_problem
-from fenics_mortar.newton.report import NewtonReport
+from fenics_mortar.newton.loop import NewtonReport
 
 # Number of linear systems after which a contrast method is stopped: a constant, and a number for
 # each of the problem's steps. Converging runs need fewer.

@@ -13,7 +13,7 @@ from unittest.mock import patch
 from demos.studies.stability.whole_facet import whole_facet_basis
 from fenics_mortar.bulk import residual as bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.laws import Coulomb, Nodal
+from fenics_mortar.contact.law import Coulomb, Nodal
 from fenics_mortar.equations import solver
 from fenics_mortar.newton import loop as newton
 from fenics_mortar.rigid.floating import FloatingBodies

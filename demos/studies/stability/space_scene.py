@@ -19,7 +19,7 @@ import fenics_mortar as fm
 from demos.studies.stability.random_bodies import Array
 from demos.studies.stability.space_case import Solid, SpaceCase
 from fenics_mortar import energies
-from fenics_mortar.mesh.numbering import input_nodes
+from fenics_mortar.mesh.space import input_nodes
 from fenics_mortar.utils import compat
 from meshes import mapped_boxes
 

@@ -23,7 +23,7 @@ from demos.studies.stability.shape_case import ShapeCase
 from demos.studies.stability.shapes import Shape
 from demos.studies.stability.supported_case import SupportedCase
 from fenics_mortar.energies import lame
-from fenics_mortar.mesh.numbering import input_nodes
+from fenics_mortar.mesh.space import input_nodes
 from fenics_mortar.utils import compat
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 import fenics_mortar as fm
 from demos.studies.stability.random_bodies import Array
-from fenics_mortar.contact.laws import Branches, Friction, Nodal, Row
+from fenics_mortar.contact.law import Branches, Friction, Nodal, Row
 
 
 class Creeping(fm.Law):

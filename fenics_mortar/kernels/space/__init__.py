@@ -44,7 +44,6 @@ module         contents
 ``clipping``   common part of two convex images, with labelled vertices
 ``points``     quadrature points of the common part of two pieces, factors of their derivatives
 ``pairs``      search for the master facets of each slave facet
-``sight``      partners behind both bodies
 ``integrals``  De, Me, B, G
 ``linearize``  derivatives of the integrals of functions of xi, eta and g
 ``inside``     winding numbers, depths of points in bodies (van Oosterom & Strackee 1983), edges

@@ -31,8 +31,7 @@ import numpy as np
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.facets import add_row
 from fenics_mortar.kernels.space.clipping import chain_vertices
-from fenics_mortar.kernels.space.normals import cross2, dot, flatten, jacobian, set_plane
-from fenics_mortar.kernels.space.points import (
+from fenics_mortar.kernels.space.integrals import (
     combine,
     combine_scalar,
     common_part,
@@ -46,6 +45,7 @@ from fenics_mortar.kernels.space.points import (
     weigh_vector,
     weigh_weight,
 )
+from fenics_mortar.kernels.space.normals import cross2, dot, flatten, jacobian, set_plane
 
 
 @kernel

@@ -37,14 +37,14 @@ Popp, Gitterle, Gee & Wall 2010) are
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.normals import OPPOSITE, UNIT
+from fenics_mortar.kernels.projection import OPPOSITE, UNIT
 from fenics_mortar.kernels.space.shapes import (
     QUADRILATERAL,
     TRIANGLE,
     reference_nodes,
     tabulate_shapes,
 )
-from fenics_mortar.utils.rounding import MAX_STEPS
+from fenics_mortar.utils.arrays import MAX_STEPS
 
 
 def _edge_directions(nodes, corners):
@@ -173,7 +173,7 @@ def tabulate_normals(x, facets, around, ring, weighting, projectors, n, dn):
         around: (starts (n + 1,), facets (e,), local numbers (e,)), see ``facets_around``.
         ring: Nodes on which each normal depends, shape (n, S), -1 for none: at least those of
             ``find_rings``.
-        weighting: ``OPPOSITE``, ``UNIT`` or ``OWN``, see ``kernels.normals``.
+        weighting: ``OPPOSITE``, ``UNIT`` or ``OWN``, see ``kernels.projection``.
         projectors: Matrices that are applied to s, for symmetry planes, shape (n, 3, 3); or None.
         n: Unit normals, shape (n, 3); filled. They are nan at nodes without facets.
         dn: Derivatives, shape (n, 3, 3 S) [1 / length]; filled.

@@ -5,9 +5,9 @@ The boxes of the master facets, in an order in which neighbours are near each ot
 are the leaves of a ``tree``. Candidates of a linear piece of a slave facet are the boxes that
 intersect its prism, which reaches a radius to both sides. A piece of a master facet is kept if it
 faces the slave piece, if their flat images have a common part, if it is within the radius there,
-and if it is not behind both bodies, see ``sight``.
+and if it is not behind both bodies, see ``inside``.
 
-As in the plane, see ``kernels.pairing``, the nearest of pieces at the same place counts, and of
+As in the plane, see ``kernels.search``, the nearest of pieces at the same place counts, and of
 portions of the master, each connected by common nodes, those far behind the nearest one are left
 out. Facets with a common node are never at the same place: on a curved master they overlap slightly
 as seen from a plane.
@@ -19,14 +19,14 @@ what is behind them all the same.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.pairing import ALMOST_CLOSED, BEHIND, sort_rows
-from fenics_mortar.kernels.rows import copy_row, copy_rows, grown
+from fenics_mortar.kernels.blocks import copy_row, copy_rows, grown
+from fenics_mortar.kernels.search import ALMOST_CLOSED, BEHIND, sort_rows
 from fenics_mortar.kernels.space.clipping import clip, clipping_work, signed_area
+from fenics_mortar.kernels.space.inside import bulge, is_hidden, is_nearer_elsewhere
 from fenics_mortar.kernels.space.normals import find_point, flatten, set_plane
 from fenics_mortar.kernels.space.shapes import piece_centres, pieces_of, triangles_of
-from fenics_mortar.kernels.space.sight import bulge, is_hidden, is_nearer_elsewhere
 from fenics_mortar.kernels.tree import build_tree, query_tree
-from fenics_mortar.utils.rounding import HALF_FACET, ROUNDING, SAME_PLACE
+from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, SAME_PLACE
 
 # Vertices of the common part of two octagons, and those that rounding may add.
 MAX_COMMON = 20
@@ -183,7 +183,7 @@ def keep_nearest(found, polygons, count, master_facets, area, work):
 def keep_near_portions(found, count, master_facets, length):
     """Drop portions of the master too far behind the nearest one; return the number of rows kept.
 
-    Limits as in ``kernels.pairing.keep_near_portions``. Rows of ``found`` (c, 4): (distance, height
+    Limits as in ``kernels.search.keep_near_portions``. Rows of ``found`` (c, 4): (distance, height
     [length], master facet, portion); ``length``: longest edge of the slave facet.
     """
     nearest, gap, farthest = np.inf, np.inf, 0.0

@@ -14,7 +14,20 @@ state by
 v = D x - M m. psi' is the angle of n', and chi that between the materials of both surfaces, which
 depends on Q and on the normals of the surfaces. For the measure "operators", s = 1 / w, and b'
 vanishes at any state. Active set, multiplier nodes and the facets that face each other are fixed.
-For slip in space see ``space_history``.
+For slip in space see below.
+
+Derivative of the slip of a step in space with respect to the accepted state at its start.
+
+With the notation of ``arcs``, primes for the previous state, P = D' / w' and Q = M' / w', the
+slip of a node changes through
+
+    dr   = [dD' x - dM' m - dw' r] / w'    at nodes with rows in D' and M',
+    dr   = -dQ m,    dr_0 = P dx' - Q dm' - dQ m'    at others, with nearest points as partners,
+
+and through the rotations of both materials, which depend on the previous positions x' and m' and,
+at the partners, on Q. Where D' and M' are constant, with small sliding, dr_0 = P dx' - Q dm' is
+left. On an obstacle r_0 leads from its pivot to the node in the previous state. Active set,
+multiplier nodes, facets that face each other and nearest facets are fixed.
 """
 
 from __future__ import annotations
@@ -26,34 +39,240 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array, eye
 
-from fenics_mortar.contact.arcs import quarter_turn
+from fenics_mortar.contact.arcs import Material, Turned, quarter_turn, spokes_of
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC, ContactFields
 from fenics_mortar.contact.slip import Partners, rotation_derivative
 from fenics_mortar.contact.space_fields import SpaceFields
+from fenics_mortar.contact.space_partners import ObstaclePartners, SpacePartners
 from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.interface.facing import nearest_facets
-from fenics_mortar.interface.integrals import share_of
+from fenics_mortar.interface.facing import nearest_facets, nearest_on_master
+from fenics_mortar.interface.integrals import PlaneOperators, share_of
 from fenics_mortar.interface.mortar import EXACT, Block
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
-from fenics_mortar.interface.plane_mortar import PlaneOperators
+from fenics_mortar.interface.space_mortar import SpaceOperators
+from fenics_mortar.obstacles.rigid_motion import inverse_jacobians
 from fenics_mortar.sensitivity.partials.fields import (
-    of_vectors,
-    off_planes,
-    rows_by_fields,
-    shear_derivative,
-    shear_vector_derivative,
-)
-from fenics_mortar.sensitivity.partials.maps import (
     Changes,
     Layout,
     Matrix,
+    interleaved,
+    of_vectors,
+    off_planes,
     rows_at_nodes,
+    rows_by_fields,
+    shear_derivative,
+    shear_vector_derivative,
     through_fields,
 )
-from fenics_mortar.sensitivity.partials.space_history import slip_by_earlier
 from fenics_mortar.utils.arrays import Array, Indices
+
+AXES = np.eye(3)
+
+
+def slip_by_earlier(contact: Contact, earlier: Any, layout: Layout) -> Matrix:
+    """Derivative of the vectors of slip by the earlier state, (3 slave nodes, size) (collective).
+
+    Args:
+        contact: The contact, evaluated at the end of the step.
+        earlier: The state that defines the partners, an ``Earlier``.
+        layout: Places of the values of the pair.
+    """
+    o, then = contact.now.operators, earlier.operators
+    if not isinstance(then, ObstacleOperators):
+        return layout.matrix(_TermsInSpace(o, then, contact.partners).blocks(), contact.z.size)
+    parts = [layout.nodal(*_past_obstacle(contact, then, a)) for a in AXES]
+    return interleaved(parts, len(then.x))
+
+
+def _past_obstacle(
+    contact: Contact, then: ObstacleOperators, axis: Array
+) -> tuple[list[Block], None, Array]:
+    """Blocks and derivative by motions of the component of the slip along an axis (local)."""
+    now: Any = contact.operators
+    partners: ObstaclePartners = contact.partners
+    found, slave = partners.at(now), then.slave
+    by_x = np.einsum("jab,a->jb", found.by_vector_then, axis)
+    blocks = [rows_at_nodes(slave, slave.dofs, by_x)]
+    if partners.mirrored is not None:
+        by_spin = found.weights(np.tile(axis, (len(then.x), 1)))[1]
+        blocks += by_positions_at_start(partners.material(now), found.slave, now.x, by_spin)
+    # the rotation of the obstacle in the step begins at its earlier place
+    spin = found.by_relative @ inverse_jacobians(-partners.turn(now)[None])
+    by_turn = np.einsum("jab,a->jb", spin, axis) / now.arm
+    return blocks, None, -np.hstack([by_x, by_turn])
+
+
+def by_positions_at_start(
+    material: Material, at: Turned, x: Array, along: Array
+) -> Iterator[Block]:
+    """Blocks of along_j . a_j by the positions at the start of a step, with the spins a (local).
+
+    Args:
+        material: The material.
+        at: Its rotations.
+        x: Present positions of the nodes, shape (nodes, 3) [length].
+        along: Shape (n, 3).
+    """
+    surface, (j, l, k, size, kept) = material.surface, material.spokes
+    values = at.by_products(along)[j] * kept
+    values = size[:, None] * np.einsum("sa,sab->sb", x[k] - x[l], values)
+    mine = share_of(np.arange(j.size), surface.comm)
+    for nodes, sign in ((k, 1.0), (l, -1.0)):
+        yield Block(j[mine, None], surface.dofs[nodes[mine]], sign * values[mine, None])
+
+
+class _TermsInSpace:
+    """Terms of the derivative of the slip between two surfaces (local).
+
+    Args:
+        now: Operators at the end of the step.
+        then: Operators of the earlier state.
+        partners: The partners.
+    """
+
+    def __init__(self, now: SpaceOperators, then: SpaceOperators, partners: SpacePartners) -> None:
+        self.now, self.then, self.partners = now, then, partners
+        self.found = found = partners.at(now)
+        self.faces = partners.weight > 0.0
+        distance = (partners.present == 0.0)[:, None, None]  # r_0 is zero at other nodes
+        self.by_r = found.by_vector
+        self.by_start = np.where(distance, -found.by_vector @ found.master.Q, 0.0)
+        self.turns = partners.mirrored is not None
+        along = [found.weights(np.tile(axis, (len(now.x), 1))) for axis in AXES]
+        self.by_spins = [np.stack(each, axis=1) for each in list(zip(*along, strict=True))[1:]]
+        if self.turns:
+            by_spin = self.by_spins[1]
+            products = [found.master.by_products(by_spin[:, a]) for a in range(3)]
+            self.by_products = np.stack(products, axis=1)
+            self.around = self._products_around()
+
+    def _products_around(self) -> Array:
+        """Sums of dx_a dx'_b over the nodes around master nodes, (master nodes, 3, 3)."""
+        o, p = self.then, self.partners
+        each = csr_array(eye(len(o.m)))
+        assert p.mirrored is not None
+        _, l, k, _, kept = spokes_of(each, o.master, p.mirrored[1])
+        m, m_0 = self.now.m, p.m
+        sums = np.zeros((len(m), 3, 3))
+        np.add.at(sums, l, (m[k] - m[l])[:, :, None] * (m_0[k] - m_0[l])[:, None] * kept)
+        return sums
+
+    def _by_M(self, j: Indices, l: Indices, sign: Array) -> Array:
+        """d(slip of nodes ``j``)/dQ[j, l]; shapes broadcast, the last axis is a vector's [length].
+
+        ``sign`` is that of Q[j, l].
+        """
+        total = -np.einsum("...ab,...b->...a", self.by_r[j], self.now.m[l])
+        total = total - np.einsum("...ab,...b->...a", self.by_start[j], self.then.m[l])
+        if not self.turns:
+            return total
+        turned = np.einsum("...abc,...bc->...a", self.by_products[j], self.around[l])
+        return total + sign[..., None] * turned
+
+    def blocks(self) -> Iterator[Block]:
+        """Blocks of the derivative of the slip: rows are components, columns dofs of both sides."""
+        yield self._of_matrices()
+        yield from self._of_distances()
+        yield from self._of_nearest()
+        if not self.turns:
+            return
+        found, p = self.found, self.partners
+        sides = zip(
+            p.materials(self.now), (found.slave, found.master), (self.now.x, self.now.m),
+            self.by_spins, strict=True,
+        )  # fmt: skip
+        for material, at, x, by_spin in sides:
+            for a in range(3):
+                for block in by_positions_at_start(material, at, x, by_spin[:, a]):
+                    yield block._replace(rows=3 * block.rows + a)
+
+    def _of_matrices(self) -> Block:
+        """Terms with the changes of D, M and w at nodes with rows in them.
+
+        A common factor of a row of Q does not change the rotation.
+        """
+        o, nodes = self.then, self.then.facet_nodes
+        on = self.faces[nodes]
+        scale = np.where(on, 1.0 / np.where(on, o.weight[nodes], 1.0), 0.0)[:, :, None, None]
+        by_r = self.by_r[nodes]
+        mean = np.einsum("fjab,fjb->fja", by_r, self.found.vector[nodes])
+        by_D = np.einsum("fjab,fkb->fjak", by_r, self.now.x[nodes]) - mean[..., None]
+        j, l = np.broadcast_arrays(nodes[:, :, None], o.segments.merged[:, None])
+        by_M = np.swapaxes(self._by_M(j, l, self._sign_of_M(j, l)), 2, 3)
+        values = o.matrices_derivative(scale * by_D, scale * by_M)
+        rows = 3 * nodes[:, :, None] + np.arange(3)
+        shape = len(nodes), 3 * nodes.shape[1]
+        return Block(rows.reshape(shape), o.columns, values.reshape(*shape, values.shape[3]))
+
+    def _sign_of_M(self, j: Indices, l: Indices) -> Array:
+        """Signs of the entries of Q, zero where there is none; shape of ``j`` and ``l`` [1]."""
+        rows, columns, values = self.partners.entries[1]
+        keys = rows * len(self.now.m) + columns
+        order = np.argsort(keys)
+        at = np.searchsorted(keys[order], j * len(self.now.m) + l)
+        at = order[np.minimum(at, keys.size - 1)]
+        return np.where((rows[at] == j) & (columns[at] == l), np.sign(values[at]), 0.0)
+
+    def _of_distances(self) -> Iterator[Block]:
+        """Terms with P dx' - Q dm' in r_0."""
+        o = self.then
+        sides = zip((o.slave, o.master), self.partners.entries, (1.0, -1.0), strict=True)
+        for surface, entries, sign in sides:
+            j, k, weights = entries.share(surface.comm)
+            some = self.partners.present[j] == 0.0
+            j, k, weights = j[some], k[some], sign * weights[some]
+            rows = 3 * j[:, None] + np.arange(3)
+            yield Block(rows, surface.dofs[k], weights[:, None, None] * self.by_start[j])
+
+    def _of_nearest(self) -> Iterator[Block]:
+        """Terms with the motion of the nearest points, at nodes without rows in M."""
+        o, j = self.then, np.flatnonzero(~self.faces)
+        corners, weights = nearest_on_master(o, j)
+        mine = share_of(np.arange(j.size), o.slave.comm)
+        j, corners, weights = j[mine], corners[mine], weights[mine]
+        by_Q = self._by_M(j[:, None], corners, np.sign(weights))
+        by_x, by_m = weights_of_foot(o.x[j], o.m[corners], weights)
+        rows = 3 * j[:, None] + np.arange(3)
+        yield Block(rows, o.slave.dofs[j], np.einsum("tca,tcq->taq", by_Q, by_x))
+        yield Block(rows, o.master.dofs_of(corners), np.einsum("tca,tcq->taq", by_Q, by_m))
+
+
+def weights_of_foot(x: Array, corners: Array, weights: Array) -> tuple[Array, Array]:
+    """Derivatives of the weights of nearest points of triangles (local).
+
+    The nearest point is in the triangle, on an edge or at a corner, and stays there.
+
+    Args:
+        x: The points, shape (t, 3) [length].
+        corners: Corners of the triangles, shape (t, 3, 3) [length].
+        weights: Weights of the corners at the nearest points, zero off the edge, shape (t, 3) [1].
+
+    Returns:
+        Derivatives by the points, (t, 3, 3), and by the corners, (t, 3, 9) [1 / length].
+    """
+    count = len(x)
+    by_x, by_corners = np.zeros((count, 3, 3)), np.zeros((count, 3, 3, 3))
+    off = x - np.einsum("tc,tca->ta", weights, corners)
+    for t in range(count):
+        used = np.flatnonzero(weights[t] > 0.0)
+        if used.size < 2:
+            continue
+        base, others = used[0], used[1:]
+        T = corners[t, others] - corners[t, base]
+        inverse = np.linalg.inv(T @ T.T)
+        change = np.zeros((others.size, 3, 3))  # of T (x - foot) by the corners
+        for i, other in enumerate(others):
+            change[i, other] += off[t]
+            change[i, base] -= off[t]
+        change -= T[:, None] * weights[t][:, None]
+        of_others = inverse @ T, np.einsum("ik,kca->ica", inverse, change)
+        for total, part in zip((by_x, by_corners), of_others, strict=True):
+            total[t, others] = part
+            total[t, base] = -part.sum(axis=0)
+    return by_x, by_corners.reshape(count, 3, 9)
 
 
 class Earlier:

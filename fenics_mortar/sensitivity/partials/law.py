@@ -24,12 +24,9 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.law import COMPLEX_STEP, Law, Nodal
 from fenics_mortar.contact.space_fields import LawFields
-from fenics_mortar.sensitivity.partials.fields import over_weights
-from fenics_mortar.sensitivity.partials.maps import Matrix, by_node
-from fenics_mortar.utils.arguments import check_choice
-from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import call_together
-from fenics_mortar.utils.rounding import EPSILON
+from fenics_mortar.sensitivity.partials.fields import Matrix, by_node, over_weights
+from fenics_mortar.utils.arrays import EPSILON, Array
+from fenics_mortar.utils.errors import call_together, check_choice
 
 # Steps of difference quotients, relative to the parameter [1]: errors of the quotients are of the
 # order of the step. The shorter steps are for nodes near a kink, and for parameters that are zero

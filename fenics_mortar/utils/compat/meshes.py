@@ -16,8 +16,8 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.compat.libraries import quiet_compiler
+from fenics_mortar.utils.errors import check_kind, check_number
 
 # Number of vertices of the cells.
 CORNERS = {"triangle": 3, "quadrilateral": 4, "tetrahedron": 4, "hexahedron": 8}

@@ -19,9 +19,8 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Indices
 from fenics_mortar.utils.ranks import sum_over_ranks
-from fenics_mortar.utils.rounding import ROUNDING, TINY
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
 
 

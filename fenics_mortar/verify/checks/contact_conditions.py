@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.messages import describe_search_radius
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.utils.arrays import Flags, Indices
+from fenics_mortar.contact.view import describe_search_radius
+from fenics_mortar.utils.arrays import HALF_FACET, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import any_over_ranks
-from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.finding import CURVED, LIMITS, POINTS_BETWEEN, Finding, Measured
 
 

@@ -29,7 +29,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.laws import STICK
+from fenics_mortar.contact.law import STICK
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import agreed, any_over_ranks, sum_over_ranks

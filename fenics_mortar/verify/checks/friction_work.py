@@ -32,10 +32,9 @@ from fenics_mortar.contact.arcs import (
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.obstacles.rotations import inverse_jacobians, moments_of
-from fenics_mortar.utils.arrays import Array, norms
+from fenics_mortar.obstacles.rigid_motion import inverse_jacobians, moments_of
+from fenics_mortar.utils.arrays import SUM_ROUNDING, TINY, Array, norms
 from fenics_mortar.utils.errors import format_point
-from fenics_mortar.utils.rounding import SUM_ROUNDING, TINY
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
 
 # Difference between the work of friction by slip and by motions, over shear forces times motions,

@@ -15,9 +15,8 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.obstacles.obstacle import DIFFERENCE, Obstacle, SignedDistance
-from fenics_mortar.utils.arrays import Array, Flags, norms
+from fenics_mortar.utils.arrays import TINY, Array, Flags, norms
 from fenics_mortar.utils.errors import MortarError, call_together, format_point
-from fenics_mortar.utils.rounding import TINY
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
 
 # Largest admissible sine of the angle between a user's gradient and difference quotients [1],

@@ -44,11 +44,10 @@ from scipy.sparse.csgraph import connected_components
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.faces import CORNERS
-from fenics_mortar.interface.nearest_points import nearest_on_master
-from fenics_mortar.utils.arrays import Array, Flags, Indices, norms
+from fenics_mortar.interface.facing import nearest_on_master
+from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, TINY, Array, Flags, Indices, norms
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
-from fenics_mortar.utils.rounding import HALF_FACET, ROUNDING, TINY
 from fenics_mortar.verify.checks.corners import facet_angles
 from fenics_mortar.verify.finding import CURVED, LIMITS, POINTS_BETWEEN, Finding, Measured
 

@@ -17,10 +17,9 @@ from scipy.sparse import csr_array, eye
 
 from fenics_mortar.contact.arcs import Material, vectors_of
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.interface.segments import evaluate_normals
-from fenics_mortar.utils.arrays import Array, norms
+from fenics_mortar.interface.integrals import evaluate_normals
+from fenics_mortar.utils.arrays import SMALL_ANGLE, TINY, Array, norms
 from fenics_mortar.utils.errors import call_together
-from fenics_mortar.utils.rounding import SMALL_ANGLE, TINY
 from fenics_mortar.verify.finding import Finding, Measured
 
 
