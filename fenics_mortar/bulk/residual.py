@@ -211,7 +211,8 @@ class Bulk:
             self._K_is_whole = True
             return
         self._data, self._K_is_whole = data, False
-        self._forget_constant()
+        if self._constant is not None:
+            self._forget_constant()
         if self._num_growths > MAX_GROWTHS:
             self.renew_tangent()
         with self.history.assembling() if self.history.is_used else UNCHANGED:
@@ -224,10 +225,11 @@ class Bulk:
     def _is_known(self, data: list[Array]) -> bool:
         """Whether K of a linear residual with this ``data`` is there or kept (collective)."""
         kept = self._constant is not None and self._num_growths <= MAX_GROWTHS
-        same = (self._K_is_whole or kept) and all(map(np.array_equal, data, self._data))
-        return on_all_ranks(self.comm, same)
+        same = len(data) == len(self._data) and all(map(np.array_equal, data, self._data))
+        return on_all_ranks(self.comm, (self._K_is_whole or kept) and same)
 
     def _forget_constant(self) -> None:
+        """Drop the kept tangent, if there is one (collective)."""
         if self._constant is not None:
             self._constant.destroy()
         self._constant = None

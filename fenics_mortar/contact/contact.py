@@ -272,10 +272,10 @@ class Contact(Interface):
         self.evaluation.behind = other.evaluation.behind or self.evaluation.behind
 
     def begin(self) -> None:
-        """Reset the counts of multiplier changes and the forces of the last solve."""
+        """Reset the counts of multiplier changes and turns, and the forces of the last solve."""
         self._multiplier_nodes.begin()
-        if self.state.force_decided is not None:
-            self.change(force_decided=None)
+        if not (self.state.force_decided is None and self.state.heading is None):
+            self.change(force_decided=None, heading=None)
 
     def move(self, z: Array, fraction: float, step: Array) -> None:
         """See ``Interface``; also marks nodes with tensile multiplier and compressive force.

@@ -68,6 +68,7 @@ class ContactFields(InterfaceFields):
         closing: The gap that contact closes with its derivatives; ``None`` if it is the mean gap.
         covered, mean_gap: See ``Gaps``.
         covered_gap: ``closing_gap``, zero at uncovered nodes, (slave nodes,) [length].
+        adhesion: Adhesion a at the gaps, and a', each (slave nodes,) [stress, stress / length].
     """
 
     interface: ContactInterface
@@ -75,6 +76,7 @@ class ContactFields(InterfaceFields):
     covered: Any = property(attrgetter("gaps.covered"))
     mean_gap: Any = property(attrgetter("gaps.mean"))
     covered_gap: Any = property(attrgetter("gaps.mean"))
+    adhesion: Any = property(attrgetter("pull.residual", "pull.by_gap"))
 
     @field("multiplier_nodes")
     def gaps(self) -> Gaps:
@@ -109,11 +111,6 @@ class ContactFields(InterfaceFields):
         """The row with zero slip on symmetry planes."""
         on_plane = np.isfinite(self.interface.plane_normals[:, 0])
         return row._replace(by_slip=np.where(on_plane, 0.0, row.by_slip))
-
-    @property
-    def adhesion(self) -> tuple[Array, Array]:
-        """Adhesion a at the gaps, and a', each (slave nodes,) [stress, stress / length]."""
-        return self.pull.residual, self.pull.by_gap
 
     @field(*LAW_ATTRIBUTES, "active")
     def attracted(self) -> Flags:
@@ -235,7 +232,7 @@ class ContactFields(InterfaceFields):
         rows = [self.tangential_row, opening]
         if closing is not None:
             rows = [*(chain_rule(row, closing) for row in rows), closing]
-        return tuple(self.at_gaps(row) for row in rows)
+        return tuple([self.at_gaps(row) if np.any(row.by_slip) else row for row in rows])
 
     @property
     def counted_shear(self) -> Array:
@@ -261,8 +258,6 @@ class ContactFields(InterfaceFields):
 
     def at_gaps(self, row: Row) -> Row:
         """A row of the law with its whole derivative by the mean gap: slip depends on it."""
-        if not np.any(row.by_slip):
-            return row
         return row._replace(by_gap=row.by_gap + row.by_slip * self.slip_by_gap)
 
     @field(*RULED)

@@ -228,7 +228,7 @@ class NodalFlux:
 
     Attributes:
         jump: Mean jump T_slave - T_master, zero at nodes without partner [field].
-        conductance: h [flux / field].
+        conductance: h, zero at nodes without partner [flux / field].
         conduction: Flux by conduction from slave to master [flux].
         heating: Source by friction, power per area [flux].
         into_slave: Total that enters the slave [flux length].
@@ -285,9 +285,9 @@ class Flux:
             self._owned = law.field.function_space.dofmap.index_map.local_range
         self._values: tuple[Array, Array] = np.zeros(contact.slave.num_nodes), np.zeros(0)
         self._largest, self._to_force = np.inf, 1.0
-        not_known = np.zeros(prescribed.size, bool)  # those of a separate field
-        fixed = not_known if self.is_separate else prescribed
-        self._spreads = _spreads(contact, self.traces[0], fixed)
+        if isinstance(law.field, fem.Function):  # its conditions are not known
+            prescribed = np.zeros(law.field.x.array.size, bool)
+        self._spreads = _spreads(contact, self.traces[0], prescribed)
         self.perfect = np.full(contact.slave.num_nodes, np.inf)
 
     def evaluate(self, u: Array) -> None:

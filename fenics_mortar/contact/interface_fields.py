@@ -95,12 +95,15 @@ class InterfaceFields:
         closing_gap: Gap that contact closes, nan at uncovered nodes, (slave nodes,) [length].
         z_n, z_tau: See ``Parts``.
         z_u: Multipliers of the displacement, shape (slave nodes, dim) [stress].
+        acting: Operators with derivatives of the facets whose multipliers act or are not zero; in
+            the plane, and of ties, those of all facets.
     """
 
     closing_gap: Any = property(attrgetter("gap"))
     z_n: Any = property(attrgetter("parts.z_n"))
     z_tau: Any = property(attrgetter("parts.z_tau"))
     z_u: Any = property(attrgetter("state.z"))
+    acting: Any = property(attrgetter("operators"))
 
     def __init__(self, interface: Any, state: InterfaceState, operators: Any) -> None:
         self.interface, self.state = interface, state
@@ -141,11 +144,6 @@ class InterfaceFields:
     def acts(self) -> Flags:
         """Whether the multiplier of a node may be nonzero, shape (slave nodes,), bool."""
         return self.state.active
-
-    @property
-    def acting(self) -> Any:
-        """Operators of the facets with multipliers that act or are not zero; see ``near``."""
-        return self.operators.near(self.acts | self.state.z.any(axis=1))
 
     @property
     def sticking(self) -> Flags:

@@ -129,6 +129,11 @@ class SpaceFields(ContactFields):
         return np.zeros_like(self.z_u) if partners is None else partners.slip(self.operators)
 
     @property
+    def acting(self) -> Any:
+        """See ``InterfaceFields``."""
+        return self.operators.near(self.acts | self.state.z.any(axis=1))
+
+    @property
     def counted_slip(self) -> Array:
         """See ``ContactFields``."""
         return self.slip_vector

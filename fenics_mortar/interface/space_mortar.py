@@ -153,7 +153,7 @@ class SpaceOperators(MortarOperators):
 
     @cached_property
     def _near(self) -> dict[bytes, Self]:
-        """The last result of ``near``."""
+        """The last two results of ``near``: with multipliers that act, and with slip."""
         return {}
 
     def near(self, nodes: Flags) -> Self:
@@ -163,7 +163,8 @@ class SpaceOperators(MortarOperators):
             return self
         key = used.tobytes()
         if key not in self._near:
-            self._near.clear()
+            for older in list(self._near)[:-1]:
+                del self._near[older]
             self._near[key] = self._of_facets(used)
         return self._near[key]
 

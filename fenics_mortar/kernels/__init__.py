@@ -7,11 +7,13 @@ may drop the inf and nan that indicate a failed projection.
 """
 
 import gc
+import hashlib
 import logging
 import os
 import sys
 import time
 from collections import Counter
+from pathlib import Path
 
 import numba
 from numba import types
@@ -30,15 +32,14 @@ class _Progress:
     """
 
     def __init__(self) -> None:
-        self.defined, self._packages, self.compiled = Counter[str](), set[str](), 0
+        self.defined, self._compiled = Counter[str](), set[tuple[str, str]]()
         self._depth, self._began, self._spent, self._next = 0, 0.0, 0.0, INTERVAL
         self._collects = False
         self._prints = next((os.environ[v] for v in RANK if v in os.environ), "0") == "0"
 
-    def begin(self, package: str) -> None:
-        """A kernel of a package is compiled now, perhaps within another one that calls it."""
-        self._packages.add(package)
-        self.compiled += 1
+    def begin(self, function) -> None:
+        """A kernel is compiled now, perhaps within another one that calls it."""
+        self._compiled.add((_package(function), function.__qualname__))
         if self._depth == 0:
             self._began = time.monotonic()
             # Most objects of numba live until the end: looking for dead ones took 10 % of the time.
@@ -48,9 +49,9 @@ class _Progress:
         seconds = self._spent + time.monotonic() - self._began
         if seconds >= self._next and self._prints:
             self._next = seconds + INTERVAL
-            most = sum(self.defined[package] for package in self._packages)
+            most = sum(self.defined[package] for package in {p for p, _ in self._compiled})
             print(
-                f"fenics_mortar: compiling kernel {self.compiled} of at most {most} "
+                f"fenics_mortar: compiling kernel {len(self._compiled)} of at most {most} "
                 f"({seconds:.0f} s; later runs load them from the cache)",
                 file=sys.stderr, flush=True,
             )  # fmt: skip
@@ -83,7 +84,7 @@ class _NamingCompiler(Compiler):
         logging.getLogger("fenics_mortar").info(
             "compiling the kernel %s; later runs load it from the cache", func.__qualname__
         )
-        _progress.begin(_package(func))
+        _progress.begin(func)
         try:
             return super().compile_extra(func)
         finally:
@@ -109,6 +110,15 @@ class _PartCompiler(_NamingCompiler):
         return result
 
 
+def _digest():
+    """Digest of the sources of all kernels of the package."""
+    sources = sorted(Path(__file__).parent.rglob("*.py"))
+    return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
+
+
+# Numba compares the time of a kernel's own file with that of its machine code, which contains the
+# kernels that it calls: after a change of these in another file it would keep the old code.
+DIGEST = _digest()
 _options = {"error_model": "numpy", "no_cfunc_wrapper": True}
 _compiled = numba.njit(cache=True, pipeline_class=_NamingCompiler, **_options)
 _part = numba.njit(no_cpython_wrapper=True, pipeline_class=_PartCompiler, **_options)
@@ -124,6 +134,8 @@ def kernel(function):
     _progress.defined[_package(function)] += 1
     compiled = _compiled(function)
     if compiled is not function:  # NUMBA_DISABLE_JIT
+        index = compiled._cache._cache_file
+        index._source_stamp = index._source_stamp, DIGEST
         part = _part(function)
         part.add_overload = lambda result: part.overloads.__setitem__(
             tuple(result.signature.args), result

@@ -100,7 +100,7 @@ class Strip:
     """Factored rows and columns of the dofs near contact surfaces; methods are collective.
 
     Args:
-        bulk: The bodies; K without contact terms.
+        bulk: The bodies.
         prefix: Prefix of PETSc's options.
         multipliers: Number of rows of multipliers after those of dofs; all are in the strip.
 
@@ -237,12 +237,22 @@ def dofs_of(surfaces: Sequence[Surface]) -> Indices:
 
 
 def _with_neighbours(bulk: Bulk, dofs: Indices, layers: int) -> Indices:
-    """Owned dofs, shape (n,), within ``layers`` of cells of owned ones (collective)."""
-    found = PETSc.IS().createGeneral((dofs + bulk.first).astype(PETSc.IntType), PETSc.COMM_SELF)
-    bulk.K.increaseOverlap(found, layers)
-    everywhere = np.unique(np.concatenate(bulk.comm.allgather(found.indices)))
-    mine = (everywhere >= bulk.first) & (everywhere < bulk.first + bulk.num_owned)
-    return everywhere[mine].astype(np.int64) - bulk.first
+    """Owned dofs, shape (n,), within ``layers`` of cells of owned ones (collective).
+
+    By the cells: K has entries of contact, too, where its pattern was extended.
+    """
+    V, size = bulk.V, bulk.space.block_size
+    index_map, cells = V.dofmap.index_map, compat.dofmap(V)
+    count = index_map.size_local + index_map.num_ghosts
+    numbers = index_map.local_to_global(np.arange(count, dtype=np.int32))
+    found = np.unique(dofs // size)
+    for _ in range(layers):
+        everywhere = np.concatenate(bulk.comm.allgather(numbers[found]))
+        found = np.unique(cells[np.isin(numbers, everywhere)[cells].any(axis=1)])
+    everywhere = np.unique(np.concatenate(bulk.comm.allgather(numbers[found])))
+    first, end = index_map.local_range
+    mine = everywhere[(everywhere >= first) & (everywhere < end)] - first
+    return (size * mine[:, None] + np.arange(size)).ravel()
 
 
 # Excess iterations, so far and expected, after which the cycle is rebuilt. A new cycle costs as

@@ -215,7 +215,7 @@ def _violated_by(problem: ContactProblem, start: State, sticking: list[Place]) -
     for contact, before in zip(problem.equations.contacts, start.interfaces, strict=True):
         branch = before.branch.copy()
         branch[[j for other, j in sticking if other is contact]] = STICK
-        contact.change(z=before.z, active=before.active, branch=branch)
+        contact.change(z=before.z, active=before.active, branch=branch, heading=None)
     assumed = [(contact.active, contact.branch) for contact in contacts]
     problem.equations.advance()
     violated = []

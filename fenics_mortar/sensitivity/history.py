@@ -94,7 +94,7 @@ def _motions_of(equations: ContactEquations, contact: Any) -> tuple[int, Array]:
 
 
 def at_pair(equations: ContactEquations, i: int, x: LinearVector) -> Array:
-    """Values of a vector at pair ``i``, see ``partials.maps`` (collective)."""
+    """Values of a vector at pair ``i``, see ``partials.fields`` (collective)."""
     contact = equations.contacts[i]
     layout = Layout(contact)
     values = np.zeros(layout.size)

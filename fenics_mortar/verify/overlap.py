@@ -190,7 +190,7 @@ def obstacle_depths(
         body: The body.
         points: Points of the obstacle, shape (k, dim) [length].
         offset: Lengths of which the overlap -offset is admitted, any shape [length].
-        distance: Distance of points from the obstacle.
+        distance: Distance of points from the obstacle; where it is negative points count.
 
     Returns:
         Depths less the admitted overlap, of the points where they are positive, (m,) [length],
@@ -200,7 +200,7 @@ def obstacle_depths(
     near = points[((points > mine.min(axis=0)) & (points < mine.max(axis=0))).all(axis=1)]
     depths, nearest = depths_in_body(outline, x, body, near)
     depths = depths - max(-float(offset.min(initial=0.0)), 0.0)
-    off = np.abs(distance(near)) > LIMITS.coarse_distance * outline.lengths(x)[nearest]
+    off = distance(near) > LIMITS.coarse_distance * outline.lengths(x)[nearest]
     below = (depths > 0.0) & ~off
     return depths[below], near[below], nearest[below]
 

@@ -438,7 +438,7 @@ class SpaceObstacle:
     def depths_in(self, x: Array, points: Array, body: int) -> tuple[Array, Array, Indices]:
         """Depths of the obstacle in a body, see ``obstacle_depths`` (collective)."""
         at = self.hull, x, body, points, self.offset()
-        return obstacle_depths(*at, lambda points: self._evaluate(points)[0])
+        return obstacle_depths(*at, lambda points: np.abs(self._evaluate(points)[0]))
 
     @property
     def contacts(self) -> list[Contact]:
@@ -476,7 +476,10 @@ class SpaceObstacles:
         ]
 
     def find(self, x: Array) -> Iterator[Crossing]:
-        """The deepest point of each obstacle in each body by kinds, with nodes at ``x`` (n, 3)."""
+        """The deepest point of each obstacle in each body, over its limit, for each kind.
+
+        With nodes at ``x`` (n, 3) [length].
+        """
         sizes = self._hull.lengths(x)
         for each in self._each:
             points = each.points(x)
@@ -485,7 +488,7 @@ class SpaceObstacles:
                 depths, at, triangles = each.depths_in(x, points, body)
                 for kind in np.unique(kinds[triangles]).tolist():
                     facets = np.where(kinds[triangles] == kind, depths / sizes[triangles], 0.0)
-                    k = int(facets.argmax())
+                    k = int((facets / limits[triangles]).argmax())
                     t = int(triangles[k])
                     sides = self._names.segment(t), f"obstacle '{each.obstacle.name}'"
                     measures = float(depths[k]), float(facets[k]), float(limits[t])

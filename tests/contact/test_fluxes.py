@@ -364,7 +364,8 @@ def test_perfect_conduction_is_that_of_a_tie(degrees, algorithm):
     assert found == pytest.approx(expected, rel=2e-5 if degrees == (1, 1) else 0.01)
     assert contact.contacts[0].fluxes[0].jump == pytest.approx(0.0, abs=1e-5)
     slopes = contact.check_tangent(print_table=False).slopes
-    assert slopes["whole"] == pytest.approx(2.0, abs=0.02)
+    # The cover has a kink where both sides end at the same place.
+    assert slopes["whole"] == pytest.approx(2.0, abs=0.05)
 
 
 @pytest.mark.parametrize("h", [1e5, np.inf])

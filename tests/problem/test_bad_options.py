@@ -17,7 +17,7 @@ import fenics_mortar as fm
 @pytest.mark.parametrize(
     ("option", "allowed"),
     [
-        ({"basis": "quadratic"}, "basis='quadratic': expected one of dual, standard"),
+        ({"basis": "cubic"}, "basis='cubic': expected one of dual, standard"),
         ({"normals": "none"}, "normals='none': expected one of opposite, unit, own"),
         (
             {"integration": "gauss"},

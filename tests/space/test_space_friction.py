@@ -83,6 +83,18 @@ def test_a_node_that_turns_back_again_sticks_first():
     assert heading[1].tolist() == [2, 1]
 
 
+def test_turns_are_counted_anew_in_each_solve():
+    """Each reversal of a load may turn nodes back once without stick in between."""
+    scene = on_rigid_plane()
+    scene.move(0.0, 0.0, -0.02)
+    (contact,) = scene.problem.equations.contacts
+    turned = []
+    for way in (0.2, -0.2, 0.2, -0.2):
+        scene.move(way, 0.0, -0.02)
+        turned.append(int(contact.heading[1].max()))
+    assert max(turned) == turned[-1] == 1
+
+
 @pytest.mark.once
 def test_orthogonal_pulls():
     """Pulled along x until all slides, then along y: shear turns, against the total slip."""

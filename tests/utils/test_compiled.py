@@ -18,6 +18,7 @@ import pytest
 import ufl
 from dolfinx import mesh
 
+from fenics_mortar import kernels
 from fenics_mortar.utils import compat
 
 pytestmark = pytest.mark.serial
@@ -79,6 +80,23 @@ def test_machine_code_is_made_and_kept_for_kernels_that_python_calls_only(tmp_pa
 
     assert module.fourfold(1.5) == 6.0 and kept() == ["parts.fourfold"]
     assert module.double(1.5) == 3.0 and kept() == ["parts.double", "parts.fourfold"]
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_kernels_are_compiled_again_when_any_kernel_of_the_package_has_changed(
+    caplog, monkeypatch, tmp_path
+):
+    """One in another file may be part of their machine code; numba compares their own file only."""
+    caplog.set_level(logging.INFO, "fenics_mortar")
+    path = tmp_path / "callers.py"
+    path.write_text(f"{KERNELS}\n# {uuid.uuid4()}\n")
+    assert kernels.DIGEST == kernels._digest()
+    for digest, count in (("old", 2), ("old", 2), ("new", 4), ("new", 4)):
+        monkeypatch.setattr(kernels, "DIGEST", digest)
+        spec = importlib.util.spec_from_file_location("callers", path)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        assert module.fourfold(1.0) == 4.0 and len(caplog.records) == count
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")

@@ -243,8 +243,9 @@ class _Region(NamedTuple):
 
 def _describe(contact: Contact, nodes: Indices, region: _Region) -> str:
     """Describe a region of ``nodes`` (k,) that is too narrow (local)."""
-    names, active = [contact.slave.name] * region.is_narrow, int(contact.active[nodes].sum())
-    if region.opposite > 0.0 and contact.master is not contact.slave:
+    with_itself, active = contact.master is contact.slave, int(contact.active[nodes].sum())
+    names = [contact.slave.name] * (region.is_narrow or with_itself)
+    if region.opposite > 0.0 and not with_itself:
         names.append(contact.master.name)
     sides = " and ".join(f"'{name}'" for name in names)
     many, about = "s" * (active > 1), "about " * (contact.slave.dim == 3)
