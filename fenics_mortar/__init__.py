@@ -34,18 +34,15 @@ from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.general import State
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.io.checkpoint import load_state, save_state
-from fenics_mortar.io.fields import contact_table
-from fenics_mortar.io.paraview import ResultsWriter
+from fenics_mortar.io.paraview import ResultsWriter, contact_table
 from fenics_mortar.io.picture import plot
-from fenics_mortar.mesh.data import MeshData
-from fenics_mortar.mesh.dirichlet import dirichlet
+from fenics_mortar.mesh.data import MeshData, dirichlet
 from fenics_mortar.mesh.from_arrays import mesh_from_arrays
 from fenics_mortar.mesh.from_meshio import mesh_from_meshio
 from fenics_mortar.mesh.gmsh_reader import read_gmsh
-from fenics_mortar.models.elastic_obstacle import ElasticObstacle
 from fenics_mortar.models.in_space import InSpace
 from fenics_mortar.models.model_check import ModelCheck
-from fenics_mortar.models.model_error import ModelReport
+from fenics_mortar.models.model_error import ElasticObstacle, ModelReport
 from fenics_mortar.newton.loop import NewtonOptions, NewtonReport
 from fenics_mortar.obstacles.obstacle import Circle, Obstacle, SignedDistance, Sphere
 from fenics_mortar.obstacles.shapes import Plane, Polygon, Spline

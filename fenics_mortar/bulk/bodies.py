@@ -1,23 +1,50 @@
 # SPDX-License-Identifier: MIT
-"""Separate bodies of a mesh, and their rigid motions without resistance of the bulk."""
+"""Separate bodies of a mesh, and their rigid motions without resistance of the bulk.
+
+Check at the set-up of a problem that the mesh covers no point of the plane or of space twice.
+
+A mesh of straight cells covers each point at most once if
+
+- the two cells of each inner facet lie on opposite sides of it, and no cell is twisted: otherwise
+  the mesh is folded at the facet;
+- the outline of a body does not cross itself: otherwise the body overlaps itself without a fold,
+  for example a strip wound by more than one turn;
+- no two facets of the outlines coincide with their bodies on the same side, and no body lies
+  completely inside another one: otherwise two bodies occupy the same area, for example an inclusion
+  and a matrix without a hole.
+
+Partly overlapping bodies are accepted as interference, and so are paired surfaces of one body.
+
+In space folds and copies of facets are refused here; whether the outside of a body crosses itself,
+or a body lies inside another one, is seen by ``verify.space_crossing``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+import basix
+from dolfinx import mesh as dmesh
+
+from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.interface.outline import Outline, extract_outline
+from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Flags, Indices
-from fenics_mortar.utils.errors import format_point
+from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, TINY, Array, Flags, Indices
+from fenics_mortar.utils.errors import MeshError, count_points, format_point
+from fenics_mortar.utils.lines import lines_cross, near_pairs
 
 # Rotation or translation of a motion of size one [1] below which messages leave it out.
 MINOR = 0.1
@@ -278,3 +305,244 @@ def _apply(K: Any, vectors: Array) -> Array:
         K.mult(x, y)
         row[:] = y.array_r
     return result
+
+
+# Distance from a facet of points inside of its body, over its length [1]: above the rounding of
+# coordinates in files, below the thickness of cells.
+BESIDE = 1e-3
+
+
+def check_mesh_overlap(space: DisplacementSpace, contacts: Sequence[Interface]) -> None:
+    """Reject a mesh that covers a point twice (collective; facets are compared to 1e-6).
+
+    Args:
+        space: The displacement's nodes and dofs.
+        contacts: The pairs, whose surfaces may overlap.
+
+    Raises:
+        MeshError: On all ranks; the message has a position.
+    """
+    mesh = space.V.mesh
+    dim = mesh.geometry.dim
+    mesh.topology.create_connectivity(dim - 1, dim)
+    count = compat.num_corners(mesh)
+    cells = compat.geometry_dofmap(mesh)[:, :count].astype(np.int64)
+    x = mesh.geometry.x[:, :dim]
+    sides = _sides(mesh, x, cells, mesh.topology.index_map(dim).size_local)
+    if dim == 2:
+        _refuse(mesh, "cells are twisted", _twisted(x, cells))
+    _refuse(
+        mesh,
+        "facets have the cells of both sides on the same side: the mesh is folded there",
+        _folded(mesh, sides),
+    )
+    if dim == 2:
+        labels, bodies = label_bodies(space.V)
+        _check_outline(extract_outline(space, labels, np.arange(bodies)), contacts)
+    else:
+        _check_copies(mesh, sides)
+
+
+def _refuse(mesh: Any, what: str, positions: Array) -> None:
+    count, where = count_points(mesh.comm, positions)
+    if count:
+        raise MeshError(f"{count} {what}, one at {where}; correct the mesh")
+
+
+def _twisted(x: Array, cells: Indices) -> Array:
+    """Midpoints of the cells whose corners turn in different directions, (n, 2) (local)."""
+    corners = x[cells[:, OUTLINE[cells.shape[1]]]]
+    after = np.roll(corners, -1, axis=1) - corners
+    before = np.roll(after, 1, axis=1)
+    turns = before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]
+    smallest = SAME_PLACE * np.abs(turns).max(axis=1, initial=0.0)
+    both = (turns.min(axis=1, initial=0.0) < -smallest) & (
+        turns.max(axis=1, initial=0.0) > smallest
+    )
+    return np.asarray(corners[both].mean(axis=1))
+
+
+class _Sides(NamedTuple):
+    """The facets of local cells, one row per cell and facet.
+
+    ``facet``: local number; ``ends``: positions of its ends (in space its corners), ascending by
+    their numbers in the mesh input, (n, corners, dim); ``side``: 1 if the cell lies on the left, in
+    space where ``_normals`` point, else -1.
+    """
+
+    facet: Indices
+    ends: Array
+    side: Array
+
+
+def _sides(mesh: Any, x: Array, cells: Indices, owned: int) -> _Sides:
+    """Side of each facet on which its cell lies, for the first ``owned`` cells (local)."""
+    tdim = mesh.topology.dim
+    mesh.topology.create_connectivity(tdim, tdim - 1)
+    table = mesh.topology.connectivity(tdim, tdim - 1)
+    # dolfinx: facet i of a triangle is opposite to corner i, those of a quadrilateral 01 02 13 23.
+    local = np.array(basix.topology(getattr(basix.CellType, compat.cell_name(mesh)))[tdim - 1])
+    count = len(local)
+    facets = table.array[: owned * count].reshape(-1, count)
+    nodes = cells[:owned][:, local].reshape(-1, local.shape[1])
+    given = np.asarray(mesh.geometry.input_global_indices)[nodes]
+    nodes = np.take_along_axis(nodes, np.argsort(given, axis=1), axis=1)
+    ends = x[nodes]
+    middle = np.repeat(x[cells[:owned]].mean(axis=1), count, axis=0)
+    along, inward = ends[:, 1] - ends[:, 0], middle - ends[:, 0]
+    if tdim == 3:
+        inward = middle - ends.mean(axis=1)
+        side = np.sign((_normals(ends) * inward).sum(axis=1))
+    else:
+        side = np.sign(along[:, 0] * inward[:, 1] - along[:, 1] * inward[:, 0])
+    return _Sides(facets.ravel().astype(np.int64), ends, side)
+
+
+def _normals(corners: Array) -> Array:
+    """Normals of facets in space by three of their corners (n, corners, 3), shape (n, 3)."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def _folded(mesh: Any, sides: _Sides) -> Array:
+    """Midpoints of the owned facets whose two cells lie on the same side, (n, dim) (collective).
+
+    Without ghost cells, a rank has only one cell of a facet between two ranks; such facets are
+    gathered.
+    """
+    index_map = mesh.topology.index_map(mesh.topology.dim - 1)
+    sums, count = np.zeros((2, index_map.size_local + index_map.num_ghosts))
+    np.add.at(sums, sides.facet, sides.side)
+    np.add.at(count, sides.facet, 1.0)
+    first = np.unique(sides.facet, return_index=True)[1]
+    middles = np.full((sums.size, mesh.topology.dim), np.nan)
+    middles[sides.facet[first]] = sides.ends[first].mean(axis=1)
+    wrong = middles[(np.abs(sums) > 1.0) & (count > 1.0)]
+    outer = dmesh.exterior_facet_indices(mesh.topology)
+    once = np.setdiff1d(np.flatnonzero(count == 1.0), outer).astype(np.int32)
+    if mesh.comm.size == 1:
+        return wrong
+    number = index_map.local_to_global(once)
+    everywhere = mesh.comm.allgather((number, sums[once]))
+    numbers, signs = (np.concatenate(arrays) for arrays in zip(*everywhere, strict=True))
+    known, inverse = np.unique(numbers, return_inverse=True)
+    total, times = np.bincount(inverse.ravel(), signs), np.bincount(inverse.ravel())
+    bad = known[(np.abs(total) > 1.0) & (times > 1)]
+    begin, end = index_map.local_range
+    mine = once[np.isin(number, bad) & (number >= begin) & (number < end)]
+    return np.concatenate([wrong, middles[mine]])
+
+
+def _check_copies(mesh: Any, sides: _Sides) -> None:
+    """Reject facets of the outside that coincide with the cells on the same side (collective)."""
+    from scipy.spatial import cKDTree  # not imported by problems in the plane
+
+    outer = np.isin(sides.facet, dmesh.exterior_facet_indices(mesh.topology))
+    corners, side = sides.ends[outer], sides.side[outer, None]
+    mine = corners.mean(axis=1), side * _normals(corners)
+    everywhere = mesh.comm.allgather(mine)
+    middles, normals = (np.concatenate(arrays) for arrays in zip(*everywhere, strict=True))
+    sizes = np.sqrt(np.linalg.norm(normals, axis=1))
+    pairs = cKDTree(middles).query_pairs(SAME_PLACE * float(sizes.max()), output_type="ndarray")
+    i, j = pairs[np.lexsort(pairs.T[::-1])].T
+    close = np.linalg.norm(middles[i] - middles[j], axis=1) <= SAME_PLACE * sizes[i]
+    copies = i[close & ((normals[i] * normals[j]).sum(axis=1) > 0.0)]
+    if copies.size:
+        raise MeshError(
+            f"the mesh fills a place twice: two facets of the outside coincide at "
+            f"{format_point(middles[copies[0]])}, with their bodies on the same side; remove the "
+            "copy"
+        )
+
+
+def _check_outline(outline: Outline, contacts: Sequence[Interface]) -> None:
+    """Reject outlines that cross themselves, coincide or enclose each other (local)."""
+    start, end = np.moveaxis(outline.X[outline.segments], 1, 0)
+    pairs, body = near_pairs(start, end), outline.segment_bodies
+    middles, along = 0.5 * (start + end), end - start
+    lengths = np.linalg.norm(along, axis=1)
+    i, j = pairs.T
+    near = np.linalg.norm(middles[i] - middles[j], axis=1) <= SAME_PLACE * lengths[i]
+    same = np.linalg.norm(along[i] - along[j], axis=1) <= SAME_PLACE * lengths[i]
+    if (near & same).any():
+        where = middles[i[np.argmax(near & same)]]
+        raise MeshError(
+            f"the mesh covers an area twice: two facets of outlines coincide at "
+            f"{format_point(where)}, with their bodies on the same side; remove the copy"
+        )
+    paired = np.zeros(len(start), bool)
+    for surface in (side for c in contacts for side in (c.slave, c.master) if side.num_nodes):
+        paired |= outline.are_of(surface)
+    pairs = pairs[(body[i] == body[j]) & ~(paired[i] & paired[j])]
+    crosses = lines_cross(start, end, pairs, SAME_PLACE)
+    links = outline.neighbours()
+    i, j = pairs.T
+    separate = (links[0][i] != j) & (links[0][j] != i) & ~crosses
+    touches = np.flatnonzero(separate)[lines_cross(start, end, pairs[separate], touching=True)]
+    crosses[touches] = _cross_at_nodes(start, end, links, pairs[touches])
+    if crosses.any():
+        where = middles[pairs[np.argmax(crosses), 0]]
+        raise MeshError(
+            f"a body overlaps itself: its outline crosses itself at {format_point(where)}; correct "
+            "the mesh"
+        )
+    inside = middles + BESIDE * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    _check_nested(start, end, inside, body)
+
+
+def _cross_at_nodes(
+    start: Array, end: Array, links: tuple[Indices, Indices], pairs: Indices
+) -> npt.NDArray[np.bool_]:
+    """Whether the outline crosses itself at a node of one of two touching facets, (k,) (local).
+
+    In this case the line through the facet and the previous or next one crosses the other facet, or
+    the line through the other facet and its neighbour.
+    """
+    own = np.arange(len(start))
+    after, before = (np.where(beside < 0, own, beside) for beside in links)
+    i, j = pairs.T
+    found = np.zeros(len(pairs), bool)
+    for one in ((i, i), (i, after[i]), (before[i], i)):
+        for other in ((j, j), (j, after[j]), (before[j], j)):
+            lines = np.concatenate([start[one[0]], start[other[0]]])
+            ends = np.concatenate([end[one[1]], end[other[1]]])
+            both = np.arange(2 * len(pairs)).reshape(2, -1).T
+            found |= lines_cross(lines, ends, both, SAME_PLACE)
+    return found
+
+
+def _check_nested(start: Array, end: Array, inside: Array, body: Indices) -> None:
+    """Reject a body inside another one that has no hole for it (local).
+
+    Args:
+        start: Start points of the facets, shape (n, 2) [length].
+        end: End points, shape (n, 2) [length].
+        inside: Points beside them, inside their bodies, shape (n, 2) [length].
+        body: Their bodies, shape (n,).
+    """
+    bodies = np.unique(body)
+    boxes = {b: (start[body == b].min(axis=0), start[body == b].max(axis=0)) for b in bodies}
+    for inner in bodies:
+        for outer in bodies:
+            (low, high), (lower, higher) = boxes[inner], boxes[outer]
+            if inner == outer or not ((low > lower).all() and (high < higher).all()):
+                continue
+            mine, other = body == inner, body == outer
+            if _inside(inside[mine], start[other], end[other]).all() and not (
+                _inside(start[other], start[mine], end[mine]).any()
+            ):
+                raise MeshError(
+                    f"the body around {format_point(start[mine].mean(axis=0))} lies inside the one "
+                    f"around {format_point(start[other].mean(axis=0))}, which has no hole there: "
+                    "cut one"
+                )
+
+
+def _inside(points: Array, start: Array, end: Array) -> npt.NDArray[np.bool_]:
+    """Whether points (n, 2) lie in an outline, by the facets that a ray from each crosses."""
+    inside = np.zeros(len(points), bool)
+    for k, (x, y) in enumerate(points):
+        meets = (start[:, 1] > y) != (end[:, 1] > y)
+        a, b = start[meets], end[meets]
+        at = a[:, 0] + (y - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
+        inside[k] = (at > x).sum() % 2 == 1
+    return inside

@@ -332,7 +332,7 @@ def _check_form(name: str, form: Any, count: int, u: Any, expected: str) -> None
 def check_cells(bulk: Bulk) -> None:
     """Reject cells without area or volume, and twisted ones in space (collective).
 
-    Twisted cells of the plane are found by ``mesh_overlap``.
+    Twisted cells of the plane are found by ``bodies``.
 
     Raises:
         MeshError: On all ranks; the message has a position.

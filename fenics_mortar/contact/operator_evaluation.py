@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.interface.behind import BodiesBehind
 from fenics_mortar.interface.integrals import (
+    BodiesBehind,
     MortarOptions,
     evaluate_mortar,
     evaluate_normals,

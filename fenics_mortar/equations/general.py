@@ -37,11 +37,16 @@ from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.arguments import EQUATIONS
-from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
+from fenics_mortar.equations.diagnosis import (
+    CombinedSprings,
+    Remedies,
+    SetRecord,
+    check_diagonal,
+    diagnose,
+)
 from fenics_mortar.equations.linearized import Tangent
 from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.residual import NO_MOTION, Increment, LastTangent, Residual
-from fenics_mortar.equations.set_record import CombinedSprings, Remedies, SetRecord
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.options import drop_added_options
 from fenics_mortar.la.system import LinearSystem

@@ -17,6 +17,7 @@ import numpy as np
 from dolfinx import fem
 
 from fenics_mortar.bulk.axis import check_axis, check_radius
+from fenics_mortar.bulk.bodies import check_mesh_overlap
 from fenics_mortar.bulk.checks import (
     check_cells,
     check_slave_nodes,
@@ -25,7 +26,6 @@ from fenics_mortar.bulk.checks import (
     refuse_inertia,
 )
 from fenics_mortar.bulk.form_points import check_rules
-from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface

@@ -34,9 +34,9 @@ import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.interface.behind import BodiesBehind
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.faces import Faces, outward_nodes
+from fenics_mortar.interface.integrals import BodiesBehind
 from fenics_mortar.interface.surfaces import facet_nodes, replicate
 from fenics_mortar.kernels import sight
 from fenics_mortar.kernels.space import inside as space_sight

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fenics_mortar.interface.behind import BodiesBehind
 from fenics_mortar.interface.faces import Faces, covers
 from fenics_mortar.interface.integrals import (
     AT_VERTICES,
     COMBINED,
     Basis,
+    BodiesBehind,
     MortarOptions,
     evaluate_normals,
     share_of,

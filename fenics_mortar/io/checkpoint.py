@@ -29,7 +29,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import instant_arrays, restore_instant
 from fenics_mortar.contact.operator_evaluation import place_of
 from fenics_mortar.contact.state import INDEPENDENT
-from fenics_mortar.io.fields import check_problem
+from fenics_mortar.io.paraview import check_problem
 from fenics_mortar.mesh.space import mesh_by_input_node
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import ROUNDING

@@ -23,7 +23,7 @@ from dolfinx import mesh as dmesh
 from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.io.fields import (
+from fenics_mortar.io.paraview import (
     GRID,
     CellField,
     check_name,

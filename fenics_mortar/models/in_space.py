@@ -44,7 +44,7 @@ from dolfinx import fem
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.equations.general import State
-from fenics_mortar.equations.moving_frame import Triangles, triangulate
+from fenics_mortar.equations.predictor import Triangles, triangulate
 from fenics_mortar.interface.facing import linear_facets, nearest_on_chords, nearest_points
 from fenics_mortar.la.solver import factored
 from fenics_mortar.models.model_error import (

@@ -5,7 +5,7 @@ The estimates of ``model_error`` use one Newton step of a richer model at the so
 present one.
 
 Indicators are the deviations from the assumptions. The body that an obstacle represents may be
-meshed alone, see ``elastic_obstacle``: the displacement of its surface under the tractions widens
+meshed alone, see ``model_error``: the displacement of its surface under the tractions widens
 the gaps in the richer model. The error of the facets of that mesh, compared with the curve, is
 reported separately; if it is larger, refine that mesh first. Without a mesh only a rule is
 available: a body of modulus
@@ -35,7 +35,6 @@ import ufl
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law import Coulomb, Law, Stick
-from fenics_mortar.models.elastic_obstacle import ElasticObstacle, rigid_obstacle
 from fenics_mortar.models.in_space import InSpace
 from fenics_mortar.models.model_error import (
     ENERGY,
@@ -43,10 +42,12 @@ from fenics_mortar.models.model_error import (
     QUANTITIES,
     SMALL,
     Assumption,
+    ElasticObstacle,
     ModelReport,
     all_contacts,
     describe,
     estimate,
+    rigid_obstacle,
     shear_demand,
     sliding_little,
 )

@@ -4,7 +4,7 @@
 A body that is driven by its loads and not supported by active contact is moved rigidly until
 contact stops it. Each move is the closest one to the direction of the resultant for which no node
 overlaps by more than ``RIGID.overlap``: a quadratic program in the few rigid motions. Bodies that
-contact may support are determined by limit analysis, see ``limit_analysis``.
+contact may support are determined by limit analysis, see ``body_motions``.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import numpy as np
 from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.newton.loop import NewtonReport
-from fenics_mortar.rigid.body_motions import BodyMotions
-from fenics_mortar.rigid.limit_analysis import (
+from fenics_mortar.rigid.body_motions import (
+    BodyMotions,
     Touching,
     closing,
     is_ahead,

@@ -18,9 +18,8 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law import STICK, Friction
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.rigid.body_motions import BodyMotions, HeldBodies
+from fenics_mortar.rigid.body_motions import BodyMotions, HeldBodies, loose_bodies
 from fenics_mortar.rigid.body_settling import BodySettling, Moves
-from fenics_mortar.rigid.limit_analysis import loose_bodies
 from fenics_mortar.rigid.proximal import (
     RIGID,
     Springs,

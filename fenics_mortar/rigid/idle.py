@@ -23,9 +23,9 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.bulk.bodies import FloatingBody, centre_and_size, rigid_motions
+from fenics_mortar.rigid.body_motions import closing, nearly_touching
 from fenics_mortar.rigid.body_settling import Moves, nearest_below
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.rigid.limit_analysis import closing, nearly_touching
 from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import LAST_DIGITS, SOLVED, Array, Indices
 

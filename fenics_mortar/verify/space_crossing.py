@@ -129,7 +129,7 @@ class SpaceCrossings(Crossings):
         return found
 
     def _refuse_double_cover(self, overlaps: Overlaps) -> None:
-        """Refuse a body inside another one or itself, as ``bulk.mesh_overlap`` in the plane.
+        """Refuse a body inside another one or itself, as ``bulk.bodies`` in the plane.
 
         Args:
             overlaps: Those of the mesh.

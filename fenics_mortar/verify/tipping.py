@@ -26,8 +26,12 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.on_obstacle import shapes_at
 from fenics_mortar.interface.space_mortar import SpaceOperators
-from fenics_mortar.rigid.body_motions import BodyMotions
-from fenics_mortar.rigid.limit_analysis import Touching, nearly_touching, unresisted_motion
+from fenics_mortar.rigid.body_motions import (
+    BodyMotions,
+    Touching,
+    nearly_touching,
+    unresisted_motion,
+)
 from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices
 from fenics_mortar.verify.certificate import PairCertificate

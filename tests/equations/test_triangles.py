@@ -10,7 +10,7 @@ from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
 from fenics_mortar.bulk.cells import Cells
-from fenics_mortar.equations.moving_frame import DIVISIONS, triangles_of
+from fenics_mortar.equations.predictor import DIVISIONS, triangles_of
 from fenics_mortar.utils import compat
 
 comm = MPI.COMM_WORLD

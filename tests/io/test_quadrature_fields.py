@@ -12,7 +12,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.io.fields import CellField
+from fenics_mortar.io.paraview import CellField
 from fenics_mortar.utils import compat
 
 DEGREE = 2

@@ -16,8 +16,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.io.fields import contact_table
-from fenics_mortar.io.paraview import ResultsWriter
+from fenics_mortar.io.paraview import ResultsWriter, contact_table
 from fenics_mortar.io.picture import plot
 from fenics_mortar.utils import compat
 

@@ -10,8 +10,7 @@ from mesh_measures import COMM, gathered, raises_on_all_ranks, read
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.mesh.data import MeshData
-from fenics_mortar.mesh.dirichlet import dirichlet
+from fenics_mortar.mesh.data import MeshData, dirichlet
 from fenics_mortar.utils import compat
 from meshes import two_blocks
 

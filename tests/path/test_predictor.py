@@ -13,8 +13,7 @@ from test_obstacles import KINDS, block_under
 from test_stepping import MESH, ironing
 
 import fenics_mortar as fm
-from fenics_mortar.equations.moving_frame import MovingFrame
-from fenics_mortar.equations.predictor import Predictor
+from fenics_mortar.equations.predictor import MovingFrame, Predictor
 
 FACET = 1 / 3  # of the block under the tool
 ROUGH = fm.Coulomb(0.1)

@@ -28,7 +28,7 @@ GROUPS = {
             "contact.pair_side",
             "contact.state",
             "verify.tangent",
-            "io.fields",
+            "io.paraview",
         ),
     ),
     "meshes": ("Meshes, spaces and supports", ("mesh", "utils.compat", "bulk.history")),

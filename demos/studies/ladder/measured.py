@@ -14,13 +14,13 @@ import fenics_mortar as fm
 from demos.studies.ladder.posing import Posed, elastic_tool, pose, read
 from demos.studies.ladder.row import NOTHING, Errors, Row
 from demos.studies.ladder.scenes import FULL, Model, Scene
-from fenics_mortar.models.elastic_obstacle import contacts_of
 from fenics_mortar.models.model_error import (
     ENERGY,
     FORCE,
     PEAK,
     QUANTITIES,
     SolutionQuantities,
+    contacts_of,
     differences,
     estimate_wider,
 )

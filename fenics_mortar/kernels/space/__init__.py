@@ -42,12 +42,12 @@ module         contents
 ``normals``    averaged nodal normals and their derivatives (Max 1999); auxiliary plane, flat
                images, projection of a point to a facet
 ``clipping``   common part of two convex images, with labelled vertices
-``points``     quadrature points of the common part of two pieces, factors of their derivatives
 ``pairs``      search for the master facets of each slave facet
-``integrals``  De, Me, B, G
+``integrals``  De, Me, B, G; quadrature points of the common part of two pieces, factors of their
+               derivatives
 ``linearize``  derivatives of the integrals of functions of xi, eta and g
 ``inside``     winding numbers, depths of points in bodies (van Oosterom & Strackee 1983), edges
-               that pierce triangles
+               that pierce triangles; partners behind both bodies
 ``passage``    times at which moving nodes meet triangles, and edges edges
 =============  ===================================================================================
 """
