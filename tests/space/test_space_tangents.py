@@ -66,9 +66,8 @@ def slid(law, *kind, algorithm=None, motion=(0.04, 0.025, -0.055), **options):
 
 
 def assert_exact(scene):
-    """Slopes are at least 2; they are larger where the largest step alone passes a kink."""
     found = slopes(scene)
-    assert {name: s for name, s in found.items() if not s > 1.9 and np.isfinite(s)} == {}
+    assert {name: s for name, s in found.items() if not 1.9 < s < 2.1 and np.isfinite(s)} == {}
     assert np.isfinite(found["whole"])
 
 
@@ -106,7 +105,9 @@ def test_tangents_of_quadratic_multipliers(law):
     pair = {"discretization": fm.Discretization(basis="quadratic")}
     assert_exact(slid(LAWS[law], "tetrahedron", 2, pair=pair))
     for roles in ROLES:
-        scene = hanging_over(LAWS[law], "tetrahedron", 2, roles, pair=pair)
+        # A place with no kink within the largest step of the check on one, two or three ranks.
+        options = {"pair": pair, "offset": (0.53, 0.66, -0.003)}
+        scene = hanging_over(LAWS[law], "tetrahedron", 2, roles, **options)
         assert 0 < scene.contact.active.sum() < scene.contact.active.size
         assert_exact(scene)
 
