@@ -187,3 +187,30 @@ def test_tangents_of_ties(cell, degree):
     scene = stack(cell, degree, poisson=0.3, turn=TILTED).press().set_up(tie=True, newton=SOLVED)
     scene.move(0.05, 0.02, -0.1)
     assert_exact(scene)
+
+
+@pytest.mark.parametrize("cell, degree", KINDS)
+def test_operators_near_some_nodes_have_the_derivatives_there(cell, degree):
+    """Those of whole rows of the nodes; without nodes there are no facets."""
+    scene = hanging_over(LAWS["Coulomb"], cell, degree, ROLES[0])
+    contact = scene.problem.equations.contacts[0]
+    o, z = contact.operators, contact.z
+    nodes = np.zeros(len(o.x), bool)
+    nodes[contact.active_nodes[:2]] = True
+    near = o.near(nodes)
+    assert len(near.facet_nodes) < len(o.facet_nodes) or o.slave.comm.size > 1
+    assert len(o.near(np.zeros_like(nodes)).facet_nodes) == 0
+
+    def row_sums(operators):
+        sums = np.zeros(len(o.x))
+        blocks = [*operators.gap_derivative(), *operators.weight_derivative()]
+        for rows, columns, values in blocks:
+            at = np.where(columns >= 0, np.sin(columns.astype(float)), 0.0)
+            np.add.at(sums, rows, np.einsum("bjq,bq->bj", values, at))
+        return o.slave.comm.allreduce(sums)[nodes]
+
+    whole = row_sums(o)
+    np.testing.assert_allclose(row_sums(near), whole, rtol=1e-12, atol=1e-14)
+    only = np.where(nodes[:, None], z, 0.0)
+    for of_all, of_some in zip(o.force_derivative(only), near.force_derivative(only), strict=True):
+        assert np.isclose(*(np.abs(block.values).sum() for block in (of_all, of_some)), rtol=1e-12)
