@@ -36,6 +36,20 @@ def test_a_form_is_named_when_it_is_compiled(caplog):
     assert len(caplog.records) == 1
 
 
+def source_of(kernels, folder):
+    """A file of kernels that no earlier run has compiled: caches outlive folders of tests."""
+    path = folder / f"kernels_{uuid.uuid4().hex}.py"
+    path.write_text(kernels)
+    return path
+
+
+def imported(path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 KERNELS = """
 from fenics_mortar.kernels import kernel
 
@@ -48,16 +62,25 @@ def fourfold(x):
     return double(double(x))
 """
 
+FAILING = """
+from fenics_mortar.kernels import kernel
+
+@kernel
+def add(x):
+    return x + 1
+
+@kernel
+def fail(x):
+    return add(x).nothing
+"""
+
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 def test_a_kernel_is_named_when_it_is_compiled(caplog, tmp_path):
     caplog.set_level(logging.INFO, "fenics_mortar")
-    path = tmp_path / "new_kernels.py"
-    path.write_text(f"{KERNELS}\n# {uuid.uuid4()}\n")  # in no cache
+    path = source_of(KERNELS, tmp_path)
     for count in (2, 2):  # the second time both come from the cache
-        spec = importlib.util.spec_from_file_location("new_kernels", path)
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
+        module = imported(path)
         assert module.fourfold(1.0) == module.fourfold(1.0) == 4.0
         messages = [record.getMessage() for record in caplog.records]
         assert len(messages) == count and {"double", "fourfold"} == {
@@ -67,19 +90,17 @@ def test_a_kernel_is_named_when_it_is_compiled(caplog, tmp_path):
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 def test_machine_code_is_made_and_kept_for_kernels_that_python_calls_only(tmp_path):
-    path = tmp_path / "parts.py"
-    path.write_text(f"{KERNELS}\n# {uuid.uuid4()}\n")
-    spec = importlib.util.spec_from_file_location("parts", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    path = source_of(KERNELS, tmp_path)
+    module = imported(path)
 
     def kept():
         # Beside the source, or in a folder of NUMBA_CACHE_DIR for it.
         folder = Path(module.fourfold.stats.cache_path)
-        return sorted(p.name.split("-")[0] for p in folder.glob("parts.*.nbi"))
+        return sorted(p.name.split("-")[0] for p in folder.glob(f"{path.stem}.*.nbi"))
 
-    assert module.fourfold(1.5) == 6.0 and kept() == ["parts.fourfold"]
-    assert module.double(1.5) == 3.0 and kept() == ["parts.double", "parts.fourfold"]
+    double, fourfold = (f"{path.stem}.{name}" for name in ("double", "fourfold"))
+    assert module.fourfold(1.5) == 6.0 and kept() == [fourfold]
+    assert module.double(1.5) == 3.0 and kept() == [double, fourfold]
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
@@ -88,28 +109,17 @@ def test_kernels_are_compiled_again_when_any_kernel_of_the_package_has_changed(
 ):
     """One in another file may be part of their machine code; numba compares their own file only."""
     caplog.set_level(logging.INFO, "fenics_mortar")
-    path = tmp_path / "callers.py"
-    path.write_text(f"{KERNELS}\n# {uuid.uuid4()}\n")
+    path = source_of(KERNELS, tmp_path)
     assert kernels.DIGEST == kernels._digest()
     for digest, count in (("old", 2), ("old", 2), ("new", 4), ("new", 4)):
         monkeypatch.setattr(kernels, "DIGEST", digest)
-        spec = importlib.util.spec_from_file_location("callers", path)
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        assert module.fourfold(1.0) == 4.0 and len(caplog.records) == count
+        assert imported(path).fourfold(1.0) == 4.0 and len(caplog.records) == count
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 @pytest.mark.parametrize("collects", [True, False])
 def test_garbage_collection_is_as_before_when_a_kernel_is_compiled(collects, tmp_path):
-    path = tmp_path / "failing.py"
-    path.write_text(
-        "from fenics_mortar.kernels import kernel\n"
-        "@kernel\ndef add(x): return x + 1\n@kernel\ndef fail(x): return add(x).nothing\n"
-    )
-    spec = importlib.util.spec_from_file_location("failing", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = imported(source_of(FAILING, tmp_path))
     enabled = gc.isenabled()
     try:
         (gc.enable if collects else gc.disable)()
