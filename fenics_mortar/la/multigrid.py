@@ -333,6 +333,7 @@ class ContactPreconditioner:
         self._idle, self._R = (BlockMatrix(bulk.comm, size, size, block_size) for _ in range(2))
         self._strip = Strip(bulk, f"{prefix}strip_", multipliers or 0)
         self._contact_dofs: Any = None
+        self._loaded = np.empty(0, np.int64)  # dofs of the parts whose multipliers act
         self._slaves = [_nodes_near(bulk, contact.slave) for contact in contacts]
         self._prefix = f"{prefix}cycle_"
         self._cycle: Any = None
@@ -349,10 +350,10 @@ class ContactPreconditioner:
         """Prepare for the present matrix and active sets, as PETSc calls it."""
         self._bulk.free_garbage()  # vectors of the last set-up
         A, _ = pc.getOperators()
-        self._move_strip()
+        outdated = self._is_outdated()
+        self._move_strip(of_cycle=not outdated)
         self._strip.factor(A)
         nodes = [self._active(contact) for contact in self._contacts]
-        outdated = self._is_outdated()
         if outdated:
             self._turn_axes()
         self._follow(nodes)
@@ -361,19 +362,24 @@ class ContactPreconditioner:
         self._work = [A.createVecRight(), *(self._R.mat.createVecRight() for _ in range(3))]
         self._work_near = self._motion.mat.createVecs()
 
-    def _move_strip(self) -> None:
+    def _move_strip(self, *, of_cycle: bool) -> None:
         """Put the strip along the surfaces, in space along the parts whose multipliers act.
 
         In the plane the order of elimination is kept instead, see ``Strip``.
+
+        Args:
+            of_cycle: Whether also along the parts where they have acted since the cycle was built:
+                where nodes have left the contact, it is as stiff as if they were still in it.
         """
         bulk, contacts = self._bulk, self._contacts
         surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
         dofs = dofs_of(surfaces)
         if bulk.space.dim == 3:
             everywhere = bulk.comm.allgather([d for c in contacts for d in _loaded_dofs(c)])
-            loaded = np.unique(np.concatenate([np.empty(0, np.int64), *chain(*everywhere)]))
-            if loaded.size:
-                dofs = np.intersect1d(dofs, loaded - bulk.first)
+            before = self._loaded if of_cycle else self._loaded[:0]
+            self._loaded = np.unique(np.concatenate([before, *chain(*everywhere)]))
+            if self._loaded.size:
+                dofs = np.intersect1d(dofs, self._loaded - bulk.first)
         if self._contact_dofs is not None:
             same = np.array_equal(dofs, self._contact_dofs)
             if on_all_ranks(bulk.comm, same):
