@@ -15,14 +15,21 @@ import numpy.typing as npt
 from fenics_mortar.bulk.checks import refuse_history, refuse_inertia
 from fenics_mortar.contact.pair import ContactPair, TiedPair
 from fenics_mortar.contact.view import PairView
-from fenics_mortar.equations import setup
 from fenics_mortar.equations.general import State, restored_if_interrupted, unchanged_if_refused
 from fenics_mortar.equations.inputs import Inputs
 from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.equations.residual import Reaction, named_boundary, reaction_of
+from fenics_mortar.equations.setup import (
+    check_attributes,
+    check_given,
+    equations_of,
+    pairs_with,
+    solver_of,
+    undeformed,
+)
 from fenics_mortar.equations.solver import Continuation
 from fenics_mortar.la import options as solvers
-from fenics_mortar.la.choice import Algorithm
+from fenics_mortar.la.options import Algorithm
 from fenics_mortar.mesh.data import MeshData, Names
 from fenics_mortar.mesh.space import Geometry
 from fenics_mortar.newton.loop import NewtonOptions, NewtonReport
@@ -125,10 +132,10 @@ class ContactProblem:
     ) -> None:
         given, apart = locals().copy(), ("self", "pairs", "model_check")
         self._given = {name: value for name, value in given.items() if name not in apart}
-        setup.check_given(self._given, pairs, model_check)
+        check_given(self._given, pairs, model_check)
         with unchanged_if_refused(u):
-            self.equations = setup.equations_of(self._given, pairs)
-            self._solver = setup.solver_of(self.equations, self._given)
+            self.equations = equations_of(self._given, pairs)
+            self._solver = solver_of(self.equations, self._given)
             self._continuation = Continuation(self.equations)
             self._estimator: Estimator | None = None
             self._inputs = Inputs(self.equations)
@@ -189,7 +196,7 @@ class ContactProblem:
         With any exception but ``NotConvergedError`` the state of the problem is restored.
         """
         self._renew_if_interrupted()
-        setup.check_attributes(self, self._given)
+        check_attributes(self, self._given)
         self.equations.bulk.input_data.check()
         remarks = self._inputs.check(
             self.equations.newton, accept_violations=accept_violations, predict=predict
@@ -281,8 +288,8 @@ class ContactProblem:
             ValueError: If a contact pair has no such attribute.
             MortarError: If bodies have inertia.
         """
-        with setup.undeformed(self.equations, "variant()"):
-            pairs = setup.pairs_with(pair_options, self.equations.contacts)
+        with undeformed(self.equations, "variant()"):
+            pairs = pairs_with(pair_options, self.equations.contacts)
             form = {} if residual is None else {"residual": residual, "jacobian": None}
             return ContactProblem(**{**self._given, "pairs": pairs, **form})
 

@@ -98,7 +98,7 @@ def _weights(expression: Any) -> set[tuple[bool, bool]]:
     if isinstance(expression, PRODUCTS):
         both = product(_weights(operands[0]), _weights(operands[1]))
         return {(a or c, b or d) for (a, b), (c, d) in both}
-    near = [abs(value - pi) <= ROUNDING * pi for value in _numbers([expression]) for pi in PI]
+    near = [abs(value - pi) <= ROUNDING * pi for value in _values([expression]) for pi in PI]
     return {(any(near), _is_radius(expression))}
 
 
@@ -117,14 +117,14 @@ def _has_factor(integrand: Any, u: Any, factors: list[Any], comm: MPI.Comm) -> b
     if callable(factors[0]):
         return bool(functions) or any(isinstance(p, ufl.classes.SpatialCoordinate) for p in parts)
     near = [
-        abs(value - factor) <= ROUNDING * factor for value in _numbers(parts) for factor in factors
+        abs(value - factor) <= ROUNDING * factor for value in _values(parts) for factor in factors
     ]
     if len(factors) > 1:  # a function may be the radius times 2 pi
         return any(near) or bool(functions)
     return any(near) or any(_may_equal(f, factors, comm) for f in functions)
 
 
-def _numbers(parts: list[Any]) -> Iterator[float]:
+def _values(parts: list[Any]) -> Iterator[float]:
     """Numbers and components of constants among the parts of an integrand."""
     for part in parts:
         if isinstance(part, ScalarValue):

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 import basix
 
-from fenics_mortar.interface.on_obstacle import gauss_points, tabulate
+from fenics_mortar.interface.reference import gauss_points, tabulate
 from fenics_mortar.kernels.crossing import find_inside
 from fenics_mortar.kernels.facets import tabulate_volumes
 from fenics_mortar.utils import compat

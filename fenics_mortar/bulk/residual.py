@@ -29,10 +29,11 @@ from fenics_mortar.bulk.history import History
 from fenics_mortar.bulk.input_data import InputData
 from fenics_mortar.bulk.node_blocks import CellBlocks, come_in_pairs
 from fenics_mortar.mesh.space import DisplacementSpace, by_input_node, set_by_input_node
-from fenics_mortar.utils import compat, petsc
+from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError, call_together
+from fenics_mortar.utils.petsc import free_garbage
 from fenics_mortar.utils.ranks import on_all_ranks
 
 
@@ -256,7 +257,7 @@ class Bulk:
 
     def free_garbage(self) -> None:
         """Free unreferenced PETSc objects, also those made from ``r`` and ``K`` (collective)."""
-        petsc.free_garbage(self.comm, self.r, self.K)
+        free_garbage(self.comm, self.r, self.K)
 
     def extend_tangent(self, zeros: PETSc.Mat) -> None:
         """Extend the pattern of ``K`` by that of a matrix of zeros (collective).

@@ -56,9 +56,9 @@ from fenics_mortar.contact.law_calls import (
     raise_stored,
 )
 from fenics_mortar.contact.operator_evaluation import OperatorEvaluation
-from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.contact.pair import ContactPair, Measure
 from fenics_mortar.contact.rows import ContactRows, SpaceRows
-from fenics_mortar.contact.slip import Measure, find_partners
+from fenics_mortar.contact.slip import find_partners
 from fenics_mortar.contact.space_fields import kind_of
 from fenics_mortar.contact.space_partners import find_obstacle_partners, find_space_partners
 from fenics_mortar.interface.integrals import Segments, evaluate_normals

@@ -19,12 +19,14 @@ from fenics_mortar.contact.interface_fields import InterfaceFields
 from fenics_mortar.contact.pair import PRESETS, Discretization
 from fenics_mortar.contact.rows import InterfaceRows
 from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.interface.curve_surface import TURN, turn_between
+from fenics_mortar.interface.corners import TURN
+from fenics_mortar.interface.curve_surface import turn_between
 from fenics_mortar.interface.faces import Faces
-from fenics_mortar.interface.integrals import AT_VERTICES, Basis, Segments, basis_on
+from fenics_mortar.interface.integrals import Segments, basis_on
 from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import surface_without_nodes
 from fenics_mortar.interface.outline import Outline
+from fenics_mortar.interface.reference import AT_VERTICES, Basis
 from fenics_mortar.interface.surfaces import POINTS, Surface
 from fenics_mortar.interface.traces import extract_surface
 from fenics_mortar.kernels.space.shapes import ALLOWED, FINE, FINE_QUADRATIC, LINEAR, QUADRATIC

@@ -22,14 +22,8 @@ from dolfinx import fem
 
 from fenics_mortar.contact.conductance import Conductance
 from fenics_mortar.contact.law import Frictionless, Law, check_names
-from fenics_mortar.contact.slip import Measure
-from fenics_mortar.interface.integrals import (
-    Basis,
-    GapWeights,
-    Integration,
-    MortarOptions,
-    Weighting,
-)
+from fenics_mortar.interface.integrals import GapWeights, Integration, MortarOptions, Weighting
+from fenics_mortar.interface.reference import Basis
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import TURNS, check_finite, check_vector
@@ -42,6 +36,7 @@ from fenics_mortar.utils.errors import (
     together,
 )
 
+Measure = Literal["partners", "operators"]
 # Options of a tied pair: it has no active set, no slip, and no normals in its gap vector.
 OF_TIES = ("basis", "points", "max_angle")
 

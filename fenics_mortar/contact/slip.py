@@ -53,7 +53,7 @@ import weakref
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -73,6 +73,7 @@ from fenics_mortar.contact.arcs import (
     rotation_past_obstacle,
     surface_rotation,
 )
+from fenics_mortar.contact.pair import Measure
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.facing import Facing, face, nearest_facets
 from fenics_mortar.interface.integrals import evaluate_normals, share_of
@@ -80,8 +81,6 @@ from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
-
-Measure = Literal["partners", "operators"]
 
 
 class Evaluated(NamedTuple):

@@ -34,7 +34,8 @@ from fenics_mortar.contact.arcs import (
     screw,
     vectors_of,
 )
-from fenics_mortar.contact.slip import Entries, Measure, entries_of
+from fenics_mortar.contact.pair import Measure
+from fenics_mortar.contact.slip import Entries, entries_of
 from fenics_mortar.interface.facing import nearest_on_master
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.on_obstacle import ObstacleOperators

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+import dataclasses
 from typing import Any
 
 from fenics_mortar.contact.law import Branches
@@ -14,7 +14,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Value
 DERIVED = {"derived": True}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False)
 class InterfaceState(Value):
     """State of one interface, a value: ``dataclasses.replace`` makes another one.
 
@@ -52,20 +52,20 @@ class InterfaceState(Value):
     active: Flags
     branch: Branches
     multiplier_nodes: Flags
-    redundant: Flags = field(metadata=DERIVED)
-    partners: Any = field(default=None, metadata=DERIVED)
-    accepted_partners: Any = field(default=None, metadata=DERIVED)
+    redundant: Flags = dataclasses.field(metadata=DERIVED)
+    partners: Any = dataclasses.field(default=None, metadata=DERIVED)
+    accepted_partners: Any = dataclasses.field(default=None, metadata=DERIVED)
     c_n: float = 1.0
     offset: Any = 0.0
-    reference: Any = field(default=None, metadata=DERIVED)
-    load_time: float = field(default=0.0, metadata=DERIVED)
-    start_instant: Any = field(default=None, metadata=DERIVED)
-    accepted_instant: Any = field(default=None, metadata=DERIVED)
-    force_decided: tuple[Flags, Array] | None = field(default=None, metadata=DERIVED)
-    heading: tuple[Array, Array] | None = field(default=None, metadata=DERIVED)
+    reference: Any = dataclasses.field(default=None, metadata=DERIVED)
+    load_time: float = dataclasses.field(default=0.0, metadata=DERIVED)
+    start_instant: Any = dataclasses.field(default=None, metadata=DERIVED)
+    accepted_instant: Any = dataclasses.field(default=None, metadata=DERIVED)
+    force_decided: tuple[Flags, Array] | None = dataclasses.field(default=None, metadata=DERIVED)
+    heading: tuple[Array, Array] | None = dataclasses.field(default=None, metadata=DERIVED)
 
 
 # Names of the attributes that determine all others.
 INDEPENDENT = tuple(
-    attribute.name for attribute in fields(InterfaceState) if not attribute.metadata
+    attribute.name for attribute in dataclasses.fields(InterfaceState) if not attribute.metadata
 )

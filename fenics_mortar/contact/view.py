@@ -21,7 +21,7 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.surfaces import Surface, replicate
-from fenics_mortar.kernels.search import BEHIND
+from fenics_mortar.kernels.sight import BEHIND
 from fenics_mortar.mesh.space import DisplacementSpace, numbered_dofs
 from fenics_mortar.utils.arrays import SAME_PLACE, Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point

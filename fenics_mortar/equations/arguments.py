@@ -16,8 +16,7 @@ from fenics_mortar.bulk.checks import check_jacobian, check_residual
 from fenics_mortar.bulk.history import check_history
 from fenics_mortar.contact.pair import ContactPair, TiedPair
 from fenics_mortar.interface.mortar import LINEARIZATIONS
-from fenics_mortar.la.choice import Algorithm
-from fenics_mortar.la.options import SolverName
+from fenics_mortar.la.options import Algorithm, SolverName
 from fenics_mortar.mesh.space import check_geometry
 from fenics_mortar.newton.loop import NewtonOptions
 from fenics_mortar.utils.errors import check_choice, check_kind, check_number, refuse_in_space

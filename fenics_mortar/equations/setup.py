@@ -46,9 +46,10 @@ from fenics_mortar.la.choice import system_of
 from fenics_mortar.mesh.space import DisplacementSpace, thickness_of
 from fenics_mortar.newton.loop import NewtonOptions
 from fenics_mortar.rigid.spread import check_remote, sections_of
-from fenics_mortar.utils import compat, petsc
+from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_kind, check_no_effect, check_same_texts, together
+from fenics_mortar.utils.petsc import free_garbage_of_earlier, keep_communicators
 
 
 def set_outlines(contacts: Sequence[Contact | Tie], outline: Outline, labels: Array) -> None:
@@ -125,7 +126,7 @@ def equations_of(
         ValueError: On all ranks, if ``u`` is a mixed function and the solver iterative.
     """
     residual, u, jacobian = (given[name] for name in ("residual", "u", "jacobian"))
-    petsc.free_garbage_of_earlier(u.function_space.mesh.comm)
+    free_garbage_of_earlier(u.function_space.mesh.comm)
     weight = thickness_of(given["geometry"], given["thickness"])
     space = DisplacementSpace(u.function_space, given["displacement"], weight)
     check_space(space.V, pairs)
@@ -149,7 +150,7 @@ def equations_of(
     loads += sections_of(contacts)
     bulk = Bulk(residual, u, bcs, jacobian, space, given["history"], given["before_assembly"])
     bulk.surfaces_slide = any(p.sliding == "finite" for p in pairs if isinstance(p, ContactPair))
-    petsc.keep_communicators(bulk.comm, bulk.r, bulk.K)
+    keep_communicators(bulk.comm, bulk.r, bulk.K)
     check_slave_nodes(contacts)
     check_roles(contacts)
     check_cells(bulk)

@@ -28,14 +28,16 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse.csgraph import connected_components
 
-from fenics_mortar.interface.curve_surface import TURN, Curve
-from fenics_mortar.kernels.space.inside import facing_normals
+from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.kernels.space.normals import edge_coefficients
-from fenics_mortar.kernels.space.pairs import spatial_order
 from fenics_mortar.kernels.space.shapes import triangles_of
-from fenics_mortar.kernels.tree import build_tree
+from fenics_mortar.kernels.space.triangles import facing_normals
+from fenics_mortar.kernels.tree import build_tree, spatial_order
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
+# A node is a corner if the undeformed outline turns there by more than this angle [radian], that of
+# a regular hexagon; curves are meshed finer.
+TURN = np.pi / 3.0
 # Master facets are equally near to a corner if their distances differ by less than this fraction of
 # the shorter facet at the corner [1]; their mean normal is used.
 EQUALLY_NEAR = 0.1

@@ -28,9 +28,6 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, Array, Indices, norms
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
-# A node is a corner if the undeformed outline turns there by more than this angle [radian], that of
-# a regular hexagon; curves are meshed finer.
-TURN = np.pi / 3.0
 # Turn of the outline to the right from which on it folds back, as round the tip of a crack
 # [radian]: the faces enclose an angle below 30 degrees and face each other; the average of their
 # normals has a quarter of their length.

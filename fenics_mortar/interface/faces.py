@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,22 +21,16 @@ import numpy.typing as npt
 import basix
 
 from fenics_mortar.interface.corners import SharpEdges
+from fenics_mortar.interface.reference import CORNERS, linear_values, rule_of_triangles, tabulate
 from fenics_mortar.interface.roles import FaceRoles
 from fenics_mortar.interface.surfaces import Surface, place_of_nodes, tagged_facets
 from fenics_mortar.kernels.space.normals import facets_around, find_rings
-from fenics_mortar.kernels.space.shapes import (
-    QUADRATIC,
-    reference_nodes,
-    tabulate_shapes,
-    triangle_rule,
-)
 from fenics_mortar.mesh.space import DisplacementSpace, input_nodes
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
-# Nodes, corners and degree of the facets: tri3, quad4, tri6, quad9.
-CORNERS = {3: 3, 4: 4, 6: 3, 9: 4}
+# Degree of the facets by their number of nodes.
 DEGREES = {3: 1, 4: 1, 6: 2, 9: 2}
 # Area of a facet over the square of its longest edge [1] below which it has no normal.
 MIN_AREA = 1e-12
@@ -204,9 +198,8 @@ def padded(rows: Indices, values: Indices, count: int) -> Indices:
 def shape_integrals(x: Array) -> Array:
     """Integrals of the shape functions over facets at ``x`` (m, K, 3), (m, K) [area] (local)."""
     total = np.zeros(x.shape[:2])
-    for (a, b), w in zip(*_facet_rule(x.shape[1]), strict=True):
-        N = np.empty((3, x.shape[1]))
-        tabulate_shapes(a, b, N)
+    points, weights = rule_of_triangles(x.shape[1])
+    for N, w in zip(tabulate(points, x.shape[1]), weights, strict=True):
         normal = np.cross(np.einsum("k,mkc->mc", N[1], x), np.einsum("k,mkc->mc", N[2], x))
         total += w * np.linalg.norm(normal, axis=1)[:, None] * N[0]
     return total
@@ -223,37 +216,6 @@ def covers(integrals: Array) -> Array:
     positive = integrals.copy()
     positive[:, :3] = integrals @ linear_values(size)
     return positive
-
-
-@cache
-def linear_values(size: int) -> Array:
-    """Values of the linear functions of the corners at a facet's nodes, (size, corners) [1]."""
-    values = np.empty((size, CORNERS[size]))
-    for node, (a, b) in enumerate(reference_nodes(size)):
-        N = np.empty((3, CORNERS[size]))
-        tabulate_shapes(a, b, N)
-        values[node] = N[0]
-    return values
-
-
-@cache
-def _facet_rule(size: int) -> tuple[Array, Array]:
-    """Points (q, 2) and weights (q,) of a reference facet with ``size`` nodes, of its triangles."""
-    bary, weights = triangle_rule(QUADRATIC)
-    corners = reference_nodes(size)[: CORNERS[size]]
-    triangles = [corners[[0, i, i + 1]] for i in range(1, len(corners) - 1)]
-    points = np.concatenate([bary @ triangle for triangle in triangles])
-    area = 0.5 if len(triangles) == 1 else 2.0
-    return points, area * np.tile(weights, len(triangles))
-
-
-def reference_values(size: int) -> tuple[Array, Array]:
-    """Shape functions (q, K) [1] at points of a reference facet, and weights (q,) [1] (local)."""
-    points, weights = _facet_rule(size)
-    N = np.empty((len(points), 3, size))
-    for (a, b), values in zip(points, N, strict=True):
-        tabulate_shapes(a, b, values)
-    return N[:, 0].copy(), weights
 
 
 def extract_faces(

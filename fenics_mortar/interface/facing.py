@@ -16,9 +16,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.interface.faces import CORNERS, Faces, linear_values
-from fenics_mortar.interface.integrals import PlaneOperators, Segments, gauss_rule
-from fenics_mortar.interface.on_obstacle import WholeFacets, face_rule, tabulate
+from fenics_mortar.interface.faces import Faces
+from fenics_mortar.interface.integrals import PlaneOperators, Segments, WholeFacets
+from fenics_mortar.interface.reference import (
+    CORNERS,
+    face_rule,
+    gauss_rule,
+    linear_values,
+    tabulate,
+)
 from fenics_mortar.interface.space_mortar import FacetPairs
 from fenics_mortar.kernels.projection import lagrange
 from fenics_mortar.kernels.space.integrals import tabulate_pairs

@@ -45,9 +45,11 @@ import numpy as np
 from fenics_mortar.interface.corners import links_at_corners
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, Linearization, MortarOperators
+from fenics_mortar.interface.reference import Basis, facet_rule, gauss_rule
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels import basis, projection, search
 from fenics_mortar.kernels import points as point_kernels
+from fenics_mortar.kernels import projection, search
+from fenics_mortar.kernels.basis import BY_BASIS, BY_COVER, BY_STANDARD, DUAL, STANDARD
 from fenics_mortar.kernels.blocks import weigh_derivatives
 from fenics_mortar.kernels.space import normals as space_normals
 from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices, read_only_view, summed
@@ -184,6 +186,39 @@ def find_segments(
     return Segments(facets, partial, offsets, pair_offsets, on_slave, on_master, *rules, pairs)
 
 
+@dataclass(frozen=True)
+class WholeFacets:
+    """Facets in space that face an obstacle, each of them one segment without master nodes.
+
+    Attributes:
+        facets: Numbers of the facets, shape (f,).
+        slave: Their nodes, shape (f, K).
+    """
+
+    facets: Indices
+    slave: Indices
+
+    @property
+    def num_segments(self) -> int:
+        """Number of facets."""
+        return len(self.slave)
+
+    @property
+    def master(self) -> Indices:
+        """No nodes, shape (f, 0)."""
+        return np.empty((len(self.slave), 0), np.int64)
+
+    @property
+    def owner(self) -> Indices:
+        """Position in ``facets`` of the facet of each segment, shape (f,)."""
+        return np.arange(len(self.slave))
+
+    @property
+    def pairs(self) -> Indices:
+        """No pairs of segments, shape (0, 2)."""
+        return np.empty((0, 2), np.int64)
+
+
 class _Rules(NamedTuple):
     """Ends and quadrature of segments on their slave facets; see ``Segments``."""
 
@@ -217,41 +252,19 @@ def _runs(
     return offsets, masters, _Rules(ends, np.ones(ends.shape, bool), s, weights, spans)
 
 
-@cache
-def gauss_rule(points: int) -> tuple[Array, Array]:
-    """Gauss points and weights on [-1, 1], each (points,)."""
-    return np.polynomial.legendre.leggauss(points)
-
-
-def facet_rule(integration: Integration, size: int, points: int) -> tuple[Array, Array]:
-    """Points and weights on a whole facet of ``size`` nodes, each (points,) [1].
-
-    Gauss, or for "nodes" Lobatto, whose points are the nodes: trapezoidal or Simpson's rule.
-    """
-    if integration != "nodes":
-        return gauss_rule(points)
-    weights = {2: [1.0, 1.0], 3: [1.0 / 3.0, 4.0 / 3.0, 1.0 / 3.0]}
-    return np.linspace(-1.0, 1.0, size), np.array(weights[size])
-
-
-Basis = Literal["dual", "standard", "vertices", "linear", "quadratic"]
 Weighting = Literal["opposite", "unit", "own"]
 GapWeights = Literal["cover", "basis", "standard"]
 BASES = {
-    "dual": basis.DUAL,
-    "standard": basis.STANDARD,
-    "vertices": basis.DUAL,
-    "linear": basis.STANDARD,
-    "quadratic": basis.STANDARD,
+    "dual": DUAL,
+    "standard": STANDARD,
+    "vertices": DUAL,
+    "linear": STANDARD,
+    "quadratic": STANDARD,
 }
-# Bases without multipliers at the inner nodes of quadratic facets.
-AT_VERTICES = ("vertices", "linear")
-# Bases in space whose functions are given combinations of shape functions.
-COMBINED = (*AT_VERTICES, "quadratic")
 GAP_WEIGHTS = {
-    "basis": basis.BY_BASIS,
-    "cover": basis.BY_COVER,
-    "standard": basis.BY_STANDARD,
+    "basis": BY_BASIS,
+    "cover": BY_COVER,
+    "standard": BY_STANDARD,
 }
 WEIGHTINGS = {"opposite": projection.OPPOSITE, "unit": projection.UNIT, "own": projection.OWN}
 
@@ -300,7 +313,7 @@ class MortarOptions:
         If the quadrature points are the nodes, standard and dual functions are equal for any cover.
         """
         if self.integration == "nodes":
-            return basis.STANDARD, basis.BY_BASIS
+            return STANDARD, BY_BASIS
         return BASES[self.basis], GAP_WEIGHTS[self.gap_weights]
 
 

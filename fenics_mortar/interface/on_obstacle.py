@@ -23,34 +23,33 @@ Facets that face a rigid obstacle, its normals, points and integrals; see ``on_o
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from typing import Any, Self
 
 import numpy as np
 
 from fenics_mortar.interface import integrals, space_mortar
 from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.interface.faces import CORNERS, Faces, covers
+from fenics_mortar.interface.faces import Faces, covers
 from fenics_mortar.interface.integrals import (
-    COMBINED,
     MortarOptions,
     PlaneOperators,
     Segments,
-    facet_rule,
+    WholeFacets,
     share_of,
     sum_over_facets,
 )
 from fenics_mortar.interface.mortar import Linearization
+from fenics_mortar.interface.reference import (
+    COMBINED,
+    CORNERS,
+    face_rule,
+    facet_rule,
+    sample_points,
+    tabulate,
+)
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import facets
-from fenics_mortar.kernels.projection import lagrange
-from fenics_mortar.kernels.space.shapes import (
-    LINEAR,
-    QUADRATIC,
-    reference_nodes,
-    tabulate_shapes,
-    triangle_rule,
-)
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import TURNS, by_further_motion, motion_between
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -201,63 +200,11 @@ def gaps_along(
     return np.moveaxis(dg, 2, 0)
 
 
-def shapes_at(points: Array, size: int) -> tuple[Array, Array]:
-    """Shape functions of facets of ``size`` nodes and derivatives, each (size, points) [1]."""
-    N, dN = lagrange(points, size - 1)
-    return N.T, dN.T
-
-
-def tabulate(points: Array, size: int) -> Array:
-    """Shape functions of facets of ``size`` nodes, and their derivatives (local).
-
-    Args:
-        points: Points on [-1, 1], shape (q,), in space on the reference facet, (q, 2).
-        size: K, the number of nodes.
-
-    Returns:
-        Shape (q, dim, K) [1].
-    """
-    if points.ndim == 1:
-        return np.ascontiguousarray(np.stack(shapes_at(points, size)).transpose(2, 0, 1))
-    T = np.empty((len(points), 3, size))
-    for point, values in zip(points, T, strict=True):
-        tabulate_shapes(point[0], point[1], values)
-    return T
-
-
 def whole_rule(options: MortarOptions, degree: int, size: int) -> tuple[Array, Array]:
     """Points and weights of whole facets of ``size`` nodes; see ``integrate_facets`` (local)."""
     if size == degree + 1:  # in the plane
         return facet_rule(options.integration, size, options.points)
     return face_rule(size, options.points)
-
-
-def gauss_points(corners: int) -> tuple[Array, Array]:
-    """Points (q,), in space (q, 2), and weights (q,) of a facet, exact to degree 5 [1] (local)."""
-    return np.polynomial.legendre.leggauss(3) if corners == 2 else face_rule(corners, LINEAR)
-
-
-def sample_points(size: int) -> Array:
-    """Nodes of a reference facet in space, and points of a rule, shape (q, 2) [1] (local)."""
-    rule = face_rule(size, LINEAR if size < 6 else QUADRATIC)
-    return np.concatenate([reference_nodes(size), rule[0]])
-
-
-@cache
-def face_rule(size: int, points: int) -> tuple[Array, Array]:
-    """Points (q, 2) and weights (q,) of a facet in space with ``size`` nodes [1] (local).
-
-    Args:
-        size: Number of nodes.
-        points: Points of the rule of a triangle; on quadrilaterals there are products of Gauss
-            rules with at least as many points.
-    """
-    if size in (3, 6):
-        bary, weights = triangle_rule(points)
-        return np.ascontiguousarray(bary[:, 1:]), 0.5 * weights
-    gauss, weights = np.polynomial.legendre.leggauss(int(np.ceil(np.sqrt(points))))
-    a, b = np.meshgrid(gauss, gauss, indexing="ij")
-    return np.stack([a.ravel(), b.ravel()], axis=1), np.outer(weights, weights).ravel()
 
 
 def obstacle_normals(
@@ -471,39 +418,6 @@ def surface_without_nodes(slave: Curve, name: str) -> Curve:
         thickness=None,
         roles=None,
     )
-
-
-@dataclass(frozen=True)
-class WholeFacets:
-    """Facets in space that face an obstacle, each of them one segment without master nodes.
-
-    Attributes:
-        facets: Numbers of the facets, shape (f,).
-        slave: Their nodes, shape (f, K).
-    """
-
-    facets: Indices
-    slave: Indices
-
-    @property
-    def num_segments(self) -> int:
-        """Number of facets."""
-        return len(self.slave)
-
-    @property
-    def master(self) -> Indices:
-        """No nodes, shape (f, 0)."""
-        return np.empty((len(self.slave), 0), np.int64)
-
-    @property
-    def owner(self) -> Indices:
-        """Position in ``facets`` of the facet of each segment, shape (f,)."""
-        return np.arange(len(self.slave))
-
-    @property
-    def pairs(self) -> Indices:
-        """No pairs of segments, shape (0, 2)."""
-        return np.empty((0, 2), np.int64)
 
 
 @clock("integrals")

@@ -41,9 +41,8 @@ from fenics_mortar.interface.surfaces import facet_nodes, replicate
 from fenics_mortar.kernels import sight
 from fenics_mortar.kernels.space import inside as space_sight
 from fenics_mortar.kernels.space.normals import facets_around
-from fenics_mortar.kernels.space.pairs import spatial_order
 from fenics_mortar.kernels.space.shapes import triangles_of
-from fenics_mortar.kernels.tree import build_tree
+from fenics_mortar.kernels.tree import build_tree, spatial_order
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, SAME_PLACE, TINY, Array, Indices
 from fenics_mortar.utils.lines import near

@@ -7,9 +7,6 @@ import numpy as np
 
 from fenics_mortar.interface.faces import Faces, covers
 from fenics_mortar.interface.integrals import (
-    AT_VERTICES,
-    COMBINED,
-    Basis,
     BodiesBehind,
     MortarOptions,
     evaluate_normals,
@@ -17,6 +14,7 @@ from fenics_mortar.interface.integrals import (
     sum_over_facets,
 )
 from fenics_mortar.interface.mortar import Linearization
+from fenics_mortar.interface.reference import AT_VERTICES, COMBINED, Basis
 from fenics_mortar.interface.roles import FaceRoles
 from fenics_mortar.interface.space_mortar import (
     FacetPairs,
@@ -27,7 +25,7 @@ from fenics_mortar.interface.space_mortar import (
     inverse_of,
     merge,
 )
-from fenics_mortar.kernels import basis
+from fenics_mortar.kernels.basis import BY_STANDARD, DUAL
 from fenics_mortar.kernels.space import integrals, pairs
 from fenics_mortar.kernels.space.shapes import triangle_rule
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -82,7 +80,7 @@ def evaluate_space(
         s = find_pairs(slave, master, x, m, share, options, behind)
     nodes, rule = slave.facets[share], triangle_rule(options.points)
     moments = _integrate((x, n, m), nodes, s, rule)
-    is_dual = options.kinds[0] == basis.DUAL
+    is_dual = options.kinds[0] == DUAL
     H = _hand_over(slave, nodes, moments, multiplier_nodes, options.basis)
     A = moments.De[:, :, None] * moments.inverse
     if not is_dual:
@@ -93,7 +91,7 @@ def evaluate_space(
         rest, D = H * moments.De[:, None] - D, H * moments.De[:, None]
         functions = functions + rest @ moments.inverse
     M = functions[s.owner] @ moments.B
-    by_dual = is_dual and options.kinds[1] != basis.BY_STANDARD
+    by_dual = is_dual and options.kinds[1] != BY_STANDARD
     gap = np.einsum("fjk,fk->fj", functions if by_dual else H, moments.G)
     diagonal, gap, cover, weight = sum_over_facets(slave, nodes, D, gap, covers(moments.De))
     if slave.roles is not None:

@@ -33,9 +33,14 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from fenics_mortar.interface.faces import CORNERS, linear_values, reference_values
-from fenics_mortar.interface.integrals import AT_VERTICES, Basis
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, MortarOperators, without_values
+from fenics_mortar.interface.reference import (
+    AT_VERTICES,
+    CORNERS,
+    Basis,
+    linear_values,
+    reference_values,
+)
 from fenics_mortar.kernels.space.integrals import most_corners, sample_gaps, tabulate_corners
 from fenics_mortar.kernels.space.linearize import linearize_facets
 from fenics_mortar.utils.arrays import Array, Flags, Indices, summed

@@ -350,3 +350,29 @@ def grown(rows, used, needed):
     longer = np.empty((2 * needed, rows.shape[1]))
     copy_rows(rows, used, longer, 0)
     return longer
+
+
+@kernel
+def sort_rows(rows, count, column):
+    """Sort the first ``count`` of rows (r, c) in place by one column.
+
+    Stable insertion sort, for few rows.
+    """
+    for i in range(1, count):
+        for j in range(i, 0, -1):
+            if rows[j, column] >= rows[j - 1, column]:
+                break
+            for c in range(rows.shape[1]):
+                rows[j, c], rows[j - 1, c] = rows[j - 1, c], rows[j, c]
+
+
+@kernel
+def dot(p, q):
+    """P . q, without complex conjugation."""
+    return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+
+
+@kernel
+def cross2(ax, ay, bx, by):
+    """Vector product of two vectors in the plane."""
+    return ax * by - ay * bx

@@ -39,7 +39,7 @@ separate the bodies, see ``sight``. The test is skipped up to a safe depth of ea
 import numpy as np
 
 from fenics_mortar.kernels import kernel, sight
-from fenics_mortar.kernels.blocks import copy_row, copy_rows, grown
+from fenics_mortar.kernels.blocks import copy_row, copy_rows, grown, sort_rows
 from fenics_mortar.kernels.projection import (
     gather,
     interpolate,
@@ -50,14 +50,7 @@ from fenics_mortar.kernels.projection import (
 )
 from fenics_mortar.kernels.roles import keep_masters, touch_in_a_point
 from fenics_mortar.kernels.tree import build_tree, query_tree
-from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING
-
-# Distance behind a contact, over the length of a facet [1], above which a surface does not belong
-# to the contact: overlaps of Newton iterates are smaller.
-BEHIND = 2.0
-# Gap over the length of a facet [1] up to which a portion of the master may be in contact in the
-# next iterations.
-ALMOST_CLOSED = 0.1
+from fenics_mortar.utils.arrays import ROUNDING
 
 
 @kernel
@@ -117,20 +110,6 @@ def is_hidden(y, N, xi, depth, behind, facets):
 
 
 @kernel
-def sort_rows(rows, count, column):
-    """Sort the first ``count`` of rows (r, c) in place by one column.
-
-    Stable insertion sort, for few rows.
-    """
-    for i in range(1, count):
-        for j in range(i, 0, -1):
-            if rows[j, column] >= rows[j - 1, column]:
-                break
-            for c in range(rows.shape[1]):
-                rows[j, c], rows[j - 1, c] = rows[j - 1, c], rows[j, c]
-
-
-@kernel
 def keep_nearest(found, count, tolerance):
     """Keep the nearest of overlapping segments, sorted along the facet; return their number.
 
@@ -156,23 +135,21 @@ def keep_nearest(found, count, tolerance):
 def keep_near_portions(found, count, master_facets, length):
     """Drop portions of the master too far behind the nearest one; return the number of rows kept.
 
-    Limits: ``HALF_FACET`` times the ``length`` of the slave facet, or ``BEHIND`` if the nearest
-    portion has a gap between ``-HALF_FACET`` and ``ALMOST_CLOSED`` lengths. Rows of ``found`` are
+    Limit: ``sight.reach_behind``, with the ``length`` of the slave facet. Rows of ``found`` are
     those of ``keep_nearest``; consecutive master facets that share a node form one portion.
     """
     nearest, gap = np.inf, np.inf
     for i in range(count):
         if found[i, 0] < nearest:
             nearest, gap = found[i, 0], found[i, 6]
-    in_contact = -HALF_FACET * length <= gap <= ALMOST_CLOSED * length
-    max_distance = length * (BEHIND if in_contact else HALF_FACET)
+    limit = nearest + sight.reach_behind(gap, length)
     kept, start = 0, 0
     while start < count:
         stop, distance = start + 1, found[start, 0]
         while stop < count and is_next(master_facets, found[stop - 1, 3], found[stop, 3]):
             distance = min(distance, found[stop, 0])
             stop += 1
-        if distance <= nearest + max_distance:
+        if distance <= limit:
             for i in range(start, stop):
                 copy_row(found[i], found[kept])
                 kept += 1

@@ -28,6 +28,14 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.projection import interpolate, tabulate_shapes
+from fenics_mortar.utils.arrays import HALF_FACET
+
+# Distance behind a contact, over the length of a facet [1], above which a surface does not belong
+# to the contact: overlaps of Newton iterates are smaller.
+BEHIND = 2.0
+# Gap over the length of a facet [1] up to which a portion of the master may be in contact in the
+# next iterations.
+ALMOST_CLOSED = 0.1
 
 
 @kernel
@@ -183,3 +191,14 @@ def tabulate_lengths(x, n, facets, bodies, outline, min_fraction, lengths):
         edge = x[facets[f, -1]] - x[facets[f, 0]]
         shortest = min_fraction * np.sqrt(edge[0] ** 2 + edge[1] ** 2)
         lengths[f] = length_inside(start, back, outline, bodies[f], shortest)
+
+
+@kernel
+def reach_behind(gap, length):
+    """Depth behind the nearest portion of a master up to which others count [length].
+
+    ``HALF_FACET`` times the ``length`` of the slave facet, or ``BEHIND`` if the nearest portion has
+    a ``gap`` between ``-HALF_FACET`` and ``ALMOST_CLOSED`` lengths.
+    """
+    in_contact = -HALF_FACET * length <= gap <= ALMOST_CLOSED * length
+    return length * (BEHIND if in_contact else HALF_FACET)

@@ -14,6 +14,9 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 
+# Bits of each coordinate in the order of the master facets: 1000 places along the longest side.
+BITS = 10
+
 
 @kernel
 def build_tree(x, facets):
@@ -98,3 +101,17 @@ def query_tree(boxes, box, along, hits):
         if i == 1:
             return count
         i -= 1
+
+
+def spatial_order(m, facets):
+    """Facets (f, K) in the order of the Morton codes of their first nodes at ``m`` (n, 3)."""
+    corners = m[facets[:, 0]]
+    if not len(corners):
+        return np.empty(0, np.int64)
+    low, extent = corners.min(axis=0), np.ptp(corners, axis=0).max()
+    grid = ((corners - low) * ((1 << BITS) - 1) / (extent or 1.0)).astype(np.int64)
+    codes = np.zeros(len(corners), np.int64)
+    for bit in range(BITS):
+        for d in range(3):
+            codes |= ((grid[:, d] >> bit) & 1) << (3 * bit + d)
+    return np.argsort(codes, kind="stable")

@@ -4,17 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Any
 
 from petsc4py import PETSc
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.la.condensed import CondensedSystem, obstacle_to_condensation
-from fenics_mortar.la.options import ITERATIVE, SMALL, SolverName, costs_of
+from fenics_mortar.la.options import ITERATIVE, SMALL, Algorithm, SolverName, costs_of
 from fenics_mortar.la.system import LinearSystem, SaddleSystem
 
-Algorithm = Literal["condensed", "saddle"]
 SYSTEMS: dict[str, type[LinearSystem]] = {"condensed": CondensedSystem, "saddle": SaddleSystem}
 
 

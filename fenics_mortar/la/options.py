@@ -32,6 +32,7 @@ import numpy as np
 
 from fenics_mortar.utils import compat
 
+Algorithm = Literal["condensed", "saddle"]
 SolverName = Literal["auto", "direct", "iterative"]
 # The elimination order is reused while values change; MUMPS then needs up to 50 % more memory than
 # estimated by its analysis.

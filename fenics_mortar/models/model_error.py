@@ -60,7 +60,8 @@ from fenics_mortar.interface.facing import (
     points_of,
     with_weight,
 )
-from fenics_mortar.interface.integrals import evaluate_normals, gauss_rule
+from fenics_mortar.interface.integrals import evaluate_normals
+from fenics_mortar.interface.reference import gauss_rule
 from fenics_mortar.interface.traces import extract_surface
 from fenics_mortar.la.solver import factored_bulk
 from fenics_mortar.mesh.data import MeshData, Names, joined_names

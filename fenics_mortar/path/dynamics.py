@@ -138,6 +138,9 @@ class Dynamics:
     def step(self, dt: float) -> NewtonReport:
         """Advance by ``dt`` [time], with the loads and prescribed values of the end of the step.
 
+        The accelerations at the start of the first step are those of the loads when it is called,
+        which then act suddenly. Loads that grow from zero: ``run``, whose ``set_loads`` follows.
+
         Returns:
             The record of the Newton iterations.
 

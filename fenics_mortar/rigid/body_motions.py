@@ -170,12 +170,12 @@ class BodyMotions:
         self, bulk: Bulk, contacts: Sequence[Contact | Tie], held: HeldBodies | None = None
     ) -> None:
         self.bulk, self.held = bulk, held or HeldBodies(bulk, ())
-        self.contacts = [contact for contact in contacts if not isinstance(contact, Tie)]
+        self.contacts = [contact for contact in contacts if isinstance(contact, Contact)]
         self._data: list[MeshData] = [contact.pair.data for contact in contacts]
         self._surface_parts: dict[int, Indices] = {}
         self.parts, self.num_parts = label_bodies(bulk.V)
         count = self.num_parts
-        ties = [tie for tie in contacts if isinstance(tie, Tie)]
+        ties = [tie for tie in contacts if not isinstance(tie, Contact)]
         links = [self._links(tie) for tie in ties] + self.held.links(self.parts)
         self._body_of, self.num_bodies = join_bodies(np.arange(count), count, links)
         self.labels = self._body_of[self.parts]

@@ -24,7 +24,8 @@ import numpy as np
 
 from fenics_mortar.bulk.bodies import FloatingBody, centre_and_size, rigid_motions
 from fenics_mortar.rigid.body_motions import closing, nearly_touching
-from fenics_mortar.rigid.body_settling import Moves, nearest_below
+from fenics_mortar.rigid.body_settling import Moves
+from fenics_mortar.rigid.complementarity import nearest_below
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import LAST_DIGITS, SOLVED, Array, Indices

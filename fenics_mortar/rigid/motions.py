@@ -30,7 +30,7 @@ from fenics_mortar.obstacles.rigid_motion import (
     motion_between,
     place_after,
 )
-from fenics_mortar.rigid.body_settling import closest_move
+from fenics_mortar.rigid.complementarity import closest_move
 from fenics_mortar.rigid.proximal import RIGID, tangent_stiffness, unresisted
 from fenics_mortar.rigid.spread import BoundSpreadLoad, RemoteMotion
 from fenics_mortar.utils.arrays import SUM_ROUNDING, Array, Flags

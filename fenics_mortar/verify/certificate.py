@@ -25,9 +25,15 @@ from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.utils.ranks import agreed
 from fenics_mortar.verify.checks import Kind, checks
 from fenics_mortar.verify.checks.balance import balance_of_bodies
-from fenics_mortar.verify.checks.contact_conditions import paired_nodes
-from fenics_mortar.verify.crossing import Crossing
-from fenics_mortar.verify.finding import INFINITE, LIMITS, Finding, Measured, format_value
+from fenics_mortar.verify.finding import (
+    INFINITE,
+    LIMITS,
+    Crossing,
+    Finding,
+    Measured,
+    format_value,
+    paired_nodes,
+)
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ from fenics_mortar.kernels.crossing import find_crossings
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices, Value
 from fenics_mortar.utils.errors import format_point
-from fenics_mortar.verify.finding import LIMITS
+from fenics_mortar.verify.finding import Crossing
 from fenics_mortar.verify.node_paths import LedBodies, motion_of
 from fenics_mortar.verify.overlap import (
     AdmittedDepth,
@@ -49,41 +49,6 @@ from fenics_mortar.verify.overlap import (
     slides_little,
 )
 from fenics_mortar.verify.passages import Passages, StepEnds
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """Deepest crossing of the outlines of two bodies, or of one outline with itself.
-
-    Attributes:
-        sides: Names of the surfaces, or of the bodies outside surfaces of pairs.
-        where: Position, as text.
-        depth: Depth of one body in the other [length].
-        facets: Depth over the facet's length [1].
-        admitted: Depth above which the state is wrong [facet lengths].
-        is_paired: Whether a pair keeps these surfaces apart.
-        hint: What the pair does not see there.
-        remark: Depth above which there is a remark [facet lengths].
-    """
-
-    sides: tuple[str, str]
-    where: str
-    depth: float
-    facets: float
-    admitted: float = LIMITS.penetration
-    is_paired: bool = True
-    hint: str = ""
-    remark: float = LIMITS.coarse_penetration
-
-    def __str__(self) -> str:
-        """The crossing as text."""
-        first, second = self.sides
-        who = f"{first} crosses itself" if first == second else f"{first} and {second} cross"
-        found = f"{who} at {self.where}, {self.depth:.3g} deep ({self.facets:.2g} facets)"
-        if self.is_paired:
-            return found + self.hint
-        kind = "ContactPair(data, surface)" if first == second else "ContactPair"
-        return f"{found}; no pair keeps these surfaces apart: add a {kind}"
 
 
 @dataclass(frozen=True)

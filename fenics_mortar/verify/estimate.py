@@ -53,7 +53,7 @@ from fenics_mortar.bulk.cells import DEGREES, ReferenceCell, normals_of
 from fenics_mortar.bulk.fluxes import Fluxes
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.interface.on_obstacle import gauss_points, tabulate
+from fenics_mortar.interface.reference import gauss_points, tabulate
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Flags, Indices

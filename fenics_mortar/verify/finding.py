@@ -16,9 +16,11 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.surfaces import POINTS
 from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import HALF_FACET, SOLVED, Array, Indices
+from fenics_mortar.utils.ranks import any_over_ranks
 
 
 @dataclass(frozen=True)
@@ -211,3 +213,48 @@ def mean_friction(limit: Array, pressure: Array) -> float:
     """
     presses = (pressure > 0.0) & (limit > 0.0)
     return float(limit[presses].sum() / pressure[presses].sum()) if presses.any() else 0.0
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Deepest crossing of the outlines of two bodies, or of one outline with itself.
+
+    Attributes:
+        sides: Names of the surfaces, or of the bodies outside surfaces of pairs.
+        where: Position, as text.
+        depth: Depth of one body in the other [length].
+        facets: Depth over the facet's length [1].
+        admitted: Depth above which the state is wrong [facet lengths].
+        is_paired: Whether a pair keeps these surfaces apart.
+        hint: What the pair does not see there.
+        remark: Depth above which there is a remark [facet lengths].
+    """
+
+    sides: tuple[str, str]
+    where: str
+    depth: float
+    facets: float
+    admitted: float = LIMITS.penetration
+    is_paired: bool = True
+    hint: str = ""
+    remark: float = LIMITS.coarse_penetration
+
+    def __str__(self) -> str:
+        """The crossing as text."""
+        first, second = self.sides
+        who = f"{first} crosses itself" if first == second else f"{first} and {second} cross"
+        found = f"{who} at {self.where}, {self.depth:.3g} deep ({self.facets:.2g} facets)"
+        if self.is_paired:
+            return found + self.hint
+        kind = "ContactPair(data, surface)" if first == second else "ContactPair"
+        return f"{found}; no pair keeps these surfaces apart: add a {kind}"
+
+
+def paired_nodes(contact: Contact | Tie) -> Indices:
+    """Global numbers of the nodes of both surfaces that have a partner, (n,) (collective)."""
+    paired = np.zeros(contact.master.num_nodes, bool)
+    paired[contact.intersections().master.ravel()] = True
+    paired = any_over_ranks(contact.slave.comm, paired)
+    return np.concatenate(
+        [contact.slave.nodes[contact.now.has_partner], contact.master.nodes[paired]]
+    )

@@ -49,8 +49,9 @@ from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.facing import Facing, Points, both_sides, points_of, rule_of
-from fenics_mortar.interface.on_obstacle import ObstacleOperators, gauss_points, tabulate
+from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.outline import Outline
+from fenics_mortar.interface.reference import gauss_points, tabulate
 from fenics_mortar.interface.space_integrals import find_pairs
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.passage import depths_inside
@@ -108,7 +109,7 @@ class OutlineNames:
 
 def slides_little(contact: Contact | Tie) -> bool:
     """Whether the conditions of a pair are those of the undeformed surfaces (local)."""
-    return not isinstance(contact, Tie) and contact.pair.sliding == "small"
+    return isinstance(contact, Contact) and contact.pair.sliding == "small"
 
 
 def are_folds(
@@ -239,7 +240,7 @@ class AdmittedDepth:
         self._outline = outline
         self._after, self._before = outline.neighbours()
         self._sides = [(self._touching(c.slave), self._touching(c.master)) for c in contacts]
-        self._are_ties = [isinstance(contact, Tie) for contact in contacts]
+        self._are_ties = [not isinstance(contact, Contact) for contact in contacts]
         self._ends = np.zeros(len(outline.X), bool)
         for surface in (side for c in contacts for side in (c.slave, c.master)):
             ends = surface.nodes[(surface.previous < 0) | (surface.following < 0)]

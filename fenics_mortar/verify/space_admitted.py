@@ -18,6 +18,9 @@ Of a body that crosses itself, the middle of an edge beyond a triangle that it p
 the body covers the points just below it twice: at a fold, where det F < 0, it does not. The depth
 is the distance from the surface around the pierced triangle: the body's own surface at the edge is
 nearer, and the pierced triangle alone is far from an edge that lies along the surface.
+
+A side of a pair that has entered a thin body is nearer to the back of the body than to the side it
+came through. It faces the latter: its depth is that below the side of the pair.
 """
 
 from __future__ import annotations
@@ -31,20 +34,18 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.outline import Hull
-from fenics_mortar.kernels.space.inside import (
-    depths_inside,
-    find_piercings,
-    square_on_triangle,
-    winding_by_angles,
-)
+from fenics_mortar.kernels.space.inside import depths_inside, find_piercings, winding_by_angles
+from fenics_mortar.kernels.space.triangles import nearest_triangle, square_on_triangle
 from fenics_mortar.kernels.tree import build_tree
-from fenics_mortar.utils.arrays import SAME_PLACE, Array, Flags, Indices
-from fenics_mortar.verify.checks.contact_conditions import paired_nodes
-from fenics_mortar.verify.finding import LIMITS
+from fenics_mortar.utils.arrays import SAME_PLACE, TINY, Array, Flags, Indices
+from fenics_mortar.verify.finding import LIMITS, paired_nodes
 
 # Distance below an edge at which it is asked how often the body covers a point [edge lengths]:
 # small beside facets, large beside rounding.
 BELOW = 1e-3
+# Cosine of the angle between outward normals above which a surface faces the back of a body from
+# within, rather than a side of it [1]: 60 degrees.
+AWAY = 0.5
 
 
 class Overlaps(NamedTuple):
@@ -163,10 +164,65 @@ def _distance_around(hull: Hull, x: Array, p: Array, triangle: int) -> float:
         at = np.unique(np.concatenate([around[starts[j] : starts[j + 1]] for j in nodes]))
 
 
+class Measured(NamedTuple):
+    """Depths of points inside bodies, k of them.
+
+    Attributes:
+        depths: Distances from the surfaces, shape (k,) [length].
+        triangles: Nearest triangles of the bodies that contain the points, shape (k,).
+        across: Whether more than half of a thin body is above a point, shape (k,), bool.
+    """
+
+    depths: Array
+    triangles: Indices
+    across: Flags
+
+    def at(self, marked: Indices) -> Measured:
+        """Some of the points."""
+        return Measured(self.depths[marked], self.triangles[marked], self.across[marked])
+
+
+def below_marked(
+    hull: Hull, x: Array, points: Array, n: Array, first: Measured, marked: Flags, least: float
+) -> Measured:
+    """Depths of what came in by marked triangles, and may be nearer to others now (local).
+
+    Points are measured from the nearest marked triangle of the body if they face it more than the
+    nearest triangle of all, and are below it by no more than pairs admit.
+
+    Args:
+        hull: The hulls.
+        x: Positions of the nodes, shape (n, 3) [length].
+        points: The points, shape (k, 3) [length].
+        n: Outward normals of the other surface at the points, shape (k, 3).
+        first: Depths from the nearest triangles.
+        marked: Triangles of the hulls, shape (m,), bool.
+        least: Smallest cosine between ``n`` and the nearest triangle's normal [1]: ``AWAY`` where
+            edges may cross, whose points face no triangle.
+    """
+    normals, sizes = hull.normals(x), hull.lengths(x)
+    depths, triangles, across = first.depths.copy(), first.triangles.copy(), first.across.copy()
+    facing_first = np.einsum("kc,kc->k", n, normals[triangles])
+    bodies, elsewhere = hull.segment_bodies[triangles], ~marked[triangles] & (facing_first > least)
+    for body in np.unique(bodies[elsewhere]):
+        mine = np.flatnonzero(marked & (hull.segment_bodies == body))
+        if not mine.size:
+            continue
+        among = hull.segments[mine]
+        boxes = build_tree(x, among)
+        hits = np.empty(len(boxes) // 2, np.int64)
+        for k in np.flatnonzero(elsewhere & (bodies == body)):
+            depth, at = nearest_triangle(x, among, boxes, hits, points[k], depths[k])
+            t = int(mine[at])
+            if n[k] @ normals[t] < facing_first[k] and depth <= LIMITS.penetration * sizes[t]:
+                depths[k], triangles[k], across[k] = depth, t, facing_first[k] > AWAY
+    return Measured(depths, triangles, across)
+
+
 class Kind(IntEnum):
     """What keeps the surfaces of an overlap apart."""
 
-    PAIRED, UNLOADED, UNPAIRED, WITHOUT_AREA = range(4)
+    PAIRED, UNLOADED, UNPAIRED, WITHOUT_AREA, THROUGH = range(5)
 
 
 # What a pair does not see, by the kind of an overlap between its sides.
@@ -175,7 +231,13 @@ HINTS = {
     "contact was missed",
     Kind.UNLOADED: "; no node carries force there, since the facets of the slave are too coarse "
     "for this tip or edge: refine the slave there",
+    Kind.THROUGH: "; the one has gone through the other, a thin body, between the nodes of their "
+    "pair, whose facets are too coarse there: refine the slave",
 }
+# Threshold of overlaps that are always a remark [facet sizes].
+ALWAYS = 0.0
+# Further hint where the depth is more than half the thickness of the body.
+ACROSS = "; this is more than half the thickness of the body there: refine the slave"
 
 
 def remark_of(kind: Kind) -> float:
@@ -194,6 +256,7 @@ class SpaceAdmitted:
     def __init__(self, hull: Hull, contacts: Sequence[Contact | Tie]) -> None:
         self._hull, self._contacts = hull, contacts
         self._sides = [(hull.near(c.slave), hull.near(c.master)) for c in contacts]
+        self._exact = [(hull.are_of(c.slave), hull.are_of(c.master)) for c in contacts]
 
     def _between(self, number: int, overlaps: Overlaps) -> Flags:
         """Whether overlaps are between the two sides of a pair, shape (k,), bool (local)."""
@@ -212,8 +275,47 @@ class SpaceAdmitted:
         """Whether overlaps are between the sides of a contact pair, shape (k,), bool (local)."""
         marks = np.zeros(len(overlaps.depths), bool)
         for number, contact in enumerate(self._contacts):
-            if not isinstance(contact, Tie):
+            if isinstance(contact, Contact):
                 marks |= self._between(number, overlaps)
+        return marks
+
+    def measured(self, x: Array, overlaps: Overlaps) -> tuple[Overlaps, Flags]:
+        """Overlaps of sides of pairs measured from the other side, see ``below_marked``.
+
+        With nodes at ``x`` (n, 3) [length]; also ``Measured.across``, shape (k,), bool (local).
+        """
+        depths, triangles = overlaps.depths.copy(), overlaps.triangles.copy()
+        found = Measured(depths, triangles, np.zeros(len(depths), bool))
+        for sides in self._exact:
+            for one, other in (sides, sides[::-1]):
+                at = np.flatnonzero(self._on(one, overlaps))
+                if at.size:
+                    n, first = self._outward(x, one, overlaps.nodes[at]), found.at(at)
+                    given = overlaps.points[at], n, first, other, AWAY
+                    again = below_marked(self._hull, x, *given)
+                    for values, new in zip(found, again):
+                        values[at] = new
+        return overlaps._replace(depths=found.depths, triangles=found.triangles), found.across
+
+    def _outward(self, x: Array, marked: Flags, nodes: Indices) -> Array:
+        """Normals of marked triangles (m,) at the ends (k, 2) of edges, shape (k, 3)."""
+        hull = self._hull
+        normals = np.zeros_like(x)
+        np.add.at(normals, hull.segments[marked], hull.normals(x)[marked][:, None])
+        n = normals[nodes].sum(axis=1)
+        return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1), TINY)[:, None])
+
+    def are_through(self, x: Array, overlaps: Overlaps) -> Flags:
+        """Whether the back of a body that has a side in a pair is behind the other side, (k,)."""
+        hull, marks = self._hull, np.zeros(len(overlaps.depths), bool)
+        everywhere = np.ones(len(hull.segments), bool)
+        n = self._outward(x, everywhere, overlaps.nodes)
+        behind = np.einsum("kc,kc->k", n, hull.normals(x)[overlaps.triangles]) > AWAY
+        bodies = hull.bodies[overlaps.nodes[:, 0]]
+        for sides in self._exact:
+            for one, other in (sides, sides[::-1]):
+                has_side = np.isin(bodies, hull.segment_bodies[one])
+                marks |= behind & has_side & other[overlaps.triangles] & ~self._on(one, overlaps)
         return marks
 
     def kinds(self, overlaps: Overlaps) -> Indices:

@@ -14,13 +14,15 @@ from collections.abc import Collection, Iterator
 import numpy as np
 
 from fenics_mortar.interface.outline import extract_hull
-from fenics_mortar.utils.arrays import HALF_FACET, SMALL_ANGLE, Array, Indices
+from fenics_mortar.utils.arrays import HALF_FACET, SMALL_ANGLE, Array, Flags, Indices
 from fenics_mortar.utils.errors import MeshError, format_point
-from fenics_mortar.verify.crossing import Crossing, Crossings
-from fenics_mortar.verify.finding import LIMITS
+from fenics_mortar.verify.crossing import Crossings
+from fenics_mortar.verify.finding import LIMITS, Crossing
 from fenics_mortar.verify.node_paths import RigidPath, motion_of
 from fenics_mortar.verify.passages import found_either_way
 from fenics_mortar.verify.space_admitted import (
+    ACROSS,
+    ALWAYS,
     HINTS,
     Kind,
     Overlaps,
@@ -55,15 +57,17 @@ class SpaceCrossings(Crossings):
     def find(self) -> list[Crossing]:
         """See ``Crossings``: of two bodies up to one for each ``Kind``."""
         x = self._positions()
-        overlaps = self._overlaps(x)
+        overlaps, across = self._in_space.measured(x, self._overlaps(x))
         kinds = self._in_space.kinds(overlaps)
+        through = (kinds == Kind.UNPAIRED) & self._in_space.are_through(x, overlaps)
+        kinds[through] = Kind.THROUGH
         limits = self._in_space.of(x, overlaps, kinds)
         facets = self._facets(x, overlaps, self._allowed(x))
         found = list[Crossing]()
         for kind in Kind:
             at = np.flatnonzero((kinds == kind) & (facets > 0.0))
-            found += self._deepest_of(overlaps.select(at), facets[at], limits[at], kind)
-        found += self._obstacles.find(x)
+            found += self._deepest_of(overlaps.select(at), facets[at], limits[at], across[at], kind)
+        found += self._obstacles.find(x, self._prescribed)
         return sorted(found, key=lambda crossing: -crossing.facets)
 
     def _overlaps(self, x: Array) -> Overlaps:
@@ -96,7 +100,7 @@ class SpaceCrossings(Crossings):
         return found
 
     def _deepest_of(
-        self, overlaps: Overlaps, facets: Array, limits: Array, kind: Kind
+        self, overlaps: Overlaps, facets: Array, limits: Array, across: Flags, kind: Kind
     ) -> Iterator[Crossing]:
         """The deepest of the overlaps of each two bodies, over their ``limits`` (k,)."""
         in_contact = self._in_space.are_in_contact(overlaps)
@@ -111,7 +115,8 @@ class SpaceCrossings(Crossings):
                 where = format_point(overlaps.points[k])
                 measures = float(overlaps.depths[k]), depth, float(limits[k])
                 hint = HINTS.get(kind, "") + _OTHER_ROLES * (kind == Kind.UNLOADED)
-                told = hint, remark_of(kind)
+                is_across = bool(across[k])
+                told = hint + ACROSS * is_across, ALWAYS if is_across else remark_of(kind)
                 yield Crossing(sides, where, *measures, kind != Kind.UNPAIRED, *told)
 
     def _overlaps_as_meshed(self) -> dict[Bodies, float]:

@@ -58,12 +58,21 @@ from fenics_mortar.utils.arrays import (
     norms,
 )
 from fenics_mortar.utils.errors import call_together, format_point
-from fenics_mortar.verify.crossing import Crossing
-from fenics_mortar.verify.finding import LIMITS
+from fenics_mortar.verify.finding import LIMITS, Crossing
 from fenics_mortar.verify.node_paths import NONE_KNOWN, RigidPath, motion_of
 from fenics_mortar.verify.overlap import OutlineNames, depths_in_body, obstacle_depths
 from fenics_mortar.verify.passages import ADVICE, nodes_through, own_frame
-from fenics_mortar.verify.space_admitted import HINTS, Kind, SpaceAdmitted, remark_of
+from fenics_mortar.verify.space_admitted import (
+    ACROSS,
+    ALWAYS,
+    AWAY,
+    HINTS,
+    Kind,
+    Measured,
+    SpaceAdmitted,
+    below_marked,
+    remark_of,
+)
 
 
 def motion_between(x0: Array, x1: Array) -> RigidPath:
@@ -367,6 +376,13 @@ WITHIN = np.array(
 ) / float(_PARTS)
 
 
+# What is wrong if boundary conditions move nodes into an obstacle.
+LED = (
+    "; boundary conditions move nodes of the body into the obstacle, {}, where no contact can keep "
+    "them out: end the motion before"
+)
+
+
 class SpaceObstacle:
     """An obstacle, the bodies that it touches, and where these may be inside it.
 
@@ -389,8 +405,10 @@ class SpaceObstacle:
         self._slave = np.concatenate([np.empty(0, np.int64), *(nodes for _, nodes in pairs)])
         self.bodies = np.unique(hull.bodies[self._slave])
         self.near_slave: Flags = np.zeros(len(hull.segments), bool)
+        self._on_slave = np.zeros_like(self.near_slave)
         for contact, _ in pairs:
             self.near_slave |= hull.near(contact.slave)
+            self._on_slave |= hull.are_of(contact.slave)
         self.counted: Flags = np.isin(hull.bodies, self.bodies)
         self._leave_out_covered()
 
@@ -435,10 +453,53 @@ class SpaceObstacle:
         near = self._evaluate(middles)[0] <= reach
         return np.einsum("qk,tkc->tqc", WITHIN, corners[near]).reshape(-1, 3)
 
-    def depths_in(self, x: Array, points: Array, body: int) -> tuple[Array, Array, Indices]:
-        """Depths of the obstacle in a body, see ``obstacle_depths`` (collective)."""
+    def depths_in(self, x: Array, points: Array, body: int) -> tuple[Array, Measured]:
+        """Points of the obstacle in a body, (k, 3) [length], and their depths (collective).
+
+        See ``obstacle_depths``, and ``below_marked`` with the triangles of the slave.
+        """
+        overlap = max(-float(self.offset().min(initial=0.0)), 0.0)
         at = self.hull, x, body, points, self.offset()
-        return obstacle_depths(*at, lambda points: np.abs(self._evaluate(points)[0]))
+        depths, inside, nearest = obstacle_depths(*at, lambda p: np.abs(self._evaluate(p)[0]))
+        first = Measured(depths + overlap, nearest, np.zeros(len(depths), bool))
+        n = self._evaluate(inside)[1]
+        found = below_marked(self.hull, x, inside, n, first, self._on_slave, -np.inf)
+        return inside, found._replace(depths=found.depths - overlap)
+
+    def led_inside(self, x: Array, prescribed: Flags) -> tuple[float, float, str]:
+        """The deepest of ``prescribed`` nodes (n,), bool, inside (collective).
+
+        Returns:
+            Depth [length], zero if none is inside, the same over the size of its facets [1], place.
+        """
+        at = np.flatnonzero(prescribed & self.counted)
+        depths = -self._evaluate(x[at])[0]
+        facets = depths / self.hull.node_sizes(x)[at]
+        k = int(facets.argmax()) if len(at) else 0
+        if not facets.max(initial=0.0) > LIMITS.unpaired:
+            return 0.0, 0.0, ""
+        return float(depths[k]), float(facets[k]), format_point(x[at[k]])
+
+    def comes_out(self, x: Array, body: int) -> tuple[float, Array, int]:
+        """How far the obstacle comes out of a body, from within (collective).
+
+        Returns:
+            Largest depth of a point of the body's surface in the obstacle that comes from below it
+            [length], zero without one; the point, shape (3,) [length]; and its triangle. The side
+            of a pair does not count.
+        """
+        hull = self.hull
+        mine = (hull.segment_bodies == body) & ~self.near_slave
+        mine &= self.counted[hull.segments].all(axis=1)
+        at = np.flatnonzero(mine)
+        points = np.einsum("qk,tkc->tqc", WITHIN, x[hull.segments[at]])
+        phi, gradient = self._evaluate(points.reshape(-1, 3))
+        outward = np.einsum("tqc,tc->tq", gradient.reshape(points.shape), hull.normals(x)[at])
+        depths = np.where(outward > AWAY, -phi.reshape(outward.shape), 0.0)
+        t, q = np.unravel_index(depths.argmax(), depths.shape) if len(at) else (0, 0)
+        if not depths.max(initial=0.0) > 0.0:
+            return 0.0, np.zeros(3), 0
+        return float(depths[t, q]), points[t, q], int(at[t])
 
     @property
     def contacts(self) -> list[Contact]:
@@ -475,25 +536,56 @@ class SpaceObstacles:
             for number, (obstacle, mine) in enumerate(pairs.items())
         ]
 
-    def find(self, x: Array) -> Iterator[Crossing]:
+    def find(self, x: Array, prescribed: Flags) -> Iterator[Crossing]:
         """The deepest point of each obstacle in each body, over its limit, for each kind.
 
-        With nodes at ``x`` (n, 3) [length].
+        Args:
+            x: Positions of the nodes, shape (n, 3) [length].
+            prescribed: Whether a node is prescribed, shape (n,), bool.
         """
-        sizes = self._hull.lengths(x)
         for each in self._each:
             points = each.points(x)
-            kinds, limits = self._admitted.at_obstacle(x, each.near_slave, each.contacts)
+            admitted = self._admitted.at_obstacle(x, each.near_slave, each.contacts)
             for body in each.bodies.tolist():
-                depths, at, triangles = each.depths_in(x, points, body)
-                for kind in np.unique(kinds[triangles]).tolist():
-                    facets = np.where(kinds[triangles] == kind, depths / sizes[triangles], 0.0)
-                    k = int((facets / limits[triangles]).argmax())
-                    t = int(triangles[k])
-                    sides = self._names.segment(t), f"obstacle '{each.obstacle.name}'"
-                    measures = float(depths[k]), float(facets[k]), float(limits[t])
-                    told = kind != Kind.UNPAIRED, HINTS.get(kind, ""), remark_of(kind)
-                    yield Crossing(sides, format_point(at[k]), *measures, *told)
+                mine = prescribed & (self._hull.bodies == body)
+                depth, facets, where = each.led_inside(x, mine)
+                led = ""
+                if where:
+                    led = LED.format(f"{depth:.3g} deep at {where}")
+                    sides = self._names.body(body), f"obstacle '{each.obstacle.name}'"
+                    limits = LIMITS.unloaded, True, led, LIMITS.coarse_unloaded
+                    yield Crossing(sides, where, depth, facets, *limits)
+                measured = each.depths_in(x, points, body)
+                yield from self._deepest(each, x, *measured, admitted, led)
+                yield from self._coming_out(each, x, body, led)
+
+    def _deepest(
+        self, each: SpaceObstacle, x: Array, at: Array, measured: Measured, admitted: Any, led: str
+    ) -> Iterator[Crossing]:
+        """The deepest of points ``at`` (k, 3), over its limit, for each kind (collective)."""
+        (kinds, limits), (depths, triangles, across) = admitted, measured
+        facets, mine = depths / self._hull.lengths(x)[triangles], kinds[triangles]
+        for kind in np.unique(mine).tolist():
+            k = int(np.where(mine == kind, facets / limits[triangles], 0.0).argmax())
+            t, is_across = int(triangles[k]), bool(across[k])
+            hint = led * bool(facets[k] > limits[t]) or HINTS.get(kind, "") + ACROSS * is_across
+            yield Crossing(
+                self._sides(each, t), format_point(at[k]), float(depths[k]), float(facets[k]),
+                float(limits[t]), kind != Kind.UNPAIRED or led == hint != "", hint,
+                ALWAYS if is_across else remark_of(kind),
+            )  # fmt: skip
+
+    def _coming_out(self, each: SpaceObstacle, x: Array, body: int, led: str) -> Iterator[Crossing]:
+        """Where an obstacle has gone through a thin body (collective)."""
+        depth, point, t = each.comes_out(x, body)
+        if depth > 0.0:
+            facets, hint = depth / float(self._hull.lengths(x)[t]), led or HINTS[Kind.THROUGH]
+            at = self._sides(each, t), format_point(point), depth, facets, LIMITS.unpaired
+            yield Crossing(*at, hint=hint)
+
+    def _sides(self, each: SpaceObstacle, triangle: int) -> tuple[str, str]:
+        """Names of the surface of a triangle and of an obstacle (collective)."""
+        return self._names.segment(triangle), f"obstacle '{each.obstacle.name}'"
 
     def motions(self, before: Array, after: Array) -> dict[int, RigidPath]:
         """Motions of the obstacles in a step, by label.

@@ -323,7 +323,7 @@ class _Probe:
 
     def _by_motions(self, contact: Contact | Tie) -> tuple[Array, Array]:
         """Derivatives of normals and gap along the motions of the pair's obstacle (local)."""
-        if isinstance(contact, Tie) or contact.obstacle is None:
+        if not isinstance(contact, Contact) or contact.obstacle is None:
             return np.zeros(1), np.zeros(1)
         dq = self.dq[self.motions.obstacles.index(contact.obstacle)]
         o = contact.on_obstacle

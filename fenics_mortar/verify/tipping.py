@@ -24,7 +24,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.interface.on_obstacle import shapes_at
+from fenics_mortar.interface.reference import tabulate
 from fenics_mortar.interface.space_mortar import SpaceOperators
 from fenics_mortar.rigid.body_motions import (
     BodyMotions,
@@ -246,7 +246,7 @@ def _points_on_obstacle(
     lengths = np.linalg.norm(chords, axis=1)[:, None]
     touches = (gaps <= LIMITS.coarse_distance * lengths) & near[s.slave].any(axis=1)[:, None]
     x, n = (
-        np.einsum("kp,ekc->epc", shapes_at(at, s.slave.shape[1])[0], field[s.slave])
+        np.einsum("pk,ekc->epc", tabulate(at, s.slave.shape[1])[:, 0], field[s.slave])
         for field in (o.x, o.n)
     )
     ends = o.n[s.slave[:, [0, -1]]]

@@ -9,7 +9,8 @@ from closed_form import BOTH, integrate_facet
 from derivatives import complex_step
 
 from fenics_mortar.interface.integrals import find_segments, integrate_segments
-from fenics_mortar.kernels import basis, projection
+from fenics_mortar.kernels import projection
+from fenics_mortar.kernels.basis import DUAL
 
 LIMITS = (0.1, 1e-10)
 
@@ -20,7 +21,7 @@ class Curves:
 
     x: np.ndarray
     m: np.ndarray
-    basis: int = basis.DUAL
+    basis: int = DUAL
     weighting: int = projection.OPPOSITE
     points: int = 5
     left: np.ndarray | None = None

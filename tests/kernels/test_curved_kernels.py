@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 from curves import CurvedCurves, wavy_curved, with_inner_nodes
 
-from fenics_mortar.kernels import basis
+from fenics_mortar.kernels.basis import BY_BASIS, BY_COVER, BY_STANDARD, DUAL, STANDARD
 
-BASES = [basis.DUAL, basis.STANDARD]
+BASES = [DUAL, STANDARD]
 OPTIONS = [
-    (basis.DUAL, None, basis.BY_BASIS),
-    (basis.DUAL, None, basis.BY_COVER),
-    (basis.DUAL, 0, basis.BY_COVER),
-    (basis.DUAL, None, basis.BY_STANDARD),
-    (basis.STANDARD, None, basis.BY_BASIS),
-    (basis.STANDARD, 0, basis.BY_BASIS),
+    (DUAL, None, BY_BASIS),
+    (DUAL, None, BY_COVER),
+    (DUAL, 0, BY_COVER),
+    (DUAL, None, BY_STANDARD),
+    (STANDARD, None, BY_BASIS),
+    (STANDARD, 0, BY_BASIS),
 ]
 SHARED = [
     {"share": True, "basis": kind, "gap_weights": weights}
-    for kind, weights in product(BASES, (basis.BY_BASIS, basis.BY_COVER))
+    for kind, weights in product(BASES, (BY_BASIS, BY_COVER))
 ]
 COVERS = {
     "full": (-0.05, 1.05),
@@ -58,7 +58,7 @@ def test_dual_functions_of_a_straight_facet_by_hand():
 
 @pytest.mark.parametrize("cover", COVERS)
 def test_dual_basis_is_biorthogonal_on_the_covered_part(cover):
-    dual, standard = curves(cover), curves(cover, basis=basis.STANDARD)
+    dual, standard = curves(cover), curves(cover, basis=STANDARD)
     one, other = dual.evaluate(dual.positions), standard.evaluate(standard.positions)
     off_diagonal = one["D"][:, ~np.eye(3, dtype=bool)]
     assert np.abs(off_diagonal).max() == 0.0
@@ -131,7 +131,7 @@ def test_ends_of_a_straight_covered_facet_have_the_linear_functions(kind):
 
 @pytest.mark.parametrize("stop", [1.1, 0.93, 0.8])
 def test_shared_dual_functions_leave_the_ends_uncoupled(stop):
-    values = (pair := linear_pair(basis.DUAL, stop, 0.1)).evaluate(pair.positions)
+    values = (pair := linear_pair(DUAL, stop, 0.1)).evaluate(pair.positions)
     D = values["D"]
     assert np.abs(D[:, [0, 2], [2, 0]]).max() == 0.0
     assert np.abs(D[:, [0, 2], [0, 2]] - values["cover"][:, [0, 2]]).max() < 1e-16
@@ -142,7 +142,7 @@ def test_shared_dual_functions_lose_an_end_without_a_jump():
     """The far end's d vanishes at three quarters of a straight facet; x = 0.875 is there."""
     far = []
     for change in (1e-3, 1e-6, 1e-9):
-        values = (pair := linear_pair(basis.DUAL, 0.875 + change, 0.0)).evaluate(pair.positions)
+        values = (pair := linear_pair(DUAL, 0.875 + change, 0.0)).evaluate(pair.positions)
         assert values["cover"][1, 2] > 0.0
         M = values["M"][pair.offsets[1] :]
         far.append(max(np.abs(M[:, 2]).max(), np.abs(values["D"][1, 2]).max()))

@@ -9,15 +9,16 @@ from closed_form import BOTH, ONLY_SECOND
 from curves import CurvedCurves, Curves, wavy, wavy_curved
 from test_mortar_kernels import COVERS, curves
 
-from fenics_mortar.kernels import basis, projection
+from fenics_mortar.kernels import projection
+from fenics_mortar.kernels.basis import DUAL, STANDARD
 
 RULES = [("elements", 2), ("elements", 5), ("nodes", None)]
 
 
-def options(integration, points, kind=basis.DUAL):
+def options(integration, points, kind=DUAL):
     """Options of the curves; with points at the nodes all bases are equal."""
     if integration == "nodes":
-        return {"integration": "nodes", "basis": basis.STANDARD}
+        return {"integration": "nodes", "basis": STANDARD}
     return {"integration": integration, "points": points, "basis": kind}
 
 
@@ -93,7 +94,7 @@ def test_basis_is_biorthogonal_on_the_quadrature_points(cover, degree, integrati
 
 
 @pytest.mark.parametrize("cover, degree, integration, points", CASES)
-@pytest.mark.parametrize("kind", [basis.DUAL, basis.STANDARD])
+@pytest.mark.parametrize("kind", [DUAL, STANDARD])
 def test_rows_of_D_and_M_sum_to_the_same(cover, degree, integration, points, kind):
     pair = make(cover, degree, **options(integration, points, kind))
     values = pair.evaluate(pair.positions)
@@ -104,7 +105,7 @@ def test_rows_of_D_and_M_sum_to_the_same(cover, degree, integration, points, kin
 
 
 @pytest.mark.parametrize("cover, degree, integration, points", CASES)
-@pytest.mark.parametrize("kind", [basis.DUAL, basis.STANDARD])
+@pytest.mark.parametrize("kind", [DUAL, STANDARD])
 @pytest.mark.parametrize("left", [BOTH, ONLY_SECOND])
 def test_all_derivatives_equal_the_complex_step(cover, degree, integration, points, kind, left):
     pair = make(cover, degree, **options(integration, points, kind))
@@ -113,7 +114,7 @@ def test_all_derivatives_equal_the_complex_step(cover, degree, integration, poin
     elif left != BOTH:
         pair.weights[:, :, 0] = np.eye(3)[1]
     found, exact = pair.assemble(pair.evaluate(pair.positions)), pair.exact_derivatives()
-    if degree == 1 and kind == basis.DUAL and left == BOTH:
+    if degree == 1 and kind == DUAL and left == BOTH:
         exact["D"][:, [0, 1], [1, 0]] = 0.0  # by construction
     for name, array in exact.items():
         error = np.abs(found[name] - array).max()

@@ -8,10 +8,11 @@ import pytest
 from closed_form import BOTH, ONLY_FIRST, ONLY_SECOND
 from curves import Curves, wavy
 
-from fenics_mortar.kernels import basis, projection
+from fenics_mortar.kernels import projection
+from fenics_mortar.kernels.basis import BY_BASIS, BY_COVER, BY_STANDARD, DUAL, STANDARD
 
-BASES = [basis.DUAL, basis.STANDARD]
-GAP_WEIGHTS = [basis.BY_BASIS, basis.BY_COVER, basis.BY_STANDARD]
+BASES = [DUAL, STANDARD]
+GAP_WEIGHTS = [BY_BASIS, BY_COVER, BY_STANDARD]
 # cover of the slave by the master: full, an end missing, an island, and two pieces
 COVERS = {
     "full": (-0.05, 1.05),
@@ -32,7 +33,7 @@ def curves(cover, seed=0, **options):
 
 def test_one_segment_by_hand():
     # slave [0, 4], master [1, 3], both flat, distance 1: half of the facet is covered
-    pair = Curves(np.array([[0.0, 1], [4, 1]]), np.array([[3.0, 0], [1, 0]]), basis.STANDARD)
+    pair = Curves(np.array([[0.0, 1], [4, 1]]), np.array([[3.0, 0], [1, 0]]), STANDARD)
     values = pair.evaluate(pair.positions)
     # int_1^3 N_j N_k with N_1 = 1 - x/4, N_2 = x/4
     assert np.allclose(values["D"][0], np.array([[13, 11], [11, 13]]) / 24, atol=1e-15)
@@ -63,7 +64,7 @@ def test_rows_of_D_and_M_sum_to_the_same(cover, kind):
 
 @pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
 def test_dual_basis_is_biorthogonal_on_the_covered_part(cover):
-    dual, standard = curves(cover), curves(cover, basis=basis.STANDARD)
+    dual, standard = curves(cover), curves(cover, basis=STANDARD)
     D = dual.evaluate(dual.positions)["D"]
     mass = standard.evaluate(standard.positions)["D"]
     assert np.abs(D[:, 0, 1]).max() == 0.0 and np.abs(D[:, 1, 0]).max() == 0.0
@@ -80,15 +81,15 @@ def test_separate_segments_are_independent():
 @pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
 @pytest.mark.parametrize("kind", BASES)
 def test_gap_by_standard_weights_is_that_of_the_standard_basis(cover, kind):
-    standard = curves(cover, basis=basis.STANDARD)
-    pair = curves(cover, basis=kind, gap_weights=basis.BY_STANDARD)
+    standard = curves(cover, basis=STANDARD)
+    pair = curves(cover, basis=kind, gap_weights=BY_STANDARD)
     g, exact = (p.evaluate(p.positions)["g"] for p in (pair, standard))
     assert np.allclose(g, exact, rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
 def test_gap_by_the_cover_is_that_of_the_basis_at_covered_nodes(cover):
-    own, pair = curves(cover), curves(cover, gap_weights=basis.BY_COVER)
+    own, pair = curves(cover), curves(cover, gap_weights=BY_COVER)
     g_own, g = (p.evaluate(p.positions)["g"] for p in (own, pair))
     first, last = own.ends[own.offsets[:-1], 0], own.ends[own.offsets[1:] - 1, 1]
     covered = np.stack([first == -1.0, last == 1.0], axis=1)
@@ -102,7 +103,7 @@ def test_gap_by_the_cover_is_a_linear_gap_at_its_ends(start, stop):
         np.array([[0.0, 0.0], [1.0, 0.0]]),
         np.array([[stop, -0.3 * stop], [start, -0.3 * start]]),
     )
-    for weights, places in ((basis.BY_COVER, [start, stop]), (basis.BY_BASIS, [0.0, 1.0])):
+    for weights, places in ((BY_COVER, [start, stop]), (BY_BASIS, [0.0, 1.0])):
         pair = Curves(x, m, gap_weights=weights)
         values = pair.evaluate(pair.positions)
         mean = values["g"][0] / np.diag(values["D"][0])
@@ -137,7 +138,7 @@ def test_neighbour_takes_over_the_weight_of_a_node_without_multiplier(left):
     "rule, kind, gap_weights",
     [
         *product(["segments", "elements"], BASES, GAP_WEIGHTS),
-        ("nodes", basis.STANDARD, basis.BY_BASIS),
+        ("nodes", STANDARD, BY_BASIS),
     ],
 )
 @pytest.mark.parametrize("left", [BOTH, ONLY_FIRST, ONLY_SECOND])
@@ -150,7 +151,7 @@ def test_values_and_derivatives_are_those_of_the_closed_form(cover, rule, kind, 
     for name in exact:
         size = np.abs(exact[name]).max(initial=0.0)
         assert np.abs(values[name] - exact[name]).max(initial=0.0) <= 1e-13 * size, name
-    if gap_weights == basis.BY_BASIS or (cover == "one end" and left == BOTH):
+    if gap_weights == BY_BASIS or (cover == "one end" and left == BOTH):
         found, exact = pair.assemble(values), pair.exact_derivatives(pair.exact)
         for name, array in exact.items():
             error = np.abs(found[name] - array).max(initial=0.0)
@@ -163,14 +164,14 @@ def test_values_and_derivatives_are_those_of_the_closed_form(cover, rule, kind, 
     "left, gap_weights",
     [
         *product([BOTH], GAP_WEIGHTS),
-        *product([ONLY_FIRST, ONLY_SECOND], [basis.BY_COVER]),
+        *product([ONLY_FIRST, ONLY_SECOND], [BY_COVER]),
     ],
 )
 def test_all_derivatives_equal_the_complex_step(cover, kind, weighting, left, gap_weights):
     pair = curves(cover, basis=kind, weighting=weighting, gap_weights=gap_weights)
     pair.left[:] = left
     found, exact = pair.assemble(pair.evaluate(pair.positions)), pair.exact_derivatives()
-    if kind == basis.DUAL and left == BOTH:  # the off-diagonal is zero by construction
+    if kind == DUAL and left == BOTH:  # the off-diagonal is zero by construction
         exact["D"][:, [0, 1], [1, 0]] = 0.0
     for name, array in exact.items():
         error = np.abs(found[name] - array).max()

@@ -8,8 +8,6 @@ from surfaces_in_space import rotation
 from fenics_mortar.kernels.space.inside import (
     depths_inside,
     find_piercings,
-    nearest_triangle,
-    square_on_triangle,
     winding_by_angles,
     winding_number,
 )
@@ -18,6 +16,7 @@ from fenics_mortar.kernels.space.passage import (
     find_node_events,
     roots_of_cubic,
 )
+from fenics_mortar.kernels.space.triangles import nearest_triangle, square_on_triangle
 from fenics_mortar.kernels.tree import build_tree
 
 # Corners of a cube by x, y, z, and its sides seen from outside.

@@ -303,7 +303,8 @@ def solver_of(problem):
     ],
 )
 def test_solver_depends_on_size_and_system(monkeypatch, many, options, expected):
-    monkeypatch.setattr("fenics_mortar.la.choice.costs_of", lambda dim, many=many: Costs(many=many))
+    costs = Costs(many=many)
+    monkeypatch.setattr("fenics_mortar.la.choice.costs_of", lambda dim: costs)
     scene = {name: options[name] for name in ("material", "pair") if name in options}
     problem = {name: value for name, value in options.items() if name not in scene}
     assert solver_of(pressed_blocks(problem=problem, **scene, **MESH).problem) == expected

@@ -93,6 +93,48 @@ def test_tip_a_little_below_a_facet_is_a_remark():
         problem.solve()
 
 
+THIN = {"size": (1.0, 1.0, 0.04), "counts": (2, 2, 1)}
+
+
+def ball_below(depth):
+    """Below the middle of a facet, as deep in the plate."""
+    return fm.Sphere((0.25, 0.25, depth - 0.5), 0.5)
+
+
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+def test_more_than_half_through_a_thin_plate_is_measured_from_the_slave(cell):
+    """The back of the plate is nearer, but it is not there that a pair is missing."""
+    obstacle = ball_below(0.0)
+    problem = plate_above(obstacle, cell)
+    obstacle.move(z=0.03)
+    (remark,) = [r for r in problem.solve().certificate.remarks() if "cross at" in r]
+    assert "'block/bottom' and obstacle 'sphere' cross at (0.25, 0.25, 0.03)" in remark
+    assert "more than half the thickness" in remark
+    obstacle.move(z=0.055)
+    with refused(fm.NotConvergedError, "cross at .* a thin body, between the nodes of their pair"):
+        problem.solve()
+
+
+def plate_above(obstacle, cell="hexahedron"):
+    """A thin plate held by its top above an obstacle."""
+    scene = space_scenes.solid(cell, **{**CUBE, **THIN})
+    space_scenes.held(scene, side="block/top")
+    scene.set_up([fm.ContactPair(scene.data, "block/bottom", obstacle)])
+    return scene.problem
+
+
+def test_held_end_that_is_moved_into_an_obstacle_is_told():
+    scene = space_scenes.solid(**{**CUBE, "size": (1.0, 1.0, 0.2), "counts": (4, 2, 1)})
+    motion = space_scenes.held(scene, side="block/left")
+    floor = fm.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    scene.set_up([fm.ContactPair(scene.data, "block/bottom", floor)])
+    scene.problem.solve()
+    motion.value[2] = -0.15
+    inside = "boundary conditions move nodes of the body into the obstacle, 0.15 deep"
+    with refused(fm.NotConvergedError, inside):
+        scene.problem.solve()
+
+
 PASSED = {
     "ball": (ball, {"z": -3.0}, "went through body 'block'"),
     "large ball": (lambda: ball(3.0, (0.5, 0.5, 4.1)), {"z": -8.0}, "went through"),

@@ -15,7 +15,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.rigid.body_settling import nearest_below
+from fenics_mortar.rigid.complementarity import nearest_below
 
 comm = MPI.COMM_WORLD
 

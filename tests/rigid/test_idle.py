@@ -7,7 +7,7 @@ from idle_scenes import disk_on_block, particle, queue, row, squeezed, wedge, wi
 from scenes import linear_elastic, neo_hookean
 
 import fenics_mortar as fm
-from fenics_mortar.rigid.body_settling import nonnegative_least_squares
+from fenics_mortar.rigid.complementarity import nonnegative_least_squares
 
 # Rounding of gaps over the size of the scene [1]: of sums over the nodes of a facet.
 ROUNDING = 1e-13

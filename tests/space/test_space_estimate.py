@@ -19,7 +19,7 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar import energies
 from fenics_mortar.interface.facing import both_sides
-from fenics_mortar.interface.on_obstacle import gauss_points, tabulate
+from fenics_mortar.interface.reference import gauss_points, tabulate
 from fenics_mortar.utils import compat
 from fenics_mortar.verify.overlap import facet_tractions, interface_tractions
 

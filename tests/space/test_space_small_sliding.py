@@ -16,7 +16,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import energies
-from fenics_mortar.contact import operator_evaluation
+from fenics_mortar.interface.space_integrals import evaluate_space
 
 COMM = MPI.COMM_WORLD
 MU = 0.3
@@ -83,10 +83,8 @@ def test_systems_agree_and_sets_of_frictionless_contact_take_few_iterations():
 @LAWS
 def test_operators_are_evaluated_once(law, monkeypatch):
     """Also of bodies with finite strains."""
-    calls, evaluate = [], operator_evaluation.evaluate_space
-    monkeypatch.setattr(
-        operator_evaluation, "evaluate_space", lambda *a: calls.append(1) or evaluate(*a)
-    )
+    calls, where = [], "fenics_mortar.contact.operator_evaluation.evaluate_space"
+    monkeypatch.setattr(where, lambda *a: calls.append(1) or evaluate_space(*a))
     scene = pressed(law=law, pair=SMALL)
     for step in PATH:
         scene.move(*step)

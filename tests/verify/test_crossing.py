@@ -17,7 +17,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.verify.certificate import Certificate
-from fenics_mortar.verify.crossing import Crossing
+from fenics_mortar.verify.finding import Crossing
 from meshes import mapped_grids, rings
 from meshes.mapped_grids import Grid
 

@@ -17,7 +17,7 @@ from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
 from fenics_mortar.bulk.fluxes import Fluxes
-from fenics_mortar.interface.on_obstacle import gauss_points
+from fenics_mortar.interface.reference import gauss_points
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.verify.estimate import ErrorEstimate

@@ -249,3 +249,32 @@ def test_a_strip_wound_by_more_than_one_turn_is_refused():
     bodies([wound(0.9), base], *given)
     with pytest.raises(MeshError, match="a body overlaps itself"):
         bodies([wound(1.17), base], *given)
+
+
+def thin_plate_above_a_cap(thickness=0.02, radius=0.5):
+    """A thin plate held by its top, and a cap below the middle of one of its inner facets."""
+
+    def position(s, t, r):
+        x, y = 0.2 * (s - 0.5), 0.2 * (t - 0.5)
+        return 0.375 + x, 0.375 + y, -0.3 + r * (0.3 - radius + np.sqrt(radius**2 - x**2 - y**2))
+
+    plate = Box("plate", block((4, 4, 1), size=(1.0, 1.0, thickness)))
+    cap = Box("cap", mapped((4, 4, 1), position))
+    return bodies([plate, cap], ["plate/top", "cap/bottom"], [("plate/bottom", "cap/top")])
+
+
+def is_cap(X):
+    return X[:, 2] < -0.1
+
+
+@pytest.mark.once
+def test_overlap_beyond_the_middle_of_a_thin_body_is_that_of_the_pair():
+    """The top of the cap is nearer to the back of the plate; above it, this is told."""
+    scene = thin_plate_above_a_cap()
+    (found,) = crossings_of(scene, is_cap, lambda X: X + np.array([0, 0, 0.015]))
+    assert "'cap/top' and 'plate/bottom' cross at (0.375, 0.375, 0.015), 0.015" in str(found)
+    assert "half the thickness" in found.hint and found.remark < found.facets < found.admitted
+    found = crossings_of(scene, is_cap, lambda X: X + np.array([0, 0, 0.03]))
+    assert not [each for each in found if "add a ContactPair" in str(each)]
+    (through,) = [each for each in found if "has gone through" in str(each)]
+    assert through.facets > through.admitted

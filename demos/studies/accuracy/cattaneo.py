@@ -46,7 +46,7 @@ from demos.studies.accuracy.norms import errors
 from demos.studies.accuracy.posed import Choice
 from demos.studies.accuracy.scenes_exact import cattaneo
 from demos.studies.common import linear_elastic
-from fenics_mortar.contact.slip import Measure
+from fenics_mortar.contact.pair import Measure
 from fenics_mortar.energies import lame
 
 FRICTION, PART = 0.2, 0.468080  # Q over mu P

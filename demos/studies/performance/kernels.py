@@ -12,7 +12,8 @@ import numpy as np
 
 from fenics_mortar.interface.integrals import find_segments, integrate_segments
 from fenics_mortar.interface.surfaces import POINTS
-from fenics_mortar.kernels import basis, projection
+from fenics_mortar.kernels import projection
+from fenics_mortar.kernels.basis import BY_COVER, DUAL, STANDARD
 
 # -
 
@@ -54,7 +55,7 @@ def measure(facets, **integration):
     s = find()
     weights = np.tile(np.eye(2), (facets, 1, 1))
     nodal = integration.get("integration") == "nodes"
-    options = basis.STANDARD if nodal else basis.DUAL, basis.BY_COVER, True
+    options = STANDARD if nodal else DUAL, BY_COVER, True
 
     def integrate():
         integrate_segments(s, surface.facets, (x, n, dn, m), weights, options, None)

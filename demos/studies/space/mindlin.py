@@ -9,15 +9,22 @@ shift:
     c = a (1 - Q / (mu F))^(1/3),
     shift = 3 mu F (2 - nu) / (8 G a) [1 - (1 - Q / (mu F))^(2/3)]
 
-(Johnson, 7.40 and 7.42; slip is assumed to be along Q, an error of a few per cent). Half of
-both bodies is meshed. The radius that is computed is that of a disc of the same area as the
-cells of the nodes that stick. Displacements far away are those of point forces: that of Boussinesq,
+(Johnson, 7.40 and 7.42; slip is assumed to be along Q, an error of a few per cent of the shift).
+Half of both bodies is meshed. Displacements far away are those of point forces: that of Boussinesq,
 and for Q that of Cerruti.
+
+What friction could carry in excess of what it does, mu p - |q|, is a pressure of Hertz with the
+radius c, mu p_0 / a (c^2 - r^2)^(1/2): its second moment gives c,
+
+    c^2 = 5/2 sum d r^2 / sum d,    d = mu f_n - |f_t| at the nodes.
+
+The area of the cells of the nodes that stick is known up to one row of nodes only.
 """
 
 from __future__ import annotations
 
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,6 +48,8 @@ from demos.studies.space.half_spaces import (
 R, MU = 1000.0, 0.3
 FORCE = 4.0 / 3.0 * E_STAR / R
 SHARES = (0.3, 0.6, 0.9)
+# numbers of cells along half a side, by degree
+COUNTS = {1: (5, 7, 9, 12), 2: (3, 4, 6)}
 
 
 def shift(share: float) -> float:
@@ -49,8 +58,28 @@ def shift(share: float) -> float:
     return 3.0 * MU * FORCE * (2.0 - NU) / (8.0 * G) * (1.0 - (1.0 - share) ** (2.0 / 3.0))
 
 
-def measure(kind: Kind, n: int) -> list[tuple[float, ...]]:
-    """Share Q / (mu F) found, c / a found and of the theory for it, and iterations, per step."""
+class Step(NamedTuple):
+    """Results beside those of the theory.
+
+    Attributes:
+        given: Q / (mu F) of the shift.
+        found: The one that is computed.
+        radius: c / a.
+        expected: That of the theory for ``found``.
+        by_area: c / a of a disc of the area of the cells of the nodes that stick.
+        iterations: Newton iterations.
+    """
+
+    given: float
+    found: float
+    radius: float
+    expected: float
+    by_area: float
+    iterations: int
+
+
+def measure(kind: Kind, n: int) -> list[Step]:
+    """Results for ``SHARES``."""
     sags = lambda x, y: (x**2 + y**2) / (2.0 * R), lambda x, y: 0.0 * x
     data = two_boxes(kind, n, sags, both=True)
     V = fm.vector_space(data.mesh, kind.degree)
@@ -63,18 +92,28 @@ def measure(kind: Kind, n: int) -> list[tuple[float, ...]]:
     problem = fm.ContactProblem(
         elastic_residual(u, kind), u, [pair], bcs=bcs, petsc_options_prefix="mindlin_"
     )
-    contact, rows = problem.contacts[0], []
+    steps = []
     for share in (0.0, *SHARES):
         for name, side, motion in (("upper", 1.0, -1.0 / R), ("lower", -1.0, 0.0)):
             far[name].interpolate(partial(_far, share, side, motion))
         iterations = problem.solve().num_iterations
-        force = 2.0 * contact.total_force
-        found = abs(force[0]) / (MU * force[2])
-        a = (0.75 * force[2] * R / E_STAR) ** (1.0 / 3.0)
-        weights = contact.forces[:, 2] / np.maximum(contact.pressure, 1e-9 * E)
-        area = 2.0 * weights[contact.sticking].sum()
-        rows.append((share, found, np.sqrt(area / np.pi) / a, (1.0 - found) ** (1 / 3), iterations))
-    return rows
+        if share > 0.0:
+            steps.append(_step(problem.contacts[0], share, iterations))
+    return steps
+
+
+def _step(contact: fm.PairView, share: float, iterations: int) -> Step:
+    """The results of a solved state."""
+    force = 2.0 * contact.total_force
+    found = abs(force[0]) / (MU * force[2])
+    a = (0.75 * force[2] * R / E_STAR) ** (1.0 / 3.0)
+    excess = MU * contact.forces[:, 2] - np.hypot(*contact.forces[:, :2].T)
+    squares = np.square(contact.positions[:, :2]).sum(axis=1)
+    radius = np.sqrt(2.5 * (excess @ squares) / excess.sum())
+    weights = contact.forces[:, 2] / np.maximum(contact.pressure, 1e-9 * E)
+    area = 2.0 * weights[contact.sticking].sum()
+    expected = (1.0 - found) ** (1.0 / 3.0)
+    return Step(share, found, radius / a, expected, np.sqrt(area / np.pi) / a, iterations)
 
 
 def _far(share: float, side: float, motion: float, x: np.ndarray) -> np.ndarray:
@@ -85,16 +124,32 @@ def _far(share: float, side: float, motion: float, x: np.ndarray) -> np.ndarray:
 
 
 def table(kind: Kind) -> str:
-    """Rows of all meshes and steps."""
+    """Rows of all meshes and steps, and the rate of the root mean square of the errors of c."""
     lines = [
         f"{kind.name}, Q / (mu F) from the shift of the theory\n",
-        "| n | Q / (mu F), theory | computed | c / a, theory for it | computed | iterations |",
-        "|---:|---:|---:|---:|---:|---:|",
+        "| n | Q / (mu F), theory | computed | c / a, theory for it | computed | error [%] | "
+        "by area [%] | iterations |",
+        "|---:" * 8 + "|",
     ]
-    for n in kind.counts[:2] if kind.degree == 2 else (5, 7, 9):
-        for share, found, c, exact, iterations in measure(kind, n)[1:]:
-            lines.append(f"| {n} | {share} | {found:.4f} | {exact:.3f} | {c:.3f} | {iterations} |")
-    return "\n".join(lines) + "\n"
+    errors = []
+    for n in COUNTS[kind.degree]:
+        steps = measure(kind, n)
+        for step in steps:
+            radii = np.array([step.radius, step.by_area])
+            error, by_area = 100.0 * (radii / step.expected - 1.0)
+            lines.append(
+                f"| {n} | {step.given} | {step.found:.4f} | {step.expected:.3f} | "
+                f"{step.radius:.3f} | {error:.1f} | {by_area:.1f} | {step.iterations} |"
+            )
+        errors.append(root_mean_square(steps))
+    rate = -np.polyfit(np.log(COUNTS[kind.degree]), np.log(errors), 1)[0]
+    means = ", ".join(f"{100.0 * error:.1f} %" for error in errors)
+    return "\n".join(lines) + f"\n\nRoot mean squares: {means}; rate {rate:.1f}.\n"
+
+
+def root_mean_square(steps: list[Step]) -> float:
+    """Of the relative errors of the radius c."""
+    return float(np.sqrt(np.mean([(step.radius / step.expected - 1.0) ** 2 for step in steps])))
 
 
 if __name__ == "__main__":

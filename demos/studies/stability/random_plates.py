@@ -18,6 +18,15 @@ from demos.studies.stability.space_case import Friction, Solid, SpaceCase, Tool,
 from demos.studies.stability.space_runs import AGAIN, ALONE, Run, solver
 from meshes.mapped_boxes import Box, block, mapped
 
+# Part by which held ends are moved less as long as they would be moved into a tool [unit].
+LESS = 0.01
+
+
+def _depth(tool: Tool, ends: dict[str, Any], down: float) -> float:
+    """Depth of nodes of the held ends in a tool after their motion [unit]."""
+    x = np.concatenate([x.reshape(-1, 3) for x in ends.values()])
+    return -float(tool.distance(x - (0.0, 0.0, down), 0.0).min())
+
 
 def draw_plates(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[..., Any]]:
     """Draw a plate and its judge."""
@@ -33,11 +42,8 @@ def draw_plates(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[...,
     bend = rng.uniform(0.05, 0.2) * min(1.0, 0.5 / radius)
     plate = block(tuple(n), size=(1.0, width, thick), corner=(-0.5, -0.5 * width, gap))
     solids, tools = [Solid(Box("plate", plate), 1.0, rng.uniform(0.0, 0.4))], {}
-    at = np.array([*rng.uniform(-0.1, 0.1, 2), -radius])
-    held = {"plate/left": moving((0.0, 0.0, -bend - gap))}
-    if both:
-        held["plate/right"] = moving((0.0, 0.0, -bend - gap))
-    else:
+    at, held = np.array([*rng.uniform(-0.1, 0.1, 2), -radius]), {}
+    if not both:
         at[0] += 0.2
     if kind == "ball":
         solids.append(Solid(Box("ball", _ball(rng, radius, at)), size(rng, 1.0, 100.0), 0.3))
@@ -49,6 +55,10 @@ def draw_plates(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[...,
             radius, axis = rng.uniform(0.15, 0.25), np.array([0.0, 0.0, 1.0])
             at[2] = -radius / 3.0
         tools["tool"] = Tool(kind, at, axis, radius, still())
+    ends = {"plate/left": plate[0], "plate/right": plate[-1]} if both else {"plate/left": plate[0]}
+    while tools and bend > 0.0 and _depth(tools["tool"], ends, bend + gap) > 0.0:
+        bend -= LESS
+    held |= {end: moving((0.0, 0.0, -bend - gap)) for end in ends}
     way = str(rng.choice(AGAIN if kind == "ball" else ALONE))
     about = {
         "scene": f"{kind} {'both' if both else 'one'}", "cell": cell, "cells": n, "thick": thick,

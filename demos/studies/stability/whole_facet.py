@@ -18,7 +18,7 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface import integrals
-from fenics_mortar.kernels import basis
+from fenics_mortar.kernels.basis import DUAL, STANDARD
 
 A = np.array([[2.0, -1.0], [-1.0, 2.0]])
 
@@ -41,9 +41,9 @@ def integrate_segments(
 ) -> Any:
     """As ``interface.integrals.integrate_segments``, from the integrals of the standard basis."""
     kind, *others = options
-    if kind != basis.DUAL or nodes.shape[1] != 2:
+    if kind != DUAL or nodes.shape[1] != 2:
         return standard(s, nodes, geometry, weights, options, thickness)
-    found = standard(s, nodes, geometry, weights, (basis.STANDARD, *others), thickness)
+    found = standard(s, nodes, geometry, weights, (STANDARD, *others), thickness)
     D, dD, M, dM, g, dg, cover = found
     edges = np.diff(geometry[0][nodes], axis=1)[:, 0]
     dual = (weights == np.eye(2)).all(axis=(1, 2)) & (cover.sum(axis=1) > 0.0)

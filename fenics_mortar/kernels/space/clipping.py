@@ -16,8 +16,7 @@ more are the ends of the edge that follows the vertex.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.blocks import copy_row
-from fenics_mortar.kernels.space.normals import cross2
+from fenics_mortar.kernels.blocks import copy_row, cross2
 
 # Distance from an edge, over the length of the edge [1], that is rounding.
 ON_EDGE = 1e-12

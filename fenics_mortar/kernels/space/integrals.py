@@ -27,6 +27,7 @@ gamma       gamma at a point, with derivatives                                  
 import numpy as np
 
 from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.blocks import cross2
 from fenics_mortar.kernels.space.clipping import (
     MAX_VERTICES,
     clip,
@@ -34,14 +35,7 @@ from fenics_mortar.kernels.space.clipping import (
     place_vertices,
     signed_area,
 )
-from fenics_mortar.kernels.space.normals import (
-    cross2,
-    find_point,
-    flatten,
-    is_folded,
-    jacobian,
-    set_plane,
-)
+from fenics_mortar.kernels.space.normals import find_point, flatten, is_folded, jacobian, set_plane
 from fenics_mortar.kernels.space.shapes import piece_centres, pieces_of
 from fenics_mortar.utils.arrays import SAME_PLACE
 

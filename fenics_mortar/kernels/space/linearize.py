@@ -29,6 +29,7 @@ direct      derivatives of the gap through x, y and n alone: c = 3 (2 K + K')   
 import numpy as np
 
 from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.blocks import cross2, dot
 from fenics_mortar.kernels.facets import add_row
 from fenics_mortar.kernels.space.clipping import chain_vertices
 from fenics_mortar.kernels.space.integrals import (
@@ -45,7 +46,7 @@ from fenics_mortar.kernels.space.integrals import (
     weigh_vector,
     weigh_weight,
 )
-from fenics_mortar.kernels.space.normals import cross2, dot, flatten, jacobian, set_plane
+from fenics_mortar.kernels.space.normals import flatten, jacobian, set_plane
 
 
 @kernel

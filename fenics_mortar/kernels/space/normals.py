@@ -37,6 +37,7 @@ Popp, Gitterle, Gee & Wall 2010) are
 import numpy as np
 
 from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.blocks import cross2, dot
 from fenics_mortar.kernels.projection import OPPOSITE, UNIT
 from fenics_mortar.kernels.space.shapes import (
     QUADRILATERAL,
@@ -113,12 +114,6 @@ def cross(p, q, out):
     out[0] = p[1] * q[2] - p[2] * q[1]
     out[1] = p[2] * q[0] - p[0] * q[2]
     out[2] = p[0] * q[1] - p[1] * q[0]
-
-
-@kernel
-def dot(p, q):
-    """P . q, without complex conjugation."""
-    return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 
 
 @kernel
@@ -213,12 +208,6 @@ def project(projector, vector, work):
 
 # Last Newton step [1] in reference coordinates: the next one would be its square.
 LAST_STEP = 1e-13
-
-
-@kernel
-def cross2(ax, ay, bx, by):
-    """Vector product of two vectors in the plane."""
-    return ax * by - ay * bx
 
 
 @kernel

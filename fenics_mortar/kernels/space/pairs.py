@@ -19,33 +19,17 @@ what is behind them all the same.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.blocks import copy_row, copy_rows, grown
-from fenics_mortar.kernels.search import ALMOST_CLOSED, BEHIND, sort_rows
+from fenics_mortar.kernels.blocks import copy_row, copy_rows, grown, sort_rows
+from fenics_mortar.kernels.sight import reach_behind
 from fenics_mortar.kernels.space.clipping import clip, clipping_work, signed_area
 from fenics_mortar.kernels.space.inside import bulge, is_hidden, is_nearer_elsewhere
 from fenics_mortar.kernels.space.normals import find_point, flatten, set_plane
 from fenics_mortar.kernels.space.shapes import piece_centres, pieces_of, triangles_of
-from fenics_mortar.kernels.tree import build_tree, query_tree
-from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, SAME_PLACE
+from fenics_mortar.kernels.tree import build_tree, query_tree, spatial_order
+from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE
 
 # Vertices of the common part of two octagons, and those that rounding may add.
 MAX_COMMON = 20
-# Bits of each coordinate in the order of the master facets: 1000 places along the longest side.
-BITS = 10
-
-
-def spatial_order(m, facets):
-    """Facets (f, K) in the order of the Morton codes of their first nodes at ``m`` (n, 3)."""
-    corners = m[facets[:, 0]]
-    if not len(corners):
-        return np.empty(0, np.int64)
-    low, extent = corners.min(axis=0), np.ptp(corners, axis=0).max()
-    grid = ((corners - low) * ((1 << BITS) - 1) / (extent or 1.0)).astype(np.int64)
-    codes = np.zeros(len(corners), np.int64)
-    for bit in range(BITS):
-        for d in range(3):
-            codes |= ((grid[:, d] >> bit) & 1) << (3 * bit + d)
-    return np.argsort(codes, kind="stable")
 
 
 @kernel
@@ -183,7 +167,7 @@ def keep_nearest(found, polygons, count, master_facets, area, work):
 def keep_near_portions(found, count, master_facets, length):
     """Drop portions of the master too far behind the nearest one; return the number of rows kept.
 
-    Limits as in ``kernels.search.keep_near_portions``. Rows of ``found`` (c, 4): (distance, height
+    Limit: ``sight.reach_behind``. Rows of ``found`` (c, 4): (distance, height
     [length], master facet, portion); ``length``: longest edge of the slave facet.
     """
     nearest, gap, farthest = np.inf, np.inf, 0.0
@@ -191,8 +175,7 @@ def keep_near_portions(found, count, master_facets, length):
         farthest = max(farthest, found[i, 0])
         if found[i, 0] < nearest:
             nearest, gap = found[i, 0], found[i, 1]
-    in_contact = -HALF_FACET * length <= gap <= ALMOST_CLOSED * length
-    limit = nearest + length * (BEHIND if in_contact else HALF_FACET)
+    limit = nearest + reach_behind(gap, length)
     if count == 0 or farthest <= limit:
         return count
     find_portions(found, count, master_facets)

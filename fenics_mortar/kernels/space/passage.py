@@ -8,8 +8,7 @@ polynomial of time vanishes; its roots are bracketed between the roots of its de
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.blocks import grown
-from fenics_mortar.kernels.space.inside import dot
+from fenics_mortar.kernels.blocks import dot, grown
 from fenics_mortar.kernels.tree import build_tree, query_tree
 from fenics_mortar.utils.arrays import MAX_STEPS, ROUNDING
 

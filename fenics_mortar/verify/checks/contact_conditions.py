@@ -18,7 +18,6 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.view import describe_search_radius
 from fenics_mortar.utils.arrays import HALF_FACET, Flags, Indices
 from fenics_mortar.utils.errors import format_point
-from fenics_mortar.utils.ranks import any_over_ranks
 from fenics_mortar.verify.finding import CURVED, LIMITS, POINTS_BETWEEN, Finding, Measured
 
 
@@ -159,16 +158,6 @@ def _missed(contact: Contact, missed: int) -> Finding:
 
 def _uncovered(nodes: Flags) -> Finding:
     return Finding("uncovered", "slave nodes without a partner", int(nodes.sum()))
-
-
-def paired_nodes(contact: Contact | Tie) -> Indices:
-    """Global numbers of the nodes of both surfaces that have a partner, (n,) (collective)."""
-    paired = np.zeros(contact.master.num_nodes, bool)
-    paired[contact.intersections().master.ravel()] = True
-    paired = any_over_ranks(contact.slave.comm, paired)
-    return np.concatenate(
-        [contact.slave.nodes[contact.now.has_partner], contact.master.nodes[paired]]
-    )
 
 
 def _count_missed(measured: Measured) -> int:

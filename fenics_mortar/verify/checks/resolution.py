@@ -43,8 +43,8 @@ from scipy.sparse.csgraph import connected_components
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.interface.faces import CORNERS
 from fenics_mortar.interface.facing import nearest_on_master
+from fenics_mortar.interface.reference import CORNERS
 from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, TINY, Array, Flags, Indices, norms
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: MIT
+"""Reference facets: corners, shape functions, quadrature rules, bases of the multipliers on them.
+
+Facets in the plane are intervals [-1, 1] of 2 or 3 nodes; for those in space see
+``kernels.space.shapes``.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Literal
+
+import numpy as np
+
+from fenics_mortar.kernels.projection import lagrange
+from fenics_mortar.kernels.space.shapes import (
+    LINEAR,
+    QUADRATIC,
+    reference_nodes,
+    tabulate_shapes,
+    triangle_rule,
+)
+from fenics_mortar.utils.arrays import Array
+
+# Nodes and corners of the facets: tri3, quad4, tri6, quad9.
+CORNERS = {3: 3, 4: 4, 6: 3, 9: 4}
+Basis = Literal["dual", "standard", "vertices", "linear", "quadratic"]
+# Bases without multipliers at the inner nodes of quadratic facets.
+AT_VERTICES = ("vertices", "linear")
+# Bases in space whose functions are given combinations of shape functions.
+COMBINED = (*AT_VERTICES, "quadratic")
+
+
+@cache
+def linear_values(size: int) -> Array:
+    """Values of the linear functions of the corners at a facet's nodes, (size, corners) [1]."""
+    return tabulate(reference_nodes(size), CORNERS[size])[:, 0].copy()
+
+
+@cache
+def rule_of_triangles(size: int) -> tuple[Array, Array]:
+    """Points (q, 2) and weights (q,) of a reference facet with ``size`` nodes, of its triangles."""
+    bary, weights = triangle_rule(QUADRATIC)
+    corners = reference_nodes(size)[: CORNERS[size]]
+    triangles = [corners[[0, i, i + 1]] for i in range(1, len(corners) - 1)]
+    points = np.concatenate([bary @ triangle for triangle in triangles])
+    area = 0.5 if len(triangles) == 1 else 2.0
+    return points, area * np.tile(weights, len(triangles))
+
+
+def reference_values(size: int) -> tuple[Array, Array]:
+    """Shape functions (q, K) [1] at points of a reference facet, and weights (q,) [1] (local)."""
+    points, weights = rule_of_triangles(size)
+    return tabulate(points, size)[:, 0].copy(), weights
+
+
+def tabulate(points: Array, size: int) -> Array:
+    """Shape functions of facets of ``size`` nodes, and their derivatives (local).
+
+    Args:
+        points: Points on [-1, 1], shape (q,), in space on the reference facet, (q, 2).
+        size: K, the number of nodes.
+
+    Returns:
+        Shape (q, dim, K) [1].
+    """
+    if points.ndim == 1:
+        return np.stack(lagrange(points, size - 1), axis=1)
+    T = np.empty((len(points), 3, size))
+    for point, values in zip(points, T, strict=True):
+        tabulate_shapes(point[0], point[1], values)
+    return T
+
+
+def gauss_points(corners: int) -> tuple[Array, Array]:
+    """Points (q,), in space (q, 2), and weights (q,) of a facet, exact to degree 5 [1] (local)."""
+    return np.polynomial.legendre.leggauss(3) if corners == 2 else face_rule(corners, LINEAR)
+
+
+def sample_points(size: int) -> Array:
+    """Nodes of a reference facet in space, and points of a rule, shape (q, 2) [1] (local)."""
+    rule = face_rule(size, LINEAR if size < 6 else QUADRATIC)
+    return np.concatenate([reference_nodes(size), rule[0]])
+
+
+@cache
+def face_rule(size: int, points: int) -> tuple[Array, Array]:
+    """Points (q, 2) and weights (q,) of a facet in space with ``size`` nodes [1] (local).
+
+    Args:
+        size: Number of nodes.
+        points: Points of the rule of a triangle; on quadrilaterals there are products of Gauss
+            rules with at least as many points.
+    """
+    if size in (3, 6):
+        bary, weights = triangle_rule(points)
+        return np.ascontiguousarray(bary[:, 1:]), 0.5 * weights
+    gauss, weights = np.polynomial.legendre.leggauss(int(np.ceil(np.sqrt(points))))
+    a, b = np.meshgrid(gauss, gauss, indexing="ij")
+    return np.stack([a.ravel(), b.ravel()], axis=1), np.outer(weights, weights).ravel()
+
+
+@cache
+def gauss_rule(points: int) -> tuple[Array, Array]:
+    """Gauss points and weights on [-1, 1], each (points,)."""
+    return np.polynomial.legendre.leggauss(points)
+
+
+def facet_rule(integration: str, size: int, points: int) -> tuple[Array, Array]:
+    """Points and weights on a whole facet of ``size`` nodes, each (points,) [1].
+
+    Gauss, or for "nodes" Lobatto, whose points are the nodes: trapezoidal or Simpson's rule.
+    """
+    if integration != "nodes":
+        return gauss_rule(points)
+    weights = {2: [1.0, 1.0], 3: [1.0 / 3.0, 4.0 / 3.0, 1.0 / 3.0]}
+    return np.linspace(-1.0, 1.0, size), np.array(weights[size])
