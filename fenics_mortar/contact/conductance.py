@@ -137,10 +137,10 @@ class Conductance:
             field that the user solves for in a problem of its own, by the loads and derivatives
             ``problem.matrices.flux_loads`` and ``flux_derivative``.
         h: Conductance [flux / field]: a number, which holds where contact is closed, inf for
-            perfect conduction, to seven digits;
+            perfect conduction: a jump of zero there, and the flux is a multiplier;
             ``PressureConductance`` or ``GapConductance``; a function of pressures and gaps, arrays
-            of shape (slave nodes,), that returns h, dh/dp and dh/dg; or a list of these, which are
-            added.
+            of shape (slave nodes,), that returns finite h, dh/dp and dh/dg; or a list of these,
+            which are added.
         heating: Source at closed contact [flux]: "friction", shear times slip over the length of
             the step, see ``ContactProblem.time``; a function of pressures (slave nodes,) and
             undeformed positions (slave nodes, dim) that returns power per area and its derivative
@@ -198,22 +198,24 @@ class Conductance:
         """Field and conductance."""
         return f"Conductance({self.field!r}, {self.h!r})"
 
-    def evaluate(self, pressure: Array, gap: Array, perfect: Any = np.inf) -> ConductanceValue:
+    def evaluate(self, pressure: Array, gap: Array, *, finite: bool = False) -> ConductanceValue:
         """Conductance of the slave nodes and its derivatives (local).
 
         Args:
             pressure: Contact pressure, zero where open, shape (slave nodes,) [stress].
             gap: Mean gap, zero where closed, shape (slave nodes,) [length].
-            perfect: Conductance of perfect conduction, scalar or (slave nodes,) [flux / field].
+            finite: Whether conduction may not be perfect.
 
         Raises:
-            MortarError: If a conductance is negative or not finite.
+            MortarError: If a conductance is negative, or not a number, or inf of a function.
         """
         sums = np.zeros((3, pressure.size))
         for term in self._terms:
             for total, value in zip(sums, _three(term, pressure, gap), strict=True):
-                total += np.where(value == np.inf, perfect, value)
+                total += value
         bad = ~np.isfinite(sums).all(axis=0) | (sums[0] < 0.0)
+        if self.is_perfect and not finite:
+            bad &= ~((sums[0] == np.inf) & np.isfinite(sums[1:]).all(axis=0))
         if bad.any():
             j = int(bad.argmax())
             raise MortarError(

@@ -171,8 +171,10 @@ class Contact(Interface):
         self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
         raise_stored(self.slave.comm, [self])
         self.all_fluxes = [
-            Flux(conductance, space, self, prescribed) for conductance in pair.fluxes
+            Flux(conductance, column, space, self, prescribed)
+            for column, conductance in enumerate(pair.fluxes)
         ]
+        self.change(conduction=np.zeros((self.slave.num_nodes, len(pair.fluxes))))
         self.fluxes = [flux for flux in self.all_fluxes if not flux.is_separate]
 
     def _find_guides(self) -> None:

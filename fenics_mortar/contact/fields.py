@@ -337,31 +337,33 @@ class ContactFields(InterfaceFields):
 def change_along(
     f: InterfaceFields, blocks: Sequence[Block], on_slave: Array, on_master: Array
 ) -> Array:
-    """Product of blocks, whose rows are slave nodes, and a direction (collective).
+    """Product of blocks, whose rows are slave nodes, and directions (collective).
 
     Args:
         f: Fields of the pair.
         blocks: Blocks of this rank.
-        on_slave: Displacements of the slave nodes, shape (n, dim) [length].
-        on_master: Displacements of the master nodes, shape (n, dim) [length].
+        on_slave: Displacements of the slave nodes, shape (..., n, dim) [length].
+        on_master: Displacements of the master nodes, shape (..., n, dim) [length].
 
     Returns:
-        Shape (slave nodes,), equal on all ranks.
+        Shape (..., slave nodes), equal on all ranks.
     """
     sides = f.interface.slave, f.interface.master
     dofs = np.concatenate([side.dofs_of(np.arange(side.num_nodes)) for side in sides])
-    values = np.concatenate([on_slave.ravel(), on_master.ravel()])
-    order = np.argsort(dofs)
-    change = np.zeros(sides[0].num_nodes)
+    several = on_slave.shape[:-2]
+    both = [x.reshape(*several, x.shape[-2] * x.shape[-1]) for x in (on_slave, on_master)]
+    values, order = np.concatenate(both, axis=-1), np.argsort(dofs)
+    change = np.zeros((sides[0].num_nodes, *several))
     for block in blocks:
         index = order[np.searchsorted(dofs[order], np.maximum(block.columns, dofs.min()))]
-        direction = np.where(block.columns >= 0, values[index], 0.0)
-        np.add.at(change, block.rows, np.einsum("bjq,bq->bj", block.values, direction))
-    return sum_over_ranks(sides[0].comm, change)
+        direction = np.where(block.columns >= 0, values[..., index], 0.0)
+        rates = np.einsum("bjq,...bq->bj...", block.values, direction)
+        np.add.at(change, block.rows, rates)
+    return np.moveaxis(sum_over_ranks(sides[0].comm, change), 0, -1)
 
 
 def gap_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
-    """Change of the mean gaps; zero where not covered (collective); see ``change_along``."""
+    """Change of the mean gaps, (..., slave nodes); zero where not covered; see ``change_along``."""
     change = change_along(f, f.operators.gap_derivative(), on_slave, on_master)
     return np.where(f.covered, change / np.where(f.covered, f.operators.weight, 1.0), 0.0)
 

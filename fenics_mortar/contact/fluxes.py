@@ -11,25 +11,31 @@ where T_k, T_l are the values at the nodes, see ``traces``. With the share s of 
 D^T (q - s P) leaves the slave and M^T (q + (1 - s) P) enters the master. Since M reproduces
 constants, the loads of both sides and the source are in balance to rounding for any mesh.
 
-A field of degree 1 beside a displacement of degree 2 has fewer dofs than there are nodes: with a
-large h, jumps of zero at all nodes would leave it no freedom where facets do not match. Carriers c
-are therefore the nodes with dofs, and q is linear between them, with the means over their part of
-the surface: A has the linear values at the nodes, A_jc = 1 at carriers, and
+q is a multiplier of one component, part of the state, with the row [T] - q / h = 0: jumps are zero
+where conduction is perfect, h = inf, and q is zero where h is. The row of a node yields its q,
+in both linear systems, since q / h is in no other row,
 
-    q_j = sum_c A_jc h_c [T]_c,    ([T]_c, h_c) = sum_j A_jc w_j ([T]_j, h_j) / sum_j A_jc w_j.
+    q' = e ([T] + d[T]) + (1 - e / h) q + (e / h) (q / h) dh,      e = min(h, e_max),
+
+with D and M in d(D^T q) at the present q. Where h exceeds e_max, a multiple of the conduction of
+the cells, q' is that of an augmented Lagrangian: jumps decrease by e_max over this conduction in an
+iteration, below quadratic convergence, and rounding of T does not enter q. Where h is below that of
+the cells, [T] replaces q / h, which may be 0 / 0.
+
+A field of degree 1 beside a displacement of degree 2 has fewer dofs than there are nodes: jumps of
+zero at all nodes would leave it no freedom where facets do not match. Carriers c are therefore the
+nodes with dofs, and q is linear between them, with the means over their part of the surface: A has
+the linear values at the nodes, A_jc = 1 at carriers, and
+
+    q_j = sum_c A_jc q_c,    ([T]_c, h_c) = sum_j A_jc w_j ([T]_j, h_j) / sum_j A_jc w_j.
 
 Where conduction is perfect, and the slave's field is prescribed at a node, its equation is left to
 the carriers beside it, as in ``tied_rows``.
 
 On a rigid obstacle its given value replaces the master's, and the master's load leaves the system.
 
-The loads depend on displacements and T, and by p and P on the multipliers. Sources: Hueber &
-Wohlmuth (2009); Seitz, Wall & Popp (2018).
-
-In an iterate whose D, M and T do not fit, jumps are of second order, and with a large h their
-fluxes may exceed those of the bodies by many orders. The flux in derivatives of D, M and h is then
-reduced to the size of the latter, see ``expect``, as if it were an unknown: iterations do not
-depend on h, up to perfect conduction. At a solution derivatives are exact.
+The loads depend on displacements and T, and by h and P on the multipliers z. Sources: Hueber &
+Wohlmuth (2009); Seitz, Wall & Popp (2018); Nocedal & Wright (2006), section 17.3.
 """
 
 from __future__ import annotations
@@ -45,7 +51,7 @@ from scipy.sparse import coo_array, csr_array, diags, eye, hstack
 from dolfinx import fem
 
 from fenics_mortar.contact.conductance import Conductance
-from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.fields import ContactFields, change_along
 from fenics_mortar.contact.law import Row, VectorRow
 from fenics_mortar.contact.rows import row_by_displacements, row_by_motions
 from fenics_mortar.interface.mortar import Block, MortarOperators
@@ -62,9 +68,14 @@ class FluxValues:
         law: The conductance.
         f: Fields of the contact.
         T, T_master: The field at the nodes of both sides.
-        perfect: Conductance of perfect conduction, shape (slave nodes,) [flux / field].
-        largest: Bound of the total conduction in derivatives at fixed jumps [flux length].
+        cells: Conduction of the cells beside the nodes per area, (slave nodes,) [flux / field].
         spread: The matrix A, shape (slave nodes, slave nodes) [1].
+        q: Conduction of the carriers in the state, (slave nodes,) [flux]; ``None``: h [T].
+
+    Attributes:
+        q: Conduction of the carriers, shape (slave nodes,) [flux].
+        next_q: That of a Newton step without increments, shape (slave nodes,) [flux].
+        row: min(h, conduction of the cells) times the row of q, shape (slave nodes,) [flux].
     """
 
     def __init__(
@@ -73,9 +84,9 @@ class FluxValues:
         f: ContactFields,
         T: Array,
         T_master: Array,
-        perfect: Array,
-        largest: float,
+        cells: Array,
         spread: csr_array,
+        q: Array | None,
     ) -> None:
         self._law, self.f, self.T, self.T_master = law, f, T, T_master
         self.o: MortarOperators = f.operators
@@ -91,19 +102,37 @@ class FluxValues:
         self.h = law.evaluate(
             np.where(closed, np.maximum(f.z_n, 0.0), 0.0),
             np.where(closed, 0.0, np.maximum(f.mean_gap, 0.0)),
-            perfect,
+            finite=q is None,
         )
         self._jump = self._mean(np.where(self.on, jump, 0.0))
-        self._h = self._mean(self.weight * self.h.h)
-        self.jump, self.conductance, self.conduction = (
-            np.where(self.on, self._spread @ values, 0.0)
-            for values in (self._jump, self._h, self._h * self._jump)
-        )
-        self._largest = largest
+        self._h = self._mean(_times(self.weight, self.h.h))
+        self.e, stiff = np.minimum(self._h, STIFFEST * cells), self._h > cells
+        self.is_exact: Flags = self.e == self._h  # q' does not depend on q
+        self.q = self._h * self._jump if q is None else q
+        self._per_h = np.where(stiff, self.q / np.where(stiff, self._h, 1.0), self._jump)
+        self._ratio = np.where(self.is_exact, 1.0, self.e / np.where(self._h > 0.0, self._h, 1.0))
+        self.next_q = self.e * self._jump + self.kept * self.q
+        least = np.where(stiff, cells, self.e) / np.where(self.e > 0.0, self.e, 1.0)
+        self.row = (self.next_q - self.q) * np.where(self.e > 0.0, least, 1.0)
+        self.jump, self.conductance = (self.at_nodes(c) for c in (self._jump, self._h))
+        self.conduction = self.at_nodes(self.q)
 
     def _mean(self, weighted: Array) -> Array:
         """Means at the carriers of values at the nodes times their weights, (slave nodes,)."""
         return np.asarray(self._per_weight * (self._spread.T @ weighted))
+
+    def of_carriers(self, nodal: Array) -> Array:
+        """Sums at the carriers of values at covered nodes, the transpose of ``at_nodes``."""
+        return np.asarray(self._spread.T @ np.where(self.on, nodal, 0.0))
+
+    @property
+    def kept(self) -> Array:
+        """Part of q that q' keeps, 1 - e / h, (slave nodes,) [1]."""
+        return np.asarray(1.0 - self._ratio)
+
+    def at_nodes(self, of_carriers: Array) -> Array:
+        """Values at the covered nodes, zero at others, of values at carriers, (slave nodes,)."""
+        return np.where(self.on, self._spread @ of_carriers, 0.0)
 
     @cached_property
     def _heating(self) -> Row:
@@ -126,27 +155,13 @@ class FluxValues:
         """Source, power per area, (slave nodes,) [flux]."""
         return np.asarray(self._heating.residual)
 
-    @cached_property
-    def _admitted(self) -> float:
-        """Fraction of the conduction that derivatives take as flux, 1 at a solution [1]."""
-        total = float(self.weight @ np.abs(self.conduction))
-        return min(1.0, self._largest / total) if total > 0.0 else 1.0
+    def of_sides(self, q: Array) -> tuple[Array, Array]:
+        """Fluxes that leave the slave and enter the master, for ``q`` of carriers (slave nodes,).
 
-    @property
-    def expected(self) -> tuple[Array, Array]:
-        """Fluxes that leave the slave and enter the master in derivatives of D and M [flux]."""
-        beyond = (self._admitted - 1.0) * self.conduction
-        return self.on_slave + beyond, self.on_master + beyond
-
-    @property
-    def on_slave(self) -> Array:
-        """Flux that leaves the slave, (slave nodes,) [flux]."""
-        return self.conduction - self._law.share * self.friction
-
-    @property
-    def on_master(self) -> Array:
-        """Flux that enters the master, (slave nodes,) [flux]."""
-        return self.on_slave + self.friction
+        Shape (slave nodes,) each [flux].
+        """
+        on_slave = self.at_nodes(q) - self._law.share * self.friction
+        return on_slave, on_slave + self.friction
 
     # Derivatives of both fluxes are sums over four quantities of the nodes: weighted jumps,
     # weighted conductances, weights and the source.
@@ -162,25 +177,31 @@ class FluxValues:
         return _sparse(blocks, 4 * count)
 
     @cached_property
+    def q_by_quantities(self) -> csr_array:
+        """Derivatives of q' of the carriers by all quantities but the source, (n, 3 n)."""
+        to_carriers = self._spread.T @ diags(self.on.astype(float))
+        h, nodal = (np.where(np.isfinite(values), values, 0.0) for values in (self._h, self.h.h))
+        by_h = diags(self._per_weight * self._ratio * self._per_h)
+        parts = [
+            diags(self._per_weight * self.e) @ to_carriers,
+            by_h @ to_carriers,
+            by_h @ (to_carriers @ diags(nodal) - diags(h) @ to_carriers)
+            - diags(self._per_weight * self.e * self._per_h) @ to_carriers,
+        ]
+        return csr_array(hstack(parts))
+
+    @cached_property
     def by_quantities(self) -> list[csr_array]:
         """Derivatives of the fluxes of slave and master, (slave nodes, 4 slave nodes)."""
-        to_carriers = self._spread.T @ diags(self.on.astype(float))
-        jump = self._per_weight * self._jump
-        nodal = diags(np.where(self.on, self.h.h, 0.0))
-        twice = diags(2.0 * jump * self._h) @ to_carriers
-        conduction = [
-            self._on_nodes(part)
-            for part in (
-                diags(self._per_weight * self._h) @ to_carriers,
-                diags(self._admitted * jump) @ to_carriers,
-                diags(jump) @ to_carriers @ nodal - twice,
-            )
-        ]
+        conduction = diags(self.on.astype(float)) @ self._spread @ self.q_by_quantities
         one, share = eye(len(self.T)), self._law.share
-        return [csr_array(hstack([*conduction, part * one])) for part in (-share, 1.0 - share)]
+        return [csr_array(hstack([conduction, part * one])) for part in (-share, 1.0 - share)]
 
-    def _on_nodes(self, of_carriers: csr_array) -> csr_array:
-        return diags(self.on.astype(float)) @ self._spread @ of_carriers
+    @property
+    def by_scale(self) -> Array:
+        """Derivative of q by the law's ``scale``, zero where conduction is perfect [flux]."""
+        h = np.where(np.isfinite(self._h), self._h, 0.0)
+        return np.asarray(self._ratio * self._per_h * h / self._law.scale)
 
     @cached_property
     def rows(self) -> tuple[VectorRow, VectorRow]:
@@ -188,7 +209,7 @@ class FluxValues:
         closed = self.f.state.active
         pressed, apart = closed & (self.f.z_n > 0.0), ~closed & (self.f.mean_gap > 0.0)
         h = Row(
-            self.weight * self.h.h,
+            np.zeros_like(self.weight),
             np.where(apart, self.weight * self.h.by_gap, 0.0),
             0.0,
             np.where(pressed, self.weight * self.h.by_pressure, 0.0),
@@ -214,12 +235,14 @@ class FluxValues:
             yield Block(s.slave, *traces[1].columns(s.master, -o.M))
 
 
-# Conduction over the fluxes of ``Flux.expect`` above which derivatives take less [1]. At a solution
-# the ratio is at most 1, unless fluxes of two pairs cancel at nodes.
-BEYOND_FLUXES = 10.0
-# Conductance of perfect conduction over the conduction of the cells beside it [1]: it decides on
-# seven digits of the flux, and leaves nine for rounding of the jump.
-PERFECT = 1e7
+def _times(weight: Array, h: Array) -> Array:
+    """Products of weights and conductances, zero where the weight is, also of inf."""
+    return np.multiply(weight, h, out=np.zeros_like(weight), where=weight > 0.0)
+
+
+# e_max over the conduction of the cells beside a node [1]. Jumps decrease by this factor in an
+# iteration, to which rounding in the factors of the linear system adds 1e-10 of them.
+STIFFEST = 1e6
 
 
 @dataclass(frozen=True)
@@ -248,6 +271,7 @@ class Flux:
 
     Args:
         law: The conductance.
+        column: Number of its column of ``conduction`` in the state.
         space: The displacement's nodes, and the mixed space.
         contact: The contact; its surfaces are those of the traces.
         prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
@@ -257,17 +281,23 @@ class Flux:
         is_separate: Whether the field is solved for in another problem.
         traces: Traces of the field on the slave and, unless it is an obstacle, on the master.
         dofs: All dofs of the traces, shape (d,), replicated.
-        perfect: Conductance of perfect conduction, shape (slave nodes,) [flux / field]; inf for a
-            separate field.
+        cells: Conduction of the cells beside the nodes per area, shape (slave nodes,) [flux /
+            field]; inf for a separate field.
 
     Raises:
-        ValueError: On all ranks, if the space has no such field, or an obstacle no temperature.
+        ValueError: On all ranks, if the space has no such field, or an obstacle no temperature, or
+            a separate field is conducted perfectly.
     """
 
     def __init__(
-        self, law: Conductance, space: DisplacementSpace, contact: Any, prescribed: Flags
+        self,
+        law: Conductance,
+        column: int,
+        space: DisplacementSpace,
+        contact: Any,
+        prescribed: Flags,
     ) -> None:
-        self.law, self._contact = law, contact
+        self.law, self._column, self._contact = law, column, contact
         rigid = contact.obstacle is not None
         if rigid == (law.temperature is None):
             cure = "give temperature=" if rigid else "omit temperature="
@@ -280,15 +310,21 @@ class Flux:
         self.dofs: Indices = np.unique(np.concatenate([t.dofs.ravel() for t in self.traces]))
         self.dofs = self.dofs[self.dofs >= 0]
         self.is_separate = isinstance(law.field, fem.Function)
+        if self.is_separate and law.is_perfect:
+            raise ValueError(
+                f"{law!r}: perfect conduction of a field with a problem of its own is not "
+                "possible, since its flux is an unknown of one system; expected a finite "
+                "conductance, or the number of a sub-space of a mixed function"
+            )
         self._owned = space.first, space.first + space.num_owned
         if isinstance(law.field, fem.Function):
             self._owned = law.field.function_space.dofmap.index_map.local_range
         self._values: tuple[Array, Array] = np.zeros(contact.slave.num_nodes), np.zeros(0)
-        self._largest, self._to_force = np.inf, 1.0
+        self._to_force = 1.0
         if isinstance(law.field, fem.Function):  # its conditions are not known
             prescribed = np.zeros(law.field.x.array.size, bool)
         self._spreads = _spreads(contact, self.traces[0], prescribed)
-        self.perfect = np.full(contact.slave.num_nodes, np.inf)
+        self.cells = np.full(contact.slave.num_nodes, np.inf)
 
     def evaluate(self, u: Array) -> None:
         """Gather the field, from all unknowns ``u``, shape (local dofs,), unless separate.
@@ -298,51 +334,38 @@ class Flux:
         field: Any = self.law.field
         values = [trace.gather(field.x.array if self.is_separate else u) for trace in self.traces]
         master = values[1] if len(values) > 1 else np.zeros(0)
-        self._values, self._largest = (values[0], master), np.inf
+        self._values = values[0], master
 
     def set_conduction(self, to_force: Array, own: Array) -> None:
-        """Set the conductance of perfect conduction (collective).
+        """Set the conduction of the cells (collective).
 
         Args:
             to_force: Factors that turn loads into forces, shape (owned dofs,).
             own: Load of a dof by a unit of its own field, shape (owned dofs,).
         """
-        mine, comm = self.conducting_dofs, self._contact.slave.comm
+        mine, _ = self._mine
+        comm, areas = self._contact.slave.comm, self._contact.slave.nodal_areas
         self._to_force = float(largest_over_ranks(comm, to_force[mine].max(initial=0.0)))
-        conduction, areas = np.zeros(self.dofs.size), self._contact.slave.nodal_areas
-        at = np.searchsorted(self.dofs, mine + self._owned[0])
-        conduction[at] = own[mine]
-        at_nodes = self._interpolation(self.traces[0]) @ sum_over_ranks(comm, conduction)
-        self.perfect = PERFECT * np.where(areas > 0.0, at_nodes / np.maximum(areas, TINY), 0.0)
-
-    def expect(self, r: Array) -> None:
-        """Bound the conduction in derivatives by fluxes of the bodies (collective).
-
-        Those of the residual ``r`` (owned dofs,) of the bodies at the last evaluated state, and
-        those that jumps would cause in the cells beside them.
-        """
-        slave, jump = self._contact.slave, self.at(self._contact.now).jump
-        fluxes = sum_over_ranks(slave.comm, [np.abs(r[self.conducting_dofs]).sum()])[0]
-        in_cells = (self.perfect / PERFECT * slave.nodal_areas) @ np.abs(jump)
-        self._largest = BEYOND_FLUXES * (fluxes + in_cells)
+        at_nodes = self._interpolation(self.traces[0]) @ self._gathered(own)
+        self.cells = np.where(areas > 0.0, at_nodes / np.maximum(areas, TINY), 0.0)
 
     @property
-    def conducting_dofs(self) -> Indices:
-        """Local numbers of the owned dofs, shape (k,) (local)."""
+    def _mine(self) -> tuple[Indices, Indices]:
+        """Local numbers of the owned dofs, and their positions in ``dofs``, (k,) each (local)."""
         first, end = self._owned
-        return self.dofs[(self.dofs >= first) & (self.dofs < end)] - first
+        at = np.flatnonzero((self.dofs >= first) & (self.dofs < end))
+        return self.dofs[at] - first, at
 
-    def over_cells(self) -> float:
-        """Largest conductance of a node over the conduction of the cells beside it [1] (local)."""
-        on = self.perfect > 0.0
-        h = self.at(self._contact.now).h.h[on]
-        return float((PERFECT * h / self.perfect[on]).max(initial=0.0))
+    def _gathered(self, values: Array) -> Array:
+        """Values (owned dofs,) at ``dofs`` on all ranks, shape (d,) (collective)."""
+        found, (mine, at) = np.zeros(self.dofs.size), self._mine
+        found[at] = values[mine]
+        return sum_over_ranks(self._contact.slave.comm, found)
 
-    def rounding(self) -> float:
-        """Size of the loads whose difference is a jump, as a force [stress length] (local)."""
+    def row_squares(self) -> float:
+        """Sum of squares of the rows of q as forces [stress^2 length^2] (collective)."""
         now = self.at(self._contact.now)
-        largest = max(float(np.abs(values).max(initial=0.0)) for values in self._values)
-        return self._to_force * float((now.o.weight * now.h.h).max(initial=0.0)) * largest
+        return float(((self._to_force * now.weight * now.row) ** 2).sum())
 
     def refresh(self) -> None:
         """Gather a separate field again, which may have changed since (collective)."""
@@ -354,7 +377,51 @@ class Flux:
     def at(self, f: ContactFields) -> FluxValues:
         """Values and derivatives by nodal quantities at the fields of the contact (collective)."""
         spread = self._spreads[self.law.is_perfect]
-        return FluxValues(self.law, f, *self._values, self.perfect, self._largest, spread)
+        q = None if self.is_separate else f.state.conduction[:, self._column]
+        return FluxValues(self.law, f, *self._values, self.cells, spread, q)
+
+    def _put(self, q: Array) -> None:
+        """Set the conduction of the carriers in the state, shape (slave nodes,) [flux] (local)."""
+        conduction = self._contact.state.conduction.copy()
+        conduction[:, self._column] = q
+        self._contact.change(conduction=conduction)
+
+    def settle(self) -> None:
+        """Set q to h [T] where h is not too large for it (collective)."""
+        now = self.at(self._contact.now)
+        self._put(np.where(now.is_exact, now.next_q, now.q))
+
+    def move(self, z: Array, fraction: float, step: Array, motion: Array) -> None:
+        """Apply a fraction of the increment of q, before that of other unknowns (collective).
+
+        Args:
+            z: Multipliers of the linear system, shape (slave nodes, dim) [stress].
+            fraction: Fraction of the increment [1].
+            step: Full increment of the unknowns of the bodies, shape (owned dofs,).
+            motion: Full increment of the obstacle's motions, shape (m,), or (0,) [length].
+        """
+        now = self.at(self._contact.now)
+        q = now.next_q + self._change(now, step, z - self._contact.z, motion)
+        self._put(now.q + fraction * (q - now.q))
+
+    def _change(self, now: FluxValues, u: Array, z: Array, motion: Array) -> Array:
+        """Change of q' by those of all unknowns, see ``move``; (slave nodes,) (collective)."""
+        sides = [side.gather(u) for side in (self._contact.slave, self._contact.master)]
+        jump, h, weight = (
+            change_along(now.f, list(blocks), *sides) for blocks in now.by_displacements()[:3]
+        )
+        row, _ = now.rows
+        h += np.einsum("jc,jc->j", row.by_z, z)
+        if motion.size:
+            h += row_by_motions(now.f, row) @ motion
+        change = np.concatenate([jump + self._jump_of(now, u), h, weight])
+        return np.asarray(now.q_by_quantities @ change)
+
+    def _jump_of(self, now: FluxValues, u: Array) -> Array:
+        """Weighted jumps of the field in ``u``, shape (slave nodes,) (collective)."""
+        at_dofs, signs = self._gathered(u), (1.0, -1.0)
+        sides = zip(signs, self._to_loads(now), strict=False)
+        return np.asarray(sum(sign * (matrix @ at_dofs) for sign, matrix in sides))
 
     @property
     def coupled(self) -> csr_array:
@@ -366,27 +433,47 @@ class Flux:
         self.refresh()
         now = self.at(self._contact.now)
         weight = now.o.weight
-        slave, master = (float(weight @ of_side) for of_side in (now.on_slave, now.on_master))
-        jump, h, conduction, heating = (
-            now.f.fill_inside(values.copy())
-            for values in (now.jump, now.conductance, now.conduction, now.friction)
+        slave, master = (float(weight @ of_side) for of_side in now.of_sides(now.q))
+        perfect = np.isinf(now.conductance)
+        h = np.where(perfect, 0.0, now.conductance)
+        jump, h, perfect, conduction, heating = (
+            now.f.fill_inside(values.astype(float))
+            for values in (now.jump, h, perfect, now.conduction, now.friction)
         )
+        h[perfect > 0.0] = np.inf
         return NodalFlux(jump, h, conduction, heating, -slave, master)
 
     def loads(self) -> list[Array]:
         """Loads of the nodes of each trace, (nodes,) [flux length], replicated (collective)."""
         now = self.at(self._contact.now)
-        return self._loads_by(now.o, now.on_slave, now.on_master)
+        return self._loads_by(now.o, *now.of_sides(now.q))
 
     def _loads_by(self, o: MortarOperators, on_slave: Array, on_master: Array) -> list[Array]:
         """D^T of one flux and -M^T of the other, for the traces (collective)."""
         sides = o.force(on_slave[:, None])[0], o.force(on_master[:, None])[1]
         return [side[:, 0] for side, _ in zip(sides, self.traces, strict=False)]
 
+    def _add_conduction(self, now: FluxValues, q: Array, target: Array) -> None:
+        """Add the loads by ``q`` of carriers (slave nodes,), without sources (collective)."""
+        at_nodes = now.at_nodes(q)
+        for trace, loads in zip(
+            self.traces, self._loads_by(now.o, at_nodes, at_nodes), strict=True
+        ):
+            trace.scatter_add(loads, target)
+
     def add_loads(self, target: Array) -> None:
         """Add the loads to ``target``, shape (owned dofs,) or longer (collective)."""
         for trace, loads in zip(self.traces, self.loads(), strict=True):
             trace.scatter_add(loads, target)
+
+    def add_row_loads(self, target: Array) -> None:
+        """Add the loads by which the rows of q change those of the state (collective).
+
+        Args:
+            target: Shape (owned dofs,); changed in place [flux length].
+        """
+        now = self.at(self._contact.now)
+        self._add_conduction(now, now.next_q - now.q, target)
 
     def add_by_scale(self, target: Array) -> None:
         """Add the loads' derivative by the law's ``scale``: those of conduction (collective).
@@ -395,11 +482,7 @@ class Flux:
             target: Shape (owned dofs,); changed in place [flux length].
         """
         now = self.at(self._contact.now)
-        conduction = now.conduction / self.law.scale
-        for trace, loads in zip(
-            self.traces, self._loads_by(now.o, conduction, conduction), strict=True
-        ):
-            trace.scatter_add(loads, target)
+        self._add_conduction(now, now.by_scale, target)
 
     def add_newton_loads(self, target: Array) -> None:
         """Subtract f(z) - f'(z) z, the part of the loads that multipliers leave (collective).
@@ -409,6 +492,7 @@ class Flux:
         """
         loads, z = np.zeros_like(target), self._contact.z
         self.add_loads(loads)
+        self.add_row_loads(loads)
         target -= loads
         self._add(self._linear_part(self.at(self._contact.now), z), target)
 
@@ -423,9 +507,55 @@ class Flux:
         """Blocks of the loads' derivatives by all unknowns of the bodies (collective)."""
         now = self.at(self._contact.now)
         blocks = [] if now.o.linearization.frozen else list(self._of_matrices(now))
+        return [*blocks, self._loads(now, *self._stacked(now))]
+
+    def _stacked(self, now: FluxValues) -> _Numbered:
+        """Derivatives of the four quantities by all unknowns of the bodies, of this rank."""
         by_jump, *others = now.by_displacements()
-        parts = [[*now.by_field(self.traces), *by_jump], *others]
-        return [*blocks, self._loads(now, *now.stacked(parts))]
+        return now.stacked([[*now.by_field(self.traces), *by_jump], *others])
+
+    # Solves with the tangent, which has e_max in place of larger conductances
+
+    @property
+    def exceeds(self) -> bool:
+        """Whether a conductance exceeds e_max (collective)."""
+        return not self.at(self._contact.now).is_exact.all()
+
+    def remainder(self, u: Array, z: Array, motion: Array) -> Array:
+        """Right-hand side for the change of a solution of the tangent (collective).
+
+        Args:
+            u: The solution, shape (owned dofs,).
+            z: Its multipliers, shape (slave nodes, dim) [stress].
+            motion: Its motions of the obstacle, shape (m,), or (0,) [length].
+
+        Returns:
+            Shape (owned dofs,) [load].
+        """
+        now, loads = self.at(self._contact.now), np.zeros_like(u)
+        self._add_conduction(now, -now.kept * self._change(now, u, z, motion), loads)
+        return loads
+
+    def transposed_remainder(self, u: Array) -> tuple[Array, Array, Array]:
+        """As ``remainder``, of a solution of the transposed tangent, zero at prescribed dofs.
+
+        Returns:
+            Parts of unknowns, multipliers and motions, in the shapes of ``remainder``.
+        """
+        contact, now = self._contact, self.at(self._contact.now)
+        q = -now.kept * now.of_carriers(self._jump_of(now, u))
+        by_jump, by_h, by_weight = np.split(now.q_by_quantities.T @ q, 3)
+        numbers, change = self._stacked(now)
+        values = change.T @ np.concatenate([by_jump, by_h, by_weight, np.zeros_like(by_h)])
+        first, end = self._owned
+        on_bodies, motion = np.zeros_like(u), np.zeros(0)
+        for dofs, of_rank in contact.slave.comm.allgather((numbers, values)):
+            mine = (dofs >= first) & (dofs < end)
+            on_bodies[dofs[mine] - first] += of_rank[mine]
+        row, _ = now.rows
+        if contact.obstacle is not None:
+            motion = by_h @ row_by_motions(now.f, row)
+        return on_bodies, by_h[:, None] * row.by_z, motion
 
     def field_derivative(self) -> Block:
         """Derivatives of the loads by the field alone (collective)."""
@@ -453,8 +583,8 @@ class Flux:
 
     def _add(self, values: Array, target: Array) -> None:
         """Add ``values`` (d, ...) at the dofs to those that this rank owns in ``target``."""
-        mine = (self.dofs >= self._owned[0]) & (self.dofs < self._owned[1])
-        target[self.dofs[mine] - self._owned[0]] += values[mine]
+        mine, at = self._mine
+        target[mine] += values[at]
 
     def _linear_part(self, now: FluxValues, z: Array) -> Array:
         """Derivatives of the loads by multipliers times ``z`` (slave nodes, dim): (d,) [load]."""
@@ -464,7 +594,7 @@ class Flux:
     def _of_matrices(self, now: FluxValues) -> Iterator[Block]:
         """Blocks of d(D^T q)/dd and -d(M^T q)/dd at fixed fluxes."""
         numbers = np.arange(len(now.o.x))[:, None]
-        on_slave, on_master = now.expected
+        on_slave, on_master = now.of_sides(now.q)
         yield self.traces[0].rows(now.o.slave_force_derivative(on_slave[:, None], numbers))
         if len(self.traces) > 1:
             nodes = np.arange(len(now.o.m))[:, None]
@@ -524,7 +654,10 @@ def _spreads(contact: Any, trace: Trace, prescribed: Flags) -> tuple[csr_array, 
     kept = free | (sums == 0.0)
     shares = np.where(kept, 0.0, 1.0 / np.where(sums > 0.0, sums, 1.0))
     handed = diags(kept.astype(float)) + diags(shares) @ others
-    return at_carriers, csr_array(at_carriers @ handed)
+    both = at_carriers, csr_array(at_carriers @ handed)
+    for spread in both:
+        spread.eliminate_zeros()  # times inf
+    return both
 
 
 # Numbers of the columns of a matrix, and the matrix.

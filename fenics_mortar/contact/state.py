@@ -23,6 +23,8 @@ class InterfaceState(Value):
     Attributes:
         z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress]; on a tie
             with fields, further columns with their fluxes.
+        conduction: Multipliers of the conductances of a contact, the flux of each at the carriers,
+            zero elsewhere, shape (slave nodes, conductances) [flux]; see ``fluxes``.
         active: Active set, shape (slave nodes,), bool.
         branch: Branch of the law that each node is on, 0 where it sticks, shape (slave nodes,).
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool:
@@ -57,12 +59,20 @@ class InterfaceState(Value):
     accepted_partners: Any = dataclasses.field(default=None, metadata=DERIVED)
     c_n: float = 1.0
     offset: Any = 0.0
+    conduction: Any = 0.0
     reference: Any = dataclasses.field(default=None, metadata=DERIVED)
     load_time: float = dataclasses.field(default=0.0, metadata=DERIVED)
     start_instant: Any = dataclasses.field(default=None, metadata=DERIVED)
     accepted_instant: Any = dataclasses.field(default=None, metadata=DERIVED)
     force_decided: tuple[Flags, Array] | None = dataclasses.field(default=None, metadata=DERIVED)
     heading: tuple[Array, Array] | None = dataclasses.field(default=None, metadata=DERIVED)
+
+    def towards(self, other: InterfaceState, fraction: float) -> InterfaceState:
+        """Interpolate the multipliers to ``other`` by a ``fraction`` [1] (local)."""
+        z, q = self.z, self.conduction
+        return self.replaced(
+            z=z + fraction * (other.z - z), conduction=q + fraction * (other.conduction - q)
+        )
 
 
 # Names of the attributes that determine all others.

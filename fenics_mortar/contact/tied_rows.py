@@ -234,7 +234,6 @@ class TiedComponents(Components):
 
 
 NO_ROWS: Indices = np.empty((0, 1), np.int64)
-NO_DOFS: Indices = np.empty(0, np.int64)
 
 
 class TiedField:
@@ -398,14 +397,20 @@ class TiedField:
     def add_newton_loads(self, target: Array) -> None:
         """Nothing: the loads are linear in the multipliers."""
 
-    conducting_dofs = NO_DOFS  # of finite conductances
+    def add_row_loads(self, target: Array) -> None:
+        """Nothing: rows are those of the multipliers (local)."""
 
-    def expect(self, r: Array) -> None:
-        """Do nothing: fluxes in derivatives are multipliers (local)."""
+    def move(self, z: Array, fraction: float, step: Array, motion: Array) -> None:
+        """Nothing: fluxes are multipliers (local)."""
 
-    def rounding(self) -> float:
-        """Zero [stress length]: fluxes are multipliers (local)."""
+    def row_squares(self) -> float:
+        """Zero: rows are those of the multipliers (local)."""
         return 0.0
+
+    exceeds = False  # there is no conductance
+
+    def settle(self) -> None:
+        """Nothing: fluxes are multipliers (local)."""
 
     @property
     def conducts(self) -> Flags:

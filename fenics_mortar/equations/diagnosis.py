@@ -401,6 +401,7 @@ def diagnose(equations: Any, recent: Sequence[SetsOfPairs]) -> str:
         first = ", ".join(filter(None, (floating.describe(floating.loose()), driven)))
         first = first or _describe_limits(contacts) or _describe_twice(contacts)
         first = first or _describe_peeling(contacts, recent)
+        first = first or _describe_alternating(contacts, recent)
         first = first or describe_isolated(bulk, contacts, floating)
     at_nodes = bulk.describe_inverted_nodes()
     return "; ".join(filter(None, (first, at_nodes, *map(describe_overlap, contacts))))
@@ -482,5 +483,24 @@ def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[SetsOfPair
                 "shear without pressure, which may peel them off each time they close; take "
                 "smaller steps, or Coulomb(mu, max_shear=...), whose limit vanishes with the "
                 "pressure"
+            )
+    return ""
+
+
+def _describe_alternating(contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]) -> str:
+    """Describe nodes that open and close in turn for coarse facets; "" if none (local)."""
+    for i, contact in enumerate(contacts):
+        active = np.array([sets[i][0] for sets in recent])
+        count = len(active)
+        turns = any((active[: count - k] == active[k:]).all() for k in range(2, count))
+        wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
+        if isinstance(contact, Contact) and turns and wavers.size:
+            exchange = "exchange slave and master, " * (contact.obstacle is None)
+            return (
+                f"{wavers.size} nodes of '{contact.slave.name}' open and close in turn, one at "
+                f"{format_point(contact.operators.x[wavers[0]])}: neither set may be a solution on "
+                "facets within which the sides bend apart, as at a tip or an edge; refine "
+                f"'{contact.slave.name}' there, {exchange}or take "
+                "Discretization(gap_weights='standard')"
             )
     return ""

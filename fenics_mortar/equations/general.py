@@ -131,7 +131,7 @@ class State(Value):
         pairs = zip(self.interfaces, other.interfaces, strict=True)
         return self.replaced(
             u=self.u + fraction * (other.u - self.u),
-            interfaces=tuple(a.replaced(z=a.z + fraction * (b.z - a.z)) for a, b in pairs),
+            interfaces=tuple(a.towards(b, fraction) for a, b in pairs),
             places=places_towards(self.places, other.places, fraction),
         )
 
@@ -374,9 +374,6 @@ class ContactEquations:
             self.floating.add_springs(self._loose, self.residual.driving(), self.residual.force)
         for load in self.motions.remote:
             load.take_bulk_rows()
-        for contact in self.contacts:
-            for flux in contact.fluxes:
-                flux.expect(self.bulk.r.array_r)
         self.system.assemble()
         raise_stored(self.comm, self.contacts)
 
@@ -402,6 +399,10 @@ class ContactEquations:
         solver, changes = self.system.solver, self._set_record.num_changed > 0
         force = residual.force if solver.multigrid is not None else 0.0
         solver.forcing = forcing(residuals, goal, force, sets_change=changes)
+        for contact in self.contacts:
+            for flux in contact.fluxes:
+                if flux.exceeds:  # loads of its rows exceed the residual by many orders
+                    solver.forcing = 0.0
         is_bordered = self.motions.exist and self.motions.are_unknown
         solver.same_step = not (len(residuals) == 1 or is_bordered)
         x, motion = self.system.step(residual.distance), NO_MOTION
@@ -420,6 +421,8 @@ class ContactEquations:
         step = increment.u
         fraction = self.bulk.move(step)
         for contact, z in zip(self.contacts, increment.z, strict=True):
+            for flux in contact.fluxes:
+                flux.move(z, fraction, step, self.motions.of_obstacle(contact, increment.motion))
             contact.move(z, fraction, step)
         size = self.bulk.largest(step)
         if increment.motion.size:

@@ -74,8 +74,7 @@ def roundoff_of(
     for c in contacts:
         steepest = max(stiffness, c.now.steepness)
         largest = float(np.abs(c.slave.X).max())
-        loads = sum([flux.rounding() for flux in c.fluxes])
-        roundoff += (steepest * largest + loads) * math.sqrt(c.slave.num_nodes)
+        roundoff += steepest * largest * math.sqrt(c.slave.num_nodes)
     return 4.0 * EPSILON * roundoff
 
 
@@ -113,8 +112,8 @@ class Residual:
     Attributes:
         total: Sum of bulk residual and contact forces, (owned dofs,) [stress length].
         distance: Distance to the prescribed values, (prescribed dofs,) [length].
-        force: Reference force: the largest norm of contact forces, reactions and inertia. Fluxes
-            of conductances are at most those of the bodies [stress length].
+        force: Reference force: the largest norm of contact forces, reactions and inertia [stress
+            length].
         gap: Largest mean gap of an active node over the node's length [1].
         attainable: ``roundoff`` at that state [stress length].
     """
@@ -135,9 +134,6 @@ class Residual:
     ) -> None:
         self._bulk, self._contacts = bulk, contacts
         self._floating, self._motions, self._stiffest = floating, motions, stiffest
-        self._conducts = np.zeros(bulk.num_owned, bool)
-        for flux in (flux for contact in contacts for flux in contact.fluxes):
-            self._conducts[flux.conducting_dofs] = True
         self._per_distance = stiffest / bulk.units[bulk.prescribed_dofs]
         self.begin()
 
@@ -155,15 +151,16 @@ class Residual:
         for contact in self._contacts:
             squares, gap = contact.rows.measure()
             rows, self.gap = rows + squares, max(gap, self.gap)
+            for flux in contact.fluxes:
+                rows += flux.row_squares()
         raise_stored(bulk.comm, self._contacts)
         if self._motions.remote:
             self.begin()
         self.distance = self._prescribed - bulk.values[prescribed]
         self.total = np.empty(bulk.num_owned)
         free, contact, reactions = add_forces(
-            bulk.r.array_r, self.contact_force(), bulk.to_force, bulk.prescribed, self._conducts,
-            self.total,
-        )  # fmt: skip
+            bulk.r.array_r, self.contact_force(), bulk.to_force, bulk.prescribed, self.total
+        )
         moves, inertia = self._per_distance * self.distance, 0.0
         if bulk.inertia is not None:
             inertia = (bulk.inertia.forces(bulk.u.x.array) ** 2).sum()
@@ -285,7 +282,11 @@ class LastTangent(NamedTuple):
             return None
         force = residual.force if system.solver.multigrid is not None else 0.0
         system.solver.forcing = forcing(residuals, goal, force, sets_change=False)
-        f = -residual.total
+        f = residual.total.copy()
+        for contact in system.contacts:
+            for flux in contact.fluxes:
+                flux.add_row_loads(f)
+        f *= -1.0
         f[system.bulk.prescribed_dofs] = residual.distance
         rows = [
             -contact.rows.weighted(frame)

@@ -274,7 +274,7 @@ def basis_on(surface: Any, basis: Basis) -> Basis:
 
     Triangles with six nodes have "linear" functions at their corners: there the integral of the
     quadratic function is zero, and a dual one does not exist. With "quadratic" they have those of
-    ``space_mortar.functions_of``; on other facets these are dual.
+    ``reference.functions_of``; on other facets these are dual.
     """
     if surface.dim == 3 and surface.facets.shape[1] == 6:
         return basis if basis == "quadratic" else "linear"

@@ -28,7 +28,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from fenics_mortar.interface import integrals, space_mortar
+from fenics_mortar.interface import integrals
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.faces import Faces, covers
 from fenics_mortar.interface.integrals import (
@@ -45,6 +45,8 @@ from fenics_mortar.interface.reference import (
     CORNERS,
     face_rule,
     facet_rule,
+    functions_of,
+    hand_over,
     sample_points,
     tabulate,
 )
@@ -500,8 +502,7 @@ def facet_hand_over(carries: Flags, dim: int, options: MortarOptions) -> Array:
     """
     if dim == 2:
         return integrals.hand_over(carries)
-    functions = space_mortar.functions_of(carries.shape[1], options.basis)
-    return space_mortar.hand_over(carries, functions)
+    return hand_over(carries, functions_of(carries.shape[1], options.basis))
 
 
 def facet_thickness(slave: Surface, x: Array, nodes: Indices) -> tuple[Array, float] | None:

@@ -20,7 +20,7 @@ from fenics_mortar.kernels.space.shapes import (
     tabulate_shapes,
     triangle_rule,
 )
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, Flags
 
 # Nodes and corners of the facets: tri3, quad4, tri6, quad9.
 CORNERS = {3: 3, 4: 4, 6: 3, 9: 4}
@@ -29,6 +29,9 @@ Basis = Literal["dual", "standard", "vertices", "linear", "quadratic"]
 AT_VERTICES = ("vertices", "linear")
 # Bases in space whose functions are given combinations of shape functions.
 COMBINED = (*AT_VERTICES, "quadratic")
+# Fraction a of both functions beside a corner that is added to the corner's [1]: integrals over a
+# straight triangle are 2/15 at corners and 1/5 at middles, closest to each other in the source.
+OF_MIDDLES = 0.2
 
 
 @cache
@@ -39,7 +42,7 @@ def linear_values(size: int) -> Array:
 
 @cache
 def rule_of_triangles(size: int) -> tuple[Array, Array]:
-    """Points (q, 2) and weights (q,) of a reference facet with ``size`` nodes, of its triangles."""
+    """Points (q, 2) and weights (q,) of the triangles of a facet with ``size`` nodes [1]."""
     bary, weights = triangle_rule(QUADRATIC)
     corners = reference_nodes(size)[: CORNERS[size]]
     triangles = [corners[[0, i, i + 1]] for i in range(1, len(corners) - 1)]
@@ -115,3 +118,48 @@ def facet_rule(integration: str, size: int, points: int) -> tuple[Array, Array]:
         return gauss_rule(points)
     weights = {2: [1.0, 1.0], 3: [1.0 / 3.0, 4.0 / 3.0, 1.0 / 3.0]}
     return np.linspace(-1.0, 1.0, size), np.array(weights[size])
+
+
+@cache
+def functions_of(size: int, basis: Basis) -> Array:
+    """Coefficients of multiplier functions in the shape functions, (K, K) [1] (local).
+
+    The unit matrix for dual and standard functions. "linear": those of the corners. "quadratic", of
+    triangles with six nodes: with N~ = T N, N~_corner = N_corner + a (N of the two middles beside
+    it) and N~_middle = (1 - 2 a) N_middle, all integrals of N~ are positive, and diag(int N~)
+    (int N~ N~^T)^-1 N~ is dual to N~ on straight, fully covered facets (Wohlmuth, Popp, Gee & Wall
+    2012). These combinations are taken on all facets: D need not be diagonal.
+
+    Args:
+        size: Number of nodes of a facet.
+        basis: Basis of the multipliers on such facets.
+    """
+    if basis in AT_VERTICES:
+        functions = np.zeros((size, size))
+        functions[: CORNERS[size]] = linear_values(size).T
+        return functions
+    if basis != "quadratic" or size == 3:  # linear fields of a tie with quadratic displacements
+        return np.eye(size)
+    N, weights = reference_values(size)
+    T = np.diag([1.0, 1.0, 1.0, *np.full(3, 1.0 - 2.0 * OF_MIDDLES)])
+    for corner, beside in enumerate(((3, 5), (3, 4), (4, 5))):
+        T[corner, beside] = OF_MIDDLES
+    given = T @ N.T
+    gram = (given * weights) @ given.T
+    return np.asarray(np.diag(given @ weights) @ np.linalg.solve(gram, T))
+
+
+def hand_over(multiplier_nodes: Flags, functions: Array) -> Array:
+    """Fraction of node k's function that is added to node j's, per facet, shape (f, K, K) [1].
+
+    Multiplier nodes keep their own function; other functions are split equally among the multiplier
+    nodes of the facet.
+
+    Args:
+        multiplier_nodes: Whether a node of a facet carries a multiplier, shape (f, K), bool.
+        functions: Functions of the nodes before, see ``functions_of``, shape (K, K).
+    """
+    size, carries = multiplier_nodes.shape[1], multiplier_nodes.astype(float)
+    shares = carries / np.maximum(carries.sum(axis=1, keepdims=True), 1.0)
+    own = np.eye(size) * carries[:, None]
+    return (own + shares[:, :, None] * (1.0 - carries[:, None])) @ functions

@@ -14,14 +14,12 @@ from fenics_mortar.interface.integrals import (
     sum_over_facets,
 )
 from fenics_mortar.interface.mortar import Linearization
-from fenics_mortar.interface.reference import AT_VERTICES, COMBINED, Basis
+from fenics_mortar.interface.reference import AT_VERTICES, COMBINED, Basis, functions_of, hand_over
 from fenics_mortar.interface.roles import FaceRoles
 from fenics_mortar.interface.space_mortar import (
     FacetPairs,
     Moments,
     SpaceOperators,
-    functions_of,
-    hand_over,
     inverse_of,
     merge,
 )

@@ -28,19 +28,12 @@ part: Cichosz & Bischoff (2011), Popp, Seitz, Gee & Wall (2013).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, MortarOperators, without_values
-from fenics_mortar.interface.reference import (
-    AT_VERTICES,
-    CORNERS,
-    Basis,
-    linear_values,
-    reference_values,
-)
 from fenics_mortar.kernels.space.integrals import most_corners, sample_gaps, tabulate_corners
 from fenics_mortar.kernels.space.linearize import linearize_facets
 from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
@@ -50,10 +43,6 @@ from fenics_mortar.utils.ranks import sum_over_ranks
 # rounding then changes its inverse by 2e-6, and the forces of a narrow cover by less than 1e-11 of
 # those of the surface. Covers of 1e-3 of a facet of nine nodes have 1e-12 and less.
 NARROW_COVER = 1e-10
-
-# Fraction a of both functions beside a corner that is added to the corner's [1]: integrals over a
-# straight triangle are 2/15 at corners and 1/5 at middles, closest to each other in the source.
-OF_MIDDLES = 0.2
 
 
 @dataclass(frozen=True)
@@ -478,51 +467,6 @@ def inverse_of(Me: Array) -> Array:
     inverted[narrow] = np.linalg.pinv(scaled[narrow], rcond=NARROW_COVER, hermitian=True)
     inverse[covered] = inverted / (root[:, :, None] * root[:, None])
     return inverse
-
-
-@cache
-def functions_of(size: int, basis: Basis) -> Array:
-    """Coefficients of multiplier functions in the shape functions, (K, K) [1] (local).
-
-    The unit matrix for dual and standard functions. "linear": those of the corners. "quadratic", of
-    triangles with six nodes: with N~ = T N, N~_corner = N_corner + a (N of the two middles beside
-    it) and N~_middle = (1 - 2 a) N_middle, all integrals of N~ are positive, and diag(int N~)
-    (int N~ N~^T)^-1 N~ is dual to N~ on straight, fully covered facets (Wohlmuth, Popp, Gee & Wall
-    2012). These combinations are taken on all facets: D need not be diagonal.
-
-    Args:
-        size: Number of nodes of a facet.
-        basis: Basis of the multipliers on such facets.
-    """
-    if basis in AT_VERTICES:
-        functions = np.zeros((size, size))
-        functions[: CORNERS[size]] = linear_values(size).T
-        return functions
-    if basis != "quadratic" or size == 3:  # linear fields of a tie with quadratic displacements
-        return np.eye(size)
-    N, weights = reference_values(size)
-    T = np.diag([1.0, 1.0, 1.0, *np.full(3, 1.0 - 2.0 * OF_MIDDLES)])
-    for corner, beside in enumerate(((3, 5), (3, 4), (4, 5))):
-        T[corner, beside] = OF_MIDDLES
-    given = T @ N.T
-    gram = (given * weights) @ given.T
-    return np.asarray(np.diag(given @ weights) @ np.linalg.solve(gram, T))
-
-
-def hand_over(multiplier_nodes: Flags, functions: Array) -> Array:
-    """Fraction of node k's function that is added to node j's, per facet, shape (f, K, K) [1].
-
-    Multiplier nodes keep their own function; other functions are split equally among the multiplier
-    nodes of the facet.
-
-    Args:
-        multiplier_nodes: Whether a node of a facet carries a multiplier, shape (f, K), bool.
-        functions: Functions of the nodes before, see ``functions_of``, shape (K, K).
-    """
-    size, carries = multiplier_nodes.shape[1], multiplier_nodes.astype(float)
-    shares = carries / np.maximum(carries.sum(axis=1, keepdims=True), 1.0)
-    own = np.eye(size) * carries[:, None]
-    return (own + shares[:, :, None] * (1.0 - carries[:, None])) @ functions
 
 
 def merge(owner: Indices, master: Indices, count: int) -> tuple[Indices, Indices]:

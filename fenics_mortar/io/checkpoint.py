@@ -43,7 +43,7 @@ SAVED = (*INDEPENDENT, "reference_place")
 MOTION = "motion"
 # Arrays that must be finite.
 FINITE = (
-    "velocity", "acceleration", "average", "u", "x", "places", "z", "c_n", "offset",
+    "velocity", "acceleration", "average", "u", "x", "places", "z", "conduction", "c_n", "offset",
     "clock", "memory", "history", "history_start",
 )  # fmt: skip
 

@@ -300,7 +300,7 @@ def add_contact_forces(D, M, z, facets, slave, master, on_slave, on_master):
 
 
 @kernel
-def add_forces(bulk, contact, to_force, prescribed, bounded, total):
+def add_forces(bulk, contact, to_force, prescribed, total):
     """Add the forces of bulk and contact, and sum the squares of forces.
 
     Args:
@@ -308,7 +308,6 @@ def add_forces(bulk, contact, to_force, prescribed, bounded, total):
         contact: Contact forces, shape (n,) [stress length].
         to_force: Factors that turn residuals into forces, shape (n,).
         prescribed: Whether a dof has a prescribed value, shape (n,) or longer, bool.
-        bounded: Whether contact forces are at most those of the bulk in the sums, shape (n,), bool.
         total: The sum, shape (n,) [stress length]; filled.
 
     Returns:
@@ -319,10 +318,9 @@ def add_forces(bulk, contact, to_force, prescribed, bounded, total):
     for i in range(total.shape[0]):
         total[i] = bulk[i] + contact[i]
         square = (to_force[i] * total[i]) ** 2
-        limit = (to_force[i] * bulk[i]) ** 2 if bounded[i] else np.inf
-        on_contact += min((to_force[i] * contact[i]) ** 2, limit)
+        on_contact += (to_force[i] * contact[i]) ** 2
         if prescribed[i]:
-            reactions += min(square, limit)
+            reactions += square
         else:
             free += square
     return free, on_contact, reactions

@@ -437,6 +437,8 @@ class BodyMotions:
 # Numbers of directions of slip in space, tried in turn [1]: with 32 the limit loads of inner and
 # outer polygon differ by 0.5 %, as the error of the discretization.
 DIRECTIONS = (8, 16, 32)
+# Response of a pair to displacements of slave and master nodes.
+Response = Callable[[ContactFields, Array, Array], Array]
 
 
 class Touching(NamedTuple):
@@ -534,6 +536,16 @@ def _unit(rows: int, columns: int) -> csr_array:
     return csr_array(np.eye(*shape)) if rows == columns else csr_array(shape)
 
 
+def one_by_one(response: Response) -> Response:
+    """A response to several motions from that to one (local)."""
+
+    def all_of_them(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+        both = zip(on_slave, on_master, strict=True)
+        return np.array([response(f, *motion) for motion in both])
+
+    return all_of_them
+
+
 def closing(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
     """Closing rates of the mean gaps due to rigid motions, (motions, slave nodes) [1]."""
     return -_responses(bodies, contact, body, gap_rate)
@@ -545,12 +557,12 @@ def slipping(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array
     In space those along two tangents, (motions, slave nodes, 2).
     """
     components = () if contact.slave.dim == 2 else (contact.slave.dim - 1,)
-    return _responses(bodies, contact, body, slip_rate, components)
+    return _responses(bodies, contact, body, one_by_one(slip_rate), components)
 
 
 def opening(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
     """Opening rates of the nodes along n due to rigid motions, (motions, slave nodes) [1]."""
-    return _responses(bodies, contact, body, opening_rate)
+    return _responses(bodies, contact, body, one_by_one(opening_rate))
 
 
 def is_ahead(
@@ -598,7 +610,7 @@ def _responses(
     bodies: BodyMotions,
     contact: Contact,
     body: FloatingBody,
-    response: Callable[[ContactFields, Array, Array], Array],
+    response: Response,
     components: tuple[int, ...] = (),
 ) -> Array:
     """Response of a pair to each rigid motion of a body, shape (motions, slave nodes, ...).
@@ -607,17 +619,17 @@ def _responses(
         bodies: The floating bodies.
         contact: The pair.
         body: The body.
-        response: Function of fields and displacements of slave and master nodes.
+        response: Function of fields and displacements (motions, nodes, dim) of slave and master.
         components: Shape of the response of a node.
     """
     found = np.zeros((len(body.motions), contact.slave.num_nodes, *components))
     o = contact.operators
     sides = (contact.slave, o.x), (contact.master, o.m)
-    if any((bodies.labels_of(surface) == body.label).any() for surface, _ in sides):
+    has_nodes = any((bodies.labels_of(surface) == body.label).any() for surface, _ in sides)
+    if has_nodes and len(body.motions):
         on_slave, on_master = (
             bodies.displacement(body, side.X if bodies.bulk.is_linear else x, bodies.parts_of(side))
             for side, x in sides
         )
-        for i, motion in enumerate(zip(on_slave, on_master, strict=True)):
-            found[i] = response(contact.now, *motion)
+        found[:] = response(contact.now, on_slave, on_master)
     return found

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from mpi4py import MPI
+
 import numpy as np
 
 from fenics_mortar.bulk.bodies import FloatingBody
@@ -135,6 +137,21 @@ class BodySettling:
                     f"away, and its Dirichlet conditions do not fix it"
                 )
             notes.append(f"{name} was pushed along by contact without a force")
+        return notes + self._released()
+
+    def _released(self) -> list[str]:
+        """A sentence for each body that has lost all contact in the solve (collective)."""
+        bodies, before = self._bodies, {body.label for body in self._unloaded}
+        change, notes = (bodies.bulk.u.x.array - self._start)[: bodies.bulk.num_owned], []
+        for body in bodies.bodies:
+            if body.label in before or bodies.is_loaded(body):
+                continue
+            moved = np.linalg.norm(change[bodies.motions(body)[0]], axis=1).max(initial=0.0)
+            largest = bodies.bulk.comm.allreduce(float(moved), MPI.MAX)
+            notes.append(
+                f"{bodies.name_of(body.label)} has lost all contact, and no force holds it: "
+                f"it moved by up to {largest:.3g} in this solve"
+            )
         return notes
 
     def _next_moves(self, bulk: Array, contact: Array, min_drive: float, *, begun: bool) -> Moves:

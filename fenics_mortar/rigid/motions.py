@@ -111,6 +111,12 @@ class RigidMotions:
         for mover, motion, scale in zip(self.movers, change, self.scales, strict=True):
             mover.place = place_after(mover.place, motion, scale[-1])
 
+    def of_obstacle(self, contact: Any, change: Array) -> Array:
+        """Those of ``change`` that move the obstacle of a contact, (3,), or (0,) (local)."""
+        if contact.obstacle is None or not change.size:
+            return np.zeros(0)
+        return change[self.obstacles.index(contact.obstacle)]
+
     def largest(self) -> float:
         """Largest motion since the movers were created [length]."""
         if not self.movers:

@@ -177,7 +177,7 @@ def solve_with_springs(
         NotConvergedError: On all ranks, if the bodies do not come to rest.
     """
     begin = equations.state()
-    report = _move_on_springs(equations, options, failed, failed.report)
+    report, first = _move_on_springs(equations, options, failed, failed.report)
     arrived, carried = equations.state(), equations.springs.remaining().fraction
     try:
         return _solve_without(equations, options, report)
@@ -185,8 +185,10 @@ def solve_with_springs(
         report = error.report
     if carried > RIGID.negligible:
         equations.restore(arrived if carried < np.inf else begin)
+        aim = RIGID.elongation if carried < np.inf else first
         try:
-            report = _move_on_springs(equations, options, failed, report, balanced=True)
+            at = equations, options, failed, report
+            report, _ = _move_on_springs(*at, balanced=True, aim=aim)
             arrived = equations.state()
             return _solve_without(equations, options, report)
         except NotConvergedError as error:
@@ -250,17 +252,22 @@ def _move_on_springs(
     report: NewtonReport,
     *,
     balanced: bool = False,
-) -> NewtonReport:
+    aim: float = RIGID.elongation,
+) -> tuple[NewtonReport, float]:
     """Solve with springs until their elongation vanishes, at most ``RIGID.max_solves`` times.
 
     If ``balanced``, also until their force does, with ever weaker springs. A round body on one node
     hardly moves against the first ones, although they carry its moment, and has to roll until the
     next node supports it, too. Solves after which no contact force acts on a body have failed then:
-    Newton's method has jumped.
+    Newton's method has jumped. The first elongation is ``aim``.
+
+    Returns:
+        The record of all iterations, and the elongation of the first solve that did not fail: with
+        longer ones another pass from the same state would fail, too.
     """
     # the last solve, without springs, uses the user's tolerance
     rough = replace(options, residual_tolerance=max(SOLVED, options.residual_tolerance))
-    aim, failures = RIGID.elongation, 0
+    failures, first = 0, None
     for _ in range(RIGID.max_solves):
         report, reason = _try_anchored(equations, rough, report, aim, touched=balanced)
         if reason:
@@ -268,13 +275,14 @@ def _move_on_springs(
             if failures == RIGID.max_failures:
                 raise NotConvergedError(failed.report.reason, report)
             continue
+        first = first or aim
         rests = equations.springs.max_motion() < RIGID.overlap * aim / RIGID.elongation
         carried = equations.springs.remaining().fraction
         if rests and not (balanced and carried > RIGID.negligible):
             break
         aim, failures = RIGID.recovery * aim, 0
         aim = aim if rests else min(aim, RIGID.elongation)
-    return report
+    return report, first or aim
 
 
 def _try_anchored(

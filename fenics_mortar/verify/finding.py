@@ -65,17 +65,10 @@ class Limits:
             those of nodes pressed into it the depth over the diameter.
         max_points: Largest number of points on a path, which limits the time of the check.
         bare: Covered fraction of a reference facet below which it is uncovered [1].
-        large_conductance: Conductance of a node over the conduction of the cells beside it above
-            which rounding of the field may decide on the last digits of the flux that the
-            tolerance of solves asks for [1]: nine digits are left.
-        lost_conductance: The same above which a state is wrong [1]: fewer than five digits of the
-            flux are left.
         samples: Number of points on a segment at which gaps are evaluated.
     """
 
     tolerance: float = SOLVED
-    large_conductance: float = 1e8
-    lost_conductance: float = 1e11
     penetration: float = HALF_FACET
     unpaired: float = 0.01
     unloaded: float = 0.1

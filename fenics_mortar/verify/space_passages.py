@@ -60,8 +60,8 @@ from fenics_mortar.utils.arrays import (
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.verify.finding import LIMITS, Crossing
 from fenics_mortar.verify.node_paths import NONE_KNOWN, RigidPath, motion_of
+from fenics_mortar.verify.obstacle_passages import ADVICE, nodes_through, own_frame
 from fenics_mortar.verify.overlap import OutlineNames, depths_in_body, obstacle_depths
-from fenics_mortar.verify.passages import ADVICE, nodes_through, own_frame
 from fenics_mortar.verify.space_admitted import (
     ACROSS,
     ALWAYS,

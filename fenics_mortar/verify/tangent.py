@@ -255,6 +255,8 @@ class _Probe:
         self.z0 = [self._fill(contact, rng) for contact in self.contacts]
         self.dz = [np.abs(z).max(axis=0) * rng.uniform(-1.0, 1.0, z.shape) for z in self.z0]
         self._move(0.0)
+        for flux in (flux for contact in self.contacts for flux in contact.fluxes):
+            flux.settle()
         self._frames: list[Any] = [contact.rows.frame() for contact in self.contacts]
 
     def _fill(self, contact: Contact | Tie, rng: np.random.Generator) -> Array:
@@ -294,6 +296,8 @@ class _Probe:
             rows.append(row[contact.slave.owned].ravel())
             contact.change(z=np.where(contact.components.acts, contact.z, 0.0))  # as in the system
             contact.add_loads(force)
+            for flux in contact.fluxes:
+                flux.add_row_loads(force)
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
         pushed = self._mine(self.motions.forces().ravel())
         force, parts = self.bulk.to_force * force, []

@@ -364,7 +364,7 @@ def test_perfect_conduction_is_that_of_a_tie(degrees, algorithm):
     tie = beside_each_other((5, 7), degrees)
     found, expected = (p.contacts[0].fluxes[0].into_master for p in (contact, tie))
     assert found == pytest.approx(expected, rel=2e-5 if degrees == (1, 1) else 0.01)
-    assert contact.contacts[0].fluxes[0].jump == pytest.approx(0.0, abs=1e-5)
+    assert contact.contacts[0].fluxes[0].jump == pytest.approx(0.0, abs=1e-9)
     # The cover has a kink where both sides end at the same place.
     smooth = beside_each_other((5, 7), degrees, h=np.inf, algorithm=algorithm, beyond=0.13)
     slopes = smooth.check_tangent(print_table=False).slopes
@@ -404,51 +404,20 @@ def test_iterations_do_not_depend_on_a_large_conductance(law, pressed):
     assert errors[0] < 1e-3 and errors[1] < 1e-6 and errors[2] < 1e-6, errors
 
 
-def test_infinite_conductance_is_a_tie_of_the_field():
-    """Nodes of both sides stay where they are: the flux of TiedPair to seven digits."""
-    found = []
-    for tied in (False, True):
-        scene = stacked((5, 7), nu=0.0, alpha=0.0)
-        sides = "upper/bottom", "lower/top"
-        heat = fm.Conductance(1, float("inf"))
-        pair = (
-            fm.TiedPair(scene.data, *sides, fields=[1])
-            if tied
-            else fm.ContactPair(scene.data, *sides, fluxes=[heat])
-        )
-        problem = scene.problem([pair])
-        scene.set(top=-0.03, hot=10.0)
-        problem.solve()
-        found.append(problem.contacts[0].fluxes[0].into_master)
-    assert found[0] == pytest.approx(found[1], rel=2e-7)
-
-
 def test_separate_fields_have_no_infinite_conductance():
     scene = stacked((3, 3))
     T = fem.Function(fm.scalar_space(scene.data.mesh, 1))
     heat = fm.Conductance(T, float("inf"))
     pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[heat])
+    with pytest.raises(ValueError, match="expected a finite conductance, or the number"):
+        scene.problem([pair])
+    heat.h = 1.0
     problem = scene.problem([pair])
     scene.set(top=-0.03)
+    problem.solve()
+    heat.h = float("inf")
     with pytest.raises(fm.MortarError, match="expected a finite conductance"):
-        problem.solve()
         problem.matrices.flux_loads()
-
-
-@pytest.mark.parametrize("h, verdict", [(1e8, "ok"), (1e10, "remark"), (1e13, "violation")])
-def test_conductance_far_above_that_of_cells_is_told(h, verdict):
-    """1e10 has five digits; with 1e13 rounding would leave two."""
-    scene = stacked((5, 7), overhang=0.3)
-    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[fm.Conductance(1, h)])
-    problem = scene.problem([pair])
-    scene.set(top=-0.03, hot=10.0)
-    if verdict == "violation":
-        with pytest.raises(fm.MortarError):
-            problem.solve()
-        return
-    report = problem.solve()
-    assert report.certificate.pairs[0]["conductance of field 1"].verdict == verdict
-    assert problem.contacts[0].fluxes[0].into_master == pytest.approx(19.4093, rel=1e-5)
 
 
 @pytest.mark.each

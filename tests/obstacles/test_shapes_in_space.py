@@ -12,7 +12,7 @@ from fenics_mortar.interface.on_obstacle import (
     points_of,
     whole_rule,
 )
-from fenics_mortar.interface.space_mortar import hand_over
+from fenics_mortar.interface.reference import hand_over
 from fenics_mortar.kernels.space.shapes import reference_nodes
 from fenics_mortar.obstacles.rigid_motion import (
     by_further_motion,

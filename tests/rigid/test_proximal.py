@@ -70,6 +70,13 @@ def test_elongation_recovers_after_failures_up_to_the_first(monkeypatch):
     assert scripted.elongations == pytest.approx(first)
 
 
+def test_second_pass_from_the_start_leaves_out_what_failed_there(monkeypatch):
+    """Bodies that lose contact are followed again, with the elongation of the first good solve."""
+    scripted = run(monkeypatch, "no no " + 22 * "lifted " + "no")
+    assert scripted.places[24] == 0
+    assert scripted.elongations[[0, 1, 2, 24]] == pytest.approx(np.array([64, 8, 1, 1]) / 256)
+
+
 def test_five_failures_in_a_row_are_too_many(monkeypatch):
     assert run(monkeypatch, "no no no no yes no no no no yes").places[-1] == 1
     with pytest.raises(fm.NotConvergedError, match="at first"):

@@ -23,6 +23,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.rigid.body_motions import closing
 from meshes.mapped_boxes import Box, block
 
 TILTED = Rotation.from_rotvec([0.4, -0.7, 0.5]).as_matrix()
@@ -54,6 +55,38 @@ def test_block_falls_onto_the_ground(mu):
     force, moment = made.reaction("ground/bottom")
     assert np.allclose(force, [0.0, 0.0, 0.6], atol=1e-6) and np.abs(moment).max() < 1e-5
     assert made.place()[1][2] == pytest.approx(-0.4, abs=1e-3)
+
+
+@pytest.mark.parametrize("sides", [("block/bottom", "ground/top"), ("ground/top", "block/bottom")])
+def test_closing_rates_of_all_motions_at_once_are_differences_of_gaps(sides):
+    made = scene(free_block(corner=(-0.5, -0.5, 0.0)), GROUND).hold("ground/bottom").touch(sides)
+    made.rests()
+    equations = made.problem.equations
+    bodies, bulk, (contact,) = equations.floating, equations.bulk, equations.contacts
+    (body,) = bodies.bodies
+    rates, start, gaps = closing(bodies, contact, body), bulk.u.x.array.copy(), []
+    for coefficients in np.concatenate([np.eye(6), -np.eye(6)]):
+        bodies.move(body, 1e-6 * coefficients)
+        equations.evaluate_operators()
+        gaps.append(contact.now.gap.copy())
+        bulk.u.x.array[:] = start
+    differences = (np.array(gaps[6:]) - np.array(gaps[:6])) / 2e-6
+    covered = contact.now.covered
+    assert covered.sum() >= 4
+    assert np.allclose(rates[:, covered], differences[:, covered], atol=1e-6)
+
+
+def test_a_body_that_loses_all_contact_is_told():
+    """A block between two plates that move apart; nothing holds it then."""
+    plates = [fm.Plane((0.0, 0.0, z), (0.0, 0.0, 0.5 - z)) for z in (0.0, 1.0)]
+    made = scene(free_block(size=(1.0, 1.0, 1.0)), loaded=())
+    made.touch(("block/bottom", plates[0]), ("block/top", plates[1]))
+    plates[1].move(z=-0.01)
+    assert not any("lost all contact" in note for note in made.rests().notes)
+    plates[1].move(z=0.01)
+    told = [note for note in made.rests().notes if "lost all contact" in note]
+    assert len(told) == 1
+    assert "body 'block' has lost all contact" in told[0] and "by up to 0.01 in this" in told[0]
 
 
 def test_tilted_block_lies_down_on_its_side():

@@ -207,16 +207,6 @@ def test_perfect_conduction_does_not_lock(cell, degrees):
     assert found[1] == pytest.approx(found[0], rel=0.03)
 
 
-def test_perfect_conduction_of_a_contact():
-    """Seven digits."""
-    scene = stacked_in_space(alpha=0.0, nu=0.0)
-    pair = fm.ContactPair(scene.data, *ROLES[0], fluxes=[fm.Conductance(1, np.inf)])
-    problem = scene.problem([pair])
-    scene.set(top=down(0.03), hot=HOT)
-    problem.solve()
-    assert problem.contacts[0].fluxes[0].into_master == pytest.approx(50.0 / 3.0, rel=1e-6)
-
-
 # Tangents
 
 

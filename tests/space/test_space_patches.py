@@ -9,8 +9,7 @@ from space_pairs import KINDS, ROLES, TILTED, UPRIGHT, YOUNG, off, stack
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.interface.reference import reference_values
-from fenics_mortar.interface.space_mortar import functions_of
+from fenics_mortar.interface.reference import functions_of, reference_values
 
 EXACT = {"discretization": fm.Discretization(points=36)}
 STRETCH = 0.9

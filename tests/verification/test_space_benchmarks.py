@@ -5,6 +5,7 @@ import pytest
 
 from demos.studies.space import mindlin
 from demos.studies.space.half_spaces import KINDS
+from demos.studies.space.ironing import iron
 from demos.studies.space.rolling import roll
 from demos.studies.space.tori import collide
 
@@ -37,3 +38,13 @@ def test_hollow_tori_collide():
     assert found.energy < 1e-7
     assert found.touched >= 4 and found.strain > 0.03
     assert found.iterations <= 6 * found.steps
+
+
+@pytest.mark.once
+def test_a_shell_is_pressed_into_a_slab_and_drawn():
+    """Ironing on facets as long as a third of the height; no step fails, T is about mu N."""
+    found = iron(0.2, 1, way=2.4)
+    assert found.cuts == 0 and found.steps == 24
+    assert found.iterations <= 5 * found.steps
+    assert found.normal == pytest.approx(found.pressed, rel=0.1)
+    assert 0.2 < found.tangential / found.normal < 0.27

@@ -10,7 +10,7 @@ import fenics_mortar as fm
 from fenics_mortar.kernels import passage
 from fenics_mortar.verify.finding import LIMITS
 from fenics_mortar.verify.node_paths import Motions, Paths, carry
-from fenics_mortar.verify.passages import own_frame, passed_through
+from fenics_mortar.verify.obstacle_passages import own_frame, passed_through
 
 
 def node_paths(motions):

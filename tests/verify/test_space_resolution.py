@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from refusal import refused
 from space_pair_scenes import bodies, cap_on_block, cylinder_on_block, shaft_in_groove, two_blocks
 
 import fenics_mortar as fm
@@ -93,3 +94,36 @@ def test_work_along_a_circle(angle):
     force, x = np.array([[0.0, 2.0, 0.7]]), np.array([[1.5, 0.0, 0.0]])
     work = work_along_arcs(force, force @ Q.T, x @ Q.T - x, Q[None])
     assert work == pytest.approx(2.0 * 1.5 * angle)
+
+
+def corner_on_a_face(count, exchanged=False):
+    """A cube that stands on a corner of its own above a block, beside a node of the latter."""
+    turn = np.cross((1.0, 1.0, 1.0), (0.0, 0.0, 1.0)) * np.arccos(3**-0.5) / 2**0.5
+    cube = block((count,) * 3) @ rotation_by(turn).T
+    lower = block((4, 4, 2), size=(2.0, 2.0, 1.0), corner=(-0.97, -0.98, -1.0))
+    held = ["upper/top", "upper/right", "upper/back", "lower/bottom"]
+    sides = ["upper/left", "upper/front", "upper/bottom"], "lower/top"
+    boxes = Box("upper", cube), Box("lower", lower)
+    return bodies(boxes, held, [sides[::-1] if exchanged else sides])
+
+
+@pytest.mark.once
+def test_a_corner_on_a_face_touches_with_a_node():
+    """The force at an approach depends on the facets, which is told."""
+    scene = corner_on_a_face(2)
+    for side in ("upper/top", "upper/right", "upper/back"):
+        scene.move(side, (0, 0, -0.02))
+    report = scene.solve()
+    assert value_of(report, "unresolved_force") == pytest.approx(1.0)
+    assert remarks_with(report, "1 active node at (")
+
+
+@pytest.mark.once
+def test_nodes_that_open_and_close_in_turn_are_told_with_a_remedy():
+    """Faces of the cube rise so far within facets of the block that mean gaps are negative."""
+    scene = corner_on_a_face(4, exchanged=True)
+    for side in ("upper/top", "upper/right", "upper/back"):
+        scene.move(side, (0, 0, -0.01))
+    told = "1 nodes of 'lower/top' open and close in turn, .* exchange slave and master"
+    with refused(fm.NotConvergedError, told):
+        scene.solve()

@@ -127,9 +127,9 @@ if __name__ == "__main__":
     print("| cells around | momentum | angular momentum | energy | strain energy |", end=" ")
     print("nodes in contact | apart | steps | iterations | s |")
     print("|---:" * 10 + "|")
-    for around in map(int, sys.argv[1:] or (18, 24)):
+    for around in map(int, sys.argv[1:] or (24, 36)):
         begin = process_time()
-        found = collide(around, 5.0)
+        found = collide(around, 8.0)
         row = " | ".join(f"{value:.1e}" for value in found[:3])
         print(
             f"| {around} | {row} | {found.strain:.2f} | {found.touched} | {found.apart} | "

@@ -38,6 +38,9 @@ SURE, NEVER = (0.75, 0.85), (1.1, 1.1)
 FARTHEST = 1000.0
 # Largest error of the force on the ground over the load [1]: springs may carry what is negligible.
 OF_LOAD = 5e-3
+# Strain of the softest block above which blocks without friction may slide off each other [1]:
+# edges of blocks press into each other, and surfaces tilt by some ten times the strain.
+TILTS = 1e-4
 
 
 def draw_frame(rng: np.random.Generator) -> Frame:
@@ -89,6 +92,8 @@ def draw_towers(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[...,
         fails = True
     solids = _loaded(solids, bodies, weights, strain, down, pull, level)
     stiff = [size(rng, 0.1, 10.0) for _ in solids]
+    if not (mu or fails) and count > 1 and strain > TILTS * min(stiff):
+        fails = None
     solids = [Solid(s.box, E, s.nu, s.force) for s, E in zip(solids, stiff, strict=True)]
     way = str(rng.choice(AGAIN))
     about = {

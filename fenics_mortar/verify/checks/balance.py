@@ -131,23 +131,10 @@ def _of_fluxes(measured: Any) -> Iterator[Finding]:
     """Imbalance of each flux over the sum of its absolute loads (collective)."""
     contact = measured.contact
     for flux in contact.fluxes:
-        yield _stiffness(flux)
         if contact.obstacle is not None:
             continue  # what enters an obstacle leaves the system
         source = float(contact.operators.weight @ flux.nodal().heating)
         yield _imbalance(flux.law.field, np.concatenate(flux.loads()), source)
-
-
-def _stiffness(flux: Any) -> Finding:
-    """Largest conductance of a node over the conduction of the cells beside it (local)."""
-    value, field = flux.over_cells(), flux.law.field
-    return Finding(
-        f"conductance of field {field}",
-        f"conductance of field {field} over the conduction of cells", value,
-        f"the conductance of field {field} is {value:.0e} times the conduction of the cells beside "
-        "it, and digits of the flux are lost by rounding: take inf for perfect conduction",
-        limit=LIMITS.lost_conductance, remark=LIMITS.large_conductance,
-    )  # fmt: skip
 
 
 def _of_tied_fields(tie: Any) -> Iterator[Finding]:

@@ -14,7 +14,10 @@ radius of less than half a facet, a point support. There the pressure is singula
 matter, on each mesh; ``corners`` judges its direction. A symmetry plane is no
 end: the region continues beyond. In space a node at the rim has neighbours on one side only:
 regions most of whose nodes are at the rim, at a corner or at a sharp edge of the slave are left
-out, since their extent is that of the edge.
+out, since their extent is that of the edge. A single node is not: a corner on a face, or two edges
+that cross, touch at a point, whose size under a force is that of the facets alone. The force at a
+given approach falls with their size until more nodes are active: measured on a cube's corner, by
+a factor of 7 from 2 to 8 cells a side, on crossed edges by 5 from 4 to 12.
 
 **Curves that do not fit.** Between nodes of two conforming curves with different straight facets
 there are gaps and overlaps of their sagitta, h^2 / (8 R). If the bodies approach each other by
@@ -287,7 +290,7 @@ def _on_faces(
     nodes: Indices,
 ) -> _Region | None:
     """A region of ``nodes`` (k,) of faces; ``None`` where an edge ends it (local)."""
-    if on_edge[nodes].mean() > HALF_FACET:
+    if len(nodes) > 1 and on_edge[nodes].mean() > HALF_FACET:
         return None
     o, (own, opposite) = contact.operators, (float(sizes[nodes].max()) for sizes in facets)
     about = o.x[nodes] - o.x[nodes].mean(axis=0)
