@@ -297,16 +297,23 @@ class Material:
         surface: The surface.
         x_0: Positions of its nodes at the start of the step, shape (nodes, 3) [length].
         mirrored: Components of a node across symmetry planes, shape (nodes, 3), bool.
+        led: Points (n,), bool, and positions (nodes, 3) [length] to start from there instead.
 
     Attributes:
         surface: The surface.
     """
 
-    def __init__(self, weights: csr_array, surface: Surface, x_0: Array, mirrored: Flags) -> None:
+    def __init__(
+        self, weights: csr_array, surface: Surface, x_0: Array, mirrored: Flags,
+        led: tuple[Flags, Array] | None = None,
+    ) -> None:  # fmt: skip
         self.surface, self._count = surface, weights.shape[0]
         self._of_spokes = weights, surface, mirrored
         j, l, k, size, kept = self.spokes
-        spokes = (size[:, None] * (x_0[k] - x_0[l]))[:, None] * kept
+        start = x_0[k] - x_0[l]
+        if led is not None:
+            start = np.where(led[0][j][:, None], led[1][k] - led[1][l], start)
+        spokes = (size[:, None] * start)[:, None] * kept
         pairs = np.concatenate([j, j]) * surface.num_nodes + np.concatenate([k, l])
         pairs, number = np.unique(pairs, return_inverse=True)
         both = np.concatenate([spokes, -spokes]).reshape(len(number), 3 * spokes.shape[1])
@@ -453,7 +460,7 @@ def past_obstacle(r: Array, r_0: Array, slave: Turned, w: Array) -> PastObstacle
         r: Vectors from the pivot to the nodes, shape (n, 3) [length].
         r_0: Those at the start of the step.
         slave: Rotation of the slave's material.
-        w: Rotation vector of the obstacle in the step, of any size, shape (3,) [radian].
+        w: Rotation vectors of the obstacle in the step, of any size, shape (n, 3) [radian].
     """
     own, angle = vectors_of(slave.Q)
     f, doubt = _beside(w, own, angle)
@@ -482,12 +489,12 @@ def _beside(w: Array, f: Array, angle: Array) -> tuple[Array, Array]:
     """Rotation vectors of the slave for a rotation w of an obstacle, and ``doubt``.
 
     Args:
-        w: Rotation vector of the obstacle, shape (3,) [radian].
+        w: Rotation vectors of the obstacle, shape (n, 3) [radian].
         f: Rotation vectors of the slave, less than half a turn, shape (n, 3) [radian].
         angle: Their sizes, shape (n,) [radian].
     """
     axis = f / np.maximum(angle, TINY)[:, None]
-    full = 2.0 * np.pi * np.round((axis @ w - angle) / (2.0 * np.pi))
+    full = 2.0 * np.pi * np.round(((axis * w).sum(axis=1) - angle) / (2.0 * np.pi))
     other = f + full[:, None] * axis
     nearest = norms(w - other)
     rides = (angle > TILTED) & (nearest < 0.5 * angle)

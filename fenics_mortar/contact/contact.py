@@ -55,6 +55,7 @@ from fenics_mortar.contact.law_calls import (
     first_instant,
     raise_stored,
 )
+from fenics_mortar.contact.leading import Carried, Led, carried_by, way_of, weighted
 from fenics_mortar.contact.operator_evaluation import OperatorEvaluation
 from fenics_mortar.contact.pair import ContactPair, Measure
 from fenics_mortar.contact.rows import ContactRows, SpaceRows
@@ -62,7 +63,7 @@ from fenics_mortar.contact.slip import find_partners
 from fenics_mortar.contact.space_fields import kind_of
 from fenics_mortar.contact.space_partners import find_obstacle_partners, find_space_partners
 from fenics_mortar.interface.integrals import Segments, evaluate_normals
-from fenics_mortar.interface.mortar import Linearization, MortarOperators
+from fenics_mortar.interface.mortar import LINEARIZATIONS, Linearization, MortarOperators
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
 from fenics_mortar.mesh.space import DisplacementSpace
@@ -352,6 +353,43 @@ class Contact(Interface):
     def start_step(self) -> None:
         """Count slip and memory from the accepted state (local)."""
         self.change(partners=self.accepted_partners, start_instant=self._state.accepted_instant)
+
+    @property
+    def may_be_led(self) -> bool:
+        """Whether the pair depends on slip, and its bodies may turn."""
+        law = self.pair.law
+        return self.pair.sliding != "small" and (law.has_friction or law.needs_nodal_state)
+
+    def lead(self, outline: Outline, carried: Carried) -> None:
+        """Count slip of nodes without force from where motions carry them (collective).
+
+        See ``leading``; at the start of a step, in which ``partners`` are those of its start.
+
+        Args:
+            outline: Outlines of the bodies of all pairs.
+            carried: Their nodes after the motions.
+        """
+        partners = self.partners
+        new = partners.pressure == 0.0
+        if not new.any():
+            return
+        at = (outline.indices_of(side.nodes) for side in (self.slave, self.master))
+        slave, master = (Carried(*(values[i] for values in carried)) for i in at)
+        place = np.zeros(0) if self.obstacle is None else self.obstacle.place.copy()
+        if not (slave.turn.any() or master.turn.any()):
+            return
+        o = self.evaluation.at_outline(outline, carried.x, self._state, LINEARIZATIONS["frozen"])
+        if self._state.offset.any():
+            o = o.minus_offset(self._state.offset)
+        there = self.partners_at(type(self.now)(self, self._state, o))
+        if self.obstacle is None:
+            master = weighted(there.M, master)
+        else:
+            master = carried_by(self.obstacle, partners.place, there.feet)
+        relative, way = slave.turn - master.turn, way_of(slave, master)
+        at_new = (np.where(new[:, None], values, 0.0) for values in (relative, way))
+        led = Led(new, slave.x, o.m, place, self.turns(), *at_new)
+        self.change(partners=partners.led_by(there, led))
 
     def adopt_law(self) -> None:
         """Adopt the present law of the pair (collective).

@@ -122,7 +122,7 @@ class FluxValues:
         return np.asarray(self._per_weight * (self._spread.T @ weighted))
 
     def of_carriers(self, nodal: Array) -> Array:
-        """Sums at the carriers of values at covered nodes, the transpose of ``at_nodes``."""
+        """Sums at carriers of values at covered nodes [their unit], transpose of ``at_nodes``."""
         return np.asarray(self._spread.T @ np.where(self.on, nodal, 0.0))
 
     @property
@@ -131,7 +131,7 @@ class FluxValues:
         return np.asarray(1.0 - self._ratio)
 
     def at_nodes(self, of_carriers: Array) -> Array:
-        """Values at the covered nodes, zero at others, of values at carriers, (slave nodes,)."""
+        """Values at covered nodes, else 0, of values at carriers, (slave nodes,) [their unit]."""
         return np.where(self.on, self._spread @ of_carriers, 0.0)
 
     @cached_property
@@ -540,7 +540,7 @@ class Flux:
         """As ``remainder``, of a solution of the transposed tangent, zero at prescribed dofs.
 
         Returns:
-            Parts of unknowns, multipliers and motions, in the shapes of ``remainder``.
+            Parts of unknowns, multipliers and motions [their units], shaped as ``remainder``.
         """
         contact, now = self._contact, self.at(self._contact.now)
         q = -now.kept * now.of_carriers(self._jump_of(now, u))

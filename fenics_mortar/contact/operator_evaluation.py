@@ -171,6 +171,27 @@ class OperatorEvaluation:
         finally:
             self.obstacle.place = now
 
+    def at_outline(
+        self, outline: Outline, x: Array, state: InterfaceState, linearization: Linearization
+    ) -> MortarOperators:
+        """Evaluate the operators with the nodes of outlines at given positions (collective).
+
+        Args:
+            outline: Outlines of the bodies of all pairs.
+            x: Positions of their nodes, shape (n, dim) [length].
+            state: See ``evaluate``.
+            linearization: See ``evaluate``.
+        """
+        on_slave, on_master = (x[outline.indices_of(s.nodes)] for s in (self.slave, self.master))
+        behind, kept = None, self.behind
+        if self.sight is not None:
+            behind = self.sight.behind(x[outline.indices_of(self.sight.outline.nodes)])
+        try:
+            nodes = state.multiplier_nodes
+            return self._integrate(on_slave, on_master, nodes, linearization, behind)
+        finally:
+            self.behind = kept
+
     def intersections(self, o: MortarOperators) -> Any:
         """Intersections of this rank's slave facets with the master, for any integration (local).
 

@@ -38,7 +38,8 @@ measure         error of the shear, relative to Cattaneo and Mindlin
 "partners" needs no derivatives of D and M and is also defined with constant D and M; it is the
 default. "operators" is for comparison.
 
-Open nodes have partners as well: slip is counted from the points faced at the start of the step.
+Open nodes have partners as well: slip is counted from the points faced at the start of the step, or
+where supports turn bodies, after their motions, see ``leading``.
 The partner of a node beyond the end of the master is the nearest point of the nearest master facet,
 extended as a straight line; such a node has no D_old, and s_j = 0. On a rigid obstacle the partner
 is the nearest point of the obstacle and moves with it; slip is the motion of the node relative to
@@ -51,7 +52,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -59,7 +60,7 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array, csr_array, vstack
 
 from fenics_mortar.contact.arcs import (
     Arc,
@@ -73,6 +74,7 @@ from fenics_mortar.contact.arcs import (
     rotation_past_obstacle,
     surface_rotation,
 )
+from fenics_mortar.contact.leading import Led
 from fenics_mortar.contact.pair import Measure
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.facing import Facing, face, nearest_facets
@@ -80,7 +82,7 @@ from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 class Evaluated(NamedTuple):
@@ -189,6 +191,7 @@ class Partners:
         facing: Gauss points of both sides that face each other, for pairs of two bodies with
             friction; else ``None``.
         turns: ``Contact.turns`` at that state; empty if no rigid boundary leads a body.
+        led: Nodes whose partners are those after motions that lead bodies, see ``leading``.
     """
 
     pairing: Pairing
@@ -207,6 +210,20 @@ class Partners:
     gap: Array
     facing: Facing | None = None
     turns: tuple[Array, ...] = ()
+    led: Led | None = None
+
+    def led_by(self, there: Partners, led: Led) -> Partners:
+        """These partners, with those ``there``, found after the motions, at new nodes (local)."""
+
+        def build() -> tuple[csr_array, csr_array, Array, Array]:
+            D, M, start, angle = zip(self.pairing.built, there.pairing.built, strict=True)
+            at_new = led.origin(*start), led.origin(*angle)
+            return rows_of(led.new, *D), rows_of(led.new, *M), *at_new
+
+        rows: dict[str, Any] = {
+            name: led.origin(getattr(self, name), getattr(there, name)) for name in OF_PARTNERS
+        }
+        return replace(self, pairing=Pairing(build), led=led, **rows)
 
     @property
     def D(self) -> csr_array:
@@ -253,29 +270,56 @@ class Partners:
             o: Operators.
             turns: ``Contact.turns`` at their positions.
         """
-        found = self.at(o).rotations
-        if not turns:
-            return found.doubt
+        theta = self.relative_turn(o)
         ends = zip(turns, self.turns, strict=True)
-        slave, master = ((now - then)[:, 0] for now, then in ends)
+        known = [(now - then)[:, 0] for now, then in ends]
         if isinstance(o, ObstacleOperators):
-            known = float(o.obstacle.place[2] - self.place[2]) - slave
-            return np.where(np.isnan(slave), found.doubt, np.abs(found.theta - known))
-        known = self.M @ np.nan_to_num(master) - np.nan_to_num(slave)
-        return np.abs(found.theta - known)
+            doubt = self._from_start(o).doubt
+            if not turns:
+                return doubt
+            relative = float(o.obstacle.place[2] - self.place[2]) - known[0]
+            return np.where(np.isnan(known[0]), doubt, np.abs(theta - relative))
+        if not turns:
+            return rotation_of_surfaces(theta, np.zeros_like(theta)).doubt
+        slave, master = map(np.nan_to_num, known)
+        return np.abs(theta - (self.M @ master - slave))
+
+    def relative_turn(self, o: MortarOperators) -> Array:
+        """Rotation of the master relative to the slave since that state, (n,) [radian] (local)."""
+        theta = self.at(o).rotations.theta
+        return theta if self.led is None else theta - self.led.turn[:, 0]
+
+    def _from_start(self, o: ObstacleOperators) -> Rotations:
+        """Rotations past an obstacle since that state, led or not (local)."""
+        body = np.zeros(len(o.x))
+        if self.planes is not None:
+            body = surface_rotation(o.slave, self.x, o.x)
+        return rotation_past_obstacle(body, float(o.obstacle.place[2] - self.place[2]))
+
+    def _past_obstacle(self, o: ObstacleOperators) -> Rotations:
+        """Rotations of ``arc`` past an obstacle: at led nodes, those after the motions (local)."""
+        found = self._from_start(o)
+        if self.led is None:
+            return found
+        body = surface_rotation(o.slave, self.led.x, o.x)
+        after = rotation_past_obstacle(body, float(o.obstacle.place[2] - self.led.place[2]))
+        return Rotations(*map(self.led.origin, found, after))
 
     def _evaluate(self, o: MortarOperators) -> Evaluated:
         if isinstance(o, ObstacleOperators):
-            body = np.zeros(len(o.x))
-            if self.planes is not None:
-                body = surface_rotation(o.slave, self.x, o.x)
-            turned = rotation_past_obstacle(body, float(o.obstacle.place[2] - self.place[2]))
-            ends = (o.x - centre_of(o.obstacle), o.n), (self.start, rotated_by(o.n, -body))
-            return Evaluated(None, turned, arc(*ends, turned.theta, turned.beta, self._closed(o)))
-        now = None if self.planes is None else orientation(o, self.M, self.planes)
-        turned = rotation_of_surfaces(self.angle if now is None else now.angle, self.angle)
-        ends = (self.gap_vectors(o), o.n), (self.start, self.normals)
-        return Evaluated(now, turned, arc(*ends, turned.theta, turned.beta, self._closed(o)))
+            now, turned = None, self._past_obstacle(o)
+            vectors, start = o.x - centre_of(o.obstacle), rotated_by(o.n, -turned.beta)
+        else:
+            now = None if self.planes is None else orientation(o, self.M, self.planes)
+            turned = rotation_of_surfaces(self.angle if now is None else now.angle, self.angle)
+            vectors, start = self.gap_vectors(o), self.normals
+        ends = (vectors, o.n), (self.start, start)
+        found = arc(*ends, turned.theta, turned.beta, self._closed(o))
+        if self.led is not None:  # tau . V
+            way = self.led.way_at(o.x)
+            along, across = (np.einsum("jc,jc->j", v, way) for v in (quarter_turn(o.n), o.n))
+            found = found._replace(slip=found.slip + along, by_normal=found.by_normal - across)
+        return Evaluated(now, turned, found)
 
     def _closed(self, o: MortarOperators) -> Array:
         """Mean gaps that contact closes, zero elsewhere, shape (slave nodes,) [length] (local)."""
@@ -303,6 +347,10 @@ class Partners:
         now, _, found = self.at(o)
         along = found.by_vector
         yield from self.by_positions(o, along)
+        if self.led is not None:  # tau . (w x dx) = w n . dx
+            own = o.slave.owned[self.led.new[o.slave.owned]]
+            values = 0.5 * (self.led.turn * o.n)[own]
+            yield Block(own[:, None], o.slave.dofs[own], values[:, None])
         if self.present.any():
             yield from o.vector_derivative(-self.present[:, None] * along)
         if self.planes is None or not o.linearization.normals:
@@ -345,6 +393,16 @@ class Partners:
     def pairs(self, o: MortarOperators) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them, each (k,)."""
         return self.pairing.coupled(o.master, turns=self.planes is not None)
+
+
+# Attributes of partners that are those after motions at nodes of ``Led.new``.
+OF_PARTNERS = ("normals", "present", "feet")
+
+
+def rows_of(new: Flags, rows: csr_array, led: csr_array) -> csr_array:
+    """A matrix with the rows of ``led`` at ``new`` (n,), bool, and of ``rows`` elsewhere."""
+    chosen = np.where(new, len(new), 0) + np.arange(len(new))
+    return csr_array(vstack([rows, led], format="csr")[chosen])
 
 
 def _by_normal(o: MortarOperators, found: Arc) -> Array:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -34,8 +34,9 @@ from fenics_mortar.contact.arcs import (
     screw,
     vectors_of,
 )
+from fenics_mortar.contact.leading import Led
 from fenics_mortar.contact.pair import Measure
-from fenics_mortar.contact.slip import Entries, entries_of
+from fenics_mortar.contact.slip import Entries, entries_of, rows_of
 from fenics_mortar.interface.facing import nearest_on_master
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
@@ -61,16 +62,18 @@ class Evaluations:
         surfaces: Sequence[Any],
         starts: Sequence[Array],
         mirrored: Sequence[Flags] | None,
+        led: Led | None,
     ) -> list[Material]:
         """``Material`` of each surface, made once; without rotations if ``mirrored`` is ``None``.
 
-        See ``Material`` for the arguments (local).
+        See ``Material`` for the arguments; ``led`` as of ``SpacePartners`` (local).
         """
         if self._materials is None:
             if mirrored is None:
                 weights = [csr_array(each.shape) for each in weights]
                 mirrored = [np.zeros(x.shape, bool) for x in starts]
-            sides = zip(weights, surfaces, starts, mirrored)
+            after = (None, None) if led is None else ((led.new, led.x), (led.new, led.m))
+            sides = zip(weights, surfaces, starts, mirrored, after)
             self._materials = [Material(*side) for side in sides]
         return self._materials
 
@@ -100,6 +103,7 @@ class SpacePartners:
         pressure: z_n at that state, zero where open, shape (slave nodes,) [stress].
         gap: Mean gap at that state, inf at uncovered nodes, shape (slave nodes,) [length].
         turns: ``Contact.turns`` at that state; empty if no rigid boundary leads a body.
+        led: See ``slip.Partners``.
     """
 
     D: csr_array
@@ -117,7 +121,18 @@ class SpacePartners:
     gap: Array
     facing: None = None
     turns: tuple[Array, ...] = ()
+    led: Led | None = None
     found: Evaluations = field(default_factory=Evaluations, repr=False, compare=False)
+
+    def led_by(self, there: SpacePartners, led: Led) -> SpacePartners:
+        """See ``slip.Partners`` (local)."""
+        matrices: dict[str, Any] = {
+            name: rows_of(led.new, *_both(self, there, name)) for name in ("D", "M")
+        }
+        vectors: dict[str, Any] = {
+            name: led.origin(*_both(self, there, name)) for name in ("start", "present")
+        }
+        return replace(self, led=led, found=Evaluations(), **matrices, **vectors)
 
     def at(self, o: SpaceOperators) -> Screw:
         """Rotations and slip since that state, without ``counted``.
@@ -135,13 +150,17 @@ class SpacePartners:
 
         Collective at the first access to ``o.vectors``.
         """
-        found = self.at(o)
-        if not turns:
-            return found.doubt
-        slave, master = (np.nan_to_num(turn) for turn in _turned(self.turns, turns))
-        relative = turns_between(slave, np.asarray(self.M @ master), own=True)
+        found, led = self.at(o), self.led
         L, _ = vectors_of(found.slave.Q.swapaxes(1, 2) @ found.master.Q)
-        return norms(L - relative)
+        if not turns:
+            return found.doubt if led is None else norms(L - led.turn)
+        doubt = norms(L - self._known(self.turns, turns))
+        return doubt if led is None else led.origin(doubt, norms(L - self._known(led.turns, turns)))
+
+    def _known(self, before: tuple[Array, ...], now: tuple[Array, ...]) -> Array:
+        """Turns of the partners past the nodes between two results of ``Contact.turns`` (local)."""
+        slave, master = (np.nan_to_num(turn) for turn in _turned(before, now))
+        return turns_between(slave, np.asarray(self.M @ master), own=True)
 
     def _evaluate(self, o: SpaceOperators) -> Screw:
         r = self.gap_vectors(o)
@@ -153,14 +172,21 @@ class SpacePartners:
     def materials(self, o: SpaceOperators) -> list[Material]:
         """Materials of both sides at the nodes and at their partners."""
         weights = csr_array(eye(len(o.x))), self.M
-        return self.found.materials(weights, (o.slave, o.master), (self.x, self.m), self.mirrored)
+        sides = (o.slave, o.master), (self.x, self.m), self.mirrored
+        return self.found.materials(weights, *sides, self.led)
+
+    def rotation_of_slave(self, o: SpaceOperators) -> Array:
+        """Rotations of the slave's material since that state, led or not, (n, 3, 3) [1] (local)."""
+        if self.led is None:
+            return self.at(o).slave.Q
+        return replace(self, led=None, found=Evaluations()).materials(o)[0].turned(o.x).Q
 
     def slip(self, o: SpaceOperators) -> Array:
         """Slip since that state, shape (slave nodes, 3) [length].
 
         Collective at the first access to ``o.vectors``.
         """
-        return self.at(o).slip + self.counted
+        return self.at(o).slip + self.counted + _led_way(self.led, o.x)
 
     def derivative(self, o: SpaceOperators, along: Array) -> Iterator[Block]:
         """Blocks of along_j . ds_j of this rank, for vectors ``along`` (slave nodes, 3).
@@ -174,6 +200,7 @@ class SpacePartners:
             j, k, weights = entries.share(o.slave.comm)
             values = sign * weights[:, None] * by_vector[j]
             yield Block(j[:, None], surface.dofs[k], values[:, None])
+        yield from _by_led(self.led, o, along)
         if self.present.any():
             yield from o.vector_derivative(-self.present[:, None] * by_vector)
         if self.mirrored is not None and o.linearization.normals:
@@ -212,7 +239,13 @@ class ObstaclePartners:
     gap: Array
     facing: None = None
     turns: tuple[Array, ...] = ()
+    led: Led | None = None
     found: Evaluations = field(default_factory=Evaluations, repr=False, compare=False)
+
+    def led_by(self, there: ObstaclePartners, led: Led) -> ObstaclePartners:
+        """See ``slip.Partners`` (local)."""
+        feet = led.origin(*_both(self, there, "feet"))
+        return replace(self, led=led, found=Evaluations(), feet=feet)
 
     def at(self, o: ObstacleOperators) -> PastObstacle:
         """Rotations and slip since that state, without ``counted`` (local)."""
@@ -224,16 +257,26 @@ class ObstaclePartners:
 
     def doubt(self, o: ObstacleOperators, turns: tuple[Array, ...]) -> Array:
         """See ``slip.Partners`` (n,) [radian] (local)."""
-        found = self.at(o)
+        start = self if self.led is None else replace(self, led=None, found=Evaluations())
+        found = start.at(o)
         if not turns:
             return found.doubt
         known, _ = _turned(self.turns, turns)
         return np.where(np.isnan(known[:, 0]), found.doubt, norms(found.of_slave - known))
 
     def _evaluate(self, o: ObstacleOperators) -> PastObstacle:
-        now, then = (o.obstacle.pivot + place[:3] for place in (o.obstacle.place, self.place))
-        slave = self.material(o).turned(o.x)
-        return past_obstacle(o.x - now, self.x - then, slave, self.turn(o))
+        pivot, led = o.obstacle.pivot, self.led
+        start = self.x - (pivot + self.place[:3])
+        if led is not None:
+            start = led.origin(start, led.x - (pivot + led.place[:3]))
+        now, slave = pivot + o.obstacle.place[:3], self.material(o).turned(o.x)
+        return past_obstacle(o.x - now, start, slave, self.turns_past(o))
+
+    def turns_past(self, o: ObstacleOperators) -> Array:
+        """``turn`` at each node, of led ones since the motions, (slave nodes, 3) [radian]."""
+        places = [self.place] if self.led is None else [self.place, self.led.place]
+        turns = [np.tile(o.obstacle.turn_since(at), (len(self.x), 1)) for at in places]
+        return turns[0] if self.led is None else self.led.origin(*turns)
 
     def turn(self, o: ObstacleOperators) -> Array:
         """Rotation vector of the obstacle since that state, shape (3,) [radian]."""
@@ -241,11 +284,11 @@ class ObstaclePartners:
 
     def material(self, o: ObstacleOperators) -> Material:
         """The slave's material at its nodes."""
-        return self.found.materials([self.D], [o.slave], [self.x], self.mirrored)[0]
+        return self.found.materials([self.D], [o.slave], [self.x], self.mirrored, self.led)[0]
 
     def slip(self, o: ObstacleOperators) -> Array:
         """Vectors of slip since that state, shape (slave nodes, 3) [length]."""
-        return self.at(o).slip + self.counted
+        return self.at(o).slip + self.counted + _led_way(self.led, o.x)
 
     def derivative(self, o: ObstacleOperators, along: Array) -> Iterator[Block]:
         """Blocks of along_j . ds_j of this rank, for vectors ``along`` (slave nodes, 3).
@@ -255,6 +298,7 @@ class ObstaclePartners:
         own, found = o.slave.owned, self.at(o)
         by_vector, by_spin = found.weights(along)
         yield Block(own[:, None], o.slave.dofs[own], by_vector[own][:, None])
+        yield from _by_led(self.led, o, along)
         if self.mirrored is not None and o.linearization.normals:
             yield self.material(o).rows(found.slave, by_spin)
 
@@ -270,12 +314,30 @@ class ObstaclePartners:
 
     def derivative_by_motions(self, o: ObstacleOperators) -> Array:
         """Derivative of the slip by the motions of the obstacle, shape (slave nodes, 3, 6) [1]."""
-        found, spin = self.at(o), inverse_jacobians(self.turn(o)[None])
+        found, spin = self.at(o), inverse_jacobians(self.turns_past(o))
         return np.concatenate([-found.by_vector, found.by_relative @ spin / o.arm], axis=2)
 
     def pairs(self, o: ObstacleOperators) -> tuple[Indices, Indices]:
         """No master nodes, (0,) each."""
         return np.empty(0, np.int64), np.empty(0, np.int64)
+
+
+def _both(here: Any, there: Any, name: str) -> tuple[Any, Any]:
+    """An attribute of two partners."""
+    return getattr(here, name), getattr(there, name)
+
+
+def _led_way(led: Led | None, x: Array) -> Array | float:
+    """``Led.way_at``, zero without motions (local)."""
+    return 0.0 if led is None else led.way_at(x)
+
+
+def _by_led(led: Led | None, o: Any, along: Array) -> Iterator[Block]:
+    """Block of along_j . dV_j of this rank: along . (w x dx) = (along x w) . dx."""
+    if led is not None:
+        own = o.slave.owned[led.new[o.slave.owned]]
+        values = 0.5 * np.cross(along[own], led.turn[own])
+        yield Block(own[:, None], o.slave.dofs[own], values[:, None])
 
 
 def _turned(before: tuple[Array, ...], now: tuple[Array, ...]) -> list[Array]:

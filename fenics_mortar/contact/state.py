@@ -6,6 +6,8 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+import numpy as np
+
 from fenics_mortar.contact.law import Branches
 from fenics_mortar.utils.arrays import Array, Flags, Value
 
@@ -66,6 +68,11 @@ class InterfaceState(Value):
     accepted_instant: Any = dataclasses.field(default=None, metadata=DERIVED)
     force_decided: tuple[Flags, Array] | None = dataclasses.field(default=None, metadata=DERIVED)
     heading: tuple[Array, Array] | None = dataclasses.field(default=None, metadata=DERIVED)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of nodes, components and, of a contact, nodes and conductances (local)."""
+        return *self.z.shape, *np.shape(self.conduction)
 
     def towards(self, other: InterfaceState, fraction: float) -> InterfaceState:
         """Interpolate the multipliers to ``other`` by a ``fraction`` [1] (local)."""

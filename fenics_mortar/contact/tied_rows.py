@@ -404,7 +404,7 @@ class TiedField:
         """Nothing: fluxes are multipliers (local)."""
 
     def row_squares(self) -> float:
-        """Zero: rows are those of the multipliers (local)."""
+        """Zero [1]: rows are those of the multipliers (local)."""
         return 0.0
 
     exceeds = False  # there is no conductance

@@ -157,7 +157,7 @@ def check_state(
         MortarError: If its arrays have other shapes.
     """
     check_kind("state", state, State, "what state() of the same problem returned")
-    found = [interface.z.shape for interface in state.interfaces]
+    found = [interface.shape for interface in state.interfaces]
     same = state.u.shape == shape and state.history.accepted.shape == (history,)
     if not (same and found == list(pairs) and len(state.places) == num_movers):
         raise MortarError(
@@ -473,7 +473,7 @@ class ContactEquations:
             MortarError: On all ranks, if ``state`` is not a state of this problem.
         """
         with together(self.comm, "restore"):
-            shapes = [c.z.shape for c in self.contacts]
+            shapes = [c.state.shape for c in self.contacts]
             sizes = len(self.motions.movers), self.bulk.history.size
             check_state(state, self.bulk.values.shape, shapes, *sizes)
         self.put(state)

@@ -65,11 +65,12 @@ from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.equations.general import ContactEquations, State
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.kernels.crossing import box_triangles, interpolate
+from fenics_mortar.kernels.tree import spatial_order
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.newton.loop import NewtonReport, then_solve
 from fenics_mortar.obstacles.rigid_motion import polar_rotation
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import HALF_FACET, TINY, Array, Indices
+from fenics_mortar.utils.arrays import HALF_FACET, Array, Indices
 from fenics_mortar.utils.errors import NotConvergedError
 from fenics_mortar.utils.ranks import sum_over_ranks
 from fenics_mortar.verify.node_paths import SLENDER, STRETCHED
@@ -155,17 +156,8 @@ def triangles_of(comm: MPI.Comm, X: Array, nodes: Indices) -> Triangles:
     """
     if not len(nodes):
         return Triangles(comm, X, nodes, np.empty((0, 4)))
-    nodes = nodes[np.argsort(_morton_codes(X[nodes].mean(axis=1)), kind="stable")]
+    nodes = nodes[spatial_order(X[nodes].mean(axis=1))]
     return Triangles(comm, X, nodes, box_triangles(X, nodes))
-
-
-def _morton_codes(points: Array) -> Indices:
-    """Numbers of points (n, 2) [length] along a Morton curve, (n,), int (local)."""
-    corner, size = points.min(axis=0), max(np.ptp(points, axis=0).max(), TINY)
-    codes = ((points - corner) / size * (2**16 - 1)).astype(np.int64)
-    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
-        codes = (codes | (codes << shift)) & mask  # a zero bit before each bit
-    return codes[:, 0] | (codes[:, 1] << 1)
 
 
 class _Side(NamedTuple):

@@ -203,11 +203,21 @@ class Solver:
         e.springs.remove_springs()
         if moved:
             self._accept_moved()
+        self._lead()
         e.idle.find(e.evaluate_forces)
         report = self._solve()
         moved += e.floating.settling.check(e.idle.reach())
         moved += e.idle.end()
         return report, moved
+
+    def _lead(self) -> None:
+        """Count slip of nodes without force from where supports carry them, see ``leading``."""
+        e = self._equations
+        pairs = [pair for pair in e.contacts if isinstance(pair, Contact) and pair.may_be_led]
+        carried = e.crossings.carried() if pairs else None
+        if carried is not None:
+            for pair in pairs:
+                pair.lead(e.crossings.outline, carried)
 
     def _solve(self) -> NewtonReport:
         """Solve on the contact dofs if the bulk is linear, else on all dofs."""

@@ -241,6 +241,6 @@ def _facing_faces(
     """
     master, m = other
     triangles = triangles_of(master.facets)[0]
-    triangles = triangles[spatial_order(m, triangles)]
+    triangles = triangles[spatial_order(m[triangles[:, 0]])]
     at = m, triangles, build_tree(m, triangles)
     return np.asarray(facing_normals(*at, points, n, EQUALLY_NEAR * shortest, shortest, largest))

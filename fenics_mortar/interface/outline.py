@@ -296,10 +296,12 @@ class Sight:
         """
         X = self.outline.X
         moved = np.zeros_like(X) if u is None else self.outline.gather(u)
-        behind = BodiesBehind(
-            self._safe, self._slave_bodies, self._master_bodies, self._arrays(X + moved)
-        )
-        return behind, moved[self._of_slave], moved[self._of_master]
+        return self.behind(X + moved), moved[self._of_slave], moved[self._of_master]
+
+    def behind(self, x: Array) -> BodiesBehind:
+        """The bodies behind the slave with nodes of ``outline`` at ``x`` (n, dim) (local)."""
+        arrays = self._arrays(x)
+        return BodiesBehind(self._safe, self._slave_bodies, self._master_bodies, arrays)
 
 
 @dataclass(frozen=True)
@@ -398,6 +400,6 @@ def extract_hull(space: DisplacementSpace, labels: Indices, bodies: Indices) -> 
     """
     at, facets, of_ranks = exterior_facets(space, labels, bodies, outward_nodes)
     triangles, owner = triangles_of(facets[np.lexsort(np.sort(facets, axis=1).T[::-1])])
-    along = spatial_order(at[0], triangles)
+    along = spatial_order(at[0][triangles[:, 0]])
     parts = np.ascontiguousarray(triangles[along]), owner[along][:, None]
     return Hull(*at, *parts, *of_ranks, space.V.mesh.comm)

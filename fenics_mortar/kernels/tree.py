@@ -14,7 +14,7 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 
-# Bits of each coordinate in the order of the master facets: 1000 places along the longest side.
+# Bits of each coordinate in the order of points: 1000 places along the longest side.
 BITS = 10
 
 
@@ -103,15 +103,14 @@ def query_tree(boxes, box, along, hits):
         i -= 1
 
 
-def spatial_order(m, facets):
-    """Facets (f, K) in the order of the Morton codes of their first nodes at ``m`` (n, 3)."""
-    corners = m[facets[:, 0]]
-    if not len(corners):
+def spatial_order(points):
+    """Order of points (n, d) along a Morton curve, where neighbours are neighbours in space."""
+    if not len(points):
         return np.empty(0, np.int64)
-    low, extent = corners.min(axis=0), np.ptp(corners, axis=0).max()
-    grid = ((corners - low) * ((1 << BITS) - 1) / (extent or 1.0)).astype(np.int64)
-    codes = np.zeros(len(corners), np.int64)
+    low, extent = points.min(axis=0), np.ptp(points, axis=0).max()
+    grid = ((points - low) * ((1 << BITS) - 1) / (extent or 1.0)).astype(np.int64)
+    codes, dim = np.zeros(len(points), np.int64), points.shape[1]
     for bit in range(BITS):
-        for d in range(3):
-            codes |= ((grid[:, d] >> bit) & 1) << (3 * bit + d)
+        for d in range(dim):
+            codes |= ((grid[:, d] >> bit) & 1) << (dim * bit + d)
     return np.argsort(codes, kind="stable")

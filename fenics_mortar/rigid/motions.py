@@ -112,7 +112,7 @@ class RigidMotions:
             mover.place = place_after(mover.place, motion, scale[-1])
 
     def of_obstacle(self, contact: Any, change: Array) -> Array:
-        """Those of ``change`` that move the obstacle of a contact, (3,), or (0,) (local)."""
+        """Those of ``change`` [length] that move a contact's obstacle, (3,), or (0,) (local)."""
         if contact.obstacle is None or not change.size:
             return np.zeros(0)
         return change[self.obstacles.index(contact.obstacle)]

@@ -25,6 +25,7 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.leading import LEADS
 from fenics_mortar.equations.general import ContactEquations, State
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.interface.mortar import EXACT
@@ -390,9 +391,16 @@ def earlier_state_of(e: ContactEquations, i: int, contact: Contact, before: Stat
     with earlier.at_earlier_position():
         found = contact.partners_at(earlier.fields)
     o, given = contact.operators, contact.partners
-    difference = np.abs(found.gap_vectors(o) - given.gap_vectors(o)).max()
-    difference = max(difference, np.abs(found.slip(o) - given.slip(o)).max())
+    counts = contact.active | contact.pair.law.bridges_gap  # slip of others is of no effect
+    difference = np.abs(found.gap_vectors(o) - given.gap_vectors(o))[counts].max(initial=0.0)
+    difference = max(difference, np.abs(found.slip(o) - given.slip(o))[counts].max(initial=0.0))
     difference = agreed(e.comm, float(difference))
+    if not difference <= ROUNDING * contact.slave.extent and given.led is not None:
+        raise MortarError(
+            f"supports turned the bodies of {contact.pair!r} and carried nodes into contact: slip "
+            "is counted from there, and its derivative by the state before is not available; take "
+            f"steps in which bodies turn by less than {np.degrees(LEADS):.2f} degrees"
+        )
     if not difference <= ROUNDING * contact.slave.extent:
         raise MortarError(
             f"the slip of {contact.pair!r} is not counted from the state before, but from one "

@@ -32,12 +32,14 @@ import numpy as np
 from fenics_mortar.bulk.bodies import label_bodies
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.leading import LEADS, Carried
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.outline import extract_outline
 from fenics_mortar.kernels.crossing import find_crossings
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices, Value
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices, Value, norms
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.finding import Crossing
 from fenics_mortar.verify.node_paths import LedBodies, motion_of
@@ -281,6 +283,21 @@ class Crossings:
             self._left, self._restored = self.outline.positions(self._restored), None
         if (self._free * (self._left - self._positions())).any():
             self.accept(places)
+
+    def carried(self) -> Carried | None:
+        """The outlines' nodes after the motions that lead bodies in this step; see ``leading``.
+
+        ``None`` if no body is led to turn by more than ``LEADS``.
+        """
+        if not self.led.may_turn:
+            return None
+        values = self._bulk.values.copy()
+        compat.set_prescribed(values, self._bulk.bcs)
+        x0, x1 = self.accepted.x, self.outline.positions(values)
+        led = zip(self._leaders.items(), self.accepted.leaders, self._led(), strict=True)
+        known = {body: motion_of(leader, *ends) for (body, leader), *ends in led}
+        found = self.led.carried(x0, x1, known)
+        return found if norms(found.turn).max(initial=0.0) > LEADS else None
 
     def passages(self, places: Array) -> list[str]:
         """Messages on passages through bodies and obstacles since the accepted state.

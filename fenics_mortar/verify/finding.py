@@ -35,7 +35,7 @@ class Limits:
         unloaded: Smallest depth of the sides of a pair in each other, beside nodes without force,
             that is an error [facet lengths]: curved surfaces touch a coarse facet by less. In the
             plane a corner of the master touches a facet early or late by up to as much.
-        coarse_unloaded: Smallest such depth in space with a remark [facet lengths]: a ball that
+        coarse_unloaded: Smallest such depth with a remark [facet lengths]: a ball or a tip that
             enters a facet between its nodes by as much has no force.
         negligible: Force over the contact force below which it is smaller than the error of the
             discretization: 0.5 %, for springs and for shear caused by corners.

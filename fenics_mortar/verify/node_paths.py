@@ -37,6 +37,7 @@ import numpy.typing as npt
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.leading import Carried
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.outline import Hull, Outline
 from fenics_mortar.interface.surfaces import Surface
@@ -49,7 +50,7 @@ from fenics_mortar.obstacles.rigid_motion import (
 )
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, TINY, Array, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, TINY, Array, Flags, Indices, norms
 from fenics_mortar.verify.finding import LIMITS
 
 # Turn of a body by prescribed values in a step [radian], 5 degrees, above which its sense is told
@@ -145,6 +146,32 @@ class LedBodies:
         marks = [led & (self.bodies == body) for body in bodies]
         found = (turn_of(x0[at], x1[at], stretched) for at in marks)
         return dict(zip(bodies, found, strict=True))
+
+    def carried(self, x0: Array, x1: Array, known: Mapping[int, RigidPath]) -> Carried:
+        """Nodes carried along by the motions that lead their bodies between two positions.
+
+        Rigid boundaries lead by their own motions; other prescribed nodes by one about their mean,
+        which moves on a straight line, or about a fixed point inside the body.
+
+        Args:
+            x0: Positions of the nodes of the outlines at the start, shape (n, d) [length].
+            x1: Those to which the prescribed ones move.
+            known: Motions of rigid boundaries, by the number in the outlines that they lead.
+        """
+        size, axes = x0.shape, len(TURNS[x0.shape[1]])
+        x, pivots = x0.copy(), np.zeros((2, *size))
+        turn = np.zeros((size[0], axes))
+        for body in np.unique(self.bodies[self.prescribed]).tolist():
+            mine = self.bodies == body
+            led, parts = mine & self.prescribed, set(self._parts[mine].tolist())
+            leader = next((known[part] for part in sorted(parts) if part in known), None)
+            path = path_of(x0[led], x1[led], x0[mine]) if leader is None else leader
+            apart, moved = (norms(path.carry(x0[led], 1.0) - x).max() for x in (x1[led], x0[led]))
+            if apart > STRETCHED * moved:
+                continue  # its nodes do not move as one
+            x[mine], turn[mine] = path.carry(x0[mine], 1.0), path.turn
+            pivots[:, mine] = np.stack([path.start, path.end])[:, None]
+        return Carried(x, turn, *pivots)
 
     def relative(self, sides: tuple[int, int], turns: Turns) -> Array:
         """Rotation of the slave less that of the master, as a vector [radian]."""
@@ -280,6 +307,26 @@ class RigidPath:
         """The motion to the same positions with the other sense of rotation."""
         factor = 1.0 - 2.0 * np.pi / abs(self.angle) if self.angle else 0.0
         return replace(self, turn=factor * self.turn)
+
+
+def path_of(x0: Array, x1: Array, body: Array) -> RigidPath:
+    """Rigid motion of nodes (n, d) from ``x0`` to ``x1``, of a body with nodes at ``body`` (m, d).
+
+    The mean of the nodes moves on a straight line, or all turn about a fixed point, in space an
+    axis, that is inside the body, as near to the mean as its farthest node (local).
+    """
+    turn, start, end = turn_of(x0, x1, np.inf), x0.mean(axis=0), x1.mean(axis=0)
+    angle, dim = float(np.linalg.norm(turn)), x0.shape[1]
+    if angle <= SMALL_ANGLE:
+        return RigidPath(start, end, turn)
+    axis = np.pad(turn, (3 - turn.size, 0)) / angle
+    shift = np.pad(end - start, (0, 3 - dim))
+    across = shift - (axis @ shift) * axis
+    to_axis = 0.5 * (across + np.cross(axis, across) / np.tan(0.5 * angle))
+    if np.linalg.norm(to_axis) >= norms(body - start).max():
+        return RigidPath(start, end, turn)
+    fixed = start + to_axis[:dim]
+    return RigidPath(fixed, fixed + (shift - across)[:dim], turn)
 
 
 # Alternative to the motions of bodies, see ``Motions``; "" for none.

@@ -572,7 +572,7 @@ def _faced_before(contact: Contact) -> tuple[Facing, Array]:
         segments = find_pairs(*at, contact.evaluation.behind)
     here, _ = both_sides(first, segments)
     start = here.difference(partners.x, partners.m)
-    return here, np.einsum("nqab,nqb->nqa", here.of(partners.at(o).slave.Q), start)
+    return here, np.einsum("nqab,nqb->nqa", here.of(partners.rotation_of_slave(o)), start)
 
 
 def _across(vectors: Array, n: Array) -> Array:
@@ -583,7 +583,7 @@ def _across(vectors: Array, n: Array) -> Array:
 def _slip_between(contact: Contact, facing: Facing) -> Array:
     """Slip of the last step at points that faced each other, shape (n, q) [length] (local)."""
     o = contact.operators
-    theta = facing.of(contact.partners.at(o).rotations.theta)
+    theta = facing.of(contact.partners.relative_turn(o))
     now = facing.difference(o.x, o.m), facing.direction(o.n)
     return arc(now, (facing.start, facing.normals), theta, -theta).slip
 

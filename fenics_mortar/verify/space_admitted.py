@@ -234,6 +234,8 @@ HINTS = {
     Kind.THROUGH: "; the one has gone through the other, a thin body, between the nodes of their "
     "pair, whose facets are too coarse there: refine the slave",
 }
+# Further advice where nodes of the slave carry no force.
+TIP = ", with a node at a sharp tip"
 # Threshold of overlaps that are always a remark [facet sizes].
 ALWAYS = 0.0
 # Further hint where the depth is more than half the thickness of the body.

@@ -24,6 +24,7 @@ from fenics_mortar.verify.space_admitted import (
     ACROSS,
     ALWAYS,
     HINTS,
+    TIP,
     Kind,
     Overlaps,
     SpaceAdmitted,
@@ -36,7 +37,7 @@ from fenics_mortar.verify.space_passages import SpaceObstacles, SpacePassages, S
 Bodies = tuple[int, int]
 
 # A further remedy where nodes of the slave carry no force: the nodes of the other side may.
-_OTHER_ROLES = ", or exchange slave and master"
+_OTHER_ROLES = f"{TIP}, or exchange slave and master"
 
 
 class SpaceCrossings(Crossings):

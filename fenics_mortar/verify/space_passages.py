@@ -45,7 +45,7 @@ from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.kernels.space.inside import depths_inside
 from fenics_mortar.kernels.space.passage import find_edge_events, find_node_events
 from fenics_mortar.kernels.tree import build_tree
-from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.obstacles.obstacle import Fields, Obstacle
 from fenics_mortar.obstacles.rigid_motion import polar_rotation, vector_of
 from fenics_mortar.utils.arrays import (
     HALF_FACET,
@@ -67,6 +67,7 @@ from fenics_mortar.verify.space_admitted import (
     ALWAYS,
     AWAY,
     HINTS,
+    TIP,
     Kind,
     Measured,
     SpaceAdmitted,
@@ -376,6 +377,11 @@ WITHIN = np.array(
 ) / float(_PARTS)
 
 
+# Length of the edges of facets over the radius of curvature of an obstacle [1] with which a node
+# carries force before the obstacle has entered a facet by a tenth: measured with spheres.
+OF_RADIUS = 0.5
+# Radius over the size of a facet [1] below which an obstacle is a tip or an edge.
+SHARP = 0.1
 # What is wrong if boundary conditions move nodes into an obstacle.
 LED = (
     "; boundary conditions move nodes of the body into the obstacle, {}, where no contact can keep "
@@ -423,11 +429,10 @@ class SpaceObstacle:
         on_slave[self._slave] = True
         self.counted &= on_slave | ~np.isin(hull.bodies, hull.bodies[covered])
 
-    def _evaluate(self, x: Array) -> tuple[Array, Array]:
-        """Distances (k,) and gradients (k, 3) at points; an error is one on all ranks."""
+    def _evaluate(self, x: Array) -> Fields:
+        """``Obstacle.evaluate`` at points (k, 3); an error is one on all ranks."""
         what = f"the distance of '{self.obstacle.name}'"
-        call = partial(self.obstacle.evaluate, x)
-        return call_together(self.hull.comm, what, call)[:2]
+        return call_together(self.hull.comm, what, partial(self.obstacle.evaluate, x))
 
     def offset(self) -> Array:
         """Overlap of the nodes that pairs admit is -offset, shape (n,) [length]."""
@@ -439,7 +444,7 @@ class SpaceObstacle:
     def points(self, x: Array) -> Array:
         """Points of the obstacle that may be inside a body with nodes at ``x``, (k, 3) [length]."""
         at = np.concatenate([x[self.counted], self._points_near(x)])
-        phi, gradient = self._evaluate(at)
+        phi, gradient, _ = self._evaluate(at)
         nearest = at - (phi / (gradient**2).sum(axis=1))[:, None] * gradient
         own = self.obstacle.to_own_frame(x[self.counted])
         salient = self.obstacle.to_space(self.obstacle.salient_points_near(own))
@@ -480,6 +485,16 @@ class SpaceObstacle:
             return 0.0, 0.0, ""
         return float(depths[k]), float(facets[k]), format_point(x[at[k]])
 
+    def needed(self, point: Array, size: float) -> str:
+        """The facets that a curved obstacle needs at a point (3,), now of a size (collective)."""
+        radius = 1.0 / max(float(np.linalg.eigvalsh(self._evaluate(point[None])[2][0])[-1]), TINY)
+        if not SHARP * size < radius < size / OF_RADIUS:
+            return ""
+        return (
+            f", to edges of at most {OF_RADIUS * radius:.2g}, half of the radius of the obstacle "
+            "there; on six-node triangles with Discretization(basis='quadratic')"
+        )
+
     def comes_out(self, x: Array, body: int) -> tuple[float, Array, int]:
         """How far the obstacle comes out of a body, from within (collective).
 
@@ -493,7 +508,7 @@ class SpaceObstacle:
         mine &= self.counted[hull.segments].all(axis=1)
         at = np.flatnonzero(mine)
         points = np.einsum("qk,tkc->tqc", WITHIN, x[hull.segments[at]])
-        phi, gradient = self._evaluate(points.reshape(-1, 3))
+        phi, gradient, _ = self._evaluate(points.reshape(-1, 3))
         outward = np.einsum("tqc,tc->tq", gradient.reshape(points.shape), hull.normals(x)[at])
         depths = np.where(outward > AWAY, -phi.reshape(outward.shape), 0.0)
         t, q = np.unravel_index(depths.argmax(), depths.shape) if len(at) else (0, 0)
@@ -564,11 +579,15 @@ class SpaceObstacles:
     ) -> Iterator[Crossing]:
         """The deepest of points ``at`` (k, 3), over its limit, for each kind (collective)."""
         (kinds, limits), (depths, triangles, across) = admitted, measured
-        facets, mine = depths / self._hull.lengths(x)[triangles], kinds[triangles]
+        sizes = self._hull.lengths(x)
+        facets, mine = depths / sizes[triangles], kinds[triangles]
         for kind in np.unique(mine).tolist():
             k = int(np.where(mine == kind, facets / limits[triangles], 0.0).argmax())
             t, is_across = int(triangles[k]), bool(across[k])
-            hint = led * bool(facets[k] > limits[t]) or HINTS.get(kind, "") + ACROSS * is_across
+            hint = HINTS.get(kind, "")
+            if kind == Kind.UNLOADED:
+                hint += each.needed(at[k], float(sizes[t])) or TIP
+            hint = led * bool(facets[k] > limits[t]) or hint + ACROSS * is_across
             yield Crossing(
                 self._sides(each, t), format_point(at[k]), float(depths[k]), float(facets[k]),
                 float(limits[t]), kind != Kind.UNPAIRED or led == hint != "", hint,

@@ -93,22 +93,27 @@ def shaft_in_ring(
     return shaft
 
 
-def rollers(law):
+def rollers(law, *, columns=(40, 46), radii=(0.5, 0.5), hubs=(0.2, 0.2), layers=3, degree=1):
     """Two tyres on rigid hubs, side by side: the problem and both hubs; nothing is pressed yet."""
-    hubs, radii = [(0.0, 0.0), (1.0, 0.0)], (0.2, 0.5)
+    centres, starts = [(0.0, 0.0), (sum(radii), 0.0)], (0.02, 0.1)
     grids = [
-        Grid("left", sector(40, 3, radii=radii, angles=(0.02, 0.02 + 2.0 * np.pi)), closed=True),
         Grid(
-            "right",
-            sector(46, 3, radii=radii, angles=(0.1, 0.1 + 2.0 * np.pi), centre=hubs[1]),
+            name,
+            sector(
+                count * degree, layers * degree, radii=(hub, radius),
+                angles=(start, start + 2.0 * np.pi), centre=centre,
+            ),
             closed=True,
-        ),
-    ]
-    data = mapped_grids.mesh(grids)
-    u = fem.Function(fm.vector_space(data.mesh, 1))
+        )
+        for name, count, hub, radius, start, centre in zip(
+            ("left", "right"), columns, hubs, radii, starts, centres, strict=True
+        )
+    ]  # fmt: skip
+    data = mapped_grids.mesh(grids, order=degree)
+    u = fem.Function(fm.vector_space(data.mesh, degree))
     left, right = (
-        fm.RigidBoundary(data, f"{grid.name}/top", pivot=hub)
-        for grid, hub in zip(grids, hubs, strict=True)
+        fm.RigidBoundary(data, f"{grid.name}/top", pivot=centre)
+        for grid, centre in zip(grids, centres, strict=True)
     )
     problem = fm.ContactProblem(
         internal(u, neo_hookean(u, 50.0, 0.3)), u,

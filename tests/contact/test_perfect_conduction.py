@@ -14,6 +14,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import sensitivity
+from fenics_mortar.contact import fluxes
 from meshes.mapped_boxes import Box
 from meshes.mapped_boxes import block as box
 from meshes.mapped_grids import Grid, block, mapped
@@ -297,6 +298,23 @@ def test_conduction_is_part_of_the_state(shared_path):
     assert other.solve().num_iterations <= 1
 
 
+def test_a_path_with_cuts_ends_where_one_solve_does():
+    """A failed step leaves no trace in the conduction of the state."""
+    found = []
+    for most in (4, 30):
+        scene = humped()
+        problem = conducting(scene, newton=fm.NewtonOptions(max_iterations=most))
+
+        def load(time, scene=scene):
+            scene.set(top=(0.0, -0.03 * time), hot=15.0 * time)
+
+        path = fm.follow_path(problem, load, fm.SteppingOptions(step=1.0))
+        found.append((problem.contacts[0].fluxes[0].conduction, path.num_cuts))
+    (cut, cuts), (whole, none) = found
+    assert cuts > 0 and none == 0
+    assert np.abs(cut - whole).max() < 1e-8 * np.abs(whole).max()
+
+
 @pytest.mark.ranks
 @pytest.mark.parametrize("degrees", [(1, 1), (2, 1), "in space"])
 def test_results_are_those_of_one_rank(degrees):
@@ -356,6 +374,27 @@ def test_gradients_are_those_of_perfect_conduction(algorithm):
             own = fem.assemble_scalar(fem.form(at[2]))
             ends.append(float(at[0].data.mesh.comm.allreduce(own)))
         assert along == pytest.approx((ends[0] - ends[1]) / (2.0 * step), rel=1e-5)
+
+
+@pytest.mark.parametrize("h", [INF, fm.PressureConductance(1e6, 1.0)])
+def test_both_gradients_agree_on_a_pushed_obstacle(h, monkeypatch):
+    """With a bound of conductances in the tangent that both solves exceed; motions take part."""
+    monkeypatch.setattr(fluxes, "STIFFEST", 1e2)
+    scene = heated([Grid("b", block(8, 4, width=1.0, height=1.0))])
+    scene.hold("bottom", "b/bottom")
+    scene.prescribe("cold", "b/bottom", 1)
+    ball = fm.Circle((0.45, 3.0), 2.0)
+    heat = fm.Conductance(1, h, temperature=40.0)
+    problem = scene.problem([fm.ContactPair(scene.data, "b/top", ball, fluxes=[heat])])
+    ball.push(y=-2.0)
+    problem.solve()
+    u, T = ufl.split(scene.w)
+    form = (T**2 + 1e4 * ufl.inner(u, u)) * ufl.dx(degree=4)
+    controls = [scene.given["cold"], scene.given["conductivity"]]
+    found = fm.gradient(form, controls, problem)
+    for control in controls:
+        along = sensitivity.tangent_linear(form, control, 1.0, problem).derivative
+        assert along == pytest.approx(float(found[control]), rel=1e-8)
 
 
 # Refusals

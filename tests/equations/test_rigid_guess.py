@@ -85,5 +85,5 @@ def test_rollers_in_contact_turn_on():
     force, far = turn(eighth)
     steps, near = turn(0.25 * eighth, 0.5 * eighth, eighth)
     assert force == pytest.approx(steps, rel=1e-3)
-    assert (far.verdict, near.verdict) == ("remark", "ok")
-    assert far.value == pytest.approx(45.0, abs=1.0) and "before" in far.check
+    assert (far.verdict, near.verdict) == ("ok", "ok")
+    assert far.value < 5.0 and "before" in far.check  # degrees, without those of the hubs

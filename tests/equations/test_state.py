@@ -13,7 +13,9 @@ from fenics_mortar.equations.general import State
 
 PARTS = {field.name for field in fields(InterfaceState)}
 # Attributes that may be set, and those that an interface has in its state only.
-NOT_SHOWN = {"offset", "c_n", "reference", "force_decided", "load_time", "start_instant"}
+NOT_SHOWN = {
+    "offset", "c_n", "reference", "force_decided", "load_time", "start_instant", "conduction",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", [State, InterfaceState])

@@ -135,6 +135,15 @@ def test_held_end_that_is_moved_into_an_obstacle_is_told():
         scene.problem.solve()
 
 
+@pytest.mark.parametrize("radius, told", [(0.25, "edges of at most 0.12, half"), (0.01, "a sharp")])
+def test_ball_between_nodes_tells_the_facets_that_it_needs(radius, told):
+    obstacle = ball(radius, (0.5, 0.5, 1.0 + radius))
+    problem = scene_with(obstacle)
+    obstacle.move(z=-0.05)
+    with refused(fm.NotConvergedError, f"no node carries force there.*{told}"):
+        problem.solve()
+
+
 PASSED = {
     "ball": (ball, {"z": -3.0}, "went through body 'block'"),
     "large ball": (lambda: ball(3.0, (0.5, 0.5, 4.1)), {"z": -8.0}, "went through"),

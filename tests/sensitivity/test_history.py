@@ -8,7 +8,7 @@ import pytest
 import sensitivity_scenes as scenes
 from friction_scenes import block_on
 from self_scenes import c_ring
-from turning_scenes import shaft_in_ring, wheel_under_block
+from turning_scenes import rollers, shaft_in_ring, wheel_under_block
 
 import fenics_mortar as fm
 from fenics_mortar.contact.law import magnitude, row_of
@@ -143,6 +143,24 @@ def test_shaft_that_turns(degree, slip):
     before = shaft.problem.state()
     shaft.turn(0.2 + 0.25 * np.pi, predict=False)
     check(scenes.exact(shaft.problem), before, sticks=False)
+
+
+@pytest.mark.once
+def test_nodes_that_supports_carry_into_contact_are_refused():
+    """Two tyres that turn by an eighth; in steps of half a degree nothing is carried."""
+    problem, left, right = rollers(fm.Coulomb(0.2), columns=(48, 55), layers=2)
+    right.move(x=-0.02)
+    problem.solve()
+    for number, angle in enumerate((0.009, 0.25 * np.pi)):
+        before = problem.state()
+        left.move(angle=angle)
+        problem.solve(predict=False)
+        scenes.exact(problem)
+        if number == 0:
+            assert StepHistory(problem, before).pairs
+            continue
+        with pytest.raises(fm.MortarError, match=r"carried nodes into .* less than 0\.57 degrees"):
+            StepHistory(problem, before)
 
 
 @pytest.mark.once

@@ -11,6 +11,7 @@ from turning_scenes import rollers
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.contact.contact import Contact
 from meshes import mapped_boxes, mapped_grids
 from meshes.mapped_boxes import Box, mapped
 from meshes.mapped_grids import Grid, sector
@@ -39,38 +40,32 @@ def test_sticking_to_an_obstacle_at_rest_is_no_difference():
 
 @pytest.mark.parametrize("per_turn", [8, 16])
 @pytest.mark.parametrize("ratio", [-1.0, -1.02])
-def test_rolling_tyres_with_slip_of_unknown_direction_are_refused(ratio, per_turn):
-    """The way before nodes meet is many times the slip of tyres that roll on each other."""
+def test_rolling_tyres_with_slip_of_unknown_direction_are_refused(ratio, per_turn, monkeypatch):
+    """The way before nodes meet is many times the slip of tyres that roll on each other.
+
+    Supports tell the turns of these tyres; here they are not asked, as there are none for others.
+    """
     problem, left, right = rollers(fm.Coulomb(0.2))
     right.move(x=-0.02)
     problem.solve()
+    start = problem.state()
     left.move(angle=2.0 * np.pi / per_turn)
     right.move(x=-0.02, angle=ratio * 2.0 * np.pi / per_turn)
+    assert problem.solve().certificate.pairs[0]["approach_slip"].verdict == "ok"
+    places = left.place.copy(), right.place.copy()
+    problem.restore(start)
+    left.move(angle=places[0][2])
+    right.move(x=-0.02, angle=places[1][2])
+    monkeypatch.setattr(Contact, "lead", lambda *given: None)
     with refused(fm.NotConvergedError, "direction of friction is unknown: take smaller steps"):
         problem.solve()
 
 
-@pytest.mark.parametrize("per_turn", [8, 16])
-def test_error_of_slip_of_tyres_that_rub_is_measured(per_turn):
-    """At full sliding the work of friction is that of the moments but for this error."""
-    problem, left, right = rollers(fm.Coulomb(0.2))
-    right.move(x=-0.02)
-    problem.solve()
-    angle = 2.0 * np.pi / per_turn
-    for step in (1, 2):
-        left.move(angle=step * angle)
-        right.move(x=-0.02, angle=step * angle)
-        certificate = problem.solve().certificate
-    moments = abs((left.reaction[2] + right.reaction[2]) * angle)
-    work = problem.contacts[0].friction_work
-    doubt = certificate.pairs[0]["approach_slip"]
-    assert doubt.verdict == "ok"
-    assert work == pytest.approx((1.0 - doubt.value) * moments, rel=0.04), (work, moments)
-
-
-@pytest.mark.parametrize(("per_turn", "unknown"), [(12, True), (72, False)])
-def test_rolling_tyres_in_space_are_judged(per_turn, unknown):
+@pytest.mark.parametrize(("per_turn", "told"), [(12, False), (12, True), (72, True)])
+def test_rolling_tyres_in_space_are_judged(per_turn, told, monkeypatch):
     """As in the plane; of small steps the slip is known."""
+    if not told or per_turn == 72:
+        monkeypatch.setattr(Contact, "lead", lambda *given: None)
 
     def tyre(name, start, centre):
         def position(s, t, r):
@@ -92,7 +87,7 @@ def test_rolling_tyres_in_space_are_judged(per_turn, unknown):
     angle = 2.0 * np.pi / per_turn
     left.move(angle=(0.0, angle, 0.0))
     right.move(x=-0.02, angle=(0.0, -angle, 0.0))
-    if unknown:
+    if not told:
         with refused(fm.NotConvergedError, "direction of friction is unknown"):
             problem.solve()
     else:

@@ -176,3 +176,33 @@ def test_facets_whose_gaps_are_removed_fit():
     closed = shaft_in_bush(50, 0.0, 0.001, pair={"initial_gap": 0.0})
     assert remarks(closed, UNFIT) == []
     assert closed.equations.contacts[0].active.any()
+
+
+@pytest.mark.parametrize(("depth", "told"), [(0.012, False), (0.05, True)])
+def test_tooth_in_a_facet_without_force_is_remarked(depth, told):
+    """A plate presses on the left of a block; its tooth enters a facet on the right, as deep.
+
+    The mean gaps of both nodes of that facet stay open.
+    """
+
+    def plate(s, t):
+        height = np.where(s < 0.35, 0.49, 0.55)
+        height = np.where(np.isclose(s, 0.875), 0.5 - 0.25 * depth, height)
+        return s, height + t * (1.0 - height)
+
+    block = mapped_grids.block(4, 2, width=1.0, height=0.5)
+    grids = [Grid("block", block), Grid("plate", mapped_grids.mapped(16, 1, plate))]
+    data = mapped_grids.mesh(grids)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, side, (0.0, 0.0)) for side in ("block/bottom", "plate/top")]
+    problem = elastic(data, u, fm.ContactPair(data, "block/top", "plate/bottom"), bcs)
+    certificate = problem.solve().certificate
+    contact = problem.equations.contacts[0]
+    x = contact.operators.x[:, 0]
+    assert contact.active[x < 0.3].any() and not contact.active[x > 0.7].any()
+    found = certificate.pairs[0]["idle"]
+    assert found.value == pytest.approx(depth, rel=0.3)
+    assert (found.verdict == "remark") == told
+    texts = [t for t in certificate.remarks() if "where no node of the facet carries a force" in t]
+    assert bool(texts) == told

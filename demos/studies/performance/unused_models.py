@@ -26,10 +26,10 @@ from demos.studies.performance.trace_iteration import Trace
 from meshes import two_blocks
 
 MODULES = {
-    "thickness": ("mesh/thickness", "bulk/axis"),
-    "memory": ("contact/law_fields", "contact/instant"),
-    "mass": ("bulk/inertia", "bulk/massless", "path/dynamics", "path/time_scheme"),
-    "itself": ("interface/self_contact", "interface/roles"),
+    "thickness": ("mesh/thickness",),
+    "memory": ("contact/law_calls",),
+    "mass": ("bulk/inertia", "path/dynamics", "path/time_steps"),
+    "itself": ("interface/self_contact",),
 }
 DX = ufl.dx(metadata={"quadrature_degree": 3})
 TIGHT = fm.NewtonOptions(residual_tolerance=1e-13)

@@ -22,6 +22,8 @@ from meshes.mapped_boxes import Box, block
 # Depth at which round obstacles surely press, times their radius [unit^2]: mean gaps of facets are
 # closed.
 SAG = 0.03
+# The same with multipliers at corners alone, whose mean gaps reach over all facets around them.
+SAG_LINEAR = 0.06
 # Largest depth by kind [unit]: facets are larger than the edges of punches, and have to stay flat.
 DEEPEST = {
     "sphere": 0.06, "cylinder": 0.06, "plane": 0.06, "torus": 0.02, "extruded": 0.02,
@@ -44,7 +46,7 @@ def draw_tools(rng: np.random.Generator) -> tuple[dict[str, Any], Callable[..., 
     depth = size(rng, 0.004, DEEPEST[kind])
     tool, lift = _tool(rng, kind)
     if kind in ("sphere", "cylinder"):
-        depth = max(depth, SAG / tool.radius)
+        depth = max(depth, (SAG_LINEAR if linear else SAG) / tool.radius)
     angle, slide = rng.uniform(-np.pi, np.pi), depth * rng.uniform(0.0, 3.0)
     turn = depth * np.array([0.3, 0.3, 4.0]) * rng.uniform(-1.0, 1.0, 3)
     turn *= float(rng.choice([0.0, 1.0]))

@@ -353,7 +353,7 @@ def find_pairs(
         Offsets (s + 1,): pairs of the i-th of the ``numbers`` are offsets[i]:offsets[i + 1]; master
         facets of the pairs, increasing for each slave facet, (p,).
     """
-    order = spatial_order(m, master_facets)
+    order = spatial_order(m[master_facets[:, 0]])
     behind = nothing_behind(numbers.size) if behind is None else behind
     triangles = triangles_of(slave_facets if roles is None else slave_facets[:0])[0]
     roles = (np.empty(0, np.int64), np.empty((0, 0), np.int64)) if roles is None else roles

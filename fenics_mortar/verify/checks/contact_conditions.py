@@ -85,9 +85,10 @@ def _between_nodes(measured: Measured) -> Iterator[Finding]:
         ``penetration``: largest penetration of a segment over the length of its facet, admitted by
         the discretization between the nodes, of second order in the facet length; ``distance``:
         smallest distance of slave and master over the facet length if a force acts; ``missed``: the
-        penetration if none does, as of a tip that enters a facet while the mean gap is open.
+        penetration if none does, as of a tip that enters a facet while the mean gap is open;
+        ``idle``: in the plane, the penetration of facets without active nodes if others have some.
     """
-    smallest, where = _smallest_gap(measured.contact)
+    (smallest, where), (idle, where_idle) = _smallest_gaps(measured.contact)
     penetration, is_pressed = max(-smallest, 0.0), measured.contact.active.any()
     distance = max(smallest, 0.0) if is_pressed else 0.0
     yield Finding(
@@ -111,25 +112,41 @@ def _between_nodes(measured: Measured) -> Iterator[Finding]:
         f"exchange slave and master; of curves that fit each other, take {CURVED}",
         remark=LIMITS.missed, unit="facet lengths", where=where,
     )  # fmt: skip
+    idle = max(-idle, 0.0) if is_pressed else 0.0
+    yield Finding(
+        "idle", "penetration of facets without contact forces", idle,
+        f"the sides penetrate by {idle:.2g} facets, at {where_idle}, where no node of the facet "
+        "carries a force: it does not resolve contact there; refine the slave there, or exchange "
+        f"slave and master; of curves that fit each other, take {CURVED}",
+        remark=LIMITS.coarse_unloaded, unit="facet lengths", where=where_idle,
+    )  # fmt: skip
 
 
-def _smallest_gap(contact: Contact) -> tuple[float, str]:
-    """Smallest gap over the length of its facet, inf without segments, and where (collective)."""
+# A gap over the length of its facet, and its position as text.
+Place = tuple[float, str]
+
+
+def _smallest_gaps(contact: Contact) -> tuple[Place, Place]:
+    """Smallest gaps of all facets and of those without active nodes, inf for none (collective)."""
     o, s = contact.operators, contact.intersections()
     if contact.slave.dim == 3:
-        return _smallest_in_space(contact, o)
+        return _smallest_in_space(contact, o), (np.inf, "")
     ends = o.x[s.slave[:, [0, -1]]]
     gaps = o.sample_gaps(o.x + contact.now.offset[:, None] * o.n, s, POINTS_BETWEEN)
     gaps /= np.hypot(*(ends[:, 1] - ends[:, 0]).T)[:, None]
-    smallest, where = np.inf, ""
-    if gaps.size:
-        deepest = gaps.min(axis=1).argmin()
-        smallest, where = float(gaps[deepest].min()), format_point(0.5 * ends[deepest].sum(axis=0))
-    return min(contact.slave.comm.allgather((smallest, where)))
+    of_segments, idle = gaps.min(axis=1), ~contact.active[s.slave].any(axis=1)
+    found = []
+    for depths in (of_segments, np.where(idle, of_segments, np.inf)):
+        smallest, where = np.inf, ""
+        if np.isfinite(depths).any():
+            deepest = depths.argmin()
+            smallest, where = float(depths[deepest]), format_point(0.5 * ends[deepest].sum(axis=0))
+        found.append(min(contact.slave.comm.allgather((smallest, where))))
+    return found[0], found[1]
 
 
-def _smallest_in_space(contact: Contact, o: Any) -> tuple[float, str]:
-    """As ``_smallest_gap``, at corners and points of parts of facets (collective)."""
+def _smallest_in_space(contact: Contact, o: Any) -> Place:
+    """As ``_smallest_gaps`` of all facets, at corners and points of their parts (collective)."""
     gaps, at = o.smallest_gaps(contact.now.offset)
     gaps = gaps / contact.slave.facet_sizes[o.segments.facets[o.segments.owner]]
     smallest, where = np.inf, ""

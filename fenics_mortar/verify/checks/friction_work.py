@@ -43,8 +43,8 @@ from fenics_mortar.verify.finding import LIMITS, Finding, Measured
 # degrees 2.6 %; both count twice in a sine.
 FRICTION_WORK = 0.03
 
-# Rotation of both sides in a step before nodes come into contact [radian], 30 degrees, above which
-# there is a remark: slip is then up to 4.5 % too small.
+# Rotation of both sides in a step before nodes come into contact, less that by supports [radian],
+# 30 degrees, above which there is a remark: slip is then up to 4.5 % too small.
 BOTH_TURN = np.pi / 6.0
 # Error of the slip of such nodes over the slip [1], of all nodes by their friction limits, above
 # which its sense may be wrong; the error is known up to a third of it.
@@ -202,8 +202,9 @@ def _sums(before: Array, after: Array, moved: Array, turned: Array) -> tuple[flo
 def _approach(measured: Measured) -> Iterator[Finding]:
     """Rotation of both sides before nodes came into contact in the step (local).
 
-    The slip that is counted until then is that of two rigid frames beside each other. It is exact
-    if one of them rests. If the sides turn by a and b while the gap closes from g, as
+    Turns by supports are known, see ``leading``, and left out here. By other turns the slip that is
+    counted until then is that of two rigid frames beside each other. It is exact if one of them
+    rests. If the sides turn by a and b while the gap closes from g, as
     g (1 - cos a t) / (1 - cos a), slip is wrong by b g (1 - sin a / a) / (1 - cos a): of bodies
     that rub by a part 1 - sin a / a, of those that roll on each other by many times their slip.
     That is compared with the slip, and with the one that strains the bodies up to the friction
@@ -211,15 +212,17 @@ def _approach(measured: Measured) -> Iterator[Finding]:
     rotation turns it into slip.
     """
     contact, partners, o = measured.contact, measured.contact.partners, measured.contact.operators
+    at_start = partners if partners.led is None else partners.led
+    x, m = at_start.x, at_start.m
     relative: Array | float = 0.0
     if o.slave.dim == 2:
-        slave = np.abs(surface_rotation(o.slave, partners.x, o.x))
-        master = np.abs(partners.M @ surface_rotation(o.master, partners.m, o.m))
+        slave = np.abs(surface_rotation(o.slave, x, o.x))
+        master = np.abs(partners.M @ surface_rotation(o.master, m, o.m))
     else:
         found = partners.at(o)
         slave, master = (vectors_of(side.Q)[1] for side in (found.slave, found.master))
         relative = np.where(partners.present > 0.0, found.doubt, 0.0)
-    start = norms(partners.D @ partners.x - partners.M @ partners.m)
+    start = norms(partners.D @ x - partners.M @ m)
     apart = np.maximum(start, norms(partners.gap_vectors(o)))
     new = contact.active & (partners.pressure == 0.0) & (apart > contact.slave.nodal_lengths)
     both = np.where(new, np.minimum(slave, master), 0.0)
