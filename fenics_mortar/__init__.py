@@ -22,13 +22,13 @@ from fenics_mortar import energies as energies
 from fenics_mortar import laws as laws
 from fenics_mortar.bulk.history import quadrature_function
 from fenics_mortar.bulk.inertia import Velocity
-from fenics_mortar.contact.conductance import (
+from fenics_mortar.contact.fluxes import NodalFlux
+from fenics_mortar.contact.law import Coulomb, Frictionless, Law, Tresca
+from fenics_mortar.contact.law_calls import (
     Conductance,
     GapConductance,
     PressureConductance,
 )
-from fenics_mortar.contact.fluxes import NodalFlux
-from fenics_mortar.contact.law import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.contact.pair import ContactPair, Discretization, Pretension, TiedPair
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.general import State
@@ -37,22 +37,28 @@ from fenics_mortar.io.checkpoint import load_state, save_state
 from fenics_mortar.io.paraview import ResultsWriter, contact_table
 from fenics_mortar.io.picture import plot
 from fenics_mortar.mesh.data import MeshData, dirichlet
-from fenics_mortar.mesh.from_arrays import mesh_from_arrays
-from fenics_mortar.mesh.from_meshio import mesh_from_meshio
+from fenics_mortar.mesh.from_arrays import mesh_from_arrays, mesh_from_meshio
 from fenics_mortar.mesh.gmsh_reader import read_gmsh
 from fenics_mortar.models.in_space import InSpace
 from fenics_mortar.models.model_check import ModelCheck
 from fenics_mortar.models.model_error import ElasticObstacle, ModelReport
 from fenics_mortar.newton.loop import NewtonOptions, NewtonReport
 from fenics_mortar.obstacles.obstacle import Circle, Obstacle, SignedDistance, Sphere
-from fenics_mortar.obstacles.shapes import Plane, Polygon, Spline
-from fenics_mortar.obstacles.space_shapes import Cone, Cylinder, Extruded, Revolved, Torus
+from fenics_mortar.obstacles.shapes import (
+    Cone,
+    Cylinder,
+    Extruded,
+    Plane,
+    Polygon,
+    Revolved,
+    Spline,
+    Torus,
+)
 from fenics_mortar.path.dynamics import Dynamics
 from fenics_mortar.path.report import DynamicsReport, PathReport
 from fenics_mortar.path.stepping import SteppingOptions, follow_path
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.rigid.boundary import RigidBoundary
-from fenics_mortar.rigid.spread import SpreadLoad
+from fenics_mortar.rigid.spread import RigidBoundary, SpreadLoad
 from fenics_mortar.sensitivity.gradient import gradient
 from fenics_mortar.utils.compat import mixed_space, scalar_space, vector_space
 from fenics_mortar.utils.errors import MeshError, MortarError, NotConvergedError, SurfaceError

@@ -23,13 +23,15 @@ or functions of dolfinx, or expressions of UFL. All functions are local.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import ufl
 
-from fenics_mortar.mesh.space import Geometry
 from fenics_mortar.utils.compat import domain_of
 from fenics_mortar.utils.errors import check_choice, refuse_in_space
+
+if TYPE_CHECKING:
+    from fenics_mortar.mesh.space import Geometry
 
 __all__ = [
     "deformation_gradient",

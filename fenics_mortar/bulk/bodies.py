@@ -16,7 +16,7 @@ A mesh of straight cells covers each point at most once if
 Partly overlapping bodies are accepted as interference, and so are paired surfaces of one body.
 
 In space folds and copies of facets are refused here; whether the outside of a body crosses itself,
-or a body lies inside another one, is seen by ``verify.space_crossing``.
+or a body lies inside another one, is seen by ``verify.crossing``.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -37,14 +37,24 @@ import basix
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.bulk.cells import OUTLINE
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.outline import Outline, extract_outline
-from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, TINY, Array, Flags, Indices
+from fenics_mortar.utils.arrays import (
+    ROUNDING,
+    SAME_PLACE,
+    TINY,
+    Array,
+    Flags,
+    Indices,
+    lines_cross,
+    near_pairs,
+)
 from fenics_mortar.utils.errors import MeshError, count_points, format_point
-from fenics_mortar.utils.lines import lines_cross, near_pairs
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.mesh.space import DisplacementSpace
 
 # Rotation or translation of a motion of size one [1] below which messages leave it out.
 MINOR = 0.1

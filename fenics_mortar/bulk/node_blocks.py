@@ -30,7 +30,7 @@ import numpy.typing as npt
 
 from fenics_mortar.kernels import node_blocks
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.petsc import COMM, INT, POINTER, petsc_function
+from fenics_mortar.utils.compat import COMM, INT, POINTER, petsc_function
 
 _row_ij = petsc_function("MatGetRowIJ", POINTER, INT, ctypes.c_int, ctypes.c_int, *4 * [POINTER])
 _from_arrays = petsc_function("MatCreateMPIAIJWithSplitArrays", COMM, *4 * [INT], *7 * [POINTER])

@@ -29,20 +29,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.contact.active_set import MultiplierNodes, next_sets, normals_on_planes
-from fenics_mortar.contact.fields import ContactFields, change_along
+from fenics_mortar.contact.arcs import Carried, Led, carried_by, way_of, weighted
+from fenics_mortar.contact.fields import ContactFields, change_along, kind_of
 from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.contact.interface import (
     NO_NODES,
     NO_PAIRS,
     NO_WELDS,
     Interface,
+    OperatorEvaluation,
     points_per_segment,
     read_only,
     settable,
@@ -55,20 +56,25 @@ from fenics_mortar.contact.law_calls import (
     first_instant,
     raise_stored,
 )
-from fenics_mortar.contact.leading import Carried, Led, carried_by, way_of, weighted
-from fenics_mortar.contact.operator_evaluation import OperatorEvaluation
-from fenics_mortar.contact.pair import ContactPair, Measure
-from fenics_mortar.contact.rows import ContactRows, SpaceRows
+from fenics_mortar.contact.rows import (
+    ContactRows,
+    MultiplierNodes,
+    SpaceRows,
+    next_sets,
+    normals_on_planes,
+)
 from fenics_mortar.contact.slip import find_partners
-from fenics_mortar.contact.space_fields import kind_of
 from fenics_mortar.contact.space_partners import find_obstacle_partners, find_space_partners
 from fenics_mortar.interface.integrals import Segments, evaluate_normals
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Linearization, MortarOperators
-from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
-from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.errors import MortarError, SurfaceError, check_lengths, check_same
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.pair import ContactPair, Measure
+    from fenics_mortar.interface.outline import Outline
+    from fenics_mortar.mesh.space import DisplacementSpace
 
 
 class Contact(Interface):
@@ -363,7 +369,7 @@ class Contact(Interface):
     def lead(self, outline: Outline, carried: Carried) -> None:
         """Count slip of nodes without force from where motions carry them (collective).
 
-        See ``leading``; at the start of a step, in which ``partners`` are those of its start.
+        See ``arcs``; at the start of a step, in which ``partners`` are those of its start.
 
         Args:
             outline: Outlines of the bodies of all pairs.
@@ -412,7 +418,7 @@ class Contact(Interface):
         return self.partners.pairs(self.operators)
 
     def update_multiplier_nodes(self) -> int:
-        """Update the multiplier nodes, see ``active_set``; return the number of changes.
+        """Update the multiplier nodes, see ``rows``; return the number of changes.
 
         After a change the operators must be evaluated again. No node changes with
         integration="nodes".
@@ -444,7 +450,7 @@ class Contact(Interface):
         """Set the active set by the complementarity function; return the number of changes.
 
         Args:
-            start: Whether this precedes the first solve; see ``active_set``.
+            start: Whether this precedes the first solve; see ``rows``.
         """
         self.now, changed = next_sets(self.now, start=start)
         self._state = self.now.state

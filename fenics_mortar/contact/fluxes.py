@@ -43,22 +43,24 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array, diags, eye, hstack
 
 from dolfinx import fem
 
-from fenics_mortar.contact.conductance import Conductance
 from fenics_mortar.contact.fields import ContactFields, change_along
 from fenics_mortar.contact.law import Row, VectorRow
 from fenics_mortar.contact.rows import row_by_displacements, row_by_motions
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.traces import Trace, trace_of
-from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.law_calls import Conductance
+    from fenics_mortar.mesh.space import DisplacementSpace
 
 
 class FluxValues:

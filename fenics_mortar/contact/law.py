@@ -202,7 +202,7 @@ def row_of(function: Callable[[Nodal], Any], node: Nodal) -> Row:
     for name in ARGUMENTS:
         moved = replace(node, **{name: getattr(node, name) + 1j * COMPLEX_STEP})
         changes.append(np.imag(function(moved)) / COMPLEX_STEP)
-    value = function(node)  # complex if a parameter is, see ``sensitivity.partials.law``
+    value = function(node)  # complex if a parameter is, see ``sensitivity.partials.history``
     return Row(value if np.imag(value).any() else np.real(value), *changes)
 
 

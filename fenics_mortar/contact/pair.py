@@ -13,21 +13,20 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, fields
 from types import MappingProxyType
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from dolfinx import fem
 
-from fenics_mortar.contact.conductance import Conductance
 from fenics_mortar.contact.law import Frictionless, Law, check_names
+from fenics_mortar.contact.law_calls import Conductance
 from fenics_mortar.interface.integrals import GapWeights, Integration, MortarOptions, Weighting
 from fenics_mortar.interface.reference import Basis
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import TURNS, check_finite, check_vector
-from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import (
     check_choice,
     check_kind,
@@ -35,6 +34,9 @@ from fenics_mortar.utils.errors import (
     check_same_texts,
     together,
 )
+
+if TYPE_CHECKING:
+    from fenics_mortar.utils.arrays import Array
 
 Measure = Literal["partners", "operators"]
 # Options of a tied pair: it has no active set, no slip, and no normals in its gap vector.
@@ -244,8 +246,8 @@ class ContactPair:
             touch each other.
         master: Name or tag of the other side, a list of names, or an obstacle. Several pairs may
             share a master. A slave with several masters of different law or search needs one pair
-            for each; see ``redundancy`` for nodes that touch two of them. ``None`` for contact of a
-            surface with itself, see ``self_contact``.
+            for each; see ``linearized_contact`` for nodes that touch two of them. ``None`` for
+            contact of a surface with itself, see ``self_contact``.
         law: ``Frictionless()``, ``Coulomb(mu)``, ``Tresca(stress)`` or a user's law, see ``law``.
             Nodes with a prescribed component, as on symmetry planes, are frictionless.
         search_radius: Largest distance of partners along the slave normal, in front of the slave

@@ -39,7 +39,7 @@ measure         error of the shear, relative to Cattaneo and Mindlin
 default. "operators" is for comparison.
 
 Open nodes have partners as well: slip is counted from the points faced at the start of the step, or
-where supports turn bodies, after their motions, see ``leading``.
+where supports turn bodies, after their motions, see ``arcs``.
 The partner of a node beyond the end of the master is the nearest point of the nearest master facet,
 extended as a straight line; such a node has no D_old, and s_j = 0. On a rigid obstacle the partner
 is the nearest point of the obstacle and moves with it; slip is the motion of the node relative to
@@ -54,7 +54,7 @@ import weakref
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -64,6 +64,7 @@ from scipy.sparse import coo_array, csr_array, vstack
 
 from fenics_mortar.contact.arcs import (
     Arc,
+    Led,
     Orientation,
     Rotations,
     arc,
@@ -74,15 +75,16 @@ from fenics_mortar.contact.arcs import (
     rotation_past_obstacle,
     surface_rotation,
 )
-from fenics_mortar.contact.leading import Led
-from fenics_mortar.contact.pair import Measure
-from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.facing import Facing, face, nearest_facets
 from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
-from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.pair import Measure
+    from fenics_mortar.interface.curve_surface import Curve
+    from fenics_mortar.obstacles.obstacle import Obstacle
 
 
 class Evaluated(NamedTuple):
@@ -191,7 +193,7 @@ class Partners:
         facing: Gauss points of both sides that face each other, for pairs of two bodies with
             friction; else ``None``.
         turns: ``Contact.turns`` at that state; empty if no rigid boundary leads a body.
-        led: Nodes whose partners are those after motions that lead bodies, see ``leading``.
+        led: Nodes whose partners are those after motions that lead bodies, see ``arcs``.
     """
 
     pairing: Pairing

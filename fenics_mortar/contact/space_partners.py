@@ -21,12 +21,13 @@ import weakref
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array, dia_array, eye
 
 from fenics_mortar.contact.arcs import (
+    Led,
     Material,
     PastObstacle,
     Screw,
@@ -34,15 +35,16 @@ from fenics_mortar.contact.arcs import (
     screw,
     vectors_of,
 )
-from fenics_mortar.contact.leading import Led
-from fenics_mortar.contact.pair import Measure
 from fenics_mortar.contact.slip import Entries, entries_of, rows_of
 from fenics_mortar.interface.facing import nearest_on_master
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.interface.on_obstacle import ObstacleOperators
-from fenics_mortar.interface.space_mortar import SpaceOperators
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians, turns_between
 from fenics_mortar.utils.arrays import Array, Flags, Indices, norms
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.pair import Measure
+    from fenics_mortar.interface.on_obstacle import ObstacleOperators
+    from fenics_mortar.interface.space_mortar import SpaceOperators
 
 
 class Evaluations:

@@ -45,7 +45,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
@@ -73,9 +73,7 @@ from fenics_mortar.contact.tied_rows import (
 )
 from fenics_mortar.interface.integrals import MortarOptions, evaluate_normals
 from fenics_mortar.interface.mortar import Block, Linearization
-from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.surfaces import MIN_SHARE
-from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import (
     HALF_FACET,
     LAST_DIGITS,
@@ -87,6 +85,10 @@ from fenics_mortar.utils.arrays import (
     Indices,
 )
 from fenics_mortar.utils.errors import SurfaceError, format_point
+
+if TYPE_CHECKING:
+    from fenics_mortar.interface.outline import Outline
+    from fenics_mortar.mesh.space import DisplacementSpace
 
 
 def _refuse_offset(_: Any, lengths: Any) -> None:

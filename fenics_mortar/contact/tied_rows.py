@@ -29,7 +29,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csr_array, diags
@@ -41,13 +41,14 @@ from fenics_mortar.contact.rows import Frame, InterfaceRows, Rows
 from fenics_mortar.interface.faces import surface_of_vertices
 from fenics_mortar.interface.integrals import MortarOptions, PlaneOperators, evaluate_mortar
 from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
-from fenics_mortar.interface.space_integrals import evaluate_space
-from fenics_mortar.interface.space_mortar import SpaceOperators
+from fenics_mortar.interface.space_mortar import SpaceOperators, evaluate_space
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.interface.traces import Trace, trace_of
-from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError
+
+if TYPE_CHECKING:
+    from fenics_mortar.mesh.space import DisplacementSpace
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,15 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.fluxes import NodalFlux
-from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.surfaces import Surface, replicate
 from fenics_mortar.kernels.sight import BEHIND
@@ -26,6 +23,11 @@ from fenics_mortar.mesh.space import DisplacementSpace, numbered_dofs
 from fenics_mortar.utils.arrays import SAME_PLACE, Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import on_any_rank
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.fluxes import NodalFlux
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.contact.interface_fields import InterfaceState
 
 
 @dataclass(frozen=True)

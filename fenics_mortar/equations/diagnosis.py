@@ -11,26 +11,21 @@ Bodies and driven obstacles that do not come to rest get anchored springs, see `
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
 import numpy as np
 
 from fenics_mortar.bulk.bodies import join_bodies
-from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.law import STICK, Branches
 from fenics_mortar.contact.pair import Discretization
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.tied_rows import rows_of
 from fenics_mortar.contact.view import describe_overlap
 from fenics_mortar.equations.arguments import EQUATIONS
-from fenics_mortar.equations.residual import Residual
 from fenics_mortar.newton.loop import UNSETTLED, decreased
-from fenics_mortar.rigid.driven import DrivenMotions
-from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.proximal import RIGID, Remaining
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import (
@@ -43,6 +38,13 @@ from fenics_mortar.utils.arrays import (
 )
 from fenics_mortar.utils.errors import MortarError, NotFiniteError, format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.equations.residual import Residual
+    from fenics_mortar.rigid.driven import DrivenMotions
+    from fenics_mortar.rigid.floating import FloatingBodies
 
 # Active set and branches of each pair in one iteration.
 SetsOfPairs = list[tuple[Flags, Branches]]

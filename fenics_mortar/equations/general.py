@@ -21,21 +21,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.bodies import FloatingBody
-from fenics_mortar.bulk.history import HistoryValues
-from fenics_mortar.bulk.inertia import Inertia, Rates
-from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_stored
-from fenics_mortar.contact.redundancy import Redundancy
-from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.equations.diagnosis import (
     CombinedSprings,
@@ -44,12 +37,9 @@ from fenics_mortar.equations.diagnosis import (
     check_diagonal,
     diagnose,
 )
-from fenics_mortar.equations.linearized import Tangent
-from fenics_mortar.equations.linearized_contact import LinearizedContact
+from fenics_mortar.equations.linearized_contact import LinearizedContact, Redundancy
 from fenics_mortar.equations.residual import NO_MOTION, Increment, LastTangent, Residual
-from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.options import drop_added_options
-from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.loop import NewtonOptions, Status, Step, forcing
 from fenics_mortar.obstacles.rigid_motion import places_towards
 from fenics_mortar.rigid.body_motions import HeldBodies
@@ -66,8 +56,18 @@ from fenics_mortar.utils.errors import (
     format_point,
     together,
 )
-from fenics_mortar.verify.crossing import AcceptedPositions, Crossings
-from fenics_mortar.verify.space_crossing import SpaceCrossings
+from fenics_mortar.verify.crossing import AcceptedPositions, Crossings, SpaceCrossings
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.bodies import FloatingBody
+    from fenics_mortar.bulk.history import HistoryValues
+    from fenics_mortar.bulk.inertia import Inertia, Rates
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.interface_fields import InterfaceState
+    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.equations.linearized import Tangent
+    from fenics_mortar.interface.mortar import Linearization
+    from fenics_mortar.la.system import LinearSystem
 
 
 @dataclass(frozen=True)

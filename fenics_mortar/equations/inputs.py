@@ -11,25 +11,27 @@ The same for places, loads and pivots of obstacles and remote loads.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.axis import AxisConditions, remark_on_radius, remark_on_thickness
-from fenics_mortar.bulk.checks import have_common_facet
+from fenics_mortar.bulk.checks import (
+    AxisConditions,
+    have_common_facet,
+    remark_on_radius,
+    remark_on_thickness,
+)
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law import BUILT_IN, Law, check_names
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.view import remarks_on_ties
-from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.newton.loop import NewtonOptions
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import DRIVEN_TURNS, RigidMotion
-from fenics_mortar.rigid.motions import RigidMotions
 from fenics_mortar.rigid.spread import SpreadLoad
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, Array
@@ -49,6 +51,10 @@ from fenics_mortar.utils.errors import (
     together,
 )
 from fenics_mortar.verify.checks.obstacle_gradient import check_user_gradient
+
+if TYPE_CHECKING:
+    from fenics_mortar.equations.general import ContactEquations
+    from fenics_mortar.rigid.driven import RigidMotions
 
 
 class MotionInputs:

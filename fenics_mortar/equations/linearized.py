@@ -31,23 +31,54 @@ A^-1 f. The change of a prescribed displacement is the right-hand side of the ro
 change of a push that of the row of its motion. The gradient of a functional J with respect to a
 parameter p is -y . dR/dp with A^T y = dJ/d(u, z, q) (adjoint method). For mixed functions u
 contains all unknowns, each with its units and equations.
+
+Solves with the tangent of a linear bulk that is factored once, or with its transpose.
+
+With the stiffness K of the bodies, factored with the supports H prescribed, the equations of
+``linearized`` on the free dofs are
+
+    K u + K_c u + B^T z = f - K_H u_H,        C u + A_z z = h.
+
+On the contact dofs they are the dense system of ``reduced_dense``. One solve with K and the forces
+of its solution yields u. The transposed equations have the same form: K_c^T replaces K_c, C^T
+replaces B^T, B replaces C, and A_z^T replaces A_z. The values at prescribed dofs are computed last.
+
+The dense system contains the multipliers with displacements in their rows, C. Multipliers of other
+nodes, most of them open, are computed separately: for A x = b before it, since they exert forces,
+and for A^T y = b after it, since they depend on the displacements.
+
+The dense system of a linear bulk: displacements of contact dofs and multipliers.
+
+    u + A (K_c u + B^T z) = d,        C u + A_z z = h,
+
+with the compliance A and the displacement d without contact forces; see ``reduced``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
+from scipy.sparse import coo_array, csr_array
 
 from fenics_mortar.contact.law_calls import raise_stored
+from fenics_mortar.la.solver import LINEAR_TOLERANCE
 from fenics_mortar.rigid.driven import border_of
 from fenics_mortar.rigid.spread import solve_bordered
-from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_kind, check_same, together
+from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.errors import MortarError, check_kind, check_same, together
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.rows import Rows
+    from fenics_mortar.la.compliance import Compliance, ContactDofs
+    from fenics_mortar.la.system import LinearSystem
+    from fenics_mortar.utils.arrays import Array, Indices
 
 
 @dataclass(frozen=True)
@@ -249,3 +280,231 @@ def _checked(name: str, values: Array | None, shape: tuple[int, ...]) -> Array:
     if not np.isfinite(values).all():
         raise ValueError(f"{name} is not finite: expected numbers")
     return values
+
+
+class ContactMatrices(NamedTuple):
+    """Matrices on the contact dofs and n multipliers.
+
+    Attributes:
+        K_c: Derivative of forces with respect to displacements at fixed multipliers, (size, size).
+        B_T: Derivative of forces with respect to multipliers, (size, n).
+        C: Derivative of the multipliers' rows with respect to displacements, (n, size).
+        A_z: Derivative of the multipliers' rows with respect to multipliers, (n, n); a block per
+            node.
+    """
+
+    K_c: coo_array
+    B_T: coo_array
+    C: coo_array
+    A_z: coo_array
+
+    @property
+    def transposed(self) -> Self:
+        """The matrices of the transposed equations."""
+        return type(self)(self.K_c.T, self.C.T, self.B_T.T, self.A_z.T)
+
+
+def solve_dense(
+    A: Array, matrices: ContactMatrices, some: Indices, d: Array, rhs: Array, weight: Array
+) -> tuple[Array, Array, Array] | None:
+    """Solve the dense system for some multipliers, the others being zero (local).
+
+    Args:
+        A: Compliance, symmetric, (size, size) [1 / stress].
+        matrices: The matrices.
+        some: Numbers of the multipliers, ascending.
+        d: Displacements without contact forces, (size,) [length].
+        rhs: Right-hand side h, (n,).
+        weight: Factors of the rows of multipliers, (n,), for the norm of the error.
+
+    Returns:
+        Displacements and contact forces, (size,) each, multipliers, (n,); ``None`` if the system is
+        singular.
+    """
+    K_c, B_T, C, A_z = matrices
+    coupled = B_T.row[np.isin(B_T.col, some)]
+    t = np.unique(np.concatenate([K_c.row, K_c.col, coupled, C.col[np.isin(C.row, some)]]))
+    K_t, B_t, A_t = _part(K_c, t, t), _part(B_T, t, some), A[t]
+    matrix = np.empty((t.size + some.size, t.size + some.size))
+    upper, lower = np.split(matrix, [t.size])
+    upper[:, : t.size] = (K_t.T @ A_t[:, t]).T  # A is symmetric
+    upper[:, t.size :] = (B_t.T @ A_t[:, t]).T
+    upper[np.diag_indices(t.size)] += 1.0
+    lower[:, : t.size] = _part(C, some, t).toarray()
+    lower[:, t.size :] = _part(A_z, some, some).toarray()
+    lower *= weight[some, None]
+    right = np.concatenate([d[t], weight[some] * rhs[some]])
+    try:
+        x = np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        return None
+    defect = np.linalg.norm(matrix @ x - right)
+    if not defect <= LINEAR_TOLERANCE * np.linalg.norm(right):
+        return None
+    z, force = np.zeros(rhs.size), np.zeros(d.size)
+    z[some] = x[t.size :]
+    force[t] = K_t @ x[: t.size] + B_t @ z[some]
+    return d - force[t] @ A_t, force, z
+
+
+def solve_alone(A_z: coo_array, alone: Sequence[Indices], rhs: Array) -> Array:
+    """Solve the blocks of nodes with uncoupled multipliers, (n,); zero elsewhere (local).
+
+    Args:
+        A_z: See ``ContactMatrices``.
+        alone: Numbers of the components of these multipliers, (nodes, c) for each pair.
+        rhs: Right-hand side, (n,).
+
+    Raises:
+        LinAlgError: If a block is singular.
+    """
+    z = np.zeros(rhs.size)
+    for z_dofs in alone:
+        node, component = np.full((2, rhs.size), -1)
+        node[z_dofs], component[z_dofs] = np.indices(z_dofs.shape)
+        here = node[A_z.row] >= 0
+        i, j, blocks = A_z.row[here], A_z.col[here], np.zeros((*z_dofs.shape, z_dofs.shape[1]))
+        np.add.at(blocks, (node[i], component[i], component[j]), A_z.data[here])
+        z[z_dofs] = np.linalg.solve(blocks, rhs[z_dofs][:, :, None])[..., 0]
+    return z
+
+
+def _part(matrix: coo_array, rows: Indices, columns: Indices) -> csr_array:
+    """Submatrix of ascending rows and columns (local)."""
+    i, j = np.full(matrix.shape[0], -1), np.full(matrix.shape[1], -1)
+    i[rows], j[columns] = np.arange(rows.size), np.arange(columns.size)
+    row, column = i[matrix.row], j[matrix.col]
+    inside = (row >= 0) & (column >= 0)
+    entries = matrix.data[inside], (row[inside], column[inside])
+    return csr_array(entries, shape=(rows.size, columns.size))
+
+
+class ReducedTangent:
+    """The tangent of displacement and multipliers by factors of the bulk; methods are collective.
+
+    Args:
+        bulk: The bodies; their tangent is constant.
+        system: System of displacements and multipliers, for numbers and scales.
+        dofs: The contact dofs.
+        compliance: Factors of the bulk.
+        collect: Function that assembles ``ContactMatrices``, with scaled multipliers, from the rows
+            of all contacts.
+    """
+
+    def __init__(
+        self,
+        bulk: Bulk,
+        system: LinearSystem,
+        dofs: ContactDofs,
+        compliance: Compliance,
+        collect: Callable[[Sequence[Rows]], ContactMatrices],
+    ) -> None:
+        self._bulk, self._system, self._dofs = bulk, system, dofs
+        self._compliance, self._collect = compliance, collect
+        self._away = ~bulk.prescribed[: bulk.num_owned]
+        self._away[dofs.local] = False
+        bulk.assemble_tangent()  # a step on all dofs may have added contact terms
+        rows = (bulk.prescribed_dofs + bulk.first).astype(PETSc.IntType)
+        self._K_H = bulk.K.createSubMatrix(PETSc.IS().createGeneral(rows, bulk.comm))
+
+    @clock("assembly")
+    def assemble(self) -> None:
+        """See ``LinearSystem``."""
+        self._parts = self._collect([c.rows.linearized() for c in self._system.contacts])
+        self._coupled = self._system.with_others(self._parts.C.row)
+
+    @clock("solve")
+    def solve(self, b: Array, *, transpose: bool = False) -> Array:
+        """See ``LinearSystem``."""
+        prescribed = self._bulk.prescribed_dofs
+        f, h = self._system.split(b)
+        given, f[prescribed] = f[prescribed], 0.0
+        if transpose:
+            u, forces, z = self._solve(f, self._scaled(h), self._parts.transposed)
+            u[prescribed] = given - self._support_forces(u) - forces[prescribed]
+            return self._system.join(u, z)
+        known = np.zeros_like(f)
+        known[prescribed] = given
+        u, _, z = self._solve(f - self._forces_by(given), h, self._parts, known)
+        return self._system.join(u, self._scaled(z))
+
+    def _solve(
+        self, f: Array, h: Sequence[Array], matrices: ContactMatrices, known: Array | None = None
+    ) -> tuple[Array, Array, list[Array]]:
+        """Displacements and contact forces of the owned dofs, multipliers of the contacts.
+
+        Args:
+            f: Forces, owned dofs [stress length]; those on prescribed dofs are not used.
+            h: Right-hand sides of the multipliers' rows, (slave nodes, 2) each.
+            matrices: Matrices, complete on rank 0.
+            known: Prescribed values, zero at free dofs, owned dofs [length]; zero by default.
+        """
+        d = self._without_contact(f)
+        if known is not None:
+            d = d + self._dofs.gather(known)
+        solution = None
+        if self._bulk.comm.rank == 0:
+            solution = self._on_contact(d, h, matrices)
+        solution = self._bulk.comm.bcast(solution)
+        if solution is None:
+            raise MortarError("the reduced linear system is singular")
+        force, zeta = solution
+        forces = np.zeros_like(f)
+        self._dofs.put(force, forces)
+        u = self._of_bulk(f - forces)
+        if known is not None:
+            u += known
+        return u, forces, [zeta[z_dofs] for z_dofs in self._system.z_dofs]
+
+    def _without_contact(self, f: Array) -> Array:
+        """Displacements of the contact dofs under forces, (size,) [length]; complete on rank 0."""
+        if self._bulk.comm.allreduce(bool(f[self._away].any())):
+            return self._dofs.gather(self._of_bulk(f))
+        return self._compliance.by_forces(self._dofs.gather(f))
+
+    def _on_contact(
+        self, d: Array, h: Sequence[Array], matrices: ContactMatrices
+    ) -> tuple[Array, Array] | None:
+        """Contact forces (size,) and multipliers (n,); ``None`` if singular (local)."""
+        A, (rhs, weight) = self._compliance.A, np.empty((2, self._system.all_z_dofs))
+        for (contact, z_dofs), values in zip(self._system.numbered(), h, strict=True):
+            rhs[z_dofs], weight[z_dofs] = values, 1.0 / contact.stiffness[:, None]
+        coupled = [z_dofs.ravel() for z_dofs in self._coupled]
+        some = np.sort(np.concatenate([np.empty(0, np.int64), *coupled]))
+        others = self._system.with_others(np.setdiff1d(np.arange(rhs.size), some))
+        try:
+            alone = solve_alone(matrices.A_z, others, rhs)
+            pushed = matrices.B_T @ alone
+            found = solve_dense(A, matrices, some, d - A @ pushed, rhs, weight)
+            if found is None:
+                return None
+            u, force, z = found
+            alone = solve_alone(matrices.A_z, others, rhs - matrices.C @ u)
+        except np.linalg.LinAlgError:
+            return None
+        return force + pushed, z + alone
+
+    def _of_bulk(self, f: Array) -> Array:
+        """Displacements of the owned dofs under forces on the free ones, (owned dofs,) [length]."""
+        force = self._bulk.r.duplicate()
+        force.array[:] = f
+        return np.array(self._compliance.solve(force).array_r)
+
+    def _forces_by(self, given: Array) -> Array:
+        """Forces K_H^T u_H of prescribed values, (owned dofs,) [stress length]."""
+        forces, values = self._K_H.createVecs()
+        values.array[:] = given
+        self._K_H.multTranspose(values, forces)
+        return np.array(forces.array_r)
+
+    def _support_forces(self, u: Array) -> Array:
+        """Forces K_H u at the prescribed dofs, (prescribed dofs,) [stress length]."""
+        displacement, forces = self._K_H.createVecs()
+        displacement.array[:] = u
+        self._K_H.mult(displacement, forces)
+        return np.array(forces.array_r)
+
+    def _scaled(self, z: Sequence[Array]) -> list[Array]:
+        """Values of each contact times the scale of its multipliers (local)."""
+        scales = map(self._system.scale, self._system.contacts)
+        return [values * scale for values, scale in zip(z, scales, strict=True)]

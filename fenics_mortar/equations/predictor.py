@@ -53,7 +53,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from mpi4py import MPI
 
@@ -62,11 +62,8 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact, begin_step
 from fenics_mortar.equations.arguments import EQUATIONS
-from fenics_mortar.equations.general import ContactEquations, State
-from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.kernels.crossing import box_triangles, interpolate
 from fenics_mortar.kernels.tree import spatial_order
-from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.newton.loop import NewtonReport, then_solve
 from fenics_mortar.obstacles.rigid_motion import polar_rotation
 from fenics_mortar.utils import compat
@@ -74,6 +71,11 @@ from fenics_mortar.utils.arrays import HALF_FACET, Array, Indices
 from fenics_mortar.utils.errors import NotConvergedError
 from fenics_mortar.utils.ranks import sum_over_ranks
 from fenics_mortar.verify.node_paths import SLENDER, STRETCHED
+
+if TYPE_CHECKING:
+    from fenics_mortar.equations.general import ContactEquations, State
+    from fenics_mortar.interface.curve_surface import Curve
+    from fenics_mortar.mesh.space import DisplacementSpace
 
 # Triangles between the nodes of a cell, by the number of nodes; for their order see ``bulk.cells``.
 DIVISIONS = {

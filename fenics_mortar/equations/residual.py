@@ -35,28 +35,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from dolfinx import fem
 
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.law_calls import raise_stored
-from fenics_mortar.contact.tied import Tie
 from fenics_mortar.kernels.blocks import add_forces
-from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.mesh.data import MeshData, Names, as_list, joined_names
 from fenics_mortar.newton.loop import forcing
-from fenics_mortar.rigid.driven import DrivenMotions
-from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import EPSILON, SOLVED, TINY, Array, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MeshError, MortarError, check_same_texts, together
 from fenics_mortar.utils.ranks import on_all_ranks, on_any_rank, sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.contact import Contact
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.la.system import LinearSystem
+    from fenics_mortar.rigid.driven import DrivenMotions
+    from fenics_mortar.rigid.floating import FloatingBodies
 
 
 def roundoff_of(

@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -32,18 +32,19 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.view import describe_start
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.equations.diagnosis import describe_idle
-from fenics_mortar.equations.general import ContactEquations
-from fenics_mortar.equations.linear_bulk import LinearBulk
 from fenics_mortar.equations.predictor import Predictor, turn, turns_of_prescribed
-from fenics_mortar.la.system import LinearSystem
+from fenics_mortar.equations.reduced import LinearBulk
 from fenics_mortar.newton.loop import Damped, NewtonReport, merge_repeated, solve, then_solve
 from fenics_mortar.rigid.proximal import RIGID, solve_with_springs, solve_with_weak_springs
 from fenics_mortar.utils.arrays import ROUNDING, Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError, NotConvergedError, as_text
 from fenics_mortar.utils.ranks import agreed, on_all_ranks, sum_over_ranks
-from fenics_mortar.verify.certificate import Certificate, certify
-from fenics_mortar.verify.tipping import tipping_bodies
+from fenics_mortar.verify.certificate import Certificate, certify, tipping_bodies
+
+if TYPE_CHECKING:
+    from fenics_mortar.equations.general import ContactEquations
+    from fenics_mortar.la.system import LinearSystem
 
 
 class Solver:
@@ -211,7 +212,7 @@ class Solver:
         return report, moved
 
     def _lead(self) -> None:
-        """Count slip of nodes without force from where supports carry them, see ``leading``."""
+        """Count slip of nodes without force from where supports carry them, see ``arcs``."""
         e = self._equations
         pairs = [pair for pair in e.contacts if isinstance(pair, Contact) and pair.may_be_led]
         carried = e.crossings.carried() if pairs else None

@@ -22,18 +22,20 @@ normal.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse.csgraph import connected_components
 
-from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.kernels.space.normals import edge_coefficients
 from fenics_mortar.kernels.space.shapes import triangles_of
 from fenics_mortar.kernels.space.triangles import facing_normals
 from fenics_mortar.kernels.tree import build_tree, spatial_order
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+
+if TYPE_CHECKING:
+    from fenics_mortar.interface.curve_surface import Curve
 
 # A node is a corner if the undeformed outline turns there by more than this angle [radian], that of
 # a regular hexagon; curves are meshed finer.

@@ -17,16 +17,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.roles import CurveRoles
-from fenics_mortar.interface.surfaces import Surface, facet_measures, local_facets, place_of_nodes
-from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.interface.surfaces import (
+    CurveRoles,
+    Surface,
+    facet_measures,
+    local_facets,
+    place_of_nodes,
+)
 from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, Array, Indices, norms
 from fenics_mortar.utils.errors import SurfaceError, format_point
+
+if TYPE_CHECKING:
+    from fenics_mortar.mesh.space import DisplacementSpace
 
 # Turn of the outline to the right from which on it folds back, as round the tip of a crack
 # [radian]: the faces enclose an angle below 30 degrees and face each other; the average of their

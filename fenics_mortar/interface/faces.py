@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,13 +22,14 @@ import basix
 
 from fenics_mortar.interface.corners import SharpEdges
 from fenics_mortar.interface.reference import CORNERS, linear_values, rule_of_triangles, tabulate
-from fenics_mortar.interface.roles import FaceRoles
-from fenics_mortar.interface.surfaces import Surface, place_of_nodes, tagged_facets
+from fenics_mortar.interface.surfaces import FaceRoles, Surface, place_of_nodes, tagged_facets
 from fenics_mortar.kernels.space.normals import facets_around, find_rings
 from fenics_mortar.mesh.space import DisplacementSpace, input_nodes
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, format_point
+
+if TYPE_CHECKING:
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 # Degree of the facets by their number of nodes.
 DEGREES = {3: 1, 4: 1, 6: 2, 9: 2}

@@ -11,12 +11,10 @@ Nearest points of a surface in space.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.interface.faces import Faces
 from fenics_mortar.interface.integrals import PlaneOperators, Segments, WholeFacets
 from fenics_mortar.interface.reference import (
     CORNERS,
@@ -31,6 +29,10 @@ from fenics_mortar.kernels.space.integrals import tabulate_pairs
 from fenics_mortar.kernels.space.normals import facets_around
 from fenics_mortar.kernels.space.shapes import LINEAR, QUADRATIC, reference_nodes
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+
+if TYPE_CHECKING:
+    from fenics_mortar.interface.curve_surface import Curve
+    from fenics_mortar.interface.faces import Faces
 
 Rule = tuple[Array, Array]
 # Gauss points on a segment, and its ends

@@ -36,25 +36,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import Any, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
 
 from mpi4py import MPI
 
 import numpy as np
 
 from fenics_mortar.interface.corners import links_at_corners
-from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, Linearization, MortarOperators
 from fenics_mortar.interface.reference import Basis, facet_rule, gauss_rule
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import points as point_kernels
 from fenics_mortar.kernels import projection, search
-from fenics_mortar.kernels.basis import BY_BASIS, BY_COVER, BY_STANDARD, DUAL, STANDARD
 from fenics_mortar.kernels.blocks import weigh_derivatives
+from fenics_mortar.kernels.facets import BY_BASIS, BY_COVER, BY_STANDARD, DUAL, STANDARD
 from fenics_mortar.kernels.space import normals as space_normals
 from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices, read_only_view, summed
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.ranks import sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.interface.curve_surface import Curve
+    from fenics_mortar.interface.surfaces import Surface
 
 
 class BodiesBehind(NamedTuple):
@@ -289,7 +291,7 @@ class MortarOptions:
         basis: "dual" (D is diagonal), "standard" or, at vertices only, "vertices" and "linear";
             on triangles with six nodes "quadratic".
         weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
-        gap_weights: Weights of the gap: "basis", "cover" or "standard"; see ``kernels.basis``.
+        gap_weights: Weights of the gap: "basis", "cover" or "standard"; see ``kernels.facets``.
         integration: "segments", "elements" or "nodes".
         points: Gauss points per segment, with "elements" per slave facet.
         radius: Search radius along the normal [length]; limits behind the slave: ``outline``.

@@ -24,12 +24,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from fenics_mortar.interface import integrals
-from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.faces import Faces, covers
 from fenics_mortar.interface.integrals import (
     MortarOptions,
@@ -39,7 +38,6 @@ from fenics_mortar.interface.integrals import (
     share_of,
     sum_over_facets,
 )
-from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.interface.reference import (
     COMBINED,
     CORNERS,
@@ -50,14 +48,18 @@ from fenics_mortar.interface.reference import (
     sample_points,
     tabulate,
 )
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import facets
-from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import TURNS, by_further_motion, motion_between
-from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.ranks import sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.interface.curve_surface import Curve
+    from fenics_mortar.interface.mortar import Linearization
+    from fenics_mortar.interface.surfaces import Surface
+    from fenics_mortar.obstacles.obstacle import Obstacle
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 def integrate_facets(
@@ -478,7 +480,7 @@ def evaluate_obstacle(
     if linearization.frozen:
         by_motions = np.einsum("ejk,ejc,ekmc->ejm", D, n[nodes], V[nodes])
     diagonal, gap, cover, weight = sum_over_facets(slave, nodes, D, gap, cover)
-    if dim == 3 and options.basis in COMBINED:  # see ``space_integrals``
+    if dim == 3 and options.basis in COMBINED:  # see ``space_mortar``
         diagonal = weight
     dgap_dq = np.zeros(V.shape[:2])
     np.add.at(dgap_dq, nodes, by_motions)

@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -34,7 +34,6 @@ import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.faces import Faces, outward_nodes
 from fenics_mortar.interface.integrals import BodiesBehind
 from fenics_mortar.interface.surfaces import facet_nodes, replicate
@@ -43,9 +42,11 @@ from fenics_mortar.kernels.space import inside as space_sight
 from fenics_mortar.kernels.space.normals import facets_around
 from fenics_mortar.kernels.space.shapes import triangles_of
 from fenics_mortar.kernels.tree import build_tree, spatial_order
-from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, SAME_PLACE, TINY, Array, Indices
-from fenics_mortar.utils.lines import near
+from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, SAME_PLACE, TINY, Array, Indices, near
+
+if TYPE_CHECKING:
+    from fenics_mortar.interface.curve_surface import Curve
+    from fenics_mortar.mesh.space import DisplacementSpace
 
 # Factor of the steps to which coordinates are rounded [1]. With an odd factor no node of a regular
 # mesh lies halfway between two steps, where the result would depend on the last digit.

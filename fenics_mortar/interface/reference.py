@@ -8,7 +8,7 @@ Facets in the plane are intervals [-1, 1] of 2 or 3 nodes; for those in space se
 from __future__ import annotations
 
 from functools import cache
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -20,7 +20,9 @@ from fenics_mortar.kernels.space.shapes import (
     tabulate_shapes,
     triangle_rule,
 )
-from fenics_mortar.utils.arrays import Array, Flags
+
+if TYPE_CHECKING:
+    from fenics_mortar.utils.arrays import Array, Flags
 
 # Nodes and corners of the facets: tri3, quad4, tri6, quad9.
 CORNERS = {3: 3, 4: 4, 6: 3, 9: 4}

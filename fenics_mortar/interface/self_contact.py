@@ -12,7 +12,7 @@ In the plane facets are ordered along each curve. If a curve is folded, one side
 precedes the other along the curve. Roles change only at the bend, and at the start of a closed
 curve. In space facets are swept, see below.
 
-Facets that are neighbours along the surface are not paired, see ``kernels.roles``.
+Facets that are neighbours along the surface are not paired, see ``kernels.sight``.
 Like any other facet in between, they hide facets behind them. Neither are facets that meet at a
 junction of cracks but are not faces of one crack: they touch in a point, as parts opposite each
 other where two cracks cross. Corners that overlap by rounding could be separated along either
@@ -26,7 +26,7 @@ equally far. It is therefore the extreme one in a direction that no mesh has.
 
 Where other parts of a surface meet, as after a shear, roles may change on a line in the contact.
 Two nodes that face each other there would have one gap; one of them hands its multiplier over, see
-``space_integrals``.
+``space_mortar``.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 
 from fenics_mortar.interface.curve_surface import FOLD, Curve
 from fenics_mortar.interface.faces import Faces, padded
-from fenics_mortar.interface.roles import CurveRoles, FaceRoles, Roles
+from fenics_mortar.interface.surfaces import CurveRoles, FaceRoles, Roles
 from fenics_mortar.utils.arrays import SAME_PLACE, Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
@@ -120,7 +120,7 @@ def _distances(graph: csr_array, places: Array, firsts: Indices) -> Array:
 def _near(graph: csr_array) -> Indices:
     """Each facet, its neighbours and theirs, ascending, -1 for none, shape (f, c).
 
-    The mesh cannot resolve a fold between them, as in the plane, see ``kernels.roles``.
+    The mesh cannot resolve a fold between them, as in the plane, see ``kernels.sight``.
     """
     i, j = (graph @ graph).nonzero()
     order = np.lexsort((j, i))

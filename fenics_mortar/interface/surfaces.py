@@ -28,14 +28,17 @@ each linear iteration, and each rank factorizes the whole strip. The README of
 Integrals of shape functions over facets, with or without a thickness.
 
 Facets with given tags, with their nodes in order and the body on the left.
+
+Slave and master roles of the facets of a surface that may touch itself; see ``self_contact``.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -45,10 +48,13 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.kernels.projection import lagrange
+from fenics_mortar.kernels.sight import tabulate_masters
 from fenics_mortar.mesh.space import DisplacementSpace, NodalThickness, input_nodes
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import SurfaceError, count_points
+
+if TYPE_CHECKING:
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 # Fraction of the whole integral [1] below which a node carries no multiplier, for two integrals.
 # (1) Shape function times thickness, over the nodal area, which may become zero or negative after
@@ -366,3 +372,97 @@ def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
         on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
         ends[i] = (a, *inside, b) if on_left else (b, *inside, a)
     return ends
+
+
+@dataclass(frozen=True)
+class Roles(ABC):
+    """Order of the facets of a surface.
+
+    Attributes:
+        keys: Position of each facet in the order, and number of its connected part, shape (f, 2).
+    """
+
+    keys: Indices
+
+    @abstractmethod
+    def of(self, facets: Indices) -> tuple[Any, ...]:
+        """Arguments of the kernels for the slave facets ``facets`` (k,)."""
+
+    @abstractmethod
+    def masters_of(self, facets: Indices) -> Flags:
+        """Whether each facet is a master of the facets ``facets`` (k,), shape (k, f), bool."""
+
+    def masters_of_nodes(self, facets: Indices, nodes: Indices) -> Flags:
+        """Whether a facet is a master of a facet at each of ``nodes`` (k,), (k, f), bool (local).
+
+        Args:
+            facets: Nodes of the facets, shape (f, K).
+            nodes: Numbers of the nodes, shape (k,).
+        """
+        masters = np.zeros((nodes.size, len(self.keys)), bool)
+        index = np.full(facets.max() + 1, -1)
+        index[nodes] = np.arange(nodes.size)
+        facet, column = np.nonzero(index[facets] >= 0)
+        np.logical_or.at(masters, index[facets[facet, column]], self.masters_of(facet))
+        return masters
+
+
+@dataclass(frozen=True)
+class CurveRoles(Roles):
+    """Order of the facets of curves and their positions along these.
+
+    Attributes:
+        arcs: Start and end of each facet along its curve, undeformed, and length of the curve if it
+            is closed, else inf, shape (f, 3) [length].
+        ends: Of both ends of each facet the junction of cracks there, -1 for none, and the crack
+            that leaves it, shape (f, 2, 2).
+    """
+
+    arcs: Array
+    ends: Indices
+
+    def of(self, facets: Indices) -> tuple[Indices, Indices, Array, Indices]:
+        """See ``Roles`` and ``kernels.sight``."""
+        return facets, self.keys, self.arcs, self.ends
+
+    def masters_of(self, facets: Indices) -> Flags:
+        """See ``Roles``."""
+        masters = np.empty((facets.size, len(self.keys)), bool)
+        tabulate_masters(self.keys, self.arcs, self.ends, facets, masters)
+        return masters
+
+
+@dataclass(frozen=True)
+class FaceRoles(Roles):
+    """Order of the facets of faces, and those that are too near to touch each other.
+
+    Attributes:
+        near: Each facet, its neighbours and theirs, -1 for none, shape (f, c).
+    """
+
+    near: Indices
+
+    def of_nodes(self, facets: Indices, count: int) -> tuple[Indices, Indices]:
+        """First and last position in the order of the facets at each node, (count,) each (local).
+
+        Args:
+            facets: Nodes of the facets, shape (f, K).
+            count: Number of nodes.
+        """
+        order = self.keys[:, :1]
+        earliest, latest = np.full(count, len(order)), np.full(count, -1)
+        np.minimum.at(earliest, facets, order)
+        np.maximum.at(latest, facets, order)
+        return earliest, latest
+
+    def of(self, facets: Indices) -> tuple[Indices, Indices]:
+        """See ``Roles`` and ``kernels.space.pairs``: of all facets."""
+        return np.ascontiguousarray(self.keys[:, 0]), self.near
+
+    def masters_of(self, facets: Indices) -> Flags:
+        """See ``Roles``."""
+        order = self.keys[:, 0]
+        masters = order[facets, None] < order
+        at, column = np.nonzero(self.near[facets] >= 0)
+        masters[at, self.near[facets[at], column]] = False
+        return masters

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,9 +26,11 @@ from fenics_mortar.interface.curve_surface import extract_curve
 from fenics_mortar.interface.faces import extract_faces
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface, replicate
-from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Indices
+
+if TYPE_CHECKING:
+    from fenics_mortar.mesh.space import DisplacementSpace
+    from fenics_mortar.utils.arrays import Array, Indices
 
 
 @dataclass(frozen=True)

@@ -20,21 +20,23 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import place_of
+from fenics_mortar.contact.interface_fields import INDEPENDENT
 from fenics_mortar.contact.law_calls import instant_arrays, restore_instant
-from fenics_mortar.contact.operator_evaluation import place_of
-from fenics_mortar.contact.state import INDEPENDENT
 from fenics_mortar.io.paraview import check_problem
 from fenics_mortar.mesh.space import mesh_by_input_node
-from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import ROUNDING
 from fenics_mortar.utils.errors import MortarError, format_point
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
+
+if TYPE_CHECKING:
+    from fenics_mortar.problem import ContactProblem
 
 Arrays = dict[str, npt.NDArray[Any]]
 # Values of a contact in the file; the last one is that of ``place_of``.

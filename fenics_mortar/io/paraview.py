@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -29,14 +29,10 @@ from ufl.algorithms import extract_arguments, extract_coefficients
 from ufl.domain import extract_domains
 
 from fenics_mortar.bulk.cells import DEGREES, midpoint_of
-from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.tied import Tie
 from fenics_mortar.mesh.space import KINDS
-from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import (
     MortarError,
     check_kind,
@@ -53,6 +49,12 @@ from fenics_mortar.utils.files import (
     write_whole,
 )
 from fenics_mortar.utils.ranks import largest_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.obstacles.obstacle import Obstacle
+    from fenics_mortar.utils.arrays import Array, Indices
 
 
 def check_problem(problem: Any) -> None:

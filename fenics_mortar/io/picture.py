@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,6 @@ import basix
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.bulk.cells import OUTLINE
-from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.io.paraview import (
     GRID,
@@ -34,12 +33,15 @@ from fenics_mortar.io.paraview import (
     with_margin,
 )
 from fenics_mortar.mesh.space import KINDS, Kind
-from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import check_kind, check_number, together
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.contact import Contact
+    from fenics_mortar.obstacles.obstacle import Obstacle
+    from fenics_mortar.problem import ContactProblem
+    from fenics_mortar.utils.arrays import Array, Indices
 
 
 class Skin(NamedTuple):

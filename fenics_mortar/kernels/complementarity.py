@@ -10,7 +10,7 @@ z_n, z_tau  normal and tangential part of the multiplier, with tau = (-n_y, n_x)
 a           adhesion at the mean gap, zero without one
 ==========  ==========================================================================
 
-Slave nodes that carry a multiplier, by their cover; see ``contact.active_set``.
+Slave nodes that carry a multiplier, by their cover; see ``contact.rows``.
 """
 
 from fenics_mortar.kernels import kernel

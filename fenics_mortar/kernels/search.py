@@ -48,7 +48,7 @@ from fenics_mortar.kernels.projection import (
     slave_to_master,
     tabulate_shapes,
 )
-from fenics_mortar.kernels.roles import keep_masters, touch_in_a_point
+from fenics_mortar.kernels.sight import keep_masters, touch_in_a_point
 from fenics_mortar.kernels.tree import build_tree, query_tree
 from fenics_mortar.utils.arrays import ROUNDING
 

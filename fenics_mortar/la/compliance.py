@@ -7,6 +7,7 @@ The dofs of all contact surfaces have consecutive numbers.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from petsc4py import PETSc
 
@@ -14,13 +15,15 @@ import numpy as np
 from scipy.linalg import LinAlgError, inv, lapack
 from scipy.sparse import csr_array
 
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.interface import Interface
 from fenics_mortar.la.solver import column_groups, factored_bulk, factored_bulk_by_cholmod
 from fenics_mortar.la.sparse import SomeRows, is_indefinite, schur_complement
 from fenics_mortar.utils.arrays import SOLVED, Array, Indices
 from fenics_mortar.utils.errors import MortarError, raise_together
 from fenics_mortar.utils.ranks import sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.interface import Interface
 
 
 class ContactDofs(SomeRows):

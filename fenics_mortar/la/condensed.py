@@ -32,31 +32,36 @@ R has a row for every contact dof and a column for every multiplier. Each rank k
 its own multipliers, since it owns the corresponding slave rows of K; rows are those of all ranks.
 R has few entries, and their pattern changes in half of the iterations: PETSc would spend more time
 on patterns than on values.
+
+Choice of the linear system and of a direct or iterative solver.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import gather_forces
 from fenics_mortar.la.coupling import zero_block
+from fenics_mortar.la.options import ITERATIVE, SMALL, Algorithm, SolverName, costs_of
 from fenics_mortar.la.sparse import BlockMatrix, Entries, Product, SomeRows, add_blocks, flatten
-from fenics_mortar.la.system import LinearSystem, renumbered
+from fenics_mortar.la.system import LinearSystem, SaddleSystem, renumbered
 from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.ranks import sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.interface import Interface
 
 
 class Elimination:
@@ -380,3 +385,91 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
             if np.intersect1d(candidates, other.slave.nodes[lacking]).size:
                 return f"slave nodes of {names} are nodes of '{other.slave.name}' as well"
     return None
+
+
+SYSTEMS: dict[str, type[LinearSystem]] = {"condensed": CondensedSystem, "saddle": SaddleSystem}
+
+
+def system_of(
+    bulk: Bulk,
+    contacts: Sequence[Interface],
+    prefix: str,
+    options: dict[str, Any] | None,
+    algorithm: Algorithm | None,
+    solver: SolverName,
+    linear_bulk: bool | None,
+) -> Callable[[], LinearSystem]:
+    """A function that creates the linear system of a problem; see ``ContactProblem``.
+
+    Args:
+        bulk: The bodies.
+        contacts: All pairs.
+        prefix: Prefix of PETSc's options.
+        options: Options of the linear solver given by the user.
+        algorithm: Condensed or saddle-point system; ``None``: condensed if possible.
+        solver: Direct or iterative; "auto" depends on the size of the problem.
+        linear_bulk: Whether the bulk is factorized only once.
+
+    Raises:
+        ValueError: On all ranks, for an iterative solver and a surface in contact with itself.
+    """
+    if algorithm is None:
+        why = obstacle_to_condensation(contacts) or ""
+        algorithm = "saddle" if why else "condensed"
+    else:
+        why = f"algorithm='{algorithm}'"
+    form: Callable[..., LinearSystem] = SYSTEMS[algorithm]
+    automatic, with_itself = (
+        solver == "auto",
+        next((c.slave.name for c in contacts if c.slave is c.master), ""),
+    )
+    if with_itself and solver == "iterative":
+        raise ValueError(
+            f"solver='iterative': multigrid needs separate slave and master surfaces, but "
+            f"'{with_itself}' is in contact with itself; expected solver='direct' or 'auto'"
+        )
+    against = _against_multigrid(bulk, prefix, options, linear_bulk)
+    reason = f"solver='{solver}'"
+    if automatic:
+        against = f"'{with_itself}' is in contact with itself" if with_itself else against
+        reason = against or f"at least {costs_of(bulk.space.dim).many:,} unknowns"
+        solver = "direct" if against else solver
+    small = solver == "direct" and form is CondensedSystem and _is_small(bulk, prefix, options)
+    if small:
+        reason += f", at most {costs_of(bulk.space.dim).few:,} on one rank"
+    defaults: dict[str, Any] = (SMALL if small else {}) if solver == "direct" else ITERATIVE
+
+    def create() -> LinearSystem:
+        system = form(bulk, contacts, prefix, defaults | (options or {}))
+        system.solver.given = set(options or {})
+        system.solver.may_factor = small or solver == "auto"
+        system.solver.reason, system.reason = reason, why
+        system.solver.long_factors = bulk.space.dim == 3
+        return system
+
+    return create
+
+
+def _is_small(bulk: Bulk, prefix: str, options: dict[str, Any] | None) -> bool:
+    """Whether factorization without pivoting is tried first: few unknowns on one rank.
+
+    Not in space, where even small factors have long rows.
+    """
+    given = PETSc.Options(prefix).getAll() or options
+    few = bulk.space.dim == 2 and bulk.comm.size == 1 and bulk.r.getSize() <= costs_of(2).few
+    return few and not given
+
+
+def _against_multigrid(
+    bulk: Bulk, prefix: str, options: dict[str, Any] | None, linear_bulk: bool | None
+) -> str:
+    """Reason why "auto" is direct, "" if it is iterative (collective)."""
+    if PETSc.Options(prefix).getAll() or options:
+        return "PETSc options are given"
+    if bulk.space.is_mixed:
+        return "mixed functions"
+    # in space multigrid is faster where only some solves, if any, reduce to the contact dofs
+    if bulk.is_linear and (linear_bulk or (linear_bulk is None and bulk.space.dim == 2)):
+        return "the bulk is linear"
+    many = costs_of(bulk.space.dim).many
+    return "" if bulk.r.getSize() >= many else f"fewer than {many:,} unknowns"

@@ -17,18 +17,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array, hstack
 
-from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.contact.tied_rows import NO_ROWS, TiedField
-from fenics_mortar.interface.faces import Faces
 from fenics_mortar.interface.mortar import Block, MortarOperators
-from fenics_mortar.interface.space_mortar import SpaceOperators
 from fenics_mortar.kernels.blocks import are_known
-from fenics_mortar.utils.arrays import Flags, Indices
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.fluxes import Flux
+    from fenics_mortar.interface.faces import Faces
+    from fenics_mortar.interface.space_mortar import SpaceOperators
+    from fenics_mortar.utils.arrays import Flags, Indices
 
 # Number of master facets in the pattern on either side of the partners of a slave facet, and of
 # slave facets on either side of contact [facets]: sliding in a Newton iteration rarely exceeds the

@@ -67,17 +67,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.options import STRIP_FACTORS, STRIP_PIVOTS, WITHOUT_PIVOTING, options_added
 from fenics_mortar.la.sparse import BlockMatrix, SomeRows, WithoutZeros, is_symmetric
 from fenics_mortar.la.touching import (
@@ -90,6 +87,11 @@ from fenics_mortar.la.touching import (
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices
 from fenics_mortar.utils.ranks import any_over_ranks, on_all_ranks, sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.interface.surfaces import Surface
 
 # Layers of cells of the strip on either side of contact, in the plane and in space, where the
 # factors of a layer have long rows.

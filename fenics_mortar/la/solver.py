@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -22,8 +22,6 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.bulk.node_blocks import NodeBlocks, come_in_pairs
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.options import (
     COMPLIANCE,
     COSTS,
@@ -38,6 +36,10 @@ from fenics_mortar.la.sparse import WithoutZeros, leave
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import LAST_DIGITS, TINY, Array, Indices
 from fenics_mortar.utils.errors import MortarError, raise_together
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.la.multigrid import ContactPreconditioner
 
 # Factorizations in the order of trial, and memory in excess of the estimate of MUMPS [%], which may
 # be far too low on several ranks.

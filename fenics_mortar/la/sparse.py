@@ -26,8 +26,8 @@ import numpy.typing as npt
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import pack_product, pack_rows
 from fenics_mortar.utils.arrays import SUM_ROUNDING, Indices
+from fenics_mortar.utils.compat import POINTER, petsc_function
 from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.utils.petsc import POINTER, petsc_function
 from fenics_mortar.utils.ranks import on_all_ranks
 
 _set_pattern = petsc_function("MatSetPreallocationCOO", POINTER, ctypes.c_ssize_t, POINTER, POINTER)

@@ -31,23 +31,25 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from enum import IntEnum
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.rows import Frame, Rows
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.coupling import MARGIN, MAX_MARGIN, Coupling, FaceCoupling, zero_block
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.solver import LinearSolver
 from fenics_mortar.la.sparse import BlockMatrix, add_blocks
-from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.ranks import on_all_ranks, sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.contact.rows import Frame, Rows
+    from fenics_mortar.utils.arrays import Array, Indices
 
 
 class LinearSystem(ABC):

@@ -10,6 +10,7 @@ Nodal axes for multigrid: aligned with contact tangents, interpolated smoothly i
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from petsc4py import PETSc
 
@@ -18,11 +19,13 @@ import numpy.typing as npt
 
 from fenics_mortar.bulk.bodies import centre_and_size, label_bodies, rigid_motions
 from fenics_mortar.bulk.node_blocks import CSR, from_local_csr, local_csr
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.interface import Interface
 from fenics_mortar.kernels.node_blocks import count_blocks, turn_to_axes
 from fenics_mortar.la.sparse import SomeRows, without_zeros
 from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Array, Indices
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.interface import Interface
 
 # Parts of a matrix: starts, columns, dofs and values, see ``kernels.node_blocks``.
 Parts = tuple[tuple[npt.NDArray, npt.NDArray, npt.NDArray, Array], ...]

@@ -16,14 +16,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.mesh.from_arrays import (
     CheckedArrays,
     Tagged,
@@ -35,6 +34,9 @@ from fenics_mortar.mesh.space import KINDS
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, Array, Indices
 from fenics_mortar.utils.errors import MeshError, format_point, refuse_in_space, together
+
+if TYPE_CHECKING:
+    from fenics_mortar.mesh.data import MeshData
 
 # Name and number of nodes of gmsh's element types up to order 2.
 TYPES = {

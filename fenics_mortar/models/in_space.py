@@ -10,7 +10,7 @@ state in which the problem in space was given.
 
 The solution of a plane or axisymmetric problem as a state of a problem in space.
 
-Positions of the problem in space have coordinates of the section, as in ``obstacles.space_shapes``:
+Positions of the problem in space have coordinates of the section, as in ``obstacles.shapes``:
 with the unit vectors e_1, e_2 and a = e_1 x e_2 along the axis of extrusion, or e_1 = e_r and e_2
 along the axis of revolution,
 
@@ -31,7 +31,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -42,8 +42,6 @@ import ufl
 from dolfinx import fem
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import Interface
-from fenics_mortar.equations.general import State
 from fenics_mortar.equations.predictor import Triangles, triangulate
 from fenics_mortar.interface.facing import linear_facets, nearest_on_chords, nearest_points
 from fenics_mortar.la.solver import factored
@@ -56,7 +54,7 @@ from fenics_mortar.models.model_error import (
     take_steps,
 )
 from fenics_mortar.obstacles.rigid_motion import check_direction, check_vector
-from fenics_mortar.obstacles.space_shapes import directions_across
+from fenics_mortar.obstacles.shapes import directions_across
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import EPSILON, Array, Indices
@@ -70,6 +68,10 @@ from fenics_mortar.utils.errors import (
     together,
 )
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.equations.general import State
 
 PREFIX = "fenics_mortar_lift_"
 # Distance of nodes from the plane model over its size [1] above which they are not part of it:

@@ -27,7 +27,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -51,9 +51,11 @@ from fenics_mortar.models.model_error import (
     shear_demand,
     sliding_little,
 )
-from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import check_choice, check_kind, check_number, check_same_texts
+
+if TYPE_CHECKING:
+    from fenics_mortar.problem import ContactProblem
+    from fenics_mortar.utils.arrays import Array
 
 
 class ModelCheck:

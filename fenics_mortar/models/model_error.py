@@ -36,7 +36,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -67,8 +67,6 @@ from fenics_mortar.la.solver import factored_bulk
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import (
     MeshError,
     MortarError,
@@ -80,6 +78,10 @@ from fenics_mortar.utils.errors import (
 )
 from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.utils.ranks import agreed, largest_over_ranks, sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.problem import ContactProblem
+    from fenics_mortar.utils.arrays import Array
 
 
 def largest_strain(problem: ContactProblem) -> tuple[float, float]:

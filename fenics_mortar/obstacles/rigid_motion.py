@@ -27,9 +27,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.utils.arrays import ROUNDING, Array
+from fenics_mortar.utils.arrays import ROUNDING, Array, lines_cross, near_pairs
 from fenics_mortar.utils.errors import check_kind, check_number, format_point
-from fenics_mortar.utils.lines import lines_cross, near_pairs
 
 # Square of an angle [radian^2] below which a, b are sums of the first terms of their series: the
 # next one is below 1e-20.

@@ -26,14 +26,14 @@ trapezoidal one by d . (u_(n+1) - u_n) with
 
 and the states u_a and u_b at the fractions (1 - 1/sqrt(5)) / 2 and (1 + 1/sqrt(5)) / 2 of the line.
 
-The sum of both over all steps, and of rotations, see ``corrections``, is the ``energy_deficit``. So
+The sum of both over all steps, and of rotations, see ``dynamics``, is the ``energy_deficit``. So
 is, without damping, the work of forces on nodes without mass that are not in balance at the start.
 After each step it is returned as far as possible: a fraction t of an impulse J is added to the
 momentum of the bodies, which changes the energy by t v . J + t^2 J . M^-1 J / 2 and leaves the sum
 of momenta unchanged. The first impulse is dt d: with t = 1 internal forces act with their mean
 along the step (Quispel & McLaren 2008), with t = 0 by the trapezoidal rule, and errors of t between
 0 and 2 are at most as large as its own. The second is that of the pressures, if a pair is closed,
-with |t| <= 1. The third changes the amplitude of vibrations, see ``corrections``, the last
+with |t| <= 1. The third changes the amplitude of vibrations, see ``dynamics``, the last
 one also the rigid motion that pressures change: it returns what the last pressures of an impact
 cannot. Other
 rigid motions are left out. (Laursen & Love 2002 correct velocities in a similar way for each node.)
@@ -45,25 +45,27 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.inertia import Inertia
-from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.arcs import surface_rotation
 from fenics_mortar.contact.contact import Contact, needing_time
-from fenics_mortar.equations.general import State
-from fenics_mortar.newton.loop import NewtonReport
 from fenics_mortar.obstacles.rigid_motion import motion_between
-from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import TINY, Array
 from fenics_mortar.utils.errors import as_text
 from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.utils.ranks import on_any_rank
 from fenics_mortar.verify.checks.friction_work import work_along_arcs
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.inertia import Inertia
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.equations.general import State
+    from fenics_mortar.newton.loop import NewtonReport
+    from fenics_mortar.problem import ContactProblem
 
 Forces = tuple[Array, Array, Array, Array, Array]
 

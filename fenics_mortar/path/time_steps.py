@@ -32,7 +32,7 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -46,7 +46,6 @@ from fenics_mortar.equations.general import Snapshot, State, raise_cause
 from fenics_mortar.newton.loop import NewtonReport
 from fenics_mortar.path.report import DynamicsReport, Forces, Progress, TimeStep, Work, forces_of
 from fenics_mortar.path.stepping import PrescribedTurns, SteppingOptions
-from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import EPSILON, ROUNDING, TINY, Array, Flags
 from fenics_mortar.utils.errors import (
     MortarError,
@@ -60,6 +59,9 @@ from fenics_mortar.utils.errors import (
     together,
 )
 from fenics_mortar.utils.ranks import sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.problem import ContactProblem
 
 
 class Line(NamedTuple):

@@ -34,7 +34,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -52,15 +52,17 @@ from fenics_mortar.bulk.bodies import (
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ContactFields, gap_rate, opening_rate, slip_rate
-from fenics_mortar.contact.tied import Tie
-from fenics_mortar.interface.mortar import MortarOperators
-from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.obstacles.rigid_motion import TURNS, RigidMotion, place_after, rotation_by
 from fenics_mortar.rigid.proximal import RIGID, unresisted
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, SOLVED, SUM_ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.interface.mortar import MortarOperators
+    from fenics_mortar.interface.surfaces import Surface
+    from fenics_mortar.mesh.data import MeshData
 
 
 class HeldBodies:

@@ -37,16 +37,18 @@ accepted state (Klarbring 1990).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import LinAlgError
 from scipy.linalg.blas import dger
 
-from fenics_mortar.contact.contact import Contact
 from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import MAX_STEPS, SOLVED, SUM_ROUNDING, Array, Flags, Indices
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.contact import Contact
 
 
 class FrictionProblem(NamedTuple):

@@ -4,8 +4,8 @@
 The balance of these forces borders the system of u and z. The few motions are
 eliminated, see ``spread``, so that the sparse matrix and its solver are those of fixed obstacles.
 
-Tangent springs regularize motions that active contact does not resist, see ``motions``. A driven
-obstacle without contact is moved before the solve until contact stops it, see ``motions``.
+Tangent springs regularize motions that active contact does not resist. A driven
+obstacle without contact is moved before the solve until contact stops it.
 If Newton's method fails for a rolling obstacle, springs anchor it like a body, see ``proximal``.
 
 Linearized balance of driven motions: the border of the system of u and z.
@@ -24,31 +24,447 @@ the rows of the prescribed dofs replace, with the weights V.
 
 Spread loads have two more unknowns each, in space six, on which their forces depend; see
 ``spread``.
+
+Rigid motions of a problem, of obstacles and of remote loads, and the forces along them.
+
+Motions are x, y and turn, the angle times the ``arm`` of the pair or boundary, all in units of
+length. Shapes and units below are those of the plane; in space there are six motions instead of
+three, see ``obstacles.rigid_motion``. Arrays have the rows of the obstacles, then those of the
+remote loads. All values are replicated.
+
+Before a solve driven obstacles move: an obstacle without contact is moved until contact stops it.
+An obstacle on sticking nodes follows the prescribed motions, for instance a wheel that is turned.
+
+Driven motions that active contact does not resist are loose: tangent springs regularize them, see
+``proximal``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.la.system import LinearSystem
-from fenics_mortar.obstacles.rigid_motion import by_further_motion, motion_between
-from fenics_mortar.rigid.motions import (
-    RigidMotions,
-    describe_loose,
-    follow,
-    settle,
-    slide_along_driven,
-    tangent_springs,
+from fenics_mortar.bulk.bodies import MINOR, describe_in_space
+from fenics_mortar.contact.rows import gap_by_motions
+from fenics_mortar.obstacles.rigid_motion import (
+    RigidMotion,
+    by_further_motion,
+    describe_place,
+    motion_between,
+    place_after,
 )
-from fenics_mortar.rigid.proximal import RIGID, Springs, anchored_stiffness, over_contact, slides
-from fenics_mortar.rigid.spread import Border, BoundSpreadLoad, solve_bordered
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.rigid.complementarity import closest_move
+from fenics_mortar.rigid.proximal import (
+    RIGID,
+    Springs,
+    anchored_stiffness,
+    over_contact,
+    slides,
+    tangent_stiffness,
+    unresisted,
+)
+from fenics_mortar.rigid.spread import Border, BoundSpreadLoad, RemoteMotion, solve_bordered
+from fenics_mortar.utils.arrays import SUM_ROUNDING, Array, Flags
+from fenics_mortar.utils.errors import MortarError, format_point
 from fenics_mortar.utils.ranks import sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.contact import Contact
+    from fenics_mortar.la.system import LinearSystem
+    from fenics_mortar.obstacles.obstacle import Obstacle
+
+
+class RigidMotions:
+    """Obstacles and remote loads of a problem and their places.
+
+    Args:
+        contacts: The contacts of the problem, and its ties.
+        remote: Remote loads with motions, bound to the mesh.
+        spread: Remote loads that are spread over boundaries free to deform.
+
+    Attributes:
+        contacts: The contacts and ties.
+        obstacles: Obstacles of the contacts, without duplicates.
+        remote: The remote loads with motions.
+        spread: Those without.
+        movers: All objects with a place: the m obstacles and remote loads.
+        exist: Whether there are movers or spread loads.
+        pairs: Contacts with an obstacle, with the number of the obstacle.
+        scales: Motions per (x, y, angle), shape (m, 3), in space (m, 6) [1, length].
+    """
+
+    def __init__(
+        self,
+        contacts: Sequence[Any],
+        remote: Sequence[RemoteMotion] = (),
+        spread: Sequence[BoundSpreadLoad] = (),
+    ) -> None:
+        self.contacts, self.remote, self.spread = contacts, remote, spread
+        found = [c.obstacle for c in contacts if c.obstacle is not None]
+        self.obstacles: list[Obstacle] = list(dict.fromkeys(found))
+        for obstacle in self.obstacles:
+            mine = [contact for contact in contacts if contact.obstacle is obstacle]
+            for contact in mine:
+                contact.set_arm(max(c.arm for c in mine))
+        self.pairs: list[tuple[int, Contact]] = [
+            (self.obstacles.index(c.obstacle), c) for c in contacts if c.obstacle is not None
+        ]
+        self.movers: list[RigidMotion] = [*self.obstacles, *(load.motion for load in remote)]
+        self.exist = bool(self.movers or spread)
+        sides: list[Any] = [contact.slave for contact in contacts]
+        sides += [load.motion for load in remote] + [load.motion for load in spread]
+        self._dim: int = max((each.dim for each in sides), default=2)
+        self._size = 3 if self._dim == 2 else 6
+        self.scales: Array = np.ones((len(self.movers), self._size))
+        self._none: Array = np.zeros((0, self._size))
+        for number, contact in self.pairs:
+            self.scales[number, self._dim :] = contact.arm
+        for number, load in enumerate(remote, len(self.obstacles)):
+            self.scales[number, self._dim :] = load.arm
+
+    @property
+    def places(self) -> Array:
+        """Places (x, y, angle) of all movers, shape (m, 3) [length, length, radian]."""
+        return self._of_all("place")
+
+    @places.setter
+    def places(self, places: Array) -> None:
+        for mover, where in zip(self.movers, places, strict=True):
+            mover.place = where.copy()
+
+    @property
+    def obstacle_places(self) -> Array:
+        """Places of the obstacles alone, shape (obstacles, 3) [length, length, radian]."""
+        return self.places[: len(self.obstacles)]
+
+    def motions_since(self, places: Array) -> Array:
+        """Motions from earlier places (m, 3) to the present ones, shape (m, 3) [length]."""
+        each = zip(places, self.places, self.scales, strict=True)
+        found = [motion_between(before, now, scale[-1]) for before, now, scale in each]
+        return np.reshape(found, self.scales.shape)
+
+    def move(self, change: Array) -> None:
+        """Add ``change`` to the motions, shape (m, 3) [length] (local)."""
+        for mover, motion, scale in zip(self.movers, change, self.scales, strict=True):
+            mover.place = place_after(mover.place, motion, scale[-1])
+
+    def of_obstacle(self, contact: Any, change: Array) -> Array:
+        """Those of ``change`` [length] that move a contact's obstacle, (3,), or (0,) (local)."""
+        if contact.obstacle is None or not change.size:
+            return np.zeros(0)
+        return change[self.obstacles.index(contact.obstacle)]
+
+    def largest(self) -> float:
+        """Largest motion since the movers were created [length]."""
+        if not self.movers:
+            return 0.0
+        return float(np.abs(self.places * self.scales).max(initial=0.0))
+
+    @property
+    def any_driven(self) -> bool:
+        """Whether a force drives any motion (local)."""
+        return bool(self.driven.any())
+
+    @property
+    def are_unknown(self) -> bool:
+        """Whether the tangent has a border: driven motions or spread loads (local)."""
+        return bool(self.spread) or self.any_driven
+
+    @property
+    def num_of_spread(self) -> int:
+        """Number of unknowns of the spread loads, two each, in space six (local)."""
+        return sum(load.num_unknowns for load in self.spread)
+
+    @property
+    def unknowns(self) -> Flags:
+        """Marks of the unknowns of the border, see ``driven`` (local).
+
+        Shape (3 m + num_of_spread,), bool.
+        """
+        return np.append(self.driven.ravel(), np.ones(self.num_of_spread, bool))
+
+    @property
+    def driven(self) -> Flags:
+        """Whether forces drive a motion, shape (m, 3), bool."""
+        return np.isfinite(self._of_all("load"))
+
+    @property
+    def found(self) -> Flags:
+        """Components of the places that a solve determines, shape (m, 3), bool.
+
+        Those that forces drive; in space all components of a rotation that they drive in part.
+        """
+        found = self.driven
+        found[:, self._dim :] = found[:, self._dim :].any(axis=1, keepdims=True)
+        return found
+
+    @property
+    def loads(self) -> Array:
+        """Pushes where a solve determines a motion, else places, shape (m, 3) [their units]."""
+        return np.where(self.found, self.push(), self.places)
+
+    @property
+    def driven_obstacles(self) -> Flags:
+        """Whether forces drive a motion of an obstacle, shape (obstacles, 3), bool."""
+        return self.driven[: len(self.obstacles)]
+
+    def push(self) -> Array:
+        """Loads along driven motions, 0 for prescribed ones, (m, 3) [stress length]."""
+        return np.nan_to_num(self._of_all("load")) / self.scales
+
+    def pushed_nodes(self) -> Array | float:
+        """Pushes on rigid boundaries as forces on their nodes, (owned dofs,) [stress length].
+
+        Zero without remote loads; collective.
+        """
+        return sum(load.pushed_nodes() for load in self.remote)
+
+    def forces(self) -> Array:
+        """f_q of the last evaluated state, shape (m, 3) [stress length] (collective)."""
+        return np.vstack([self.obstacle_forces(), *(load.force() for load in self.remote)])
+
+    def obstacle_forces(self, multipliers: str = "z") -> Array:
+        """f_q of the obstacles alone, shape (obstacles, 3) [stress length] (collective).
+
+        Args:
+            multipliers: Multipliers included: all ("z") or their tangential part ("shear").
+        """
+        total = np.zeros((len(self.obstacles), self._size))
+        for number, contact in self.pairs:
+            total[number] += contact.on_obstacle.motion_force(getattr(contact, multipliers))
+        return total
+
+    def contact_forces(self) -> Array:
+        """Integral of |pressure| on each obstacle, shape (obstacles,) [stress length]."""
+        total = np.zeros(len(self.obstacles))
+        for number, contact in self.pairs:
+            total[number] += contact.operators.cover @ np.abs(contact.pressure)
+        return total
+
+    def record(self) -> list[str]:
+        """Set the ``reaction`` of each mover; return a sentence for each (collective)."""
+        lines, is_axial = [], self._is_axisymmetric()
+        forces = -self.obstacle_forces() * self.scales[: len(self.obstacles)]
+        for obstacle, force in zip(self.obstacles, forces, strict=True):
+            obstacle.reaction = force * [0.0, 1.0, 0.0] if is_axial else force
+            load = f"contact force {format_point(force[:2])}, moment {force[2] + 0.0:.4g}"
+            if self._dim == 3:
+                load = f"contact force {format_point(force[:3])}, moment {format_point(force[3:])}"
+            load = f"axial contact force {force[1] + 0.0:.4g}" if is_axial else load
+            lines.append(f"obstacle '{obstacle.name}'{describe_place(obstacle.place)}: {load}")
+        lines += [load.record() for load in self.remote]
+        return lines + [load.record() for load in self.spread]
+
+    def _is_axisymmetric(self) -> bool:
+        """Whether bodies are of revolution: radial forces and moments vanish around the axis."""
+        thicknesses = [contact.slave.thickness for _, contact in self.pairs]
+        return any(t is not None and t.by_x != 0.0 for t in thicknesses)
+
+    def contacts_of(self, number: int) -> list[Contact]:
+        """The contacts of one obstacle."""
+        return [contact for i, contact in self.pairs if i == number]
+
+    def shortest_facet(self) -> float:
+        """Shortest slave facet of all pairs with obstacles, 1 if there are none [length]."""
+        return min((float(c.slave.facet_sizes.min()) for _, c in self.pairs), default=1.0)
+
+    def _of_all(self, name: str) -> Array:
+        """An attribute of all movers, shape (m, 3)."""
+        if not self.movers:
+            return self._none
+        return np.array([getattr(mover, name) for mover in self.movers]).reshape(-1, self._size)
+
+
+def slip_by_motions(contact: Contact, nodes: Flags) -> Array:
+    """Rate of slip of some nodes by obstacle motions at present, (n, 3) [1].
+
+    In space along both tangents, (n, 2, 6). This is not the derivative of the slip of a step, which
+    also depends on motions along the normal if the obstacle has turned.
+    """
+    o = contact.on_obstacle
+    V = np.moveaxis(o.obstacle.motions(o.x, o.arm), 1, 0)
+    return -np.stack([contact.now.along_tangents(each) for each in V], axis=-1)[nodes]
+
+
+def describe_motion(motion: Array) -> str:
+    """Description of a ``motion`` x, y, turn, shape (3,), in space (6,) [length] (local)."""
+    shares = motion / np.abs(motion).max()
+    if motion.size == 6:
+        shares = np.round(shares, 4) + 0.0
+        return describe_in_space(shares[:3], shares[3:], verb="turn")
+    x, y, turn = shares
+    if abs(turn) < MINOR:
+        return f"move along {format_point((x + 0.0, y + 0.0))}"
+    return "turn" if max(abs(x), abs(y)) < MINOR else f"move along {format_point((x, y))} and turn"
+
+
+def follow(motions: RigidMotions) -> Array:
+    """Moves of driven obstacles with prescribed motions, such that nodes stick (local).
+
+    Without these moves all nodes would slide by an undetermined distance. A move minimizes slip and
+    opening of the sticking nodes; slip alone would not determine a motion along their normals.
+    Operators are those of the present state.
+
+    Returns:
+        Shape (m, 3) [length], zero for remote loads.
+    """
+    moves = np.zeros(motions.scales.shape)
+    for number, driven in enumerate(motions.driven_obstacles):
+        mine = motions.contacts_of(number)
+        slip = np.concatenate([_slip(c)[c.sticking].ravel() for c in mine])
+        along = [slip_by_motions(c, c.sticking).reshape(-1, driven.size) for c in mine]
+        across = np.concatenate([gap_by_motions(c.now)[c.sticking] for c in mine])
+        rows = np.concatenate([*along, across])[:, driven]
+        sizes = np.linalg.norm(rows, axis=0)  # units of turn and translation differ
+        sizes[sizes == 0.0] = 1.0
+        desired = np.concatenate([-slip, np.zeros(len(across))])
+        moves[number, driven] = (
+            np.linalg.lstsq(rows / sizes, desired, rcond=RIGID.followed)[0] / sizes
+        )
+    return moves
+
+
+def _slip(contact: Contact) -> Array:
+    """Slip of the nodes, (nodes,) [length]; in space along both tangents, (nodes, 2)."""
+    now = contact.now
+    return contact.slip if contact.slave.dim == 2 else now.along_tangents(now.slip_in_space)
+
+
+def settle(motions: RigidMotions, evaluate: Callable[[], object]) -> list[str]:
+    """Move driven obstacles without contact force until contact stops them (collective).
+
+    Args:
+        motions: The obstacles.
+        evaluate: Function that evaluates the contacts at the present state.
+
+    Returns:
+        A sentence for each obstacle that was moved.
+
+    Raises:
+        MortarError: On all ranks, if no contact stops an obstacle.
+    """
+    moved = dict[str, None]()
+    for _ in range(RIGID.max_moves):
+        evaluate()
+        moves = np.zeros(motions.scales.shape)
+        for i in range(len(motions.obstacles)):
+            moves[i] = _next_move(motions, i)
+        moving = np.flatnonzero(moves.any(axis=1))
+        if not moving.size:
+            return [f"{name} was moved until contact stopped it" for name in moved]
+        moved |= dict.fromkeys(f"obstacle '{motions.obstacles[i].name}'" for i in moving)
+        motions.move(moves)
+    free = moving[0]
+    raise MortarError(
+        f"obstacle '{motions.obstacles[free].name}' can {describe_motion(moves[free])} freely: its "
+        "push drives it, and no contact stops it; prescribe that motion by move()"
+    )
+
+
+def _next_move(motions: RigidMotions, number: int) -> Array:
+    """Motion of an obstacle towards contact, (3,) [length]; zero if loaded or not driven.
+
+    The motion closest to the push for which no node overlaps by more than ``RIGID.overlap`` and the
+    push does positive work. The potential of the push is linear; therefore no move is reversed
+    later.
+    """
+    contacts = motions.contacts_of(number)
+    driven, push = motions.driven[number], motions.push()[number]
+    loaded = any((c.pressure > SUM_ROUNDING * c.modulus).any() for c in contacts)
+    if loaded or not push.any():
+        return np.zeros(push.size)
+    basis = np.eye(push.size)[driven]
+    along = (basis @ push) / np.linalg.norm(push)
+    closing = [-gap_by_motions(contact.now) @ basis.T for contact in contacts]
+    desired = RIGID.largest_move * contacts[0].arm * along
+    move = closest_move(desired, closing, contacts, back=-along)
+    if move @ along > RIGID.sliver * motions.shortest_facet():
+        return move @ basis
+    return np.zeros(push.size)
+
+
+def slide_along_driven(motions: RigidMotions, start: Array) -> float:
+    """Largest slide of obstacles along driven motions, over their contact width [1] (local).
+
+    Zero for obstacles with a node that sticks or has no friction.
+
+    Args:
+        motions: The obstacles.
+        start: Places at the start of the solve, shape (m, 3) [length, radian].
+    """
+    found = np.where(motions.driven, motions.motions_since(start), 0.0)
+    widths = [0.0]
+    for number, motion in enumerate(found[: len(motions.obstacles)]):
+        mine = motions.contacts_of(number)
+        slides = np.concatenate([c.sliding[c.active] for c in mine])
+        if motion.any() and slides.size and slides.all():
+            slips = [slip_by_motions(c, c.active) @ motion for c in mine]
+            each = np.concatenate([slip.reshape(len(slip), -1) for slip in slips])
+            widths.append(float(np.linalg.norm(each, axis=1).min()) / _width(mine))
+    return max(widths)
+
+
+def _width(contacts: Sequence[Contact]) -> float:
+    """Width of the active part of contacts [length]; in space the root of its area."""
+    power = contacts[0].slave.dim - 1
+    sizes = [float((c.slave.nodal_lengths[c.active] ** power).sum()) for c in contacts]
+    return float(sum(sizes) ** (1.0 / power))
+
+
+def loose_motions(motions: RigidMotions) -> list[Array]:
+    """Loose motions of each obstacle, an orthonormal basis (n, motions) [1] each (local)."""
+    found = []
+    for number, driven in enumerate(motions.driven_obstacles):
+        basis = np.eye(driven.size)[driven]
+        closing = [gap_by_motions(c.now)[c.active] for c in motions.contacts_of(number)]
+        found.append(
+            unresisted(basis @ np.concatenate([*closing, np.zeros((0, driven.size))]).T) @ basis
+        )
+    return found
+
+
+def tangent_springs(
+    motions: RigidMotions, residual: Array, stiffness: float, force: float
+) -> Array:
+    """Stiffness of springs on loose motions, in proportion to the driving force (local).
+
+    Args:
+        motions: The rigid motions.
+        residual: Residual of the balance, shape (m, 3) [stress length].
+        stiffness: Stiffness of the bulk [stress].
+        force: Size of all forces [stress length].
+
+    Returns:
+        Addition to E_q, shape (3 m, 3 m) [stress].
+    """
+    total, each = np.zeros((motions.scales.size,) * 2), motions.scales.shape[1]
+    for number, loose in enumerate(loose_motions(motions)):
+        own = slice(each * number, each * (number + 1))
+        relative = tangent_stiffness(loose @ residual[number], force)
+        total[own, own] = stiffness * relative * (loose.T @ loose)
+    return total
+
+
+def describe_loose(motions: RigidMotions, residual: Array, force: float) -> str:
+    """Description of loose motions driven by forces; "" if there are none (local).
+
+    Args:
+        motions: The rigid motions.
+        residual: Residual of the balance, shape (m, 3) [stress length].
+        force: Size of all forces [stress length].
+    """
+    found = []
+    for obstacle, loose, rest in zip(
+        motions.obstacles, loose_motions(motions), residual[: len(motions.obstacles)], strict=True
+    ):
+        drive = loose @ rest
+        if np.linalg.norm(drive) > SUM_ROUNDING * force:
+            found.append(f"obstacle '{obstacle.name}' can {describe_motion(drive @ loose)}")
+    return ", ".join(found)
 
 
 def border_of(motions: RigidMotions, system: LinearSystem) -> Border:
@@ -237,7 +653,7 @@ class DrivenMotions(RigidMotions):
     # Before and after a solve
 
     def follow(self, evaluate: Callable[[], object]) -> None:
-        """Move driven obstacles along with prescribed motions; see ``motions`` (collective).
+        """Move driven obstacles along with prescribed motions (collective).
 
         Args:
             evaluate: Function that evaluates the operators at the present state, not the active
@@ -248,7 +664,7 @@ class DrivenMotions(RigidMotions):
             self.move(follow(self))
 
     def settle(self, evaluate: Callable[[], object]) -> list[str]:
-        """Move driven obstacles until contact stops them; see ``motions`` (collective)."""
+        """Move driven obstacles until contact stops them (collective)."""
         self._start = self.places
         if not self.driven_obstacles.any():
             return []
@@ -257,5 +673,5 @@ class DrivenMotions(RigidMotions):
         return moved
 
     def slide_along_driven(self) -> float:
-        """Slide of obstacles along driven motions in the last solve [1]; see ``motions``."""
+        """Slide of obstacles along driven motions in the last solve [1]."""
         return slide_along_driven(self, self._start)

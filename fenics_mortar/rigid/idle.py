@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
@@ -24,11 +25,12 @@ import numpy as np
 
 from fenics_mortar.bulk.bodies import FloatingBody, centre_and_size, rigid_motions
 from fenics_mortar.rigid.body_motions import closing, nearly_touching
-from fenics_mortar.rigid.body_settling import Moves
 from fenics_mortar.rigid.complementarity import nearest_below
-from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import LAST_DIGITS, SOLVED, Array, Indices
+
+if TYPE_CHECKING:
+    from fenics_mortar.rigid.floating import FloatingBodies, Moves
 
 
 class IdleBodies:

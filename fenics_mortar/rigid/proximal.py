@@ -27,17 +27,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from mpi4py import MPI
 
 import numpy as np
 
 from fenics_mortar.bulk.bodies import resistance
-from fenics_mortar.contact.contact import Contact
 from fenics_mortar.newton.loop import Equations, NewtonOptions, NewtonReport, solve, then_solve
 from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, SOLVED, TINY, Array, Flags, Indices, Value
 from fenics_mortar.utils.errors import NotConvergedError
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.contact import Contact
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,14 @@ directly, places and loads of obstacles on the rows of the motions.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy.linalg import block_diag
 
-from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians
-from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.history import Before, OfPair, contact_of
 from fenics_mortar.sensitivity.partials.fields import (
     Changes,
@@ -22,7 +22,7 @@ from fenics_mortar.sensitivity.partials.fields import (
     fields_by_shape,
     gap_by_offset,
 )
-from fenics_mortar.sensitivity.partials.law import (
+from fenics_mortar.sensitivity.partials.history import (
     PairMemory,
     by_parameter,
     change_of_memory,
@@ -30,7 +30,6 @@ from fenics_mortar.sensitivity.partials.law import (
     parameter,
 )
 from fenics_mortar.sensitivity.protocols import Control, OnePairControl, PairControl
-from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import (
     MortarError,
     check_choice,
@@ -38,6 +37,11 @@ from fenics_mortar.utils.errors import (
     check_lengths,
     check_number,
 )
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.fluxes import Flux
+    from fenics_mortar.problem import ContactProblem
+    from fenics_mortar.utils.arrays import Array, Flags
 
 
 class LawParameter(OnePairControl):

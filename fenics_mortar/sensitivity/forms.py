@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 from mpi4py import MPI
@@ -42,10 +42,7 @@ from ufl.algorithms.map_integrands import map_integrands
 from ufl.corealg.traversal import unique_pre_traversal
 
 from fenics_mortar.bulk.checks import check_subdomains
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearVector
-from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.history import (
     UNKNOWNS,
     Before,
@@ -56,8 +53,13 @@ from fenics_mortar.sensitivity.history import (
 from fenics_mortar.sensitivity.partials.fields import Matrix, by_positions, check_positions
 from fenics_mortar.sensitivity.protocols import Quantity
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.equations.general import ContactEquations
+    from fenics_mortar.problem import ContactProblem
+    from fenics_mortar.utils.arrays import Array
 
 
 class AssembledForm:

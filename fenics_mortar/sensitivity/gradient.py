@@ -29,7 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -62,9 +62,11 @@ from fenics_mortar.sensitivity.objective import (
     status_of,
     total,
 )
-from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import together
 from fenics_mortar.utils.ranks import agreed
+
+if TYPE_CHECKING:
+    from fenics_mortar.utils.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -19,28 +19,34 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from fenics_mortar.contact.arcs import LEADS
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.leading import LEADS
-from fenics_mortar.equations.general import ContactEquations, State
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.interface.mortar import EXACT
-from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.partials.fields import (
     Layout,
     Matrix,
     fields_by_state,
     through_fields,
 )
-from fenics_mortar.sensitivity.partials.history import Earlier, PairHistory, history_of_pair
-from fenics_mortar.sensitivity.partials.law import memory_of_pair
+from fenics_mortar.sensitivity.partials.history import (
+    Earlier,
+    PairHistory,
+    history_of_pair,
+    memory_of_pair,
+)
 from fenics_mortar.utils.arrays import ROUNDING, Array
 from fenics_mortar.utils.errors import MortarError, check_number
 from fenics_mortar.utils.ranks import agreed
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.equations.general import ContactEquations, State
+    from fenics_mortar.problem import ContactProblem
 
 
 @dataclass(frozen=True)
@@ -270,7 +276,7 @@ class StepHistory:
 
 
 # The state at the start of the step, or its ``StepHistory``, to avoid a second evaluation.
-Before = State | StepHistory | None
+Before: TypeAlias = "State | StepHistory | None"
 
 
 def history_of(problem: ContactProblem, before: Before) -> StepHistory | None:
@@ -279,8 +285,6 @@ def history_of(problem: ContactProblem, before: Before) -> StepHistory | None:
     Raises:
         MortarError: If there is friction and no state is given.
     """
-    if isinstance(before, State):
-        return StepHistory(problem, before)
     if before is None:
         for contact in problem.equations.contacts:
             if has_history(contact):
@@ -288,7 +292,8 @@ def history_of(problem: ContactProblem, before: Before) -> StepHistory | None:
                     f"the slip of {contact.pair!r} depends on the control through the state before:"
                     " expected before=..."
                 )
-    return before
+        return None
+    return before if isinstance(before, StepHistory) else StepHistory(problem, before)
 
 
 class StepMemory:

@@ -39,7 +39,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -50,7 +50,6 @@ from dolfinx import fem
 
 from fenics_mortar.bulk.checks import check_domain, refuse_history
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.law import KINK, Friction
 from fenics_mortar.equations.general import Snapshot, State, raise_cause, restored_if_interrupted
 from fenics_mortar.interface.mortar import EXACT
@@ -58,7 +57,6 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.spread import refuse_remote
 from fenics_mortar.sensitivity.controls import LawParameter
 from fenics_mortar.sensitivity.forms import FormControl, FormQuantity
-from fenics_mortar.sensitivity.history import Before
 from fenics_mortar.sensitivity.protocols import Combined, ContactQuantity, Control, Quantity
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import LAST_DIGITS, Array, Flags, Indices
@@ -70,6 +68,10 @@ from fenics_mortar.utils.errors import (
     format_point,
     together,
 )
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.sensitivity.history import Before
 
 # Residual of a solution over that of Newton's tolerance [1]: the reference force of an iteration
 # may have been larger than that of the state.

@@ -22,16 +22,14 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import Interface
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.obstacles.rigid_motion import check_direction, check_vector
-from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.history import (
     ROWS,
     Before,
@@ -54,9 +52,13 @@ from fenics_mortar.sensitivity.partials.fields import (
     rows_by_fields,
     through_fields,
 )
-from fenics_mortar.sensitivity.partials.law import PairMemory
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import check_number
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.problem import ContactProblem
+    from fenics_mortar.sensitivity.partials.history import PairMemory
 
 # Derivatives of a functional with respect to nodal fields by name, see ``partials.fields``, shape
 # (slave nodes,) each, or (slave nodes, d) for "z"; fields that are missing have zeros.

@@ -8,14 +8,15 @@ ever. No other module of the package calls MPI's typed reductions.
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.utils.arrays import Array, Flags
+if TYPE_CHECKING:
+    from fenics_mortar.utils.arrays import Array, Flags
 
 T = TypeVar("T")
 

@@ -45,21 +45,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import permutations
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fenics_mortar.bulk.cells import DEGREES, ReferenceCell, normals_of
 from fenics_mortar.bulk.fluxes import Fluxes
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.reference import gauss_points, tabulate
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Flags, Indices
 from fenics_mortar.utils.errors import check_number, together
 from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.verify.overlap import interface_defects, interface_tractions
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.interface.surfaces import Surface
 
 # Decimals of the linear functions at points, which are equal or differ by 0.1 at least.
 DECIMALS = 6

@@ -10,17 +10,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.surfaces import POINTS
 from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import HALF_FACET, SOLVED, Array, Indices
 from fenics_mortar.utils.ranks import any_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.contact import Contact
+    from fenics_mortar.contact.tied import Tie
 
 
 @dataclass(frozen=True)

@@ -28,19 +28,15 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.arcs import Carried
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.leading import Carried
-from fenics_mortar.contact.tied import Tie
-from fenics_mortar.interface.outline import Hull, Outline
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.rigid_motion import (
     TURNS,
     RigidMotion,
@@ -48,10 +44,16 @@ from fenics_mortar.obstacles.rigid_motion import (
     rotation_by,
     vector_of,
 )
-from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, TINY, Array, Flags, Indices, norms
 from fenics_mortar.verify.finding import LIMITS
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.interface.outline import Hull, Outline
+    from fenics_mortar.interface.surfaces import Surface
+    from fenics_mortar.rigid.floating import FloatingBodies
 
 # Turn of a body by prescribed values in a step [radian], 5 degrees, above which its sense is told
 # to be uncertain: 72 steps for a full turn are taken for what they look like.

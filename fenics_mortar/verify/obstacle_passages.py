@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
@@ -20,11 +21,13 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.kernels.passage import OPPOSED
-from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import rotation_by
 from fenics_mortar.utils.arrays import HALF_FACET, TINY, Array, norms
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.verify.finding import LIMITS
+
+if TYPE_CHECKING:
+    from fenics_mortar.obstacles.obstacle import Obstacle
 
 ADVICE = "since the last accepted state: take smaller steps"
 

@@ -34,7 +34,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -43,17 +43,13 @@ from scipy.sparse.linalg import splu
 
 from fenics_mortar.contact.arcs import arc
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.law import at_points
 from fenics_mortar.contact.law_calls import raise_stored
-from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.facing import Facing, Points, both_sides, points_of, rule_of
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
-from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.reference import gauss_points, tabulate
-from fenics_mortar.interface.space_integrals import find_pairs
-from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.interface.space_mortar import find_pairs
 from fenics_mortar.kernels.passage import depths_inside
 from fenics_mortar.kernels.space.inside import depths_inside as depths_inside_hull
 from fenics_mortar.kernels.tree import build_tree
@@ -61,6 +57,12 @@ from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.ranks import sum_over_ranks
 from fenics_mortar.verify.finding import LIMITS
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.interface.outline import Outline
+    from fenics_mortar.interface.surfaces import Surface
 
 
 class OutlineNames:

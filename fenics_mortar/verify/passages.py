@@ -17,21 +17,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.tied import Tie
-from fenics_mortar.interface.outline import Outline
 from fenics_mortar.kernels.passage import ALL, OPPOSED, OTHERS, OWN, find_events, find_passages
-from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.finding import LIMITS
 from fenics_mortar.verify.node_paths import Alternative, Paths, RigidPath, carry, motion_of
 from fenics_mortar.verify.obstacle_passages import ADVICE, in_space, nodes_through, own_frame
 from fenics_mortar.verify.overlap import OutlineNames, depths_in_body
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.interface.outline import Outline
+    from fenics_mortar.obstacles.obstacle import Obstacle
 
 # Number of points inside a body up to which a path along its surface is not recognized.
 FEW_POINTS = 2

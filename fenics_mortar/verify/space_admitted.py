@@ -27,18 +27,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.tied import Tie
-from fenics_mortar.interface.outline import Hull
 from fenics_mortar.kernels.space.inside import depths_inside, find_piercings, winding_by_angles
 from fenics_mortar.kernels.space.triangles import nearest_triangle, square_on_triangle
 from fenics_mortar.kernels.tree import build_tree
 from fenics_mortar.utils.arrays import SAME_PLACE, TINY, Array, Flags, Indices
 from fenics_mortar.verify.finding import LIMITS, paired_nodes
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.interface.outline import Hull
 
 # Distance below an edge at which it is asked how often the body covers a point [edge lengths]:
 # small beside facets, large beside rounding.

@@ -34,13 +34,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.tied import Tie
-from fenics_mortar.interface.outline import Hull
 from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.kernels.space.inside import depths_inside
 from fenics_mortar.kernels.space.passage import find_edge_events, find_node_events
@@ -74,6 +72,10 @@ from fenics_mortar.verify.space_admitted import (
     below_marked,
     remark_of,
 )
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.interface.outline import Hull
 
 
 def motion_between(x0: Array, x1: Array) -> RigidPath:

@@ -15,27 +15,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar.bulk.axis import radial_dofs_on_axis
-from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.bulk.checks import radial_dofs_on_axis
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.fluxes import Flux
-from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.integrals import share_of
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.la.system import SaddleSystem
 from fenics_mortar.rigid.driven import by_spread, linearize_balance
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, Array, Indices
 from fenics_mortar.utils.files import Markdown, markdown_table
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.fluxes import Flux
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.interface.surfaces import Surface
 
 
 class OperatorMatrices:

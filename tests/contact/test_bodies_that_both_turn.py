@@ -10,7 +10,7 @@ from turning_scenes import rollers
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact.leading import Carried, way_of
+from fenics_mortar.contact.arcs import Carried, way_of
 from fenics_mortar.obstacles.rigid_motion import rotation_by
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block, sector

@@ -12,7 +12,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact.conductance import SMALL_PRESSURE
+from fenics_mortar.contact.law_calls import SMALL_PRESSURE
 from fenics_mortar.utils import compat
 from meshes.mapped_grids import Grid, block
 

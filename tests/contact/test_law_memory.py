@@ -15,7 +15,7 @@ from scenes import linear_elastic, nodal, pair_options, pressed_blocks
 import fenics_mortar as fm
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.laws import Cohesive, RateAndState, SoftLayer, Stribeck, Worn
-from fenics_mortar.sensitivity.partials.law import by_parameter, change_of_rows
+from fenics_mortar.sensitivity.partials.history import by_parameter, change_of_rows
 from fenics_mortar.utils.errors import NotFiniteError
 
 comm = MPI.COMM_WORLD

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fenics_mortar.contact.active_set import MultiplierNodes
+from fenics_mortar.contact.rows import MultiplierNodes
 from fenics_mortar.interface.surfaces import MIN_SHARE
 
 COUNT = 4

@@ -7,7 +7,7 @@ import supported
 from small_scenes import small_blocks
 
 import fenics_mortar as fm
-from fenics_mortar.contact.redundancy import dependent, repeating
+from fenics_mortar.equations.linearized_contact import dependent, repeating
 
 
 @pytest.mark.serial

@@ -60,7 +60,7 @@ def test_nonlinear_residuals_are_recognized(material):
 )
 def test_costly_dense_matrices_are_avoided(monkeypatch, options, message):
     monkeypatch.setattr(
-        "fenics_mortar.equations.linear_bulk.costs_of", lambda dim: replace(COSTS, **options)
+        "fenics_mortar.equations.reduced.costs_of", lambda dim: replace(COSTS, **options)
     )
     scene, report = solved(linear_elastic)
     assert message in report.solver and "factored in every iteration" in report.solver
@@ -73,7 +73,7 @@ def test_dense_matrices_are_made_for_many_solves(monkeypatch):
     unknowns = pressed_blocks(material=linear_elastic, **MESH).problem.equations.bulk.r.getSize()
     twice = COSTS.factors(unknowns, 2 * COSTS.expected) / (1e-6 * unknowns)
     dear = replace(COSTS, once=twice, dense=0.0)
-    monkeypatch.setattr("fenics_mortar.equations.linear_bulk.costs_of", lambda dim: dear)
+    monkeypatch.setattr("fenics_mortar.equations.reduced.costs_of", lambda dim: dear)
     scene, report = solved(linear_elastic)
     assert "every iteration" in report.solver
     for push in np.linspace(-0.06, -0.1, 5):

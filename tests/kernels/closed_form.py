@@ -28,7 +28,7 @@ of S next to it.
 
 import numpy as np
 
-from fenics_mortar.kernels.basis import BY_COVER, BY_STANDARD, DUAL, STANDARD
+from fenics_mortar.kernels.facets import BY_COVER, BY_STANDARD, DUAL, STANDARD
 
 BOTH, ONLY_FIRST, ONLY_SECOND = 0, 1, 2
 

@@ -10,7 +10,7 @@ from derivatives import complex_step
 
 from fenics_mortar.interface.integrals import find_segments, integrate_segments
 from fenics_mortar.kernels import projection
-from fenics_mortar.kernels.basis import DUAL
+from fenics_mortar.kernels.facets import DUAL
 
 LIMITS = (0.1, 1e-10)
 

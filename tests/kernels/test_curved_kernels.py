@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from curves import CurvedCurves, wavy_curved, with_inner_nodes
 
-from fenics_mortar.kernels.basis import BY_BASIS, BY_COVER, BY_STANDARD, DUAL, STANDARD
+from fenics_mortar.kernels.facets import BY_BASIS, BY_COVER, BY_STANDARD, DUAL, STANDARD
 
 BASES = [DUAL, STANDARD]
 OPTIONS = [

@@ -10,7 +10,7 @@ from curves import CurvedCurves, Curves, wavy, wavy_curved
 from test_mortar_kernels import COVERS, curves
 
 from fenics_mortar.kernels import projection
-from fenics_mortar.kernels.basis import DUAL, STANDARD
+from fenics_mortar.kernels.facets import DUAL, STANDARD
 
 RULES = [("elements", 2), ("elements", 5), ("nodes", None)]
 

@@ -9,7 +9,7 @@ from closed_form import BOTH, ONLY_FIRST, ONLY_SECOND
 from curves import Curves, wavy
 
 from fenics_mortar.kernels import projection
-from fenics_mortar.kernels.basis import BY_BASIS, BY_COVER, BY_STANDARD, DUAL, STANDARD
+from fenics_mortar.kernels.facets import BY_BASIS, BY_COVER, BY_STANDARD, DUAL, STANDARD
 
 BASES = [DUAL, STANDARD]
 GAP_WEIGHTS = [BY_BASIS, BY_COVER, BY_STANDARD]

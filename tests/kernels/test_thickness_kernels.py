@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from curves import CurvedCurves, Curves, wavy, wavy_curved
 
-from fenics_mortar.kernels.basis import BY_BASIS, BY_COVER, BY_STANDARD, DUAL, STANDARD
+from fenics_mortar.kernels.facets import BY_BASIS, BY_COVER, BY_STANDARD, DUAL, STANDARD
 
 COVERS = {"full": (-0.05, 1.05), "one end": (0.13, 1.05), "island": (0.55, 0.7)}
 OPTIONS = [

@@ -304,7 +304,7 @@ def solver_of(problem):
 )
 def test_solver_depends_on_size_and_system(monkeypatch, many, options, expected):
     costs = Costs(many=many)
-    monkeypatch.setattr("fenics_mortar.la.choice.costs_of", lambda dim: costs)
+    monkeypatch.setattr("fenics_mortar.la.condensed.costs_of", lambda dim: costs)
     scene = {name: options[name] for name in ("material", "pair") if name in options}
     problem = {name: value for name, value in options.items() if name not in scene}
     assert solver_of(pressed_blocks(problem=problem, **scene, **MESH).problem) == expected
@@ -316,7 +316,7 @@ def test_failed_iterations_are_replaced_by_factors_and_reported(monkeypatch):
     u, reports = [], []
     for many in (10**9, 0):
         monkeypatch.setattr(
-            "fenics_mortar.la.choice.costs_of", lambda dim, many=many: Costs(many=many)
+            "fenics_mortar.la.condensed.costs_of", lambda dim, many=many: Costs(many=many)
         )
         monkeypatch.setitem(ITERATIVE, "ksp_max_it", 1)
         scene = pressed_blocks(problem=options, **MESH)
@@ -336,7 +336,7 @@ def test_failed_iterations_are_replaced_by_factors_and_reported(monkeypatch):
 @pytest.mark.once
 def test_petsc_errors_in_set_up_lead_to_factors_or_a_mortar_error(monkeypatch):
     """PETSc has no such factorization: an error, not a diverged solve."""
-    monkeypatch.setattr("fenics_mortar.la.choice.costs_of", lambda dim: Costs(many=0))
+    monkeypatch.setattr("fenics_mortar.la.condensed.costs_of", lambda dim: Costs(many=0))
     monkeypatch.setitem(ITERATIVE, "strip_redundant_pc_factor_mat_solver_type", "nobody")
     scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
     scene.loads["push"].value[1] = -0.05
@@ -355,7 +355,7 @@ def test_petsc_error_in_an_iteration_unlocks_vectors(monkeypatch):
     def fail(*_):
         raise PETSc.Error(76)
 
-    monkeypatch.setattr("fenics_mortar.la.choice.costs_of", lambda dim: Costs(many=0))
+    monkeypatch.setattr("fenics_mortar.la.condensed.costs_of", lambda dim: Costs(many=0))
     monkeypatch.setattr(ContactPreconditioner, "apply", fail)
     scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
     scene.loads["push"].value[1] = -0.05

@@ -49,7 +49,7 @@ def test_choices_have_reasons(options, phrase):
 
 def test_many_unknowns_and_long_rows_are_reasons(monkeypatch):
     with monkeypatch.context() as changed:
-        changed.setattr("fenics_mortar.la.choice.costs_of", lambda dim: replace(COSTS, many=10))
+        changed.setattr("fenics_mortar.la.condensed.costs_of", lambda dim: replace(COSTS, many=10))
         assert f"{MULTIGRID} (at least 10 unknowns)" in solver_of()
     monkeypatch.setattr(solver, "COSTS", replace(COSTS, long_rows=1))
     assert "factors by mumps (rows of factors longer than 1)" in solver_of()

@@ -11,7 +11,7 @@ import pytest
 
 from demos.studies.stability import family
 from demos.studies.stability.model import Body, Grid, Scene, Support, block, fm, legs, pose_problem
-from fenics_mortar.path.dead_end import _slid_away, reason_for_end
+from fenics_mortar.path.stepping import _slid_away, reason_for_end
 
 # Load increment beyond a state, over the whole load [1].
 ONWARD = 1e-4

@@ -14,7 +14,7 @@ from demos.studies.common import read_mesh
 from demos.studies.dynamics.scenes import RHO, E, free_block, rings, scene
 from fenics_mortar.energies import lame
 from fenics_mortar.newton.loop import Iteration, NewtonReport
-from fenics_mortar.path.corrections import DeformationRate
+from fenics_mortar.path.dynamics import DeformationRate
 from fenics_mortar.path.report import (
     DynamicsReport,
     Energies,

@@ -7,7 +7,7 @@ from crossing_scenes import move_body
 from space_pair_scenes import bodies, two_blocks
 
 import fenics_mortar as fm
-from fenics_mortar.path.dead_end import describe_jump
+from fenics_mortar.path.stepping import describe_jump
 from meshes.mapped_boxes import Box, block
 
 FLOOR = fm.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))

@@ -8,7 +8,7 @@ from scenes import internal, neo_hookean, read
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.path.dead_end import describe_turning_point
+from fenics_mortar.path.stepping import describe_turning_point
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, mapped
 

@@ -13,7 +13,7 @@ import pytest
 from scenes import linear_elastic, neo_hookean, pressed_blocks
 
 import fenics_mortar as fm
-from fenics_mortar.utils.petsc import free_garbage_of_earlier
+from fenics_mortar.utils.compat import free_garbage_of_earlier
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 20, "n_lower": 23, "layers_upper": 20, "layers_lower": 20}

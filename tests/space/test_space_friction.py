@@ -14,7 +14,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import energies
-from fenics_mortar.contact.active_set import stick_where_turning_back
+from fenics_mortar.contact.rows import stick_where_turning_back
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid
 

@@ -170,7 +170,7 @@ def test_choice_follows_from_the_active_nodes(monkeypatch):
     costs = replace(SPACE_COSTS, once=0.0, dense=0.0, per_entry=0.0)
     iteration = costs.factors(graded_tip({}).problem.equations.bulk.r.getSize(), 1)
     costs = replace(costs, per_solve=1e6 * iteration / (9 * 30) ** 3)
-    monkeypatch.setattr("fenics_mortar.equations.linear_bulk.costs_of", lambda dim: costs)
+    monkeypatch.setattr("fenics_mortar.equations.reduced.costs_of", lambda dim: costs)
     scene, chosen = graded_tip({}), []
     for depth in (0.01, 0.02, 0.04, 0.04, 0.02, 0.01):
         solver = scene.move("upper/top", (0.0, 0.0, -depth)).solve().solver

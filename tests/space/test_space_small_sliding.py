@@ -16,7 +16,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import energies
-from fenics_mortar.interface.space_integrals import evaluate_space
+from fenics_mortar.interface.space_mortar import evaluate_space
 
 COMM = MPI.COMM_WORLD
 MU = 0.3
@@ -83,7 +83,7 @@ def test_systems_agree_and_sets_of_frictionless_contact_take_few_iterations():
 @LAWS
 def test_operators_are_evaluated_once(law, monkeypatch):
     """Also of bodies with finite strains."""
-    calls, where = [], "fenics_mortar.contact.operator_evaluation.evaluate_space"
+    calls, where = [], "fenics_mortar.contact.interface.evaluate_space"
     monkeypatch.setattr(where, lambda *a: calls.append(1) or evaluate_space(*a))
     scene = pressed(law=law, pair=SMALL)
     for step in PATH:

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from fenics_mortar.utils.lines import near
+from fenics_mortar.utils.arrays import near
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -10,7 +10,7 @@ from scenes import PARTLY_COVERED, disturbed, homogeneous_blocks, pressed_blocks
 from test_operators import dense, moved_scene
 from test_patch import EXACT, STRETCH, assert_uniform, neo_hookean, uniaxial
 
-from fenics_mortar.kernels.basis import STANDARD
+from fenics_mortar.kernels.facets import STANDARD
 
 comm = MPI.COMM_WORLD
 FIXED = [{"integration": "elements"}, {"integration": "nodes"}]

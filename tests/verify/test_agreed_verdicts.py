@@ -58,7 +58,7 @@ def test_state_that_one_rank_would_refuse_is_refused_by_all_or_none(rank, name, 
 def test_step_that_one_rank_takes_for_a_jump_is_refused_by_all_or_none(rank, name, monkeypatch):
     scene = small_blocks()
     jumped = "jumped" if COMM.rank == rank else ""
-    monkeypatch.setattr(f"fenics_mortar.path.dead_end.{name}", lambda *_: jumped)
+    monkeypatch.setattr(f"fenics_mortar.path.stepping.{name}", lambda *_: jumped)
 
     def load(time):
         scene.loads["push"].value[:] = 0.0, -0.02 * time

@@ -7,7 +7,7 @@ import inspect
 from typing import Any
 
 import fenics_mortar
-from fenics_mortar.contact.state import InterfaceState
+from fenics_mortar.contact.interface_fields import InterfaceState
 from fenics_mortar.contact.view import PairSide
 from fenics_mortar.equations.residual import Reaction
 from fenics_mortar.newton.loop import Iteration
@@ -26,7 +26,7 @@ GROUPS = {
             "newton",
             "contact.view",
             "contact.pair_side",
-            "contact.state",
+            "contact.interface_fields",
             "verify.tangent",
             "io.paraview",
         ),

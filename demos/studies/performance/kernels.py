@@ -13,7 +13,7 @@ import numpy as np
 from fenics_mortar.interface.integrals import find_segments, integrate_segments
 from fenics_mortar.interface.surfaces import POINTS
 from fenics_mortar.kernels import projection
-from fenics_mortar.kernels.basis import BY_COVER, DUAL, STANDARD
+from fenics_mortar.kernels.facets import BY_COVER, DUAL, STANDARD
 
 # -
 

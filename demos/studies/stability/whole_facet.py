@@ -18,7 +18,7 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface import integrals
-from fenics_mortar.kernels.basis import DUAL, STANDARD
+from fenics_mortar.kernels.facets import DUAL, STANDARD
 
 A = np.array([[2.0, -1.0], [-1.0, 2.0]])
 

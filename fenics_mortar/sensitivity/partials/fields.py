@@ -3,8 +3,8 @@
 
 Rows, memory of laws and functionals depend on state and controls through the fields w (weights), g
 (weighted gaps), z_n, z_tau, slip of the step at constant gaps, and z; see ``maps.through_fields``.
-In space slip and z_tau are components along the law's direction, see ``space_fields``; rows depend
-on the vectors of slip and normals, "slip_vector" and "normal".
+In space slip and z_tau are components along the law's direction, see ``contact.fields``; rows
+depend on the vectors of slip and normals, "slip_vector" and "normal".
 
 **Derivatives of a contact with respect to the shapes of its bodies.** With finite sliding, the
 equations depend on the present positions x = X + u of the nodes: forces and rows change with X as
@@ -33,19 +33,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.fields import ContactFields
-from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.fields import ContactFields, SpaceFields, VectorRow
 from fenics_mortar.contact.law import Row
-from fenics_mortar.contact.space_fields import SpaceFields, VectorRow
-from fenics_mortar.interface.curve_surface import Curve
-from fenics_mortar.interface.integrals import PlaneOperators
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import (
     ObstacleOperators,
@@ -55,9 +51,14 @@ from fenics_mortar.interface.on_obstacle import (
     points_of,
     whole_rule,
 )
-from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MortarError, call_together
 from fenics_mortar.utils.ranks import sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.interface.curve_surface import Curve
+    from fenics_mortar.interface.integrals import PlaneOperators
+    from fenics_mortar.utils.arrays import Array, Indices
 
 NO_BLOCK = Block(np.empty((0, 1), np.int64), np.empty((0, 1), np.int64), np.empty((0, 1, 1)))
 

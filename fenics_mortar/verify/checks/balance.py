@@ -9,19 +9,21 @@ constants.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Indices
 from fenics_mortar.utils.ranks import sum_over_ranks
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
+
+if TYPE_CHECKING:
+    from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.contact import Contact
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.contact.tied import Tie
 
 
 def balance_of_bodies(

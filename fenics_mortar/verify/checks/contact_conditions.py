@@ -9,16 +9,18 @@ ground rises a little into a body that lies on it without a pair.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.view import describe_search_radius
 from fenics_mortar.utils.arrays import HALF_FACET, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.finding import CURVED, LIMITS, POINTS_BETWEEN, Finding, Measured
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.contact import Contact
+    from fenics_mortar.contact.tied import Tie
 
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
@@ -217,7 +219,7 @@ def _among(nodes: Indices, ascending: Indices) -> Flags:
 def _not_unique(measured: Measured) -> Iterator[Finding]:
     """Number of redundant sticks, and of nodes just beside the end of the master (local).
 
-    See ``redundancy``. Beside the end the cover is close to the threshold of a multiplier.
+    See ``linearized_contact``. Beside the end the cover is close to the threshold of a multiplier.
     """
     contact = measured.contact
     x, count, undecided = contact.operators.x, int(contact.redundant.sum()), contact.undecided

@@ -25,16 +25,19 @@ there.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law import STICK
-from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import agreed, any_over_ranks, sum_over_ranks
 from fenics_mortar.verify.checks.balance import positive_or_one
 from fenics_mortar.verify.finding import INFINITE, LIMITS, Finding, Measured
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.contact import Contact
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 IN_PLANE_ONLY = True
 

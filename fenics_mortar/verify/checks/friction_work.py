@@ -18,6 +18,7 @@ does the work of its moment. Only nodes that transfer shear at both ends of the 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_array, eye
@@ -29,13 +30,15 @@ from fenics_mortar.contact.arcs import (
     surface_rotation,
     vectors_of,
 )
-from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians, moments_of
 from fenics_mortar.utils.arrays import SUM_ROUNDING, TINY, Array, norms
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.contact import Contact
+    from fenics_mortar.interface.surfaces import Surface
 
 # Difference between the work of friction by slip and by motions, over shear forces times motions,
 # above which there is a remark [1]. In ironing with long steps, where nodes turn and stretch, it is
@@ -202,7 +205,7 @@ def _sums(before: Array, after: Array, moved: Array, turned: Array) -> tuple[flo
 def _approach(measured: Measured) -> Iterator[Finding]:
     """Rotation of both sides before nodes came into contact in the step (local).
 
-    Turns by supports are known, see ``leading``, and left out here. By other turns the slip that is
+    Turns by supports are known, see ``arcs``, and left out here. By other turns the slip that is
     counted until then is that of two rigid frames beside each other. It is exact if one of them
     rests. If the sides turn by a and b while the gap closes from g, as
     g (1 - cos a t) / (1 - cos a), slip is wrong by b g (1 - sin a / a) / (1 - cos a): of bodies

@@ -9,15 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import Interface
 from fenics_mortar.obstacles.obstacle import DIFFERENCE, Obstacle, SignedDistance
 from fenics_mortar.utils.arrays import TINY, Array, Flags, norms
 from fenics_mortar.utils.errors import MortarError, call_together, format_point
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.interface import Interface
 
 # Largest admissible sine of the angle between a user's gradient and difference quotients [1],
 # slightly below the error of forces along averaged normals.

@@ -38,14 +38,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from fenics_mortar.contact.contact import Contact
-from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.facing import nearest_on_master
 from fenics_mortar.interface.reference import CORNERS
 from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, TINY, Array, Flags, Indices, norms
@@ -53,6 +51,10 @@ from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 from fenics_mortar.verify.checks.corners import facet_angles
 from fenics_mortar.verify.finding import CURVED, LIMITS, POINTS_BETWEEN, Finding, Measured
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.contact import Contact
+    from fenics_mortar.interface.curve_surface import Curve
 
 # Number of active nodes of a region of contact, below which it is too narrow.
 FEWEST_NODES = 3

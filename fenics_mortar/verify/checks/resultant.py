@@ -11,16 +11,19 @@ the limit of fine meshes.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fenics_mortar.contact.contact import Contact
-from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 from fenics_mortar.verify.checks.balance import positive_or_one
 from fenics_mortar.verify.checks.corners import runs_of
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.contact import Contact
+    from fenics_mortar.utils.arrays import Array, Indices
 
 IN_PLANE_ONLY = True
 

@@ -11,16 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_array, eye
 
 from fenics_mortar.contact.arcs import Material, vectors_of
-from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.utils.arrays import SMALL_ANGLE, TINY, Array, norms
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.verify.finding import Finding, Measured
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.contact import Contact
 
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
