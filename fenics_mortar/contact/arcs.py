@@ -615,7 +615,8 @@ class Led(NamedTuple):
 def way_of(slave: Carried, master: Carried) -> Array:
     """``Led.way`` of slave nodes, by those and the points they face, (n, dim) [length] (local)."""
     r_0, r_1 = slave.start - master.start, slave.end - master.end
-    common = _common(slave.turn, master.turn, r_0, r_1)
+    size = norms(slave.x - slave.end) + norms(master.x - master.end)
+    common = _common(slave.turn, master.turn, r_0, r_1, size)
     drift = r_1 - np.einsum("nab,nb->na", _rotations(common), r_0)
     of_slave, of_master = (
         _cross(side.turn - common, 0.5 * side.x - side.end) for side in (slave, master)
@@ -631,22 +632,24 @@ def carried_by(obstacle: RigidMotion, place: Array, points: Array) -> Carried:
     return Carried(obstacle.to_space(points), *motion)
 
 
-def _common(of_slave: Array, of_master: Array, r_0: Array, r_1: Array) -> Array:
+def _common(of_slave: Array, of_master: Array, r_0: Array, r_1: Array, size: Array) -> Array:
     """Turns g that both bodies and the vector between their pivots have in common (local).
 
-    None if these are not about one axis and in one sense, or if the pivots coincide.
+    None if these are not about one axis and in one sense. If the pivots coincide, beside the
+    ``size`` (n,) [length] of their distances from the nodes, the turns of the bodies decide.
     """
     axes, across = _in_space(of_slave), [_in_space(r) for r in (r_0, r_1)]
-    size = norms(axes)
-    axes = axes / np.where(size > 0.0, size, 1.0)[:, None]
+    angle = norms(axes)
+    axes = axes / np.where(angle > 0.0, angle, 1.0)[:, None]
     other = _in_space(of_master)
     along = (axes * other).sum(axis=1)
     parallel = norms(other - along[:, None] * axes) <= ROUNDING * norms(other)
     a, b = (r - (axes * r).sum(axis=1)[:, None] * axes for r in across)
-    apart = norms(a) * norms(b) > (ROUNDING * norms(across[0])) ** 2
+    ends = np.stack([norms(a), norms(b)]) > ROUNDING * size
     third = np.arctan2((axes * np.cross(a, b)).sum(axis=1), (a * b).sum(axis=1))
-    least = np.minimum(np.minimum(size, along), third)
-    common = np.where(parallel & apart & (least > 0.0), least, 0.0)[:, None] * axes
+    third = np.where(ends.all(axis=0), third, np.where(ends.any(axis=0), 0.0, np.inf))
+    least = np.minimum(np.minimum(angle, along), third)
+    common = np.where(parallel & (least > 0.0), least, 0.0)[:, None] * axes
     return common if of_slave.shape[1] == 3 else common[:, 2:]
 
 

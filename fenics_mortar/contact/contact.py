@@ -382,8 +382,9 @@ class Contact(Interface):
         at = (outline.indices_of(side.nodes) for side in (self.slave, self.master))
         slave, master = (Carried(*(values[i] for values in carried)) for i in at)
         place = np.zeros(0) if self.obstacle is None else self.obstacle.place.copy()
-        if not (slave.turn.any() or master.turn.any()):
-            return
+        turns = np.concatenate([slave.turn, master.turn])
+        if not turns.any() or np.isnan(turns).any():
+            return  # from a start that one side has left only, slip of both together is wrong
         o = self.evaluation.at_outline(outline, carried.x, self._state, LINEARIZATIONS["frozen"])
         if self._state.offset.any():
             o = o.minus_offset(self._state.offset)

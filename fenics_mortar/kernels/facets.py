@@ -15,7 +15,7 @@ part, which determine the multiplier functions; the second one the derivatives o
 =========  =========================================================================  ===========
 symbol     meaning                                                                    shape
 =========  =========================================================================  ===========
-T, L       functions on the slave facet, and shape functions of the               (1 + a, K),
+T, L       functions on the slave facet, and shape functions of the                   (1 + a, K),
            master facet, with their derivatives by xi_a and eta_a                     (1 + a, K')
 rows       derivatives of xi_a, W, eta_a and g of a point, in this order              (s, C)
 T_M, T_g   moments int T_p L_l dgamma, int T_p g dgamma                               (K, K'), (K,)

@@ -316,7 +316,7 @@ class Crossings:
         led = zip(self._leaders.items(), self.accepted.leaders, self._led(), strict=True)
         known = {body: motion_of(leader, *ends) for (body, leader), *ends in led}
         found = self.led.carried(x0, x1, known)
-        return found if norms(found.turn).max(initial=0.0) > LEADS else None
+        return found if np.nan_to_num(norms(found.turn)).max(initial=0.0) > LEADS else None
 
     def passages(self, places: Array) -> list[str]:
         """Messages on passages through bodies and obstacles since the accepted state.

@@ -159,6 +159,9 @@ class LedBodies:
             x0: Positions of the nodes of the outlines at the start, shape (n, d) [length].
             x1: Those to which the prescribed ones move.
             known: Motions of rigid boundaries, by the number in the outlines that they lead.
+
+        Returns:
+            The nodes; turns are nan where prescribed nodes of a body do not move as one.
         """
         size, axes = x0.shape, len(TURNS[x0.shape[1]])
         x, pivots = x0.copy(), np.zeros((2, *size))
@@ -169,8 +172,9 @@ class LedBodies:
             leader = next((known[part] for part in sorted(parts) if part in known), None)
             path = path_of(x0[led], x1[led], x0[mine]) if leader is None else leader
             apart, moved = (norms(path.carry(x0[led], 1.0) - x).max() for x in (x1[led], x0[led]))
-            if apart > STRETCHED * moved:
-                continue  # its nodes do not move as one
+            if apart > STRETCHED * moved:  # its nodes do not move as one
+                turn[mine] = np.nan if np.linalg.norm(path.turn) > SMALL_ANGLE else 0.0
+                continue
             x[mine], turn[mine] = path.carry(x0[mine], 1.0), path.turn
             pivots[:, mine] = np.stack([path.start, path.end])[:, None]
         return Carried(x, turn, *pivots)

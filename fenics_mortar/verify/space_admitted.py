@@ -185,12 +185,12 @@ class Measured(NamedTuple):
 
 
 def below_marked(
-    hull: Hull, x: Array, points: Array, n: Array, first: Measured, marked: Flags, least: float
+    hull: Hull, x: Array, points: Array, n: Array, first: Measured, marked: Flags
 ) -> Measured:
     """Depths of what came in by marked triangles, and may be nearer to others now (local).
 
-    Points are measured from the nearest marked triangle of the body if they face it more than the
-    nearest triangle of all, and are below it by no more than pairs admit.
+    Where the nearest triangle is one of the back, points are measured from the nearest marked one
+    of the body if they face it more, and are below it by no more than pairs admit.
 
     Args:
         hull: The hulls.
@@ -199,13 +199,11 @@ def below_marked(
         n: Outward normals of the other surface at the points, shape (k, 3).
         first: Depths from the nearest triangles.
         marked: Triangles of the hulls, shape (m,), bool.
-        least: Smallest cosine between ``n`` and the nearest triangle's normal [1]: ``AWAY`` where
-            edges may cross, whose points face no triangle.
     """
     normals, sizes = hull.normals(x), hull.lengths(x)
     depths, triangles, across = first.depths.copy(), first.triangles.copy(), first.across.copy()
     facing_first = np.einsum("kc,kc->k", n, normals[triangles])
-    bodies, elsewhere = hull.segment_bodies[triangles], ~marked[triangles] & (facing_first > least)
+    bodies, elsewhere = hull.segment_bodies[triangles], ~marked[triangles] & (facing_first > AWAY)
     for body in np.unique(bodies[elsewhere]):
         mine = np.flatnonzero(marked & (hull.segment_bodies == body))
         if not mine.size:
@@ -217,7 +215,7 @@ def below_marked(
             depth, at = nearest_triangle(x, among, boxes, hits, points[k], depths[k])
             t = int(mine[at])
             if n[k] @ normals[t] < facing_first[k] and depth <= LIMITS.penetration * sizes[t]:
-                depths[k], triangles[k], across[k] = depth, t, facing_first[k] > AWAY
+                depths[k], triangles[k], across[k] = depth, t, True
     return Measured(depths, triangles, across)
 
 
@@ -295,7 +293,7 @@ class SpaceAdmitted:
                 at = np.flatnonzero(self._on(one, overlaps))
                 if at.size:
                     n, first = self._outward(x, one, overlaps.nodes[at]), found.at(at)
-                    given = overlaps.points[at], n, first, other, AWAY
+                    given = overlaps.points[at], n, first, other
                     again = below_marked(self._hull, x, *given)
                     for values, new in zip(found, again):
                         values[at] = new

@@ -470,7 +470,7 @@ class SpaceObstacle:
         depths, inside, nearest = obstacle_depths(*at, lambda p: np.abs(self._evaluate(p)[0]))
         first = Measured(depths + overlap, nearest, np.zeros(len(depths), bool))
         n = self._evaluate(inside)[1]
-        found = below_marked(self.hull, x, inside, n, first, self._on_slave, -np.inf)
+        found = below_marked(self.hull, x, inside, n, first, self._on_slave)
         return inside, found._replace(depths=found.depths - overlap)
 
     def led_inside(self, x: Array, prescribed: Flags) -> tuple[float, float, str]:
@@ -480,7 +480,8 @@ class SpaceObstacle:
             Depth [length], zero if none is inside, the same over the size of its facets [1], place.
         """
         at = np.flatnonzero(prescribed & self.counted)
-        depths = -self._evaluate(x[at])[0]
+        overlap = max(-float(self.offset().min(initial=0.0)), 0.0)  # admitted, see ``depths_in``
+        depths = -self._evaluate(x[at])[0] - overlap
         facets = depths / self.hull.node_sizes(x)[at]
         k = int(facets.argmax()) if len(at) else 0
         if not facets.max(initial=0.0) > LIMITS.unpaired:
@@ -509,7 +510,12 @@ class SpaceObstacle:
         mine = (hull.segment_bodies == body) & ~self.near_slave
         mine &= self.counted[hull.segments].all(axis=1)
         at = np.flatnonzero(mine)
-        points = np.einsum("qk,tkc->tqc", WITHIN, x[hull.segments[at]])
+        corners = x[hull.segments[at]]
+        middles = corners.mean(axis=1)
+        reach = norms((corners - middles[:, None]).reshape(-1, 3)).reshape(-1, 3).max(axis=1)
+        near = self._evaluate(middles)[0] <= reach
+        at = at[near]
+        points = np.einsum("qk,tkc->tqc", WITHIN, corners[near])
         phi, gradient, _ = self._evaluate(points.reshape(-1, 3))
         outward = np.einsum("tqc,tc->tq", gradient.reshape(points.shape), hull.normals(x)[at])
         depths = np.where(outward > AWAY, -phi.reshape(outward.shape), 0.0)

@@ -298,7 +298,7 @@ def obstacles(kind, folder):
 
 
 ALONG = (0.0, 1.0, 0.0)
-CORNERS = [(-3.0, 0.02), (3.0, 0.02), (0.0, 5.0)]
+CORNERS = [(3.0, -0.02), (-3.0, -0.02), (0.0, -5.0)]  # the second axis is -z
 # Solids that touch the top of the unit cube.
 IN_SPACE = {
     "plane": lambda: fm.Plane((0.5, 0.5, 1.0), (0.05, 0.0, -1.0)),

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from friction_scenes import NU, E
 from scenes import TIGHT, internal, neo_hookean, rotation
-from turning_scenes import rollers
+from turning_scenes import rollers, shaft_in_ring
 
 from dolfinx import fem
 
@@ -33,6 +33,22 @@ def turned_twice(tyres, ratio, per_turn, depth=0.01):
         right.move(x=-depth, angle=ratio * step * TURN / per_turn)
         report = problem.solve()
     return problem, left, right, report
+
+
+@pytest.mark.parametrize("slave", ["shaft", "ring"])
+@pytest.mark.parametrize("grow, shrink", [(0.035, 0.0), (0.02, 0.005)])
+def test_a_shaft_that_is_widened_while_all_turns_about_one_pivot_does_not_slip(slave, grow, shrink):
+    """Nodes come into contact in the step. By ``grow`` the bore moves, not as one: not led."""
+    law = fm.Coulomb(0.5)
+    scene = shaft_in_ring(law, interference=-0.004, columns=24, slave=slave)
+    R = rotation(0.6)
+    scene.bore.interpolate(lambda x: ((1.0 + grow) * R - np.eye(2)) @ x[:2])
+    scene.outside.interpolate(lambda x: ((1.0 - shrink) * R - np.eye(2)) @ x[:2])
+    scene.problem.solve()
+    contact = scene.problem.equations.contacts[0]
+    assert contact.active.all()
+    slid = law.mu * contact.pressure.max() * 2.0 * np.pi  # the moment if all slides, radius 1
+    assert abs(scene.moment) < 1e-4 * slid
 
 
 @pytest.mark.parametrize("per_turn", [16, 8, 5])

@@ -135,6 +135,14 @@ def test_held_end_that_is_moved_into_an_obstacle_is_told():
         scene.problem.solve()
 
 
+def test_held_end_in_an_obstacle_as_meshed_is_left_to_the_initial_gap():
+    scene = space_scenes.solid(**{**CUBE, "size": (1.0, 1.0, 0.2), "counts": (4, 4, 1)})
+    space_scenes.held(scene, side="block/left")
+    floor = fm.Plane((0.0, 0.0, 0.05), (0.0, 0.0, 1.0))
+    scene.set_up([fm.ContactPair(scene.data, "block/bottom", floor, initial_gap=0.0)])
+    assert not any("boundary cond" in r for r in scene.problem.solve().certificate.remarks())
+
+
 @pytest.mark.parametrize("radius, told", [(0.25, "edges of at most 0.12, half"), (0.01, "a sharp")])
 def test_ball_between_nodes_tells_the_facets_that_it_needs(radius, told):
     obstacle = ball(radius, (0.5, 0.5, 1.0 + radius))

@@ -129,7 +129,10 @@ Place = tuple[float, str]
 
 
 def _smallest_gaps(contact: Contact) -> tuple[Place, Place]:
-    """Smallest gaps of all facets and of those without active nodes, inf for none (collective)."""
+    """Smallest gaps of all facets and of those without active nodes, inf for none (collective).
+
+    Facets all of whose nodes are prescribed never have active ones.
+    """
     o, s = contact.operators, contact.intersections()
     if contact.slave.dim == 3:
         return _smallest_in_space(contact, o), (np.inf, "")
@@ -137,6 +140,7 @@ def _smallest_gaps(contact: Contact) -> tuple[Place, Place]:
     gaps = o.sample_gaps(o.x + contact.now.offset[:, None] * o.n, s, POINTS_BETWEEN)
     gaps /= np.hypot(*(ends[:, 1] - ends[:, 0]).T)[:, None]
     of_segments, idle = gaps.min(axis=1), ~contact.active[s.slave].any(axis=1)
+    idle &= contact.may_carry[s.slave].any(axis=1)
     found = []
     for depths in (of_segments, np.where(idle, of_segments, np.inf)):
         smallest, where = np.inf, ""
