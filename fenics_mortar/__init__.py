@@ -24,11 +24,7 @@ from fenics_mortar.bulk.history import quadrature_function
 from fenics_mortar.bulk.inertia import Velocity
 from fenics_mortar.contact.fluxes import NodalFlux
 from fenics_mortar.contact.law import Coulomb, Frictionless, Law, Tresca
-from fenics_mortar.contact.law_calls import (
-    Conductance,
-    GapConductance,
-    PressureConductance,
-)
+from fenics_mortar.contact.law_calls import Conductance, GapConductance, PressureConductance
 from fenics_mortar.contact.pair import ContactPair, Discretization, Pretension, TiedPair
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.general import State

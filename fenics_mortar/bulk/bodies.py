@@ -29,7 +29,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -157,7 +156,12 @@ class FloatingBody:
             how = "be shortened" if at_sections[most] > 0.0 or not directed else "be pulled apart"
             return f"{how} at section '{self.sections[most].name}'"
         if len(self.centre) == 3:
-            return describe_in_space(rigid[:3], rigid[3:])
+            along, turn = rigid[:3], rigid[3:]
+            if directed and np.linalg.norm(turn) > MINOR and abs(along @ turn) < MINOR**2:
+                pole = self.centre + self.size * np.cross(turn, along) / (turn @ turn)
+                axis = turn / np.linalg.norm(turn)
+                return f"rotate about the axis {format_point(axis)} through {format_point(pole)}"
+            return describe_in_space(along, turn)
         x, y, rotation = rigid
         x, y = (x, y) if directed or rotation or (x, y) > (0.0, 0.0) else (-x, -y)
         if abs(rotation) > MINOR:
@@ -501,7 +505,7 @@ def _check_outline(outline: Outline, contacts: Sequence[Interface]) -> None:
 
 def _cross_at_nodes(
     start: Array, end: Array, links: tuple[Indices, Indices], pairs: Indices
-) -> npt.NDArray[np.bool_]:
+) -> Flags:
     """Whether the outline crosses itself at a node of one of two touching facets, (k,) (local).
 
     In this case the line through the facet and the previous or next one crosses the other facet, or
@@ -547,7 +551,7 @@ def _check_nested(start: Array, end: Array, inside: Array, body: Indices) -> Non
                 )
 
 
-def _inside(points: Array, start: Array, end: Array) -> npt.NDArray[np.bool_]:
+def _inside(points: Array, start: Array, end: Array) -> Flags:
     """Whether points (n, 2) lie in an outline, by the facets that a ray from each crosses."""
     inside = np.zeros(len(points), bool)
     for k, (x, y) in enumerate(points):

@@ -10,7 +10,6 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 import basix
 
@@ -18,7 +17,7 @@ from fenics_mortar.interface.reference import gauss_points, tabulate
 from fenics_mortar.kernels.crossing import find_inside
 from fenics_mortar.kernels.facets import tabulate_volumes
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices, Numbers
 from fenics_mortar.utils.errors import count_points
 from fenics_mortar.utils.ranks import any_over_ranks, on_any_rank
 
@@ -217,7 +216,7 @@ class Cells:
         return any_over_ranks(self._comm, inside)
 
 
-def areas_at(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
+def areas_at(x: Array, cells: Numbers, gradients: Array) -> Array:
     """Determinant of dx/dxi at points of ``cells`` (m, k), shape (m, p) [length^dim] (local).
 
     Args:
@@ -230,7 +229,7 @@ def areas_at(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
     return areas
 
 
-def areas_or_nan(X: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
+def areas_or_nan(X: Array, cells: Numbers, gradients: Array) -> Array:
     """Areas of ``areas_at`` in the undeformed state, nan where there is none (local).
 
     Units [length^dim].

@@ -31,7 +31,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem
@@ -51,7 +50,7 @@ from fenics_mortar.bulk.cells import (
 )
 from fenics_mortar.kernels.facets import keep_volume
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices, Numbers
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.ranks import largest_over_ranks
 
@@ -265,7 +264,7 @@ def _extent(mesh: Any) -> float:
     return max(mesh.comm.allgather(float(np.abs(mesh.geometry.x).max(initial=0.0))))
 
 
-def _within(subdomain: Subdomain, entities: Indices) -> npt.NDArray[np.bool_]:
+def _within(subdomain: Subdomain, entities: Indices) -> Flags:
     """Whether local entities (n,) belong to a subdomain, shape (n,) (local)."""
     number, tags = subdomain
     if tags is None:
@@ -369,7 +368,7 @@ class CellPoints(NamedTuple):
     """
 
     cells: Indices
-    nodes: npt.NDArray[np.int32]
+    nodes: Numbers
     gradients: Array
     undeformed: Array
 

@@ -20,7 +20,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem
@@ -32,7 +31,7 @@ from fenics_mortar.bulk.history import History
 from fenics_mortar.bulk.node_blocks import CellBlocks, come_in_pairs
 from fenics_mortar.mesh.space import DisplacementSpace, by_input_node, set_by_input_node
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices, Numbers
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.compat import free_garbage
 from fenics_mortar.utils.errors import MortarError, call_together, check_same, count_points
@@ -334,7 +333,7 @@ class Bulk:
         self.stiffness = 0.0
 
     @cached_property
-    def prescribed_dofs(self) -> npt.NDArray[np.int32]:
+    def prescribed_dofs(self) -> Numbers:
         """Local numbers of the owned dofs with prescribed values, shape (k,)."""
         return np.flatnonzero(self.prescribed[: self.num_owned]).astype(np.int32)
 

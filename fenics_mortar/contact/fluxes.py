@@ -24,10 +24,15 @@ the cells, [T] replaces q / h, which may be 0 / 0.
 
 A field of degree 1 beside a displacement of degree 2 has fewer dofs than there are nodes: jumps of
 zero at all nodes would leave it no freedom where facets do not match. Carriers c are therefore the
-nodes with dofs, and q is linear between them, with the means over their part of the surface: A has
-the linear values at the nodes, A_jc = 1 at carriers, and
+nodes with dofs. The jump is linear between them, with means over their part of the surface in which
+nodes count by their conductance: A has the linear values at the nodes, A_jc = 1 at carriers, and
 
-    q_j = sum_c A_jc q_c,    ([T]_c, h_c) = sum_j A_jc w_j ([T]_j, h_j) / sum_j A_jc w_j.
+    q_j = h_j sum_c A_jc [T]_c,       [T]_c = sum_j A_jc h_j w_j [T]_j / sum_j A_jc h_j w_j.
+
+Nodes that do not conduct have no part in either, and loads are the transpose of the jumps. State
+and rows are those of q_c = h_c [T]_c, h_c = sum_j A_jc w_j h_j / sum_j A_jc w_j. At the nodes it is
+q_j = sum_c B_jc q_c with B_jc = A_jc h_j / h_c. If h is infinite at a node of a carrier, its nodes
+of finite h do not count: this is the limit.
 
 Where conduction is perfect, and the slave's field is prescribed at a node, its equation is left to
 the carriers beside it, as in ``tied_rows``.
@@ -41,6 +46,7 @@ Wohlmuth (2009); Seitz, Wall & Popp (2018); Nocedal & Wright (2006), section 17.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -73,6 +79,7 @@ class FluxValues:
         cells: Conduction of the cells beside the nodes per area, (slave nodes,) [flux / field].
         spread: The matrix A, shape (slave nodes, slave nodes) [1].
         q: Conduction of the carriers in the state, (slave nodes,) [flux]; ``None``: h [T].
+        stiffest: e_max over the conduction of the cells [1].
 
     Attributes:
         q: Conduction of the carriers, shape (slave nodes,) [flux].
@@ -89,14 +96,12 @@ class FluxValues:
         cells: Array,
         spread: csr_array,
         q: Array | None,
+        stiffest: float,
     ) -> None:
         self._law, self.f, self.T, self.T_master = law, f, T, T_master
         self.o: MortarOperators = f.operators
         self.on, self._spread = f.covered, spread
         self.weight: Array = np.where(self.on, self.o.weight, 0.0)
-        of_carriers = self._spread.T @ self.weight
-        on = of_carriers > 0.0
-        self._per_weight = np.where(on, 1.0 / np.where(on, of_carriers, 1.0), 0.0)
         D, M = self.o.matrices
         self._reference = 0.0 if law.temperature is None else law.on_obstacle
         jump = D @ (T - self._reference) - M @ (T_master - self._reference)
@@ -106,9 +111,9 @@ class FluxValues:
             np.where(closed, 0.0, np.maximum(f.mean_gap, 0.0)),
             finite=q is None,
         )
-        self._jump = self._mean(np.where(self.on, jump, 0.0))
-        self._h = self._mean(_times(self.weight, self.h.h))
-        self.e, stiff = np.minimum(self._h, STIFFEST * cells), self._h > cells
+        self.conductance = np.where(self.on & (self.weight > 0.0), self.h.h, 0.0)
+        self._set_means(np.where(self.on, jump, 0.0))
+        self.e, stiff = np.minimum(self._h, stiffest * cells), self._h > cells
         self.is_exact: Flags = self.e == self._h  # q' does not depend on q
         self.q = self._h * self._jump if q is None else q
         self._per_h = np.where(stiff, self.q / np.where(stiff, self._h, 1.0), self._jump)
@@ -116,16 +121,38 @@ class FluxValues:
         self.next_q = self.e * self._jump + self.kept * self.q
         least = np.where(stiff, cells, self.e) / np.where(self.e > 0.0, self.e, 1.0)
         self.row = (self.next_q - self.q) * np.where(self.e > 0.0, least, 1.0)
-        self.jump, self.conductance = (self.at_nodes(c) for c in (self._jump, self._h))
         self.conduction = self.at_nodes(self.q)
 
-    def _mean(self, weighted: Array) -> Array:
-        """Means at the carriers of values at the nodes times their weights, (slave nodes,)."""
-        return np.asarray(self._per_weight * (self._spread.T @ weighted))
+    def _set_means(self, jump: Array) -> None:
+        """Means at the carriers of weighted jumps, and of conductances, with the matrix B."""
+        A, w, h = self._spread.tocoo(), self.weight, self.conductance
+        perfect = np.isinf(h)
+        self._is_inf: Flags = self._spread.T @ perfect.astype(float) > 0.0
+        self._finite_h = np.where(perfect, 0.0, h)
+        profile = np.where(self._is_inf[A.col], perfect[A.row], self._finite_h[A.row])
+        of_carriers = self._spread.T @ w
+        conducts = np.bincount(A.col, A.data * profile * w[A.row], len(w)) > 0.0
+        profile = np.where(conducts[A.col], profile, self.on[A.row])
+        self._varies = conducts & ~self._is_inf
+        self._R = csr_array((A.data * profile, (A.row, A.col)), shape=A.shape)
+        P = self._R.T @ w
+        self._per_weight, self._per_P = (
+            np.where(sums > 0.0, 1.0 / np.where(sums > 0.0, sums, 1.0), 0.0)
+            for sums in (of_carriers, P)
+        )
+        self._to_nodes = csr_array(self._R @ diags(of_carriers * self._per_P))
+        self._jump = self._per_P * (self._R.T @ jump)
+        self._h = np.where(self._is_inf, np.inf, np.where(conducts, P * self._per_weight, 0.0))
+        self._nodal_jump = np.divide(jump, w, out=np.zeros_like(w), where=w > 0.0)
+
+    @property
+    def jump(self) -> Array:
+        """Jumps of conducting nodes between those of the carriers, else the own ones (n,) [K]."""
+        return np.where(self.conductance > 0.0, self._spread @ self._jump, self._nodal_jump)
 
     def of_carriers(self, nodal: Array) -> Array:
         """Sums at carriers of values at covered nodes [their unit], transpose of ``at_nodes``."""
-        return np.asarray(self._spread.T @ np.where(self.on, nodal, 0.0))
+        return np.asarray(self._to_nodes.T @ np.where(self.on, nodal, 0.0))
 
     @property
     def kept(self) -> Array:
@@ -134,7 +161,7 @@ class FluxValues:
 
     def at_nodes(self, of_carriers: Array) -> Array:
         """Values at covered nodes, else 0, of values at carriers, (slave nodes,) [their unit]."""
-        return np.where(self.on, self._spread @ of_carriers, 0.0)
+        return np.where(self.on, self._to_nodes @ of_carriers, 0.0)
 
     @cached_property
     def _heating(self) -> Row:
@@ -181,21 +208,38 @@ class FluxValues:
     @cached_property
     def q_by_quantities(self) -> csr_array:
         """Derivatives of q' of the carriers by all quantities but the source, (n, 3 n)."""
-        to_carriers = self._spread.T @ diags(self.on.astype(float))
-        h, nodal = (np.where(np.isfinite(values), values, 0.0) for values in (self._h, self.h.h))
+        A_T, R_T = self._spread.T, self._R.T
+        h = np.where(np.isfinite(self._h), self._h, 0.0)
         by_h = diags(self._per_weight * self._ratio * self._per_h)
+        by_jump = diags(self.e * self._per_P)
+        apart = A_T @ diags(self._nodal_jump) - diags(self._jump) @ A_T
         parts = [
-            diags(self._per_weight * self.e) @ to_carriers,
-            by_h @ to_carriers,
-            by_h @ (to_carriers @ diags(nodal) - diags(h) @ to_carriers)
-            - diags(self._per_weight * self.e * self._per_h) @ to_carriers,
+            by_jump @ R_T,
+            by_h @ A_T + by_jump @ diags(self._varies.astype(float)) @ apart,
+            by_h @ (A_T @ diags(self._finite_h) - diags(h) @ A_T)
+            - diags(self.e * self._per_P * self._per_h) @ R_T,
         ]
-        return csr_array(hstack(parts))
+        return csr_array(hstack(parts) @ diags(np.tile(self.on.astype(float), 3)))
+
+    @cached_property
+    def _spread_by_quantities(self) -> csr_array:
+        """Derivatives of B q at fixed q, by all quantities but the source, (n, 3 n)."""
+        A, R, varies = self._spread, self._R, self._varies.astype(float)
+        s = np.where(self._varies, self._per_h, self.q * self._per_P * (A.T @ self.weight))
+        per_w = np.divide(1.0, self.weight, out=np.zeros_like(s), where=self.weight > 0.0)
+        by_P = R @ diags(s * self._per_P)
+        parts = [
+            csr_array(A.shape),
+            diags(per_w * (A @ (varies * s))) - by_P @ diags(varies) @ A.T,
+            R @ diags(self.q * self._per_P) @ A.T - by_P @ R.T,
+        ]
+        return csr_array(hstack(parts) @ diags(np.tile(self.on.astype(float), 3)))
 
     @cached_property
     def by_quantities(self) -> list[csr_array]:
         """Derivatives of the fluxes of slave and master, (slave nodes, 4 slave nodes)."""
-        conduction = diags(self.on.astype(float)) @ self._spread @ self.q_by_quantities
+        conduction = self._to_nodes @ self.q_by_quantities + self._spread_by_quantities
+        conduction = diags(self.on.astype(float)) @ conduction
         one, share = eye(len(self.T)), self._law.share
         return [csr_array(hstack([conduction, part * one])) for part in (-share, 1.0 - share)]
 
@@ -237,14 +281,12 @@ class FluxValues:
             yield Block(s.slave, *traces[1].columns(s.master, -o.M))
 
 
-def _times(weight: Array, h: Array) -> Array:
-    """Products of weights and conductances, zero where the weight is, also of inf."""
-    return np.multiply(weight, h, out=np.zeros_like(weight), where=weight > 0.0)
-
-
 # e_max over the conduction of the cells beside a node [1]. Jumps decrease by this factor in an
 # iteration, to which rounding in the factors of the linear system adds 1e-10 of them.
 STIFFEST = 1e6
+# The same in solves with the tangent that are repeated for derivatives [1]: rounding in the factors
+# adds 1e-13 of jumps, in place of 1e-10; ``equations.linearized`` has the number of solves.
+SOFT = 1e3
 
 
 @dataclass(frozen=True)
@@ -327,6 +369,7 @@ class Flux:
             prescribed = np.zeros(law.field.x.array.size, bool)
         self._spreads = _spreads(contact, self.traces[0], prescribed)
         self.cells = np.full(contact.slave.num_nodes, np.inf)
+        self._stiffest = STIFFEST
 
     def evaluate(self, u: Array) -> None:
         """Gather the field, from all unknowns ``u``, shape (local dofs,), unless separate.
@@ -350,6 +393,11 @@ class Flux:
         self._to_force = float(largest_over_ranks(comm, to_force[mine].max(initial=0.0)))
         at_nodes = self._interpolation(self.traces[0]) @ self._gathered(own)
         self.cells = np.where(areas > 0.0, at_nodes / np.maximum(areas, TINY), 0.0)
+
+    @property
+    def largest(self) -> float:
+        """Largest magnitude of the field on both sides [field] (local, replicated)."""
+        return max(float(np.abs(values).max(initial=0.0)) for values in self._values)
 
     @property
     def _mine(self) -> tuple[Indices, Indices]:
@@ -380,7 +428,16 @@ class Flux:
         """Values and derivatives by nodal quantities at the fields of the contact (collective)."""
         spread = self._spreads[self.law.is_perfect]
         q = None if self.is_separate else f.state.conduction[:, self._column]
-        return FluxValues(self.law, f, *self._values, self.cells, spread, q)
+        return FluxValues(self.law, f, *self._values, self.cells, spread, q, self._stiffest)
+
+    @contextmanager
+    def softened(self) -> Iterator[None]:
+        """Within, e_max is that of solves that are repeated, see ``SOFT`` (local)."""
+        self._stiffest, before = min(SOFT, self._stiffest), self._stiffest
+        try:
+            yield
+        finally:
+            self._stiffest = before
 
     def _put(self, q: Array) -> None:
         """Set the conduction of the carriers in the state, shape (slave nodes,) [flux] (local)."""

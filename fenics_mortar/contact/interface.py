@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -25,7 +25,6 @@ from fenics_mortar.contact.interface_fields import InterfaceFields, InterfaceSta
 from fenics_mortar.contact.pair import PRESETS, Discretization
 from fenics_mortar.interface.corners import TURN
 from fenics_mortar.interface.curve_surface import turn_between
-from fenics_mortar.interface.faces import Faces
 from fenics_mortar.interface.integrals import (
     BodiesBehind,
     MortarOptions,
@@ -36,7 +35,7 @@ from fenics_mortar.interface.integrals import (
     find_segments,
 )
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, Linearization, MortarOperators
-from fenics_mortar.interface.on_obstacle import evaluate_obstacle, surface_without_nodes
+from fenics_mortar.interface.on_obstacle import evaluate_obstacle
 from fenics_mortar.interface.outline import Outline, Sight
 from fenics_mortar.interface.reference import AT_VERTICES, Basis
 from fenics_mortar.interface.space_mortar import evaluate_space
@@ -77,8 +76,7 @@ def surfaces_of(pair: Any, space: DisplacementSpace, welds: Indices) -> tuple[An
     if pair.master is None:
         return slave, slave
     if isinstance(pair.master, Obstacle):
-        without_nodes = surface_without_nodes if slave.dim == 2 else Faces.without_nodes
-        master = without_nodes(slave, pair.master_name)
+        master = slave.of_nodes(NO_NODES, slave.facets[:0], name=pair.master_name, thickness=None)
     else:
         on_master = pair.data.boundary_tags(pair.master)
         master = extract_surface(space, tags, on_master, pair.master_name)
@@ -342,11 +340,7 @@ class Interface(ABC):
     total_force, z_u = read_only("now.total_force"), read_only("now.z_u")
 
     def __init__(
-        self,
-        pair: Any,
-        space: DisplacementSpace,
-        prescribed: Flags,
-        welds: Indices = NO_WELDS,
+        self, pair: Any, space: DisplacementSpace, prescribed: Flags, welds: Indices = NO_WELDS
     ) -> None:
         """Extract the surfaces (collective).
 
@@ -736,3 +730,19 @@ class OperatorEvaluation:
             self.slave, self.master, self.obstacle, self.arm, x, multiplier_nodes, self.planes,
             self.options, linearization,
         )  # fmt: skip
+
+
+def or_other_weights(contact: Interface) -> str:
+    """Advice to weight gaps by standard functions; "" where multipliers are not dual (local)."""
+    has_dual = contact.basis in ("dual", "vertices")
+    return ", or take Discretization(gap_weights='standard')" * has_dual
+
+
+def or_more_functions(contacts: Sequence[Interface]) -> str:
+    """Advice for triangles with six nodes and linear multipliers; "" if no slave has these (local).
+
+    The mean gap over all facets around a corner is open until they have been entered deeply.
+    """
+    coarse = any(c.slave.facets.shape[1] == 6 and c.basis == "linear" for c in contacts)
+    quadratic = ", or take Discretization(basis='quadratic'), with multipliers at all six nodes"
+    return f"{quadratic} of a triangle" * coarse

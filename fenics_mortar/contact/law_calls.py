@@ -26,12 +26,11 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem
 
 from fenics_mortar.contact.law import BUILT_IN, Branches, Friction, Law, Nodal, Row
-from fenics_mortar.utils.arrays import Array, Indices, read_only_view
+from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view
 from fenics_mortar.utils.errors import (
     MortarError,
     NotFiniteError,
@@ -213,9 +212,6 @@ class Parameters:
         return self._slave.gather(self._space.spread(values))[:, 0]
 
 
-Marks = npt.NDArray[np.bool_]
-
-
 class LawCalls:
     """Calls of the law of one contact (local).
 
@@ -256,7 +252,7 @@ class LawCalls:
 
         return self._storing_errors(call, before)
 
-    def tangential(self, law: Law, node: Nodal, branch: Branches, used: Marks, x: Array) -> Row:
+    def tangential(self, law: Law, node: Nodal, branch: Branches, used: Flags, x: Array) -> Row:
         """See ``Law.tangential``; ``used``: nodes to which the law applies."""
         if type(law) in BUILT_IN:
             return law.tangential(node, branch)
@@ -268,7 +264,7 @@ class LawCalls:
         none = np.zeros(branch.size)
         return self._storing_errors(call, Row(node.z_tau, none, none, none, none + 1.0))
 
-    def closing_gap(self, law: Law, node: Nodal, used: Marks, x: Array) -> Row:
+    def closing_gap(self, law: Law, node: Nodal, used: Flags, x: Array) -> Row:
         """See ``Law.closing_gap``; ``used``: nodes to which the law applies."""
 
         def call() -> Row:
@@ -278,7 +274,7 @@ class LawCalls:
         none = np.zeros(node.gap.size)
         return self._storing_errors(call, Row(node.gap, none + 1.0, none, none, none))
 
-    def adhesion_at(self, law: Law, node: Nodal, used: Marks, x: Array) -> Row:
+    def adhesion_at(self, law: Law, node: Nodal, used: Flags, x: Array) -> Row:
         """See ``Law.adhesion_at``; ``used``: nodes to which the law applies."""
 
         def call() -> Row:
@@ -331,7 +327,7 @@ class LawCalls:
 
         return self._storing_errors(call, np.full_like(pressure, np.inf))
 
-    def _row(self, law: Law, what: str, row: Any, node: Nodal, used: Marks, x: Array) -> Row:
+    def _row(self, law: Law, what: str, row: Any, node: Nodal, used: Flags, x: Array) -> Row:
         """A row of arrays (slave nodes,), finite at the nodes where it is used."""
         if not isinstance(row, tuple) or len(row) != len(Row._fields):
             raise ValueError(f"{law!r}: {what} returned {row!r}; expected a Row")
@@ -359,7 +355,7 @@ class LawCalls:
         return [np.array(np.broadcast_to(array, count), float) for array in arrays]
 
     def _check_finite(
-        self, law: Law, what: str, results: Iterable[Array], checked: Marks, x: Array
+        self, law: Law, what: str, results: Iterable[Array], checked: Flags, x: Array
     ) -> None:
         """Raise if a result is not finite at ``checked`` nodes, those with finite arguments."""
         bad = checked & ~np.all([np.isfinite(result) for result in results], axis=0)
@@ -390,7 +386,7 @@ def raise_stored(comm: MPI.Comm, contacts: Iterable[Any]) -> None:
     leave_together(comm, f"{law!r}", next((e for e in errors if e is not None), None))
 
 
-def _all_finite(node: Nodal) -> Marks:
+def _all_finite(node: Nodal) -> Flags:
     """Nodes at which all arguments are finite."""
     arguments = node.gap, node.slip, node.z_n, node.z_tau, node.stiffness, node.c_n
     return np.all([np.isfinite(values) for values in arguments], axis=0)

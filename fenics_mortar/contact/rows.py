@@ -43,7 +43,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.contact.law import KINK, STICK, Branches, VectorRow
 from fenics_mortar.interface.mortar import Block, scaled
@@ -484,9 +483,7 @@ class MultiplierNodes:
         """Reset the counts of changes."""
         self._changes[:] = 0
 
-    def update(
-        self, multiplier_nodes: npt.NDArray[np.bool_], cover: Array
-    ) -> tuple[npt.NDArray[np.bool_], int]:
+    def update(self, multiplier_nodes: Flags, cover: Array) -> tuple[Flags, int]:
         """New multiplier nodes, shape (slave nodes,), bool, and number of changed nodes (local).
 
         Args:
@@ -498,7 +495,7 @@ class MultiplierNodes:
             self._changes += new != multiplier_nodes
         return new, changed
 
-    def undecided(self, cover: Array, active: npt.NDArray[np.bool_]) -> Indices:
+    def undecided(self, cover: Array, active: Flags) -> Indices:
         """Nodes next to active ones whose cover is close to ``MIN_SHARE`` (local).
 
         Their cover depends on whether they carry a multiplier; there may be two solutions.
@@ -515,9 +512,7 @@ class MultiplierNodes:
         beside = ((self._neighbours >= 0) & active[self._neighbours]).any(axis=0)
         return np.flatnonzero(near & beside)
 
-    def _choose(
-        self, cover: Array, present: npt.NDArray[np.bool_]
-    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_], int]:
+    def _choose(self, cover: Array, present: Flags) -> tuple[Flags, Flags, int]:
         """New multiplier nodes, nodes whose function can be handed over, number of changes."""
         new, helped = np.empty((2, cover.size), bool)
         changed = choose(

@@ -59,7 +59,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array, vstack
 
 from fenics_mortar.contact.arcs import (
@@ -442,7 +441,7 @@ Triplets = tuple[Indices, Indices, Array]
 
 def find_partners(
     o: Any,
-    faces: npt.NDArray[np.bool_],
+    faces: Flags,
     measure: Measure = "partners",
     *,
     least: Array,

@@ -19,6 +19,7 @@ import numpy as np
 
 from fenics_mortar.bulk.bodies import join_bodies
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import or_other_weights
 from fenics_mortar.contact.law import STICK, Branches
 from fenics_mortar.contact.pair import Discretization
 from fenics_mortar.contact.tied import Tie
@@ -497,12 +498,11 @@ def _describe_alternating(contacts: Sequence[Interface], recent: Sequence[SetsOf
         turns = any((active[: count - k] == active[k:]).all() for k in range(2, count))
         wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
         if isinstance(contact, Contact) and turns and wavers.size:
-            exchange = "exchange slave and master, " * (contact.obstacle is None)
+            exchange = ", exchange slave and master" * (contact.obstacle is None)
             return (
                 f"{wavers.size} nodes of '{contact.slave.name}' open and close in turn, one at "
                 f"{format_point(contact.operators.x[wavers[0]])}: neither set may be a solution on "
                 "facets within which the sides bend apart, as at a tip or an edge; refine "
-                f"'{contact.slave.name}' there, {exchange}or take "
-                "Discretization(gap_weights='standard')"
+                f"'{contact.slave.name}' there{exchange}{or_other_weights(contact)}"
             )
     return ""

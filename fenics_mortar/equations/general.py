@@ -106,7 +106,7 @@ class State(Value):
             interfaces=tuple(
                 a.replaced(offset=b.offset, c_n=b.c_n, reference=b.reference, load_time=b.load_time)
                 for a, b in pairs
-            ),
+            )
         )
 
     def counting_slip_from(self, other: State) -> State:

@@ -51,7 +51,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from fenics_mortar.contact.contact import Contact
@@ -450,7 +449,7 @@ class _Entries(NamedTuple):
     row: Indices
     node: Indices
     value: Array
-    own: npt.NDArray[np.bool_]
+    own: Flags
 
 
 class Redundancy:
@@ -557,9 +556,7 @@ def _directed_entries(contact: Contact) -> Iterator[_Entries]:
             yield _Entries(row, surface.nodes[k], value, own)
 
 
-def repeating(
-    pair: Indices, row: Indices, node: Indices, own: npt.NDArray[np.bool_]
-) -> npt.NDArray[np.bool_]:
+def repeating(pair: Indices, row: Indices, node: Indices, own: Flags) -> Flags:
     """Entries of rows that may be part of a vanishing sum.
 
     Rows with a slave node that is in no row of another pair are removed, repeatedly.
@@ -587,7 +584,7 @@ def repeating(
     return kept
 
 
-def dependent(rows: Array) -> npt.NDArray[np.bool_]:
+def dependent(rows: Array) -> Flags:
     """Rows that depend linearly on preceding rows, up to ``DEPENDENT``, shape (rows,), bool.
 
     Args:

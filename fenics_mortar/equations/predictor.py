@@ -58,16 +58,15 @@ from typing import TYPE_CHECKING, NamedTuple
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact, begin_step
 from fenics_mortar.equations.arguments import EQUATIONS
-from fenics_mortar.kernels.crossing import box_triangles, interpolate
-from fenics_mortar.kernels.tree import spatial_order
+from fenics_mortar.kernels.crossing import interpolate
+from fenics_mortar.kernels.tree import build_tree, spatial_order
 from fenics_mortar.newton.loop import NewtonReport, then_solve
 from fenics_mortar.obstacles.rigid_motion import polar_rotation
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import HALF_FACET, Array, Indices
+from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices
 from fenics_mortar.utils.errors import NotConvergedError
 from fenics_mortar.utils.ranks import sum_over_ranks
 from fenics_mortar.verify.node_paths import SLENDER, STRETCHED
@@ -159,7 +158,7 @@ def triangles_of(comm: MPI.Comm, X: Array, nodes: Indices) -> Triangles:
     if not len(nodes):
         return Triangles(comm, X, nodes, np.empty((0, 4)))
     nodes = nodes[spatial_order(X[nodes].mean(axis=1))]
-    return Triangles(comm, X, nodes, box_triangles(X, nodes))
+    return Triangles(comm, X, nodes, build_tree(X, nodes))
 
 
 class _Side(NamedTuple):
@@ -484,7 +483,7 @@ class Predictor:
         self._status = status = problem.evaluate(start=True)
         return status.residual if np.isfinite(status.residual) else np.inf
 
-    def _under_pressure(self) -> npt.NDArray[np.bool_]:
+    def _under_pressure(self) -> Flags:
         """Marks of pairs under pressure, shape (contacts,), bool (local)."""
         contacts = [c for c in self._problem.contacts if isinstance(c, Contact)]
         return np.array([(c.pressure > 0.0).any() for c in contacts], bool)

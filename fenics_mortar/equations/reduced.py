@@ -39,7 +39,6 @@ from typing import TYPE_CHECKING, Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import LinAlgError, solve
 from scipy.sparse import coo_array, csr_array
 
@@ -61,7 +60,7 @@ if TYPE_CHECKING:
     from fenics_mortar.equations.general import ContactEquations
     from fenics_mortar.interface.mortar import Block
     from fenics_mortar.newton.loop import Status, Step
-    from fenics_mortar.utils.arrays import Array, Indices
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 class ReducedEquations:
@@ -80,7 +79,7 @@ class ReducedEquations:
         self._comm: MPI.Comm = self._bulk.comm
         self._dofs = ContactDofs(general.contacts, self._bulk)
         self._compliance = self._factor(prefix)
-        self._inside: npt.NDArray[np.bool_] = ~self._bulk.prescribed[: self._bulk.num_owned]
+        self._inside: Flags = ~self._bulk.prescribed[: self._bulk.num_owned]
         self._inside[self._dofs.local] = False
         self._force: Array | None = None
         self._tangent: ReducedTangent | None = None

@@ -46,7 +46,7 @@ from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.kernels.blocks import add_forces
 from fenics_mortar.mesh.data import MeshData, Names, as_list, joined_names
 from fenics_mortar.newton.loop import forcing
-from fenics_mortar.utils.arrays import EPSILON, SOLVED, TINY, Array, Indices
+from fenics_mortar.utils.arrays import EPSILON, SOLVED, TINY, Array, Indices, Numbers
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MeshError, MortarError, check_same_texts, together
 from fenics_mortar.utils.ranks import on_all_ranks, on_any_rank, sum_over_ranks
@@ -422,7 +422,7 @@ def _point(about: Any, dim: int) -> Array:
     return point
 
 
-def _nodes(bulk: Bulk, facets: npt.NDArray[np.int32]) -> Indices:
+def _nodes(bulk: Bulk, facets: Numbers) -> Indices:
     """Nodes of the displacement owned by this rank on facets, shape (k,) (collective)."""
     dim = bulk.space.dim
     bulk.V.mesh.topology.create_connectivity(dim - 1, dim)

@@ -25,7 +25,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse.csgraph import connected_components
 
 from fenics_mortar.kernels.space.normals import edge_coefficients
@@ -47,7 +46,7 @@ EQUALLY_NEAR = 0.1
 
 def links_at_corners(
     surface: Curve, x: Array, master: Curve, m: Array
-) -> tuple[tuple[Indices, Indices], npt.NDArray[np.bool_]]:
+) -> tuple[tuple[Indices, Indices], Flags]:
     """Links along a slave, cut at corners that take the normal of one facet (local).
 
     Args:
@@ -121,7 +120,7 @@ def _facing(point: Array, n: Array, radius: float, master: Array) -> Array:
 
 def one_sided(
     surface: Curve, corners: Indices, facets: Indices
-) -> tuple[tuple[Indices, Indices], npt.NDArray[np.bool_]]:
+) -> tuple[tuple[Indices, Indices], Flags]:
     """Links along the curve, cut at corners, and facets that have no partner (local).
 
     Args:

@@ -14,22 +14,20 @@ dofs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.interface.surfaces import (
     CurveRoles,
     Surface,
     facet_measures,
-    local_facets,
+    nodes_of_facets,
     place_of_nodes,
 )
-from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, Array, Indices, norms
+from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, Array, Flags, Indices, Numbers, norms
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
 if TYPE_CHECKING:
@@ -204,7 +202,7 @@ class Curve(Surface):
         return self.facets[:, [0, -1]]
 
     @cached_property
-    def inner(self) -> npt.NDArray[np.bool_]:
+    def inner(self) -> Flags:
         """Whether a node lies inside a facet, shape (n,)."""
         inner = np.zeros(self.num_nodes, bool)
         inner[self.facets[:, 1:-1]] = True
@@ -330,53 +328,36 @@ class Curve(Surface):
                         after[kept], before[after[merged]] = after[merged], kept
                         stands_for[merged] = kept
         keep = np.flatnonzero(stands_for == np.arange(self.num_nodes))
-        number = np.full(self.num_nodes + 1, -1)
-        number[keep] = np.arange(keep.size)
-        mine = np.isin(self.owned, keep)
-        return replace(
-            self,
-            X=self.X[keep],
-            facets=number[stands_for[self.facets]],
-            previous=number[previous[keep]],
-            following=number[following[keep]],
-            nodes=self.nodes[keep],
-            owners=self.owners[keep],
-            owned=number[self.owned[mine]],
-            dofs=self.dofs[keep],
-            local_dofs=self.local_dofs[mine],
-            thickness=self.thickness.of(keep) if self.thickness else None,
-        )
+        beside = {"previous": previous, "following": following}
+        return self.of_nodes(keep, stands_for[self.facets], **beside)
 
 
-def extract_curve(
-    space: DisplacementSpace, facet_tags: Any, tags: Sequence[int], name: str
-) -> Curve:
-    """Extract the facets of some tags as curves (collective).
+def extract_curve(space: DisplacementSpace, facets: Numbers, name: str) -> Curve:
+    """Extract facets as curves (collective).
 
     Args:
         space: Nodes and dofs of the displacement, degree 1 or 2.
-        facet_tags: Facet tags of the mesh.
-        tags: Tags of the surface.
+        facets: Local facets that this rank owns, shape (m,).
         name: Name used in messages.
 
     Returns:
         The surface.
 
     Raises:
-        SurfaceError: If no facet has one of the tags, if a facet is not on the boundary of the mesh
-            or has zero length, or if more than two facets meet at a node. Raised on all ranks.
+        SurfaceError: On all ranks, if there are no facets, if one has zero length, or if more than
+            two meet at a node.
     """
     V = space.V
     comm = V.mesh.comm
-    branches = comm.allgather(local_facets(V, facet_tags, tags, name))
+    branches = comm.allgather(nodes_of_facets(V, facets))
     ends, coordinates, given = (np.concatenate(branch) for branch in zip(*branches, strict=True))
-    nodes, X, facets = number_nodes(ends, coordinates, given, name)
-    order, facets, previous, following = order_curves(facets, X, name)
+    nodes, X, of_facets = number_nodes(ends, coordinates, given, name)
+    order, of_facets, previous, following = order_curves(of_facets, X, name)
     thickness = space.thickness.at_nodes(X[order], comm) if space.thickness else None
     return Curve(
         name=name,
         X=X[order],
-        facets=facets,
+        facets=of_facets,
         previous=previous,
         following=following,
         thickness=thickness,

@@ -10,26 +10,24 @@ Surfaces with linear facets between the vertices of quadratic ones, for fields o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 import basix
 
 from fenics_mortar.interface.corners import SharpEdges
 from fenics_mortar.interface.reference import CORNERS, linear_values, rule_of_triangles, tabulate
-from fenics_mortar.interface.surfaces import FaceRoles, Surface, place_of_nodes, tagged_facets
+from fenics_mortar.interface.surfaces import FaceRoles, Surface, place_of_nodes
 from fenics_mortar.kernels.space.normals import facets_around, find_rings
 from fenics_mortar.mesh.space import DisplacementSpace, input_nodes
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
 if TYPE_CHECKING:
-    from fenics_mortar.utils.arrays import Array, Flags, Indices
+    from fenics_mortar.utils.arrays import Array, Flags, Indices, Numbers
 
 # Degree of the facets by their number of nodes.
 DEGREES = {3: 1, 4: 1, 6: 2, 9: 2}
@@ -168,22 +166,6 @@ class Faces(Surface):
         """The surface itself: nodes of ties are not joined in space (local)."""
         return self
 
-    def without_nodes(self, name: str) -> Faces:
-        """Surface without nodes, the master of a pair with an obstacle (local)."""
-        none = np.empty(0, np.int64)
-        return replace(
-            self,
-            name=name,
-            X=self.X[:0],
-            facets=self.facets[:0],
-            nodes=none,
-            owners=none,
-            owned=none,
-            is_open=none.astype(bool),
-            dofs=self.dofs[:0],
-            local_dofs=self.local_dofs[:0],
-        )
-
 
 def padded(rows: Indices, values: Indices, count: int) -> Indices:
     """Values by rows, in order, -1 for none, shape (count, largest number of values).
@@ -219,24 +201,21 @@ def covers(integrals: Array) -> Array:
     return positive
 
 
-def extract_faces(
-    space: DisplacementSpace, facet_tags: Any, tags: Sequence[int], name: str
-) -> Faces:
-    """Extract the facets of some tags (collective).
+def extract_faces(space: DisplacementSpace, of_mesh: Numbers, name: str) -> Faces:
+    """Extract facets (collective).
 
     Args:
         space: Nodes and dofs of the displacement, degree 1 or 2.
-        facet_tags: Facet tags of the mesh.
-        tags: Tags of the surface.
+        of_mesh: Local facets that this rank owns, shape (m,).
         name: Name used in messages.
 
     Raises:
-        SurfaceError: On all ranks, if no facet has one of the tags, if a facet is not on the
-            boundary of the mesh or has no area, or if more than two facets meet at an edge.
+        SurfaceError: On all ranks, if there are no facets, if one has no area, or if more than two
+            meet at an edge.
     """
     V = space.V
     comm = V.mesh.comm
-    mine = outward_nodes(V, tagged_facets(V.mesh, facet_tags, tags, name))
+    mine = outward_nodes(V, of_mesh)
     names, x = input_nodes(V), V.tabulate_dof_coordinates()
     local, inverse = np.unique(mine, return_inverse=True)
     to_global = V.dofmap.index_map.local_to_global(local.astype(np.int32)).astype(np.int64)
@@ -257,7 +236,7 @@ def extract_faces(
     return Faces(name=name, X=X, facets=facets, is_open=is_open, **place_of_nodes(space, nodes))
 
 
-def outward_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
+def outward_nodes(V: Any, facets: Numbers) -> Indices:
     """Local nodes (m, K) of facets, in the order of the module (local).
 
     Args:
@@ -362,29 +341,9 @@ def surface_of_vertices(surface: Any) -> tuple[Any, Indices]:
     Returns:
         The surface, and the numbers of its k nodes in the given one, shape (k,).
     """
-    degree, kept = surface.degree, np.flatnonzero(~surface.inner)
-    number = np.full(surface.num_nodes + 1, -1)
-    number[kept] = np.arange(kept.size)
-    mine = np.isin(surface.owned, kept)
-    if isinstance(surface, Faces):
-        corners = surface.facets[:, : CORNERS[surface.facets.shape[1]]]
-        own = {"facets": number[corners], "is_open": surface.is_open[kept]}
-    else:
-        before, after = surface.along(kept, range(-degree, degree + 1, 2 * degree)).T
-        thickness = surface.thickness.of(kept) if surface.thickness else None
-        own = {
-            "facets": number[surface.facets[:, [0, -1]]], "previous": number[before],
-            "following": number[after], "thickness": thickness,
-        }  # fmt: skip
-    vertices = replace(
-        surface,
-        X=surface.X[kept],
-        nodes=surface.nodes[kept],
-        owners=surface.owners[kept],
-        owned=number[surface.owned[mine]],
-        dofs=surface.dofs[kept],
-        local_dofs=surface.local_dofs[mine],
-        roles=None,
-        **own,
-    )
-    return vertices, kept
+    degree, kept, beside = surface.degree, np.flatnonzero(~surface.inner), {}
+    if surface.dim == 2:
+        every = np.arange(surface.num_nodes)
+        before, after = surface.along(every, range(-degree, degree + 1, 2 * degree)).T
+        beside = {"previous": before, "following": after}
+    return surface.of_nodes(kept, surface.corners, **beside), kept

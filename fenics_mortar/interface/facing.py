@@ -25,7 +25,7 @@ from fenics_mortar.interface.reference import (
 )
 from fenics_mortar.interface.space_mortar import FacetPairs
 from fenics_mortar.kernels.projection import lagrange
-from fenics_mortar.kernels.space.integrals import tabulate_pairs
+from fenics_mortar.kernels.space.integrals import listed_points
 from fenics_mortar.kernels.space.normals import facets_around
 from fenics_mortar.kernels.space.shapes import LINEAR, QUADRATIC, reference_nodes
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -194,16 +194,9 @@ def both_faces(o: Any, pairs: FacetPairs) -> tuple[Facing, Points]:
 
     Any other rule would integrate tractions on distorted quadrilaterals differently from D and M.
     """
-    nodes, counts = o.slave.facets[pairs.facets], np.empty(pairs.num_segments, np.int64)
-    own, others = pairs.slave.shape[1], pairs.master.shape[1]
-    table: Any = np.empty((0, 2)), np.empty((0, 3, own)), np.empty((0, 3, others))
-    for _ in range(2):  # the number of points is not known before
-        tabulate_pairs((o.x, o.m), nodes, pairs.master, pairs.offsets, o.rule, counts, table)
-        total = int(counts.sum())
-        if len(table[0]) == total:
-            break
-        table = np.empty((total, 2)), np.empty((total, 3, own)), np.empty((total, 3, others))
-    (weights, *shapes), pair = table, np.repeat(np.arange(counts.size), counts)
+    pair, (weights, *shapes) = listed_points(
+        (o.x, o.m), o.slave.facets[pairs.facets], pairs.master, pairs.offsets, o.rule
+    )
     facets = pairs.facets[pairs.owner[pair]], pairs.numbers[pair]
     here, behind = (
         Points(

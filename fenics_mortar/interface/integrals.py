@@ -263,11 +263,7 @@ BASES = {
     "linear": STANDARD,
     "quadratic": STANDARD,
 }
-GAP_WEIGHTS = {
-    "basis": BY_BASIS,
-    "cover": BY_COVER,
-    "standard": BY_STANDARD,
-}
+GAP_WEIGHTS = {"basis": BY_BASIS, "cover": BY_COVER, "standard": BY_STANDARD}
 WEIGHTINGS = {"opposite": projection.OPPOSITE, "unit": projection.UNIT, "own": projection.OWN}
 
 

@@ -151,17 +151,9 @@ class MortarOperators(ABC):
         """
         count, s = len(self.x), self.segments
         forces = np.zeros((count + len(self.m), z.shape[1]))
-        on_slave, on_master = forces[:count], forces[count:]
-        add_contact_forces(
-            self.D,
-            self.M,
-            read_only_view(z) if z.flags.writeable else z,
-            self.facet_nodes,
-            s.slave,
-            s.master,
-            on_slave,
-            on_master,
-        )
+        z = read_only_view(z) if z.flags.writeable else z
+        add_contact_forces(self.D, z, self.facet_nodes, self.facet_nodes, 1.0, forces[:count])
+        add_contact_forces(self.M, z, s.slave, s.master, -1.0, forces[count:])
         if self.slave.comm.size > 1:
             forces = sum_over_ranks(self.slave.comm, forces)
         return forces[:count], forces[count:]

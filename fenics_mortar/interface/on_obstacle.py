@@ -404,26 +404,6 @@ class ObstacleOperators(PlaneOperators):
         return gaps[deepest], points_of(x[s.slave], points)[deepest]
 
 
-def surface_without_nodes(slave: Curve, name: str) -> Curve:
-    """Master surface without nodes, for a pair with an obstacle (local)."""
-    none, dofs = np.empty(0, np.int64), np.empty((0, slave.dim), np.int64)
-    return replace(
-        slave,
-        name=name,
-        X=slave.X[:0],
-        facets=slave.facets[:0],
-        nodes=none,
-        owners=none,
-        owned=none,
-        previous=none,
-        following=none,
-        dofs=dofs,
-        local_dofs=dofs,
-        thickness=None,
-        roles=None,
-    )
-
-
 @clock("integrals")
 def evaluate_obstacle(
     slave: Curve | Faces,
@@ -518,16 +498,9 @@ def _as_segments(facets: Indices, nodes: Indices, rule: tuple[Array, Array]) -> 
     """One segment per facet, which covers it entirely, without master nodes."""
     count, offsets = facets.size, np.arange(facets.size + 1)
     return Segments(
-        facets=facets,
-        partial=np.zeros(count, bool),
-        offsets=offsets,
-        pair_offsets=np.zeros(count + 1, np.int64),
-        slave=nodes,
-        master=np.empty((count, 0), np.int64),
-        ends=np.tile([-1.0, 1.0], (count, 1)),
-        end_is_fixed=np.ones((count, 2), bool),
-        points=rule[0],
-        weights=rule[1],
-        spans=np.tile([0, rule[0].size], (count, 1)),
-        pairs=np.empty((0, 2), np.int64),
-    )
+        facets=facets, partial=np.zeros(count, bool), offsets=offsets,
+        pair_offsets=np.zeros(count + 1, np.int64), slave=nodes,
+        master=np.empty((count, 0), np.int64), ends=np.tile([-1.0, 1.0], (count, 1)),
+        end_is_fixed=np.ones((count, 2), bool), points=rule[0], weights=rule[1],
+        spans=np.tile([0, rule[0].size], (count, 1)), pairs=np.empty((0, 2), np.int64),
+    )  # fmt: skip

@@ -53,7 +53,7 @@ from fenics_mortar.interface.mortar import (
 from fenics_mortar.interface.reference import AT_VERTICES, COMBINED, Basis, functions_of, hand_over
 from fenics_mortar.kernels.facets import BY_STANDARD, DUAL
 from fenics_mortar.kernels.space import integrals, pairs
-from fenics_mortar.kernels.space.integrals import most_corners, sample_gaps, tabulate_corners
+from fenics_mortar.kernels.space.integrals import listed_points, sample_gaps
 from fenics_mortar.kernels.space.linearize import linearize_facets
 from fenics_mortar.kernels.space.shapes import triangle_rule
 from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
@@ -449,16 +449,12 @@ class SpaceOperators(MortarOperators):
             [1].
         """
         s, mine = self.segments, facets[self.segments.owner]
-        nodes, master = self.facet_nodes, s.master[mine]
-        sizes = np.where(facets, np.diff(s.offsets), 0)
-        most = most_corners(nodes.shape[1], master.shape[1])
-        counts = np.zeros(len(master), np.int64)
-        shares = np.zeros((len(master), most, nodes.shape[1]))
-        tabulate_corners(
-            (self.x, self.n, self.m), nodes, master, np.append(0, np.cumsum(sizes)), counts, shares
+        offsets = np.append(0, np.cumsum(np.where(facets, np.diff(s.offsets), 0)))
+        corners = np.eye(3), np.ones(3)
+        pair, (_, N, _) = listed_points(
+            (self.x, self.m), self.facet_nodes, s.master[mine], offsets, corners
         )
-        pair, _ = found = np.nonzero(np.arange(most) < counts[:, None])
-        return np.flatnonzero(mine)[pair], shares[found]
+        return np.flatnonzero(mine)[pair], N[:, 0]
 
     def freeze(self) -> Self:
         """See ``MortarOperators``."""

@@ -36,7 +36,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -54,7 +54,7 @@ from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import SurfaceError, count_points
 
 if TYPE_CHECKING:
-    from fenics_mortar.utils.arrays import Array, Flags, Indices
+    from fenics_mortar.utils.arrays import Array, Flags, Indices, Numbers
 
 # Fraction of the whole integral [1] below which a node carries no multiplier, for two integrals.
 # (1) Shape function times thickness, over the nodal area, which may become zero or negative after
@@ -63,6 +63,10 @@ if TYPE_CHECKING:
 # to a neighbour with twice the cover. Of two nodes with equal small covers either could carry the
 # force, and rounding would decide.
 MIN_SHARE = 0.05
+
+
+# Attributes with a row, and with the number of a node, for each node.
+_OF_NODES, _NUMBERS = {"X", "nodes", "owners", "dofs", "is_open"}, {"previous", "following"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +111,25 @@ class Surface:
     def extent(self) -> float:
         """Diagonal of the bounding box in the reference state [length]."""
         return float(np.hypot.reduce(np.ptp(self.X, axis=0)))
+
+    def of_nodes(self, kept: Indices, facets: Indices, **others: Any) -> Any:
+        """The surface with some of its nodes (local).
+
+        Args:
+            kept: The nodes, shape (k,).
+            facets: Facets between them, shape (m, K).
+            others: Other attributes to change, all with the present nodes.
+        """
+        given, number = vars(self) | others, np.full(self.num_nodes + 1, -1)
+        number[kept] = np.arange(kept.size)
+        mine = np.isin(self.owned, kept)
+        new = {"thickness": self.thickness and self.thickness.of(kept), "roles": None} | others
+        new |= {name: given[name][kept] for name in _OF_NODES & given.keys()}
+        new |= {name: number[given[name][kept]] for name in _NUMBERS & given.keys()}
+        return replace(
+            self, facets=number[facets], owned=number[self.owned[mine]],
+            local_dofs=self.local_dofs[mine], **new,
+        )  # fmt: skip
 
     @property
     def degree(self) -> int:
@@ -177,7 +200,7 @@ class Surface:
         return self.nodal_lengths * self.mean_thickness
 
     @cached_property
-    def weightless(self) -> npt.NDArray[np.bool_]:
+    def weightless(self) -> Flags:
         """Nodes whose shape function has no positive integral with the thickness, shape (n,).
 
         The vertex of a quadratic facet on the axis of revolution: int (1 - s) (1 - 2 s) s ds = 0.
@@ -282,9 +305,7 @@ def facet_measures(X: Array, thickness: Array | None = None) -> Array:
     return np.einsum("pk,mp,p->mk", N, J, weights)
 
 
-def tagged_facets(
-    mesh: Any, facet_tags: Any, tags: Sequence[int], name: str
-) -> npt.NDArray[np.int32]:
+def tagged_facets(mesh: Any, facet_tags: Any, tags: Sequence[int], name: str) -> Numbers:
     """Local facets of some tags that this rank owns, shape (m,) (collective).
 
     A facet is included if any rank tags it, whether that rank owns the facet or not.
@@ -318,25 +339,14 @@ def tagged_facets(
     return tagged
 
 
-def local_facets(
-    V: Any, facet_tags: Any, tags: Sequence[int], name: str
-) -> tuple[Indices, Array, Indices]:
-    """Facets of some tags that this rank owns (collective).
-
-    Args:
-        V: Space of the displacement.
-        facet_tags: Facet tags of the mesh.
-        tags: The tags.
-        name: Name of the surface, used in messages.
+def nodes_of_facets(V: Any, facets: Numbers) -> tuple[Indices, Array, Indices]:
+    """Nodes of local facets (m,) in the space of the displacement (collective).
 
     Returns:
         Global nodes, shape (m, K), their reference positions, shape (m, K, 2) [length], and their
         numbers in the mesh input, -1 for nodes inside facets, shape (m, K).
-
-    Raises:
-        SurfaceError: On all ranks, if a facet is not on the boundary of the mesh.
     """
-    ends = facet_nodes(V, tagged_facets(V.mesh, facet_tags, tags, name))
+    ends = facet_nodes(V, facets)
     names = input_nodes(V)
     given = np.where((names[:, 1:] < 0).all(axis=1), names[:, 0], -1)
     to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))
@@ -344,7 +354,7 @@ def local_facets(
     return np.asarray(to_global, np.int64).reshape(ends.shape), x[ends], given[ends]
 
 
-def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
+def facet_nodes(V: Any, facets: Numbers) -> Indices:
     """Local nodes (m, K) of facets in order, with the cell on the left (local).
 
     The side is determined by the cell's corners: all nodes of a thin bent cell may lie on the other

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 import basix
 import ufl
@@ -25,12 +24,12 @@ from dolfinx import fem
 from fenics_mortar.interface.curve_surface import extract_curve
 from fenics_mortar.interface.faces import extract_faces
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.interface.surfaces import Surface, replicate
+from fenics_mortar.interface.surfaces import Surface, replicate, tagged_facets
 from fenics_mortar.utils import compat
 
 if TYPE_CHECKING:
     from fenics_mortar.mesh.space import DisplacementSpace
-    from fenics_mortar.utils.arrays import Array, Indices
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ class Trace:
     dofs: Indices
     weights: Array
     local_dofs: Indices
-    is_mine: npt.NDArray[np.bool_]
+    is_mine: Flags
     first: int
 
     def gather(self, values: Array) -> Array:
@@ -209,7 +208,8 @@ def extract_surface(
         name: Name used in messages.
 
     Raises:
-        SurfaceError: On all ranks; see ``extract_curve`` and ``extract_faces``.
+        SurfaceError: On all ranks, if a facet is not on the boundary of the mesh, and as
+            ``extract_curve`` and ``extract_faces`` do.
     """
     extract = extract_curve if space.V.mesh.topology.dim == 2 else extract_faces
-    return extract(space, facet_tags, tags, name)
+    return extract(space, tagged_facets(space.V.mesh, facet_tags, tags, name), name)

@@ -127,27 +127,9 @@ def gather_forces(
         j: Columns of the entries, of that shape; filled.
         v: Values of the entries, of that shape; filled.
     """
-    count, dim = 0, slave_rows.shape[1]
-    for e in range(D.shape[0]):
-        for p in range(D.shape[1]):
-            for k in range(D.shape[2]):
-                for c in range(dim):
-                    value = D[e, p, k] * Z[facets[e, p], c]
-                    if value != 0.0:
-                        i[count] = slave_rows[facets[e, k], c]
-                        j[count] = dofs[facets[e, p], c]
-                        v[count] = -value
-                        count += 1
-    for s in range(M.shape[0]):
-        for p in range(M.shape[1]):
-            for l in range(M.shape[2]):
-                for c in range(dim):
-                    value = M[s, p, l] * Z[slave[s, p], c]
-                    if value != 0.0:
-                        i[count] = master_rows[master[s, l], c]
-                        j[count] = dofs[slave[s, p], c]
-                        v[count] = value
-                        count += 1
+    dim, entries = slave_rows.shape[1], (i, j, v)
+    count = _add_products(D, facets, facets, slave_rows, Z, -1.0, dofs, entries, 0)
+    count = _add_products(M, slave, master, master_rows, Z, 1.0, dofs, entries, count)
     for p in owned:
         if acts[p]:
             for a in range(dim):
@@ -155,6 +137,23 @@ def gather_forces(
                     i[count], j[count] = slave_rows[p, a], dofs[p, c]
                     v[count] = -A_z[p, a, c] * Z[p, c]
                     count += 1
+    return count
+
+
+@kernel
+def _add_products(X, nodes, others, rows, Z, sign, dofs, entries, count):
+    """Append the entries of ``sign`` X^T Z of matrices X (n, K, K'); return their number."""
+    i, j, v = entries
+    for s in range(X.shape[0]):
+        for p in range(X.shape[1]):
+            for l in range(X.shape[2]):
+                for c in range(rows.shape[1]):
+                    value = X[s, p, l] * Z[nodes[s, p], c]
+                    if value != 0.0:
+                        i[count] = rows[others[s, l], c]
+                        j[count] = dofs[nodes[s, p], c]
+                        v[count] = sign * value
+                        count += 1
     return count
 
 
@@ -274,29 +273,22 @@ def _contains(known, number):
 
 
 @kernel
-def add_contact_forces(D, M, z, facets, slave, master, on_slave, on_master):
-    """Add D^T z on slave nodes and -M^T z on master nodes.
+def add_contact_forces(X, z, nodes, others, sign, forces):
+    """Add ``sign`` X^T z of one side: of D with 1, of M with -1.
 
     Args:
-        D: Slave matrices of facets, shape (f, K, K) [length].
-        M: Master matrices of segments, shape (n, K, K) [length].
+        X: Matrices of facets or segments, shape (n, K, K') [length].
         z: Multipliers of c components, shape (slave nodes, c) [stress].
-        facets: Slave nodes of the facets, shape (f, K).
-        slave: Slave nodes of the segments, shape (n, K).
-        master: Master nodes of the segments, shape (n, K).
-        on_slave: Forces, shape (slave nodes, c) [stress length]; changed.
-        on_master: Forces, shape (master nodes, c) [stress length]; changed.
+        nodes: Their slave nodes, shape (n, K).
+        others: Nodes with the forces, shape (n, K').
+        sign: Factor [1].
+        forces: Forces of the side, shape (its nodes, c) [stress length]; changed.
     """
-    for e in range(D.shape[0]):
-        for j in range(D.shape[1]):
-            for k in range(D.shape[2]):
+    for s in range(X.shape[0]):
+        for j in range(X.shape[1]):
+            for l in range(X.shape[2]):
                 for c in range(z.shape[1]):
-                    on_slave[facets[e, k], c] += D[e, j, k] * z[facets[e, j], c]
-    for s in range(M.shape[0]):
-        for j in range(M.shape[1]):
-            for l in range(M.shape[2]):
-                for c in range(z.shape[1]):
-                    on_master[master[s, l], c] -= M[s, j, l] * z[slave[s, j], c]
+                    forces[others[s, l], c] += sign * X[s, j, l] * z[nodes[s, j], c]
 
 
 @kernel
@@ -374,3 +366,13 @@ def dot(p, q):
 def cross2(ax, ay, bx, by):
     """Vector product of two vectors in the plane."""
     return ax * by - ay * bx
+
+
+@kernel
+def det(a, b, c):
+    """Determinant of three vectors (3,)."""
+    return (
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )

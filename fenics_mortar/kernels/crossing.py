@@ -24,21 +24,15 @@ Interpolation in a triangulation.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.blocks import copy_row, grown
+from fenics_mortar.kernels.blocks import copy_row, cross2, grown
 from fenics_mortar.kernels.tree import build_tree, query_tree
 from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, SMALL_ANGLE
 
 
 @kernel
-def cross(ax, ay, bx, by):
-    """Component z of the cross product of the vectors (ax, ay) and (bx, by)."""
-    return ax * by - ay * bx
-
-
-@kernel
 def side(a, b, p):
     """Twice the area of the triangle of points a, b, p (2,): positive if p is left of a b."""
-    return cross(b[0] - a[0], b[1] - a[1], p[0] - a[0], p[1] - a[1])
+    return cross2(b[0] - a[0], b[1] - a[1], p[0] - a[0], p[1] - a[1])
 
 
 @kernel
@@ -408,21 +402,6 @@ def contains(x, nodes, outline, point):
 
 
 @kernel
-def box_triangles(x, triangles):
-    """Tree of boxes over ``triangles`` (t, 3) with nodes at ``x`` (n, 2), see ``tree``."""
-    return build_tree(x, triangles)
-
-
-@kernel
-def double_area(x, y, a, b):
-    """Twice the area of the triangle of a point (x, y) and the points ``a``, ``b`` (2,).
-
-    Negative if they run clockwise.
-    """
-    return (a[0] - x) * (b[1] - y) - (a[1] - y) * (b[0] - x)
-
-
-@kernel
 def interpolate(points, boxes, x, triangles, values, result):
     """Interpolate nodal values linearly; nan at points outside of all triangles.
 
@@ -430,7 +409,7 @@ def interpolate(points, boxes, x, triangles, values, result):
 
     Args:
         points: Shape (n, 2) [length].
-        boxes: Result of ``box_triangles``, shape (2 P, 4) [length].
+        boxes: Tree over the triangles, shape (2 P, 4) [length].
         x: Positions of the nodes, shape (nodes, 2) [length].
         triangles: Nodes of each, shape (t, 3).
         values: Values at the nodes, shape (nodes, 2) [unit].
@@ -445,12 +424,11 @@ def interpolate(points, boxes, x, triangles, values, result):
         box[0], box[1], box[2], box[3] = x0 - rounding, y0 - rounding, x0 + rounding, y0 + rounding
         for h in range(query_tree(boxes, box, None, hits)):
             i, j, k = triangles[hits[h], 0], triangles[hits[h], 1], triangles[hits[h], 2]
-            whole = double_area(x[i, 0], x[i, 1], x[j], x[k])
+            whole = side(x[j], x[k], x[i])
             if whole == 0.0:
                 continue
-            at_i = double_area(x0, y0, x[j], x[k]) / whole
-            at_j = double_area(x0, y0, x[k], x[i]) / whole
-            at_k = double_area(x0, y0, x[i], x[j]) / whole
+            at_i, at_j = side(x[j], x[k], points[p]) / whole, side(x[k], x[i], points[p]) / whole
+            at_k = side(x[i], x[j], points[p]) / whole
             if min(at_i, at_j, at_k) >= -ROUNDING:
                 for c in range(2):
                     of_both = at_i * values[i, c] + at_j * values[j, c]

@@ -192,20 +192,6 @@ def hand_over(j, weights, d, d_dG, E, E_dG, C, C_dG, D, D_dG):
 
 
 @kernel
-def dual_multipliers(at_nodes, index, weights, d, d_dG, inverse, C, C_dG, D, D_dG, E, E_dG):
-    """Fill C (K, K), D (K, K) and their derivatives with respect to G for the dual basis.
-
-    ``at_nodes`` (K, K): T at the nodes; ``weights`` = H (K, K); ``inverse`` (K, K) that of the mass
-    matrix; ``E`` (K,) and ``E_dG`` (K, m) are overwritten.
-    """
-    C[:] = 0.0
-    C_dG[:] = 0.0
-    for j in range(d.size):
-        dual_function(at_nodes[j], index, d[j], d_dG[j], inverse, E, E_dG)
-        hand_over(j, weights, d, d_dG, E, E_dG, C, C_dG, D, D_dG)
-
-
-@kernel
 def standard_multipliers(weights, index, G, B, C, C_dG, D, D_dG):
     """Fill C (K, K), D (K, K) and their derivatives with respect to G for the standard basis.
 
@@ -372,12 +358,6 @@ def apply_to_gap(C_g, C_g_dG, C_g_dp, T_g, g, g_dG, g_dp):
 
 
 @kernel
-def square(count, kind):
-    """Uninitialized array (count, count)."""
-    return np.empty((count, count), kind)
-
-
-@kernel
 def facet_work(most, count, others, example):
     """Arrays that ``integrate_facet`` overwrites, for at most so many segments of a facet.
 
@@ -389,8 +369,9 @@ def facet_work(most, count, others, example):
     packed_index(index)
     total = size + count * others + count
     of_functions = (
-        square(count, kind), square(count, kind), square(count, kind), square(count, kind),
-        square(count, kind), np.empty((count, count, size), kind),
+        np.empty((count, count), kind), np.empty((count, count), kind),
+        np.empty((count, count), kind), np.empty((count, count), kind),
+        np.empty((count, count), kind), np.empty((count, count, size), kind),
         np.empty((count, count, size), kind), np.empty((count**2, size), kind),
         np.empty((count, size), kind),
     )  # fmt: skip
@@ -443,7 +424,11 @@ def integrate_facet(points, functions, edges, H, partial, kinds, work, values, d
     integrate_shapes(B, index, G, d, d_dG)
     if kinds[0] == DUAL:
         invert_mass(index, G, scratch, inverse)
-        dual_multipliers(at_nodes, index, H, d, d_dG, inverse, C, C_dG, D, D_dG, g_dp, g_dG)
+        C[:] = 0.0
+        C_dG[:] = 0.0
+        for j in range(count):
+            dual_function(at_nodes[j], index, d[j], d_dG[j], inverse, g_dp, g_dG)
+            hand_over(j, H, d, d_dG, g_dp, g_dG, C, C_dG, D, D_dG)
     else:
         standard_multipliers(H, index, G, B, C, C_dG, D, D_dG)
     weigh_gap(

@@ -15,8 +15,8 @@ Slip of a step with rotations of any size; for the formula see ``contact.arcs``.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.blocks import copy_rows, grown
-from fenics_mortar.kernels.crossing import cross, nearest_on_piece
+from fenics_mortar.kernels.blocks import copy_rows, cross2, grown
+from fenics_mortar.kernels.crossing import nearest_on_piece
 from fenics_mortar.kernels.tree import build_tree, query_tree
 from fenics_mortar.utils.arrays import ROUNDING, SOLVED
 
@@ -74,8 +74,8 @@ def find_events(x0, x1, segments, bodies, node_bodies, which):
             gx, gy = x1[b, 0] - x1[a, 0] - ex, x1[b, 1] - x1[a, 1] - ey
             qx, qy = x0[p, 0] - x0[a, 0], x0[p, 1] - x0[a, 1]
             rx, ry = x1[p, 0] - x1[a, 0] - qx, x1[p, 1] - x1[a, 1] - qy
-            c0, c2 = cross(ex, ey, qx, qy), cross(gx, gy, rx, ry)
-            c1 = cross(ex, ey, rx, ry) + cross(gx, gy, qx, qy)
+            c0, c2 = cross2(ex, ey, qx, qy), cross2(gx, gy, rx, ry)
+            c1 = cross2(ex, ey, rx, ry) + cross2(gx, gy, qx, qy)
             for t in roots_in_step(c0, c1, c2):
                 tx, ty = ex + t * gx, ey + t * gy
                 square, slope = tx * tx + ty * ty, c1 + 2.0 * c2 * t
@@ -172,15 +172,6 @@ def depths_inside(x, segments, bodies, body, points):
 
 
 @kernel
-def place_on(x, segment, p):
-    """Coordinate of the point of a segment (2,) that is nearest to p (2,), 0 to 1."""
-    ax, ay = x[segment[0]]
-    dx, dy = x[segment[1], 0] - ax, x[segment[1], 1] - ay
-    s = ((p[0] - ax) * dx + (p[1] - ay) * dy) / (dx * dx + dy * dy)
-    return min(max(s, 0.0), 1.0)
-
-
-@kernel
 def depth_below(along, segment, p, time):
     """Depth of node ``p`` below the line of a segment [length] at a time of paths (m + 1, n, 2)."""
     k = min(int(time), along.shape[0] - 2)
@@ -192,7 +183,7 @@ def depth_below(along, segment, p, time):
     ey += t * (x1[b, 1] - x1[a, 1] - ey)
     qx += t * (x1[p, 0] - x1[a, 0] - qx)
     qy += t * (x1[p, 1] - x1[a, 1] - qy)
-    return cross(ex, ey, qx, qy) / np.sqrt(ex * ex + ey * ey)
+    return cross2(ex, ey, qx, qy) / np.sqrt(ex * ex + ey * ey)
 
 
 @kernel
@@ -234,7 +225,8 @@ def find_passages(along, segments, after, before, junctions, lengths, bodies, ev
                     _, entry = nearest_segment(x0, segments, bodies, body, x0[p], p)
                     if entry >= 0:
                         nx, ny = normal_of(x0, segments[entry])
-                        s = place_on(x0, segments[entry], x0[p])
+                        a, b = x0[segments[entry, 0]], x0[segments[entry, 1]]
+                        _, s = nearest_on_piece(x0[p], a, b)
                 if entry >= 0:
                     mx, my = normal_of(x1, segments[entry])
                     kx, ky = normal_of(x1, segments[e])

@@ -257,12 +257,7 @@ OPPOSITE, UNIT, OWN = range(3)
 # Coefficients of nodal positions in the edges before and after a node; for curved facets those of
 # an end node, then those of an inner node, which has one edge, counted twice
 STRAIGHT = np.array([[[-1.0, 1, 0], [0, -1, 1]]])
-CURVED = np.array(
-    [
-        [[1.0, -4, 3, 0, 0], [0, 0, -3, 4, -1]],
-        [[0, -1, 0, 1, 0], [0, -1, 0, 1, 0]],
-    ]
-)
+CURVED = np.array([[[1.0, -4, 3, 0, 0], [0, 0, -3, 4, -1]], [[0, -1, 0, 1, 0], [0, -1, 0, 1, 0]]])
 
 
 @kernel

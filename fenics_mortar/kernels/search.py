@@ -358,18 +358,9 @@ def find_points(geometry, slave_facets, master_facets, radius, behind, limits, p
         nodes = slave_facets[e]
         near = query_strip(boxes, controls, nodes, radius, hits)
         paired = point_partners(
-            geometry,
-            e,
-            nodes,
-            master_facets,
-            starts,
-            near,
-            points,
-            radius,
-            behind,
-            limits,
+            geometry, e, nodes, master_facets, starts, near, points, radius, behind, limits,
             partners,
-        )
+        )  # fmt: skip
         end = offsets[e]
         for p in range(points.size):
             if paired < min_points or partners[p] < 0:
@@ -471,18 +462,8 @@ def couple_segments(offsets, ends, end_is_fixed, functions_move):
 
 
 @kernel
-def find_segments_within(
-    geometry,
-    slave_facets,
-    master_facets,
-    radius,
-    bodies,
-    outline,
-    rounding,
-    limits,
-    roles,
-    functions_move,
-):
+def find_segments_within(geometry, slave_facets, master_facets, radius, bodies, outline, rounding,
+                         limits, roles, functions_move):  # fmt: skip
     """Results of ``find_segments``, and of ``couple_segments`` for them.
 
     The ``behind`` is made of ``bodies``, ``outline`` and ``rounding``.

@@ -102,18 +102,36 @@ def covers_point(found, last):
 
 
 @kernel
+def crossings(origin, direction, outline, own, min_distance):
+    """All crossings as rows of ``find_ray_crossings``, shape (2, c)."""
+    found = np.empty((2, 32))
+    count = find_ray_crossings(origin, direction, outline, own, min_distance, found)
+    if count > found.shape[1]:
+        found = np.empty((2, count))
+        find_ray_crossings(origin, direction, outline, own, min_distance, found)
+    return found[:, :count]
+
+
+@kernel
 def length_inside(origin, direction, outline, own, min_distance):
     """Distance from ``origin`` (2,) along the unit vector ``direction`` (2,) to the body's end.
 
     Crossings nearer than ``min_distance`` [length] are ignored: they belong to the facet on which
     the line begins. If the line does not leave the body, the distance is inf.
     """
-    found = np.empty((2, 32))
-    count = find_ray_crossings(origin, direction, outline, own, min_distance, found)
-    if count > found.shape[1]:
-        found = np.empty((2, count))
-        find_ray_crossings(origin, direction, outline, own, min_distance, found)
-    return first_exit(found[:, :count])
+    return first_exit(crossings(origin, direction, outline, own, min_distance))
+
+
+@kernel
+def ray_behind(y, N, xi):
+    """Point ``xi`` of a slave facet, and the direction opposite to its normal, (2,) each."""
+    tabulate_shapes(xi, N)
+    start, back = np.empty(2), np.empty(2)
+    start[0], start[1] = interpolate(y, 0, N, 0)
+    nx, ny = interpolate(y, 1, N, 0)
+    size = np.sqrt(nx * nx + ny * ny)
+    back[0], back[1] = -nx / size, -ny / size
+    return start, back
 
 
 @kernel
@@ -122,17 +140,11 @@ def is_nearer_exit(y, N, xi, depth, outline, bodies, min_distance):
 
     ``y`` as in ``projection``; ``bodies`` = (slave's, master's); others as in ``length_inside``.
     """
-    tabulate_shapes(xi, N)
-    start, back, partner = np.empty(2), np.empty(2), np.empty(2)
-    start[0], start[1] = interpolate(y, 0, N, 0)
-    nx, ny = interpolate(y, 1, N, 0)
-    size = np.sqrt(nx * nx + ny * ny)
-    back[0], back[1] = -nx / size, -ny / size
+    start, back = ray_behind(y, N, xi)
     own = length_inside(start, back, outline, bodies[0], min_distance)
     if depth < 0.5 * own:
         return True
-    partner[:] = start + depth * back
-    other = length_inside(partner, -back, outline, bodies[1], min_distance)
+    other = length_inside(start + depth * back, -back, outline, bodies[1], min_distance)
     return depth < 0.5 * (own + other) - min_distance
 
 
@@ -152,21 +164,11 @@ def overlaps_point(y, N, xi, depth, outline, body, min_distance):
     ``y`` as in ``projection``; both are of ``body``; others as in ``length_inside``. Outlines
     consist of straight segments, which differ from curved facets by less than their heights.
     """
-    tabulate_shapes(xi, N)
-    start, back = np.empty(2), np.empty(2)
-    start[0], start[1] = interpolate(y, 0, N, 0)
-    nx, ny = interpolate(y, 1, N, 0)
-    size = np.sqrt(nx * nx + ny * ny)
-    back[0], back[1] = -nx / size, -ny / size
+    start, back = ray_behind(y, N, xi)
     third = y.size // 3
     first = max(min_distance, height(y[:third]))
     last = depth + max(min_distance, height(y[2 * third :]))
-    found = np.empty((2, 32))
-    count = find_ray_crossings(start, back, outline, body, first, found)
-    if count > found.shape[1]:
-        found = np.empty((2, count))
-        find_ray_crossings(start, back, outline, body, first, found)
-    return covers_point(found[:, :count], last)
+    return covers_point(crossings(start, back, outline, body, first), last)
 
 
 @kernel

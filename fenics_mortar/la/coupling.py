@@ -55,12 +55,7 @@ class Coupling:
         meets = partner < o.master.num_nodes
         self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
 
-    def contains(
-        self,
-        o: Any,
-        faced: tuple[Indices, Indices],
-        acting: Flags,
-    ) -> bool:
+    def contains(self, o: Any, faced: tuple[Indices, Indices], acting: Flags) -> bool:
         """Whether the pattern contains all couplings of a state.
 
         Args:

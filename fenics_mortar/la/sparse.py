@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import pack_product, pack_rows
-from fenics_mortar.utils.arrays import SUM_ROUNDING, Indices
+from fenics_mortar.utils.arrays import SUM_ROUNDING, Array, Indices
 from fenics_mortar.utils.compat import POINTER, petsc_function
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.ranks import on_all_ranks
@@ -220,7 +220,7 @@ def leave(factor: PETSc.Mat, rows: Indices) -> None:
     _set_schur_rows(factor.handle, numbers.handle)
 
 
-def schur_complement(factor: PETSc.Mat, num_left: int) -> npt.NDArray[np.float64]:
+def schur_complement(factor: PETSc.Mat, num_left: int) -> Array:
     """Schur complement of a symmetric matrix on the excluded rows, in their order (collective).
 
     Args:
@@ -228,7 +228,7 @@ def schur_complement(factor: PETSc.Mat, num_left: int) -> npt.NDArray[np.float64
         num_left: Number of excluded rows.
 
     Returns:
-        Shape (num_left, num_left) on rank 0, (0, 0) on other ranks.
+        Shape (num_left, num_left) on rank 0, (0, 0) on other ranks [unit of the matrix].
     """
     handle, status = ctypes.c_void_p(), ctypes.c_int()
     entries = ctypes.POINTER(ctypes.c_double)()

@@ -21,7 +21,7 @@ from dolfinx import mesh as dmesh
 
 from fenics_mortar.mesh.space import numbered_dofs
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Indices, values_at
+from fenics_mortar.utils.arrays import Array, Indices, Numbers, values_at
 from fenics_mortar.utils.errors import (
     MeshError,
     check_kind,
@@ -173,7 +173,7 @@ class MeshData:
             found[indices] = there
         return found
 
-    def boundary_facets(self, names: Names) -> npt.NDArray[np.int32]:
+    def boundary_facets(self, names: Names) -> Numbers:
         """Return this rank's facets of some boundaries, sorted and unique (collective).
 
         Args:
@@ -353,7 +353,7 @@ def _check_component(component: Any, dim: int) -> None:
 
 def _dirichlet_in_sub_space(
     sub_space: fem.FunctionSpace,
-    facets: npt.NDArray[np.int32],
+    facets: Numbers,
     value: fem.Constant | fem.Function | npt.ArrayLike,
 ) -> fem.DirichletBC:
     """Prescribe all components in a sub-space, which needs a function (collective)."""

@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.mesh.space import KINDS, Kind, codes_of, facets_of
 from fenics_mortar.utils.arrays import (
@@ -30,14 +29,13 @@ from fenics_mortar.utils.arrays import (
     Array,
     Flags,
     Indices,
+    Numbers,
     values_at,
 )
 from fenics_mortar.utils.errors import MeshError, format_point
 
 
-def check_hanging_nodes(
-    x: Array, cells: Indices, facets: Indices, tags: npt.NDArray[np.int32]
-) -> None:
+def check_hanging_nodes(x: Array, cells: Indices, facets: Indices, tags: Numbers) -> None:
     """Reject nodes inside an edge of another cell (local).
 
     Args:
@@ -73,9 +71,7 @@ class _Outline:
         cell: Their cells, (h,).
     """
 
-    def __init__(
-        self, x: Array, cells: Indices, facets: Indices, tags: npt.NDArray[np.int32]
-    ) -> None:
+    def __init__(self, x: Array, cells: Indices, facets: Indices, tags: Numbers) -> None:
         kind = KINDS[2, cells.shape[1]]
         corners = kind.corners
         around, ends = cells[:, :corners], facets_of(cells, kind).reshape(-1, 2)
@@ -179,9 +175,7 @@ def _cross(a: Array, b: Array) -> Array:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
-def check_hanging_nodes_in_space(
-    x: Array, cells: Indices, facets: Indices, tags: npt.NDArray[np.int32]
-) -> None:
+def check_hanging_nodes_in_space(x: Array, cells: Indices, facets: Indices, tags: Numbers) -> None:
     """Reject nodes inside an edge of another cell (local).
 
     Args:
@@ -267,7 +261,7 @@ def _are_sides_of_slit(
     short: Indices,
     outline: Indices,
     facets: Indices,
-    tags: npt.NDArray[np.int32],
+    tags: Numbers,
     num_points: int,
 ) -> Flags:
     """Whether edges (k, 2) of seams are those of boundaries of different names (local)."""

@@ -29,7 +29,7 @@ from fenics_mortar.mesh.data import MeshData, as_list
 from fenics_mortar.mesh.edges import check_hanging_nodes, check_hanging_nodes_in_space
 from fenics_mortar.mesh.space import KINDS, Kind, codes_of, facets_of
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, Array, Indices, values_at
+from fenics_mortar.utils.arrays import ROUNDING, Array, Indices, Numbers, values_at
 from fenics_mortar.utils.errors import (
     MeshError,
     check_kind,
@@ -156,9 +156,9 @@ class Tagged:
     num_nodes: int
     bodies: dict[str, int]
     boundaries: dict[str, int]
-    body_of_cell: npt.NDArray[np.int32]
+    body_of_cell: Numbers
     facets: Indices
-    tags: npt.NDArray[np.int32]
+    tags: Numbers
 
     @property
     def kind(self) -> Kind:
@@ -201,7 +201,7 @@ def checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> CheckedArr
     return CheckedArrays(x, nodes, tagged)
 
 
-def check_joined(x: Array, cells: Indices, facets: Indices, tags: npt.NDArray[np.int32]) -> None:
+def check_joined(x: Array, cells: Indices, facets: Indices, tags: Numbers) -> None:
     """Reject nodes inside an edge of another cell (local).
 
     Args:
@@ -286,7 +286,7 @@ def _named(what: str, given: Any) -> list[tuple[str, Any]]:
     return list(given.items())
 
 
-def _body_of_cell(bodies: Any, x: Array, cells: Indices) -> npt.NDArray[np.int32]:
+def _body_of_cell(bodies: Any, x: Array, cells: Indices) -> Numbers:
     """Tag of each cell, shape (m,) (local)."""
     count, tags = len(cells), np.zeros(len(cells), np.int32)
     named = _named("bodies", bodies)
@@ -311,9 +311,7 @@ def _body_of_cell(bodies: Any, x: Array, cells: Indices) -> npt.NDArray[np.int32
     return tags
 
 
-def _facets(
-    boundaries: Any, x: Array, cells: Indices, kind: Kind
-) -> tuple[Indices, npt.NDArray[np.int32]]:
+def _facets(boundaries: Any, x: Array, cells: Indices, kind: Kind) -> tuple[Indices, Numbers]:
     """Facets of all boundaries, corners ascending (f, corners), and their tags (f,) (local)."""
     corners = len(kind.facets[0])
     what = "two ends" if kind.dim == 2 else f"{corners} corners"
@@ -351,7 +349,7 @@ def _described(facet: Indices) -> str:
     return f"of the nodes {', '.join(map(str, facet.tolist()))}"
 
 
-def _tags_of_facets(mesh: dmesh.Mesh, tagged: Tagged) -> npt.NDArray[np.int32]:
+def _tags_of_facets(mesh: dmesh.Mesh, tagged: Tagged) -> Numbers:
     """Tag of each local facet, 0 without boundary (local)."""
     topology, kind = mesh.topology, tagged.kind
     topology.create_connectivity(kind.dim - 1, 0)
@@ -366,7 +364,7 @@ def _tags_of_facets(mesh: dmesh.Mesh, tagged: Tagged) -> npt.NDArray[np.int32]:
     return np.asarray(values_at(codes, known, tagged.tags, 0))
 
 
-def _tags(mesh: dmesh.Mesh, dim: int, tags: npt.NDArray[np.int32]) -> dmesh.MeshTags:
+def _tags(mesh: dmesh.Mesh, dim: int, tags: Numbers) -> dmesh.MeshTags:
     """Tags of the local entities with a tag other than 0 (local)."""
     tagged = np.flatnonzero(tags).astype(np.int32)
     return dmesh.meshtags(mesh, dim, tagged, tags[tagged])
@@ -677,7 +675,7 @@ def _key_of_tags(mesh: Any, given: str | None) -> str | None:
     return found[0] if len(found) == 1 else None
 
 
-def _free_numbers(tags: list[int | None]) -> npt.NDArray[np.int32]:
+def _free_numbers(tags: list[int | None]) -> Numbers:
     """Positive tags of 32 bits that are all different: those given, else free numbers."""
     largest = np.iinfo(np.int32).max
     kept = [

@@ -32,7 +32,7 @@ from fenics_mortar.mesh.from_arrays import (
 )
 from fenics_mortar.mesh.space import KINDS
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, Array, Indices
+from fenics_mortar.utils.arrays import ROUNDING, Array, Indices, Numbers
 from fenics_mortar.utils.errors import MeshError, format_point, refuse_in_space, together
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ class GmshMesh:
         kinds = sorted({block.type for block in blocks})
         return {kind: np.concatenate([b.nodes for b in blocks if b.type == kind]) for kind in kinds}
 
-    def tagged_elements(self, dim: int) -> tuple[Indices, npt.NDArray[np.int32]]:
+    def tagged_elements(self, dim: int) -> tuple[Indices, Numbers]:
         """Nodes of all groups' elements, numbered from 0, (n, k), and tags of the groups (n,)."""
         nodes, tags = [], []
         for group in self.groups_of(dim):

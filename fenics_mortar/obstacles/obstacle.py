@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.obstacles.rigid_motion import RigidMotion, check_vector
-from fenics_mortar.utils.arrays import EPSILON, Array
+from fenics_mortar.utils.arrays import EPSILON, Array, Flags
 from fenics_mortar.utils.errors import NotFiniteError, check_flag, check_number, format_point
 
 # Step of central differences of distances, over the size of the parameter or the length of a facet
@@ -139,7 +139,7 @@ class Obstacle(RigidMotion, ABC):
             )
         return phi, gradient, hessian
 
-    def _where(self, x: Array, marked: npt.NDArray[np.bool_]) -> str:
+    def _where(self, x: Array, marked: Flags) -> str:
         """Position in space of the first marked point, as text for messages."""
         first = int(np.argmax(marked))
         return format_point(np.real(self.to_space(x[first : first + 1])[0]))

@@ -41,7 +41,7 @@ from fenics_mortar.obstacles.rigid_motion import (
     check_vector,
     edges_of,
 )
-from fenics_mortar.utils.arrays import EPSILON, MAX_STEPS, ROUNDING, Array, Indices
+from fenics_mortar.utils.arrays import EPSILON, MAX_STEPS, ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.errors import check_flag, check_kind, check_number, format_point
 
 
@@ -393,7 +393,7 @@ class Polygon(Obstacle):
         size = np.linalg.norm(towards, axis=1)[:, None]
         return self._corners + self._radius * towards / size
 
-    def _is_inside(self, x: Array) -> npt.NDArray[np.bool_]:
+    def _is_inside(self, x: Array) -> Flags:
         """Whether a ray from each point intersects the inner polygon an odd number of times."""
         start = self._corners - x[:, None]
         end = np.roll(start, -1, axis=1)

@@ -620,10 +620,7 @@ class IdleLoads:
     def _loads(self) -> list[Any]:
         """Values that ``set_loads`` may set, in a fixed order (local)."""
         equations, motions = self._problem.equations, self._problem.equations.motions
-        found: list[Any] = [
-            *equations.bulk.input_data.loads(),
-            *motions.loads,
-        ]
+        found: list[Any] = [*equations.bulk.input_data.loads(), *motions.loads]
         found += [value for o in self._problem.obstacles for value in o.shape().values()]
         found += [np.array(contact.offset, float) for contact in equations.contacts]
         found += [as_text(c.pair.law) for c in equations.contacts if isinstance(c, Contact)]

@@ -40,7 +40,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import LinAlgError
 from scipy.linalg.blas import dger
 
@@ -75,7 +74,7 @@ class Sets(NamedTuple):
         z_tau: Scaled tangential multiplier [length].
     """
 
-    active: npt.NDArray[np.bool_]
+    active: Flags
     branch: Indices
     z_n: Array
     z_tau: Array
@@ -110,9 +109,7 @@ def as_complementarity(problem: FrictionProblem) -> tuple[Array, Array]:
     return M, np.concatenate([problem.q[:n], -u, u, np.zeros(m)])
 
 
-def sets_of(
-    problem: FrictionProblem, M: Array, q: Array, basic: npt.NDArray[np.bool_]
-) -> Sets | None:
+def sets_of(problem: FrictionProblem, M: Array, q: Array, basic: Flags) -> Sets | None:
     """Sets and multipliers for ``M`` (n, n) and ``q`` (n,); ``None`` if not unique (local)."""
     n = problem.slope.size
     rough = np.flatnonzero(problem.slope > 0.0)
@@ -128,7 +125,7 @@ def sets_of(
     return Sets(basic[:n], branch, z[:n], z_tau)
 
 
-def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
+def lemke(M: Array, q: Array) -> Flags | None:
     """Basic z_i of a solution of w = q + M z >= 0, z >= 0, w . z = 0 by Lemke's method (local).
 
     Args:

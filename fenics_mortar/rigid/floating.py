@@ -55,6 +55,10 @@ if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
     from fenics_mortar.contact.tied import Tie
 
+# Coefficient of friction that holds every body that does not tip over or fall [1].
+ROUGH = 100.0
+# Cosine of the angle between motions that a message tells as one [1].
+SAME_WAY = 0.99
 # Bodies to be moved, with the coefficients of their motions, (motions,) each [length].
 Moves = list[tuple[FloatingBody, Array]]
 
@@ -75,6 +79,8 @@ class BodySettling:
         self._unloaded: list[FloatingBody] = []
         self._start: Array = bodies.bulk.u.x.array
         self._give_way: Callable[[Moves], Moves] = list
+        self._analysed: tuple[Array, Touching] | None = None
+        self._first: dict[int, Array] = {}
         self.touched: list[Flags] = []
         self.moved: list[FloatingBody] = []
 
@@ -103,7 +109,8 @@ class BodySettling:
         Raises:
             NotConvergedError: On all ranks, if no contact stops a body.
         """
-        bodies, self._give_way = self._bodies, give_way
+        bodies, self._give_way, self._analysed = self._bodies, give_way, None
+        self._first = {}
         self._unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
         moved, creeping, extent = dict[int, float](), 0, bodies.extent()
         for number in range(RIGID.max_moves):
@@ -118,6 +125,8 @@ class BodySettling:
                 names = sorted(bodies.name_of(label) for label in sorted(moved))
                 return [f"{name} was moved rigidly until contact stopped it" for name in names]
             for body, move in moves:
+                if self._analysed is not None:
+                    self._first.setdefault(body.label, move)
                 bodies.move(body, move)
                 moved[body.label] = moved.get(body.label, 0.0) + _length(body, move)
             if all(
@@ -125,11 +134,33 @@ class BodySettling:
             ):
                 break
         body, move = moves[0]
+        name, how = bodies.name_of(body.label), body.describe(move, directed=True)
         message = (
-            f"{bodies.name_of(body.label)} can {body.describe(move, directed=True)} freely: it is "
-            f"driven by loads, and neither Dirichlet conditions nor contact stop it"
+            f"{self._beginning(body, move)}{name} can {how} freely: it is driven by loads, and "
+            f"neither Dirichlet conditions nor contact stop it"
         )
         raise NotConvergedError(message, NewtonReport(reason=message))
+
+    def _beginning(self, body: FloatingBody, last: Array) -> str:
+        """How a body began to leave its supports, if not by its ``last`` move; "" if it had none.
+
+        A body tips over that a coefficient of friction ``ROUGH`` does not hold, by limit analysis
+        where it first touched its supports.
+        """
+        if self._analysed is None:
+            return ""
+        (loads, touching), bodies = self._analysed, self._bodies.bodies
+        rough = touching._replace(slope=np.maximum(touching.slope, ROUGH))
+        ends = np.cumsum([len(one.motions) for one in bodies])[:-1]
+        motions = np.split(unresisted_motion(loads, rough), ends)
+        motion = motions[[one.label for one in bodies].index(body.label)]
+        what = "tips over, which no friction can prevent"
+        if np.abs(motion).max() <= RIGID.resisted:
+            motion, what = self._first[body.label], "is not held by friction"
+        if motion @ last > SAME_WAY * np.linalg.norm(motion) * np.linalg.norm(last):
+            return ""
+        how, name = body.describe(motion, directed=True), self._bodies.name_of(body.label)
+        return f"{name} {what}: it begins to {how}. At last "
 
     def check(self, reach: float) -> list[str]:
         """Check bodies without contact force before and after the solve.
@@ -278,7 +309,10 @@ class BodySettling:
         weight = sum(float(c.operators.weight[c.active].sum()) for c in bodies.contacts)
         pressure = size / weight if weight > 0.0 else 0.0
         pairs = [self._touching(contact, pressure) for contact in bodies.contacts]
-        motion = unresisted_motion(loads, Touching(*map(np.concatenate, zip(*pairs, strict=True))))
+        touching = Touching(*map(np.concatenate, zip(*pairs, strict=True)))
+        motion = unresisted_motion(loads, touching)
+        if self._analysed is None and len(touching.slope) and motion.any():
+            self._analysed = loads, touching
         ends = np.cumsum([len(body.motions) for body in bodies.bodies])[:-1]
         moves = zip(bodies.bodies, np.split(motion, ends), strict=True)
         return {body.label for body, move in moves if np.abs(move).max() > RIGID.resisted}
@@ -409,12 +443,7 @@ class FloatingBodies(BodyMotions):
         self.bulk.add_to_diagonal(springs)
 
     def drop_undriven(
-        self,
-        loose: Sequence[FloatingBody],
-        step: Array,
-        motion: Array,
-        total: Array,
-        force: float,
+        self, loose: Sequence[FloatingBody], step: Array, motion: Array, total: Array, force: float
     ) -> None:
         """Remove from a step the loose motions of idle bodies, and those driven by roundoff only.
 

@@ -178,21 +178,20 @@ def solve_with_springs(
     Raises:
         NotConvergedError: On all ranks, if the bodies do not come to rest.
     """
-    begin = equations.state()
-    report, first = _move_on_springs(equations, options, failed, failed.report)
+    begin, run = equations.state(), _OnSprings(equations, options, failed)
+    report, first = run.move(failed.report)
     arrived, carried = equations.state(), equations.springs.remaining().fraction
     try:
-        return _solve_without(equations, options, report)
+        return run.without(report)
     except NotConvergedError as error:
         report = error.report
     if carried > RIGID.negligible:
         equations.restore(arrived if carried < np.inf else begin)
         aim = RIGID.elongation if carried < np.inf else first
         try:
-            at = equations, options, failed, report
-            report, _ = _move_on_springs(*at, balanced=True, aim=aim)
+            report, _ = run.move(report, balanced=True, aim=aim)
             arrived = equations.state()
-            return _solve_without(equations, options, report)
+            return run.without(report)
         except NotConvergedError as error:
             report = error.report
     equations.restore(arrived)
@@ -225,9 +224,10 @@ def solve_with_weak_springs(
         NotConvergedError: On all ranks, if a solve fails or the force of springs is larger.
     """
     report, shorter = failed.report, RIGID.recovery ** (3 * np.arange(RIGID.max_failures))
+    run = _OnSprings(equations, options, failed)
     for _ in range(repeats):
         for aim in (RIGID.elongation / shorter).tolist():
-            report, reason = _try_anchored(equations, options, report, aim, touched=True)
+            report, reason = run.anchored(report, aim, touched=True)
             if not reason:
                 break
         else:
@@ -239,86 +239,78 @@ def solve_with_weak_springs(
     return report
 
 
-def _solve_without(
-    equations: WithSprings, options: NewtonOptions, report: NewtonReport
-) -> NewtonReport:
-    """Solve without springs; the record begins with ``report``."""
-    equations.springs.remove_springs()
-    return then_solve(report, partial(solve, equations, options))
+@dataclass(frozen=True)
+class _OnSprings:
+    """Solves of equations after one without springs that failed; records begin with ``report``."""
 
+    equations: WithSprings
+    options: NewtonOptions
+    failed: NotConvergedError
 
-def _move_on_springs(
-    equations: WithSprings,
-    options: NewtonOptions,
-    failed: NotConvergedError,
-    report: NewtonReport,
-    *,
-    balanced: bool = False,
-    aim: float = RIGID.elongation,
-) -> tuple[NewtonReport, float]:
-    """Solve with springs until their elongation vanishes, at most ``RIGID.max_solves`` times.
+    def without(self, report: NewtonReport) -> NewtonReport:
+        """Solve without springs."""
+        self.equations.springs.remove_springs()
+        return then_solve(report, partial(solve, self.equations, self.options))
 
-    If ``balanced``, also until their force does, with ever weaker springs. A round body on one node
-    hardly moves against the first ones, although they carry its moment, and has to roll until the
-    next node supports it, too. Solves after which no contact force acts on a body have failed then:
-    Newton's method has jumped. The first elongation is ``aim``.
+    def move(
+        self, report: NewtonReport, *, balanced: bool = False, aim: float = RIGID.elongation
+    ) -> tuple[NewtonReport, float]:
+        """Solve with springs until their elongation vanishes, at most ``RIGID.max_solves`` times.
 
-    Returns:
-        The record of all iterations, and the elongation of the first solve that did not fail: with
-        longer ones another pass from the same state would fail, too.
-    """
-    # the last solve, without springs, uses the user's tolerance
-    rough = replace(options, residual_tolerance=max(SOLVED, options.residual_tolerance))
-    failures, first = 0, None
-    for _ in range(RIGID.max_solves):
-        report, reason = _try_anchored(equations, rough, report, aim, touched=balanced)
-        if reason:
-            aim, failures = aim / RIGID.recovery**3, failures + 1
-            if failures == RIGID.max_failures:
-                raise NotConvergedError(failed.report.reason, report)
-            continue
-        first = first or aim
-        rests = equations.springs.max_motion() < RIGID.overlap * aim / RIGID.elongation
-        carried = equations.springs.remaining().fraction
-        if rests and not (balanced and carried > RIGID.negligible):
-            break
-        aim, failures = RIGID.recovery * aim, 0
-        aim = aim if rests else min(aim, RIGID.elongation)
-    return report, first or aim
+        If ``balanced``, also until their force does, with ever weaker springs. A round body on one
+        node hardly moves against the first ones, although they carry its moment, and has to roll
+        until the next node supports it, too. Solves after which no contact force acts on a body
+        have failed then: Newton's method has jumped. The first elongation is ``aim``.
 
+        Returns:
+            The record of all iterations, and the elongation of the first solve that did not fail:
+            with longer ones another pass from the same state would fail, too.
+        """
+        # the last solve, without springs, uses the user's tolerance
+        tolerance = max(SOLVED, self.options.residual_tolerance)
+        rough = replace(self, options=replace(self.options, residual_tolerance=tolerance))
+        springs, failures, first = self.equations.springs, 0, None
+        for _ in range(RIGID.max_solves):
+            report, reason = rough.anchored(report, aim, touched=balanced)
+            if reason:
+                aim, failures = aim / RIGID.recovery**3, failures + 1
+                if failures == RIGID.max_failures:
+                    raise NotConvergedError(self.failed.report.reason, report)
+                continue
+            first = first or aim
+            rests = springs.max_motion() < RIGID.overlap * aim / RIGID.elongation
+            carried = springs.remaining().fraction
+            if rests and not (balanced and carried > RIGID.negligible):
+                break
+            aim, failures = RIGID.recovery * aim, 0
+            aim = aim if rests else min(aim, RIGID.elongation)
+        return report, first or aim
 
-def _try_anchored(
-    equations: WithSprings,
-    options: NewtonOptions,
-    report: NewtonReport,
-    aim: float,
-    *,
-    touched: bool,
-) -> tuple[NewtonReport, str]:
-    """One solve with springs; a failure restores the state.
+    def anchored(
+        self, report: NewtonReport, aim: float, *, touched: bool
+    ) -> tuple[NewtonReport, str]:
+        """One solve with springs; a failure restores the state.
 
-    Args:
-        equations: The equations.
-        options: Options of the solve.
-        report: Record of the iterations before.
-        aim: Elongation of the springs [shortest facets].
-        touched: Whether contact forces act on all bodies; if not after the solve, it has failed.
+        Args:
+            report: Record of the iterations before.
+            aim: Elongation of the springs [shortest facets].
+            touched: Whether contact acts on all bodies; if not after the solve, it has failed.
 
-    Returns:
-        The record of all iterations, and the reason of a failure, "" without one.
-    """
-    start = equations.state()
-    equations.springs.anchor(aim)
-    try:
-        report = then_solve(report, partial(solve, equations, options))
-        carried = equations.springs.remaining()
-        if not touched or carried.fraction < np.inf:
-            return report, ""
-        reason = carried.message
-    except NotConvergedError as error:
-        report, reason = error.report, str(error) or "not converged"
-    equations.restore(start)
-    return report, reason
+        Returns:
+            The record of all iterations, and the reason of a failure, "" without one.
+        """
+        equations, start = self.equations, self.equations.state()
+        equations.springs.anchor(aim)
+        try:
+            report = then_solve(report, partial(solve, equations, self.options))
+            carried = equations.springs.remaining()
+            if not touched or carried.fraction < np.inf:
+                return report, ""
+            reason = carried.message
+        except NotConvergedError as error:
+            report, reason = error.report, str(error) or "not converged"
+        equations.restore(start)
+        return report, reason
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ from fenics_mortar.obstacles.rigid_motion import (
     polar_rotation,
     vector_beside,
 )
-from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Array, Flags, Indices, norms
+from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Array, Flags, Indices, Numbers, norms
 from fenics_mortar.utils.errors import (
     MortarError,
     SurfaceError,
@@ -143,7 +143,7 @@ class Border:
         rows = np.vstack([self.rows, other.rows])
         return type(self)(columns, rows, block_diag(self.corner, other.corner))
 
-    def restricted_to(self, some: npt.NDArray[np.bool_]) -> Self:
+    def restricted_to(self, some: Flags) -> Self:
         """The border of a subset of the unknowns and their equations; ``some``: (m,), bool."""
         return type(self)(self.columns[some], self.rows[some], self.corner[np.ix_(some, some)])
 
@@ -202,12 +202,7 @@ class BoundaryMotion(RigidMotion):
     unloaded = float("nan")
 
     def __init__(
-        self,
-        data: MeshData,
-        boundary: Names,
-        *,
-        pivot: npt.ArrayLike,
-        name: str | None = None,
+        self, data: MeshData, boundary: Names, *, pivot: npt.ArrayLike, name: str | None = None
     ) -> None:
         check_kind("data", data, MeshData, "the MeshData of the mesh")
         self.data, own = data, type(self).__name__
@@ -653,7 +648,7 @@ class BoundRigidBoundary:
 
     # As a Dirichlet condition
 
-    def dof_indices(self) -> tuple[npt.NDArray[np.int32], int]:
+    def dof_indices(self) -> tuple[Numbers, int]:
         """Local dofs of the nodes, ghosts included, and the number of owned ones (local)."""
         owned, ghosts = self._here[self._owned].ravel(), self._here[~self._owned].ravel()
         return np.concatenate([owned, ghosts]).astype(np.int32), owned.size

@@ -51,7 +51,7 @@ from fenics_mortar.sensitivity.history import (
     history_of,
 )
 from fenics_mortar.sensitivity.partials.fields import Matrix, by_positions, check_positions
-from fenics_mortar.sensitivity.protocols import Quantity
+from fenics_mortar.sensitivity.protocols import Quantity, Values
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import MortarError
 
@@ -246,9 +246,7 @@ class FormQuantity(Quantity):
         data = getattr(control, "data", None)
         return any(data is value for value in self._data)
 
-    def by_control(
-        self, problem: ContactProblem, control: Any, before: Before = None
-    ) -> Array | float:
+    def by_control(self, problem: ContactProblem, control: Any, before: Before = None) -> Values:
         """See ``Quantity.by_control``."""
         return self._by(control.data) if self.depends_on(control) else 0.0
 

@@ -448,7 +448,7 @@ def tangent_linear(
 
 
 def _direction_of(problem: ContactProblem, control: Control, given: Any, number: int) -> Array:
-    """Numbers of a direction in a step (local).
+    """Values of a direction in a step (local).
 
     Raises:
         ValueError: If their shape is not that of the control's derivative.

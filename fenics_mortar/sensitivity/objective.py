@@ -57,7 +57,13 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.spread import refuse_remote
 from fenics_mortar.sensitivity.controls import LawParameter
 from fenics_mortar.sensitivity.forms import FormControl, FormQuantity
-from fenics_mortar.sensitivity.protocols import Combined, ContactQuantity, Control, Quantity
+from fenics_mortar.sensitivity.protocols import (
+    Combined,
+    ContactQuantity,
+    Control,
+    Quantity,
+    Values,
+)
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import LAST_DIGITS, Array, Flags, Indices
 from fenics_mortar.utils.errors import (
@@ -372,7 +378,7 @@ def read(
 
 def explicit(
     problem: ContactProblem, quantity: Quantity, control: Control, before: Before
-) -> Array | float:
+) -> Values:
     """dJ/dm at fixed states, of the shape of the control's values (collective).
 
     In the unit of J over that of m [any].

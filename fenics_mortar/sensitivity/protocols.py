@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -63,6 +63,8 @@ if TYPE_CHECKING:
 # Derivatives of a functional with respect to nodal fields by name, see ``partials.fields``, shape
 # (slave nodes,) each, or (slave nodes, d) for "z"; fields that are missing have zeros.
 ByFields = dict[str, Array]
+# Derivatives of the shape of a control, or zero.
+Values: TypeAlias = "Array | float"
 
 
 class Quantity(Protocol):
@@ -87,9 +89,7 @@ class Quantity(Protocol):
         """dJ/ds_{k-1}; ``None``, the default, or a vector without parts if it is zero."""
         return None
 
-    def by_control(
-        self, problem: ContactProblem, control: Any, before: Before = None
-    ) -> Array | float:
+    def by_control(self, problem: ContactProblem, control: Any, before: Before = None) -> Values:
         """Explicit derivative dJ/dm at fixed states, of the shape of m [unit of J / unit of m].
 
         The default is 0.0: the control does not occur.
@@ -190,9 +190,7 @@ class Combined(ContactQuantity):
             lambda part: part.by_before(problem, before) or zero, zero, problem, before
         )
 
-    def by_control(
-        self, problem: ContactProblem, control: Any, before: Before = None
-    ) -> Array | float:
+    def by_control(self, problem: ContactProblem, control: Any, before: Before = None) -> Values:
         """See ``Quantity``."""
         return self._chain(
             lambda part: part.by_control(problem, control, before), 0.0, problem, before
@@ -244,9 +242,7 @@ class PairQuantity(OfPair, ContactQuantity):
         gradient = through(by, history.pairs[self.pair].fields)
         return from_pairs(problem.equations, {self.pair: gradient})
 
-    def by_control(
-        self, problem: ContactProblem, control: Any, before: Before = None
-    ) -> Array | float:
+    def by_control(self, problem: ContactProblem, control: Any, before: Before = None) -> Values:
         """See ``Quantity``; for controls that change nodal fields."""
         if not hasattr(control, "fields") or self.pair not in control.pairs(problem):
             return 0.0
@@ -319,7 +315,7 @@ class PairControl(Control):
 
     @abstractmethod
     def pairs(self, problem: ContactProblem) -> list[int]:
-        """Numbers of the pairs whose rows or memory depend on it at fixed states (local)."""
+        """Values of the pairs whose rows or memory depend on it at fixed states (local)."""
 
     def fields(self, problem: ContactProblem, i: int, before: Before = None) -> Changes:
         """Derivatives of the nodal fields of pair ``i``, one of ``pairs`` (collective).
@@ -425,10 +421,7 @@ class Moment(PairQuantity):
     """
 
     def __init__(
-        self,
-        pair: int,
-        about: npt.ArrayLike | None = None,
-        axis: npt.ArrayLike | None = None,
+        self, pair: int, about: npt.ArrayLike | None = None, axis: npt.ArrayLike | None = None
     ) -> None:
         super().__init__(pair)
         self.about, self.axis = about, axis
@@ -564,7 +557,7 @@ class MeanGap(PairQuantity):
 
     Args:
         pair: Number of the pair.
-        nodes: Numbers of slave nodes along the surface, shape (k,); all covered ones by default.
+        nodes: Values of slave nodes along the surface, shape (k,); all covered ones by default.
     """
 
     def __init__(self, pair: int, nodes: Indices | None = None) -> None:

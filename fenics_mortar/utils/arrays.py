@@ -16,6 +16,8 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
+# Local numbers and tags of dolfinx.
+Numbers = npt.NDArray[np.int32]
 
 
 class Value:

@@ -42,7 +42,7 @@ from ufl.algorithms import compute_form_data
 from fenics_mortar.utils.errors import MeshError, MortarError, check_kind, check_number
 
 if TYPE_CHECKING:
-    from fenics_mortar.utils.arrays import Array, Indices
+    from fenics_mortar.utils.arrays import Array, Indices, Numbers
 
 _petsc = ctypes.CDLL(PETSc.__file__)
 # Types of arguments: PETSc's integers, communicators, and handles of objects, arrays or addresses.
@@ -322,7 +322,7 @@ def create_mesh(
     return dmesh.create_mesh(comm, cells, x=x, e=ufl.Mesh(element))
 
 
-def geometry_dofmap(mesh: dmesh.Mesh) -> npt.NDArray[np.int32]:
+def geometry_dofmap(mesh: dmesh.Mesh) -> Numbers:
     """Return the local geometry nodes of all local cells, shape (num_cells, num_nodes).
 
     The list became a two-dimensional array in 0.7, one of several (``dofmaps``) in 0.11.
@@ -333,7 +333,7 @@ def geometry_dofmap(mesh: dmesh.Mesh) -> npt.NDArray[np.int32]:
     return as_table(geometry.dofmap, geometry.cmap.create_dof_layout())
 
 
-def as_table(table: Any, layout: Any) -> npt.NDArray[np.int32]:
+def as_table(table: Any, layout: Any) -> Numbers:
     """View an adjacency list (until 0.6) as an array (cells, dofs), also without cells."""
     if isinstance(table, np.ndarray):
         return table
@@ -502,7 +502,7 @@ def is_sub_space(V: fem.FunctionSpace) -> bool:
     return len(getattr(V, "_cpp_object", V).component()) > 0
 
 
-def collapsed(V: fem.FunctionSpace) -> tuple[fem.FunctionSpace, npt.NDArray[np.int64]]:
+def collapsed(V: fem.FunctionSpace) -> tuple[fem.FunctionSpace, Indices]:
     """A sub-space as a space of its own, and the local dofs of its own in the whole (collective).
 
     ``collapse`` of dolfinx 0.5 crashes on ranks without cells, for scalar sub-spaces.
@@ -520,7 +520,7 @@ def collapsed(V: fem.FunctionSpace) -> tuple[fem.FunctionSpace, npt.NDArray[np.i
     return space, dofs
 
 
-def dofmap(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
+def dofmap(V: fem.FunctionSpace) -> Numbers:
     """Return the blocked local dofs of all local cells, ghosts too, shape (num_cells, num_dofs).
 
     The list became a two-dimensional array in 0.7.
@@ -652,9 +652,7 @@ def create_expression(expression: ufl.core.expr.Expr, points: npt.ArrayLike) -> 
     return fem.Expression(expression, points, **own_options(fem.Expression))
 
 
-def evaluate_expression(
-    expression: fem.Expression, mesh: dmesh.Mesh, cells: npt.NDArray[np.int32]
-) -> Array:
+def evaluate_expression(expression: fem.Expression, mesh: dmesh.Mesh, cells: Numbers) -> Array:
     """Evaluate at the expression's points in local ``cells``, (num_cells, ...) [its unit] (local).
 
     ``Expression.eval`` takes the mesh since 0.7.

@@ -56,7 +56,6 @@ from fenics_mortar.verify.passages import Passages, StepEnds, found_either_way
 from fenics_mortar.verify.space_admitted import (
     ACROSS,
     ALWAYS,
-    HINTS,
     TIP,
     Kind,
     Overlaps,
@@ -435,7 +434,7 @@ class SpaceCrossings(Crossings):
                 )
                 where = format_point(overlaps.points[k])
                 measures = float(overlaps.depths[k]), depth, float(limits[k])
-                hint = HINTS.get(kind, "") + _OTHER_ROLES * (kind == Kind.UNLOADED)
+                hint = self._in_space.hint(kind, _OTHER_ROLES)
                 is_across = bool(across[k])
                 told = hint + ACROSS * is_across, ALWAYS if is_across else remark_of(kind)
                 yield Crossing(sides, where, *measures, kind != Kind.UNPAIRED, *told)

@@ -18,11 +18,10 @@ from typing import TYPE_CHECKING
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.obstacles.rigid_motion import rotation_by
-from fenics_mortar.utils.arrays import HALF_FACET, TINY, Array, norms
+from fenics_mortar.utils.arrays import HALF_FACET, TINY, Array, Flags, norms
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.verify.finding import LIMITS
 
@@ -105,9 +104,7 @@ def _distance(obstacle: Obstacle, x: Array, offset: Array) -> tuple[Array, Array
     return (phi - offset) / np.maximum(size, 1.0), gradient / size[:, None]
 
 
-def _trace(
-    obstacle: Obstacle, knots: Array, far: Array, offset: Array, lengths: Array
-) -> npt.NDArray[np.bool_]:
+def _trace(obstacle: Obstacle, knots: Array, far: Array, offset: Array, lengths: Array) -> Flags:
     """Whether paths passed through; ``knots`` (m + 1, s, d) at arc lengths ``far`` (m + 1, s)."""
     total = far[-1]
     # near the surface points are as close as the smallest distance with a remark
@@ -146,9 +143,7 @@ def _trace(
     return passed
 
 
-def _goes_on(
-    obstacle: Obstacle, x: Array, normal: Array, lengths: Array, offset: Array
-) -> npt.NDArray[np.bool_]:
+def _goes_on(obstacle: Obstacle, x: Array, normal: Array, lengths: Array, offset: Array) -> Flags:
     """Whether the obstacle extends by half a facet to both sides of points on their paths."""
     reach, sides = HALF_FACET * lengths[:, None], list[Array]()
     for along in _across(normal):

@@ -37,7 +37,6 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
@@ -114,9 +113,7 @@ def slides_little(contact: Contact | Tie) -> bool:
     return isinstance(contact, Contact) and contact.pair.sliding == "small"
 
 
-def are_folds(
-    x: Array, segments: Indices, bodies: Indices, crossings: Array
-) -> npt.NDArray[np.bool_]:
+def are_folds(x: Array, segments: Indices, bodies: Indices, crossings: Array) -> Flags:
     """Whether crossings of outlines with themselves are folds, shape (k,), bool (local).
 
     Args:

@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import or_more_functions
 from fenics_mortar.kernels.space.inside import depths_inside, find_piercings, winding_by_angles
 from fenics_mortar.kernels.space.triangles import nearest_triangle, square_on_triangle
 from fenics_mortar.kernels.tree import build_tree
@@ -258,7 +259,12 @@ class SpaceAdmitted:
     def __init__(self, hull: Hull, contacts: Sequence[Contact | Tie]) -> None:
         self._hull, self._contacts = hull, contacts
         self._sides = [(hull.near(c.slave), hull.near(c.master)) for c in contacts]
+        self._more_functions = or_more_functions(contacts)
         self._exact = [(hull.are_of(c.slave), hull.are_of(c.master)) for c in contacts]
+
+    def hint(self, kind: Kind, remedy: str = "") -> str:
+        """What a pair does not see in an overlap of this kind, with a ``remedy`` without force."""
+        return HINTS.get(kind, "") + (remedy + self._more_functions) * (kind == Kind.UNLOADED)
 
     def _between(self, number: int, overlaps: Overlaps) -> Flags:
         """Whether overlaps are between the two sides of a pair, shape (k,), bool (local)."""

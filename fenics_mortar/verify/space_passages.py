@@ -384,6 +384,8 @@ WITHIN = np.array(
 OF_RADIUS = 0.5
 # Radius over the size of a facet [1] below which an obstacle is a tip or an edge.
 SHARP = 0.1
+# The same above which it is flat, and what enters a facet is an edge beside this point.
+FLAT = 1e6
 # What is wrong if boundary conditions move nodes into an obstacle.
 LED = (
     "; boundary conditions move nodes of the body into the obstacle, {}, where no contact can keep "
@@ -402,11 +404,7 @@ class SpaceObstacle:
     """
 
     def __init__(
-        self,
-        number: int,
-        obstacle: Obstacle,
-        pairs: Sequence[tuple[Contact, Indices]],
-        hull: Hull,
+        self, number: int, obstacle: Obstacle, pairs: Sequence[tuple[Contact, Indices]], hull: Hull
     ) -> None:
         self.label, self.obstacle, self.hull = -1 - number, obstacle, hull
         self._pairs = pairs
@@ -489,14 +487,15 @@ class SpaceObstacle:
         return float(depths[k]), float(facets[k]), format_point(x[at[k]])
 
     def needed(self, point: Array, size: float) -> str:
-        """The facets that a curved obstacle needs at a point (3,), now of a size (collective)."""
+        """The facets that an obstacle needs at a point (3,), now of a size (collective).
+
+        "" where it curves little, and the multipliers are to blame.
+        """
         radius = 1.0 / max(float(np.linalg.eigvalsh(self._evaluate(point[None])[2][0])[-1]), TINY)
-        if not SHARP * size < radius < size / OF_RADIUS:
-            return ""
-        return (
-            f", to edges of at most {OF_RADIUS * radius:.2g}, half of the radius of the obstacle "
-            "there; on six-node triangles with Discretization(basis='quadratic')"
-        )
+        if not SHARP * size < radius < FLAT * size:
+            return TIP
+        edges = f", to edges of at most {OF_RADIUS * radius:.2g}, half of the radius of the "
+        return f"{edges}obstacle there" * (radius < size / OF_RADIUS)
 
     def comes_out(self, x: Array, body: int) -> tuple[float, Array, int]:
         """How far the obstacle comes out of a body, from within (collective).
@@ -592,9 +591,7 @@ class SpaceObstacles:
         for kind in np.unique(mine).tolist():
             k = int(np.where(mine == kind, facets / limits[triangles], 0.0).argmax())
             t, is_across = int(triangles[k]), bool(across[k])
-            hint = HINTS.get(kind, "")
-            if kind == Kind.UNLOADED:
-                hint += each.needed(at[k], float(sizes[t])) or TIP
+            hint = self._admitted.hint(kind, each.needed(at[k], float(sizes[t])))
             hint = led * bool(facets[k] > limits[t]) or hint + ACROSS * is_across
             yield Crossing(
                 self._sides(each, t), format_point(at[k]), float(depths[k]), float(facets[k]),

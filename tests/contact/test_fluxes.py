@@ -312,6 +312,23 @@ def test_loads_of_both_sides_balance_on_partly_covered_surfaces(degrees):
     assert flux.into_slave > 0.0
 
 
+@pytest.mark.parametrize("degrees", [(1, 1), (2, 1), (2, 2)])
+@pytest.mark.parametrize("h", [MIXED, float("inf")])
+def test_certificate_knows_the_law_of_conduction(h, degrees):
+    """Satisfied by a solution, also without flux; violated by other temperatures."""
+    scene = stacked((5, 7), degrees=degrees, overhang=0.43, alpha=1e-5)
+    pair = fm.ContactPair(scene.data, "lower/top", "upper/bottom", fluxes=[fm.Conductance(1, h)])
+    problem = scene.problem([pair])
+    for hot, cold in ((20.0, 0.0), (20.0, 19.9), (300.0, 300.0)):
+        scene.set(top=-0.05, hot=hot, cold=cold)
+        certificate = problem.solve().certificate.pairs[0]
+        assert certificate["conduction of field 1"].verdict == "ok"
+    _, dofs = compat.collapsed(scene.w.function_space.sub(1))
+    scene.w.x.array[dofs] += 0.03 * np.sin(np.arange(len(dofs)))
+    wrong = problem.certificate().pairs[0]["conduction of field 1"]
+    assert wrong.verdict == "violation"
+
+
 def test_temperatures_may_be_shifted():
     """The same constant added to all temperatures changes nothing but them."""
     found = []

@@ -276,4 +276,4 @@ def test_coordinate_on_a_segment_is_that_of_the_projection():
     for place, expected in ((-0.5, 0.0), (0.25, 0.25), (0.9, 0.9), (1.5, 1.0)):
         for side in (-2.0, 0.3):
             p = x[0] + place * along + side * across
-            assert passage.place_on(x, np.array([0, 1]), p) == pytest.approx(expected, abs=1e-14)
+            assert crossing.nearest_on_piece(p, *x)[1] == pytest.approx(expected, abs=1e-14)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from fenics_mortar.kernels.crossing import box_triangles, interpolate
+from fenics_mortar.kernels.crossing import interpolate
+from fenics_mortar.kernels.tree import build_tree
 
 
 def nodes(kind):
@@ -22,7 +23,7 @@ def test_linear_functions_are_exact_inside_and_nothing_is_found_outside(kind):
     low, high = x.min(axis=0) - 0.1, x.max(axis=0) + 0.1
     points = np.vstack([low + (high - low) * np.random.default_rng(1).random((400, 2)), x])
     result = np.empty_like(points)
-    interpolate(points, box_triangles(x, triangles), x, triangles, 2.0 * x - 1.0, result)
+    interpolate(points, build_tree(x, triangles), x, triangles, 2.0 * x - 1.0, result)
     inside = mesh.find_simplex(points) >= 0
     assert 0 < inside.sum() < len(points)
     assert np.array_equal(np.isfinite(result).all(axis=1), inside)
@@ -37,5 +38,5 @@ def test_a_notch_is_outside():
     triangles = mesh.simplices[notched].astype(np.int64)
     result = np.empty((2, 2))
     points, x = np.array([[1.5, 0.9], [1.5, 0.3]]), mesh.points
-    interpolate(points, box_triangles(x, triangles), x, triangles, x, result)
+    interpolate(points, build_tree(x, triangles), x, triangles, x, result)
     assert np.isnan(result[0]).all() and np.abs(result[1] - points[1]).max() < 1e-14

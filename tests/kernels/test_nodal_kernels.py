@@ -107,7 +107,8 @@ def test_forces_are_products_with_D_and_M():
     facets, slave, master = np.array([[0, 1], [1, 2]]), np.array([[0, 1]]), np.array([[1, 0]])
     D, M, z = RNG.normal(size=(2, 2, 2)), RNG.normal(size=(1, 2, 2)), RNG.normal(size=(3, 2))
     on_slave, on_master = np.zeros((3, 2)), np.zeros((2, 2))
-    blocks.add_contact_forces(D, M, z, facets, slave, master, on_slave, on_master)
+    blocks.add_contact_forces(D, z, facets, facets, 1.0, on_slave)
+    blocks.add_contact_forces(M, z, slave, master, -1.0, on_master)
     expected = np.zeros((3, 2))
     np.add.at(expected, facets, np.einsum("ejk,ejc->ekc", D, z[facets]))
     assert np.abs(on_slave - expected).max() < 1e-14

@@ -14,7 +14,7 @@ from surfaces_in_space import (
     rotation,
 )
 
-from fenics_mortar.kernels.space.integrals import tabulate_pairs
+from fenics_mortar.kernels.space.integrals import listed_points
 from fenics_mortar.kernels.space.shapes import triangle_rule
 
 GAP = 0.03
@@ -68,11 +68,7 @@ def test_listed_points_have_the_integrals_of_both_sides(kind, master_kind):
     offsets, found = find(x, slave, m, master)
     on_master, rule = master[found], triangle_rule(7)
     De, _, _, B = integrate((x, n, m), slave, on_master, offsets, rule)[:4]
-    counts, table = np.empty(len(found), np.int64), no_points(0, kind, master_kind)
-    tabulate_pairs((x, m), slave, on_master, offsets, rule, counts, table)
-    table = no_points(counts.sum(), kind, master_kind)
-    tabulate_pairs((x, m), slave, on_master, offsets, rule, counts, table)
-    (weights, N, L), pair = table, np.repeat(np.arange(counts.size), counts)
+    pair, (weights, N, L) = listed_points((x, m), slave, on_master, offsets, rule)
     facet = np.repeat(np.arange(len(slave)), np.diff(offsets))[pair]
     sides = zip(weights.T, (N, L), (x[slave][facet], m[on_master][pair]))
     for w, shapes, nodes in sides:
@@ -82,10 +78,6 @@ def test_listed_points_have_the_integrals_of_both_sides(kind, master_kind):
         np.add.at(sums, facet, area[:, None] * N[:, 0])
         np.add.at(products, pair, area[:, None, None] * N[:, 0, :, None] * L[:, 0, None])
         assert np.abs(sums - De).max() < 1e-14 and np.abs(products - B).max() < 1e-14
-
-
-def no_points(count, kind, master_kind):
-    return np.empty((count, 2)), np.empty((count, 3, kind)), np.empty((count, 3, master_kind))
 
 
 @pytest.mark.parametrize("points", [3, 6, 12])

@@ -152,6 +152,26 @@ def test_ball_between_nodes_tells_the_facets_that_it_needs(radius, told):
         problem.solve()
 
 
+def test_large_ball_between_nodes_of_linear_multipliers_tells_the_quadratic_ones():
+    """Facets are fine beside the ball: not they are to blame, there is no tip."""
+    obstacle = ball(2.0, (0.3, 0.2, 3.0))
+    problem = scene_with(obstacle, cell="tetrahedron", order=2)
+    obstacle.move(z=-0.06)
+    told = "for this tip or edge: refine the slave there, or take Discretization(basis='quadratic')"
+    assert any(told in remark for remark in problem.solve().certificate.remarks())
+
+
+@pytest.mark.parametrize("cell, order", [("hexahedron", 1), ("tetrahedron", 2)])
+def test_other_weights_of_gaps_are_advised_to_dual_multipliers_only(cell, order):
+    """Linear multipliers on triangles with six nodes are not dual."""
+    obstacle = ball(1.0, (0.3, 0.2, 2.0))
+    problem = scene_with(obstacle, cell=cell, order=order)
+    obstacle.move(z=-0.06)
+    remarks = problem.solve().certificate.remarks()
+    assert any("loaded nodes are" in remark for remark in remarks)
+    assert any("gap_weights" in remark for remark in remarks) == (cell == "hexahedron")
+
+
 PASSED = {
     "ball": (ball, {"z": -3.0}, "went through body 'block'"),
     "large ball": (lambda: ball(3.0, (0.5, 0.5, 4.1)), {"z": -8.0}, "went through"),

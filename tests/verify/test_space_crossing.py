@@ -143,6 +143,8 @@ def test_a_ball_between_the_nodes_of_a_facet_is_told(cell, order, at, facets, ve
     assert [kind for kind in given if "no node carries force" in str(given[kind])] == [
         *filter(None, [verdict])
     ]
+    advised = "basis='quadratic'" in str(given)  # of linear multipliers on quadratic facets
+    assert advised == (bool(verdict) and (cell, order) == ("tetrahedron", 2))
 
 
 @pytest.mark.once

@@ -17,7 +17,7 @@ Partners behind a slave point in space, as ``kernels.sight`` in the plane.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.blocks import dot, grown
+from fenics_mortar.kernels.blocks import det, dot, grown
 from fenics_mortar.kernels.sight import covers_point, first_exit
 from fenics_mortar.kernels.space.normals import set_across
 from fenics_mortar.kernels.space.triangles import nearest_triangle, volume
@@ -39,13 +39,8 @@ FRAME = np.eye(3) + np.sin(_ANGLE) * _CROSS + (1.0 - np.cos(_ANGLE)) * _CROSS @ 
 def solid_angle(a, b, c):
     """Solid angle of the triangle of three vectors (3,) from a point, over 4 pi."""
     la, lb, lc = np.sqrt(dot(a, a)), np.sqrt(dot(b, b)), np.sqrt(dot(c, c))
-    volume = (
-        a[0] * (b[1] * c[2] - b[2] * c[1])
-        + a[1] * (b[2] * c[0] - b[0] * c[2])
-        + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
     rest = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
-    return np.arctan2(volume, rest) / (2.0 * np.pi)
+    return np.arctan2(det(a, b, c), rest) / (2.0 * np.pi)
 
 
 @kernel
@@ -87,25 +82,30 @@ def meets_ray(x, nodes, p):
 
 
 @kernel
-def winding_number(x, triangles, boxes, hits, p):
-    """Number of times that closed triangles (m, 3) with a tree of ``boxes`` contain p (3,)."""
-    box, along = np.empty(6), np.empty((2, 5))
-    size = 0.0
+def set_ray(boxes, origin, direction, along, box):
+    """Fill ``box`` (6,) and ranges ``along`` (2, 5), whose directions are set, around a ray."""
+    margin = 0.0
     for d in range(3):
-        size = max(size, boxes[1, 3 + d] - boxes[1, d])
-        if not (boxes[1, d] <= p[d] <= boxes[1, 3 + d]):
-            return 0
-    margin = ROUNDING * size
+        margin = max(margin, ROUNDING * (boxes[1, 3 + d] - boxes[1, d]))
     for d in range(3):
-        ahead = FRAME[2, d] > 0.0
-        box[d] = p[d] - margin if ahead else boxes[1, d]
-        box[3 + d] = boxes[1, 3 + d] if ahead else p[d] + margin
+        box[d] = boxes[1, d] if direction[d] < 0.0 else origin[d] - margin
+        box[3 + d] = boxes[1, 3 + d] if direction[d] > 0.0 else origin[d] + margin
     for r in range(2):
         place = 0.0
         for d in range(3):
-            along[r, d] = FRAME[r, d]
-            place += FRAME[r, d] * p[d]
+            place += along[r, d] * origin[d]
         along[r, 3], along[r, 4] = place - margin, place + margin
+
+
+@kernel
+def winding_number(x, triangles, boxes, hits, p):
+    """Number of times that closed triangles (m, 3) with a tree of ``boxes`` contain p (3,)."""
+    for d in range(3):
+        if not (boxes[1, d] <= p[d] <= boxes[1, 3 + d]):
+            return 0
+    box, along = np.empty(6), np.empty((2, 5))
+    along[:, :3] = FRAME[:2]
+    set_ray(boxes, p, FRAME[2], along, box)
     total = 0
     for f in hits[: query_tree(boxes, box, along, hits)]:
         sign = meets_ray(x, triangles[f], p)
@@ -215,17 +215,7 @@ def find_ray_crossings(origin, direction, outline, own, min_distance, found):
     x, triangles, body, boxes, hits = outline
     box, along, at = np.empty(6), np.empty((2, 5)), np.empty(1)
     set_across(direction, along)
-    margin = 0.0
-    for d in range(3):
-        margin = max(margin, ROUNDING * (boxes[1, 3 + d] - boxes[1, d]))
-    for d in range(3):
-        box[d] = boxes[1, d] if direction[d] < 0.0 else origin[d] - margin
-        box[3 + d] = boxes[1, 3 + d] if direction[d] > 0.0 else origin[d] + margin
-    for r in range(2):
-        place = 0.0
-        for d in range(3):
-            place += along[r, d] * origin[d]
-        along[r, 3], along[r, 4] = place - margin, place + margin
+    set_ray(boxes, origin, direction, along, box)
     count = 0
     for f in hits[: query_tree(boxes, box, along, hits)]:
         if body[f] != own:

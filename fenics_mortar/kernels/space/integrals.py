@@ -330,43 +330,6 @@ def sample_gaps(geometry, slave, masters, offsets, rule, smallest, where):
 
 
 @kernel
-def tabulate_corners(geometry, slave, masters, offsets, counts, shares):
-    """Tabulate the slave's shape functions at the corners of the cells of each pair.
-
-    Args:
-        geometry: See ``integrate_facets``.
-        slave: See ``integrate_facets``.
-        masters: See ``integrate_facets``.
-        offsets: See ``integrate_facets``.
-        counts: Numbers of corners, those of neighbouring cells counted twice, (p,); filled.
-        shares: Shape functions there, shape (p, most, K), see ``most_corners``; filled up to
-            ``counts``.
-    """
-    x, _, m = geometry
-    own, rule = slave.shape[1], (np.eye(3), np.ones(3))
-    facets, plane, polygon, table = points_work(x, (own, masters.shape[1]), rule)
-    frame, images, heights = plane
-    counts[:] = 0
-    for e in range(slave.shape[0]):
-        for piece in range(facets[0].shape[0]):
-            corners = facets[0][piece]
-            area = set_plane(x, slave[e], corners, frame)
-            flatten(x, slave[e], frame, 0, images, heights)
-            for i in range(offsets[e], offsets[e + 1]):
-                flatten(m, masters[i], frame, own, images, heights)
-                for other in range(facets[2].shape[0]):
-                    count = common_part(images, corners, facets[2][other], area, polygon)
-                    if count == 0:
-                        continue
-                    points, _ = tabulate_points(
-                        images, count, facets, (piece, other), rule, polygon, table
-                    )
-                    for q in range(points):
-                        shares[i, counts[i]] = table[1][q, 0]
-                        counts[i] += 1
-
-
-@kernel
 def tabulate_pairs(geometry, slave, masters, offsets, rule, counts, table):
     """Tabulate the points of a rule in the cells of each pair; without a table count them only.
 
@@ -415,6 +378,12 @@ def tabulate_pairs(geometry, slave, masters, offsets, rule, counts, table):
                         start += 1
 
 
-def most_corners(own, others):
-    """Largest number of corners of the cells of facets with ``own`` and ``others`` nodes."""
-    return 3 * (MAX_VERTICES - 2) * len(pieces_of(own)) * len(pieces_of(others))
+def listed_points(geometry, slave, masters, offsets, rule):
+    """The points of ``tabulate_pairs`` in order: their pairs (t,), and its table."""
+    counts, shapes = np.empty(len(masters), np.int64), ((3, slave.shape[1]), (3, masters.shape[1]))
+    table = tuple(np.empty((0, *shape)) for shape in ((2,), *shapes))
+    tabulate_pairs(geometry, slave, masters, offsets, rule, counts, table)
+    if total := counts.sum():  # the number of points is not known before
+        table = tuple(np.empty((total, *part.shape[1:])) for part in table)
+        tabulate_pairs(geometry, slave, masters, offsets, rule, counts, table)
+    return np.repeat(np.arange(counts.size), counts), table

@@ -8,19 +8,9 @@ polynomial of time vanishes; its roots are bracketed between the roots of its de
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.blocks import dot, grown
+from fenics_mortar.kernels.blocks import det, dot, grown
 from fenics_mortar.kernels.tree import build_tree, query_tree
 from fenics_mortar.utils.arrays import MAX_STEPS, ROUNDING
-
-
-@kernel
-def det(a, b, c):
-    """Determinant of three vectors (3,)."""
-    return (
-        a[0] * (b[1] * c[2] - b[2] * c[1])
-        + a[1] * (b[2] * c[0] - b[0] * c[2])
-        + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
 
 
 @kernel

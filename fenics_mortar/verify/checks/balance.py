@@ -4,6 +4,10 @@
 **Balance of the fluxes of scalar fields across contact: loads of both sides and sources.** The sum
 of all loads on the slave's and the master's dofs is that of the source, since D and M reproduce
 constants.
+
+**Law of conduction.** The flux of each slave node is its conductance times the jump of the field.
+Where the conductance exceeds that of the cells beside the node, jumps are compared instead, as the
+flux that they would cause in these cells; with perfect conduction, jumps are zero.
 """
 
 from __future__ import annotations
@@ -89,6 +93,7 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
     """Balance of the forces and of the fluxes of a pair in contact (collective)."""
     yield from _of_forces(measured.contact)
     yield from _of_fluxes(measured)
+    yield from _of_conduction(measured)
 
 
 def of_tie(tie: Tie) -> Iterator[Finding]:
@@ -139,6 +144,25 @@ def _of_fluxes(measured: Any) -> Iterator[Finding]:
         yield _imbalance(flux.law.field, np.concatenate(flux.loads()), source)
 
 
+def _of_conduction(measured: Any) -> Iterator[Finding]:
+    """Difference of the flux of each field from conductance times jump (collective)."""
+    weight = np.maximum(measured.contact.operators.weight, 0.0)
+    for flux in measured.contact.fluxes:
+        if flux.is_separate:
+            continue  # h [T] is all that its flux is
+        now = flux.nodal()
+        h, stiffest = now.conductance, np.minimum(now.conductance, flux.cells)
+        from_flux = np.where(h > 0.0, now.conduction / np.where(h > 0.0, h, 1.0), 0.0)
+        wrong = np.where(h > 0.0, stiffest * (now.jump - from_flux), now.conduction)
+        level = LIMITS.min_force * flux.cells * flux.largest
+        size = float(weight @ (np.abs(now.conduction) + level))
+        yield Finding(
+            f"conduction of field {flux.law.field}",
+            f"flux of field {flux.law.field} other than conductance times jump, over all fluxes",
+            float(weight @ np.abs(wrong)) / positive_or_one(size), limit=LIMITS.tolerance,
+        )  # fmt: skip
+
+
 def _of_tied_fields(tie: Any) -> Iterator[Finding]:
     """Imbalance of the flux of each tied field over the sum of its absolute loads (collective)."""
     for field in tie.fluxes:
@@ -150,6 +174,6 @@ def _imbalance(field: int, loads: Array, source: float) -> Finding:
     imbalance = abs(float(loads.sum()) + source)
     return Finding(
         f"balance of field {field}",
-        f"imbalance of the flux of field {field}, over the sum of its loads",
+        f"imbalance of the flux of field {field} that leaves one side and enters the other",
         imbalance / size if size > 0.0 else 0.0, limit=ROUNDING,
     )  # fmt: skip

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fenics_mortar.contact.interface import or_other_weights
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.checks.balance import positive_or_one
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
@@ -33,8 +34,8 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
         part,
         f"loaded nodes are {part:.2f} facets away from the obstacle, that with the largest product "
         f"at {where}: facets reach beyond an edge of the obstacle, and the force may be several "
-        "times too large; refine them until they are smaller than the rounding of the edge, or use "
-        "Discretization(gap_weights='standard')",
+        "times too large; refine them until they are smaller than the rounding of the edge"
+        f"{or_other_weights(contact)}",
         remark=LIMITS.coarse_distance,
         unit="facet lengths",
         where=where,

@@ -44,6 +44,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from fenics_mortar.contact.interface import or_other_weights
 from fenics_mortar.interface.facing import nearest_on_master
 from fenics_mortar.interface.reference import CORNERS
 from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, TINY, Array, Flags, Indices, norms
@@ -110,8 +111,7 @@ def _opening(contact: Contact, pressure: Array) -> Finding:
         "openings", "gaps at nodes with forces / approach of the bodies", opening,
         f"nodes carry forces where the surfaces are apart, most of all at {where}: on average by "
         f"{opening:.2g} times the approach of the bodies. Forces may be far too large; "
-        f"refine '{contact.slave.name}' beside the contact, or take "
-        "Discretization(gap_weights='standard')",
+        f"refine '{contact.slave.name}' beside the contact{or_other_weights(contact)}",
         remark=OPENING, where=where,
     )  # fmt: skip
 
@@ -285,11 +285,7 @@ def _on_curve(contact: Contact, facets: tuple[Array, Array], nodes: Indices) -> 
 
 
 def _on_faces(
-    contact: Contact,
-    facets: tuple[Array, Array],
-    surrounded: Flags,
-    on_edge: Flags,
-    nodes: Indices,
+    contact: Contact, facets: tuple[Array, Array], surrounded: Flags, on_edge: Flags, nodes: Indices
 ) -> _Region | None:
     """A region of ``nodes`` (k,) of faces; ``None`` where an edge ends it (local)."""
     if len(nodes) > 1 and on_edge[nodes].mean() > HALF_FACET:
