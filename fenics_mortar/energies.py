@@ -34,18 +34,10 @@ if TYPE_CHECKING:
     from fenics_mortar.mesh.space import Geometry
 
 __all__ = [
-    "deformation_gradient",
-    "displacement_gradient",
-    "lame",
-    "linear_elastic",
-    "mixed_linear_elastic",
-    "mixed_neo_hookean",
-    "mooney_rivlin",
-    "neo_hookean",
-    "st_venant_kirchhoff",
-    "strain",
-    "stress",
-]
+    "deformation_gradient", "displacement_gradient", "lame", "linear_elastic",
+    "mixed_linear_elastic", "mixed_neo_hookean", "mooney_rivlin", "neo_hookean",
+    "st_venant_kirchhoff", "strain", "stress",
+]  # fmt: skip
 
 
 def lame(E: Any, nu: Any) -> tuple[Any, Any]:

@@ -64,10 +64,10 @@ def pytest_collection_modifyitems(items):
         without.add("long")
     if CASES and not (alone and (LONG or CASES > 1)):
         without.add("once")
-    items[:] = [item for item in items if without.isdisjoint(item.keywords)]
+    items[:] = [item for item in items if without.isdisjoint(marks(item))]
     functions = enumerate(by_function(items))
     items[:] = [item for number, cases in functions for item in some(cases, number)]
-    slow = Counter(item.path for item in items if "slow" in item.keywords)
+    slow = Counter(item.path for item in items if "slow" in marks(item))
     items.sort(key=lambda item: -slow[item.path])
     items.sort(key=lambda item: (item.path.stem not in COMPILING, not of_kernels(item)))
 
@@ -78,6 +78,11 @@ def folder(item):
 
 def of_kernels(item):
     return folder(item) == "kernels"
+
+
+def marks(item):
+    """Names of the marks of a test: its keywords have names of folders, as of a clone, too."""
+    return {mark.name for mark in item.iter_markers()}
 
 
 def by_function(items):
@@ -95,11 +100,11 @@ def count_of(cases):
     several ranks only.
     """
     first = cases[0]
-    if "ranks" in first.keywords or folder(first) in ("kernels", "repository"):
+    if "ranks" in marks(first) or folder(first) in ("kernels", "repository"):
         return 0
-    each = "each" in first.keywords
+    each = "each" in marks(first)
     if MPI.COMM_WORLD.size == 1:
-        return 0 if each else min(CASES, 1) if "once" in first.keywords else CASES
+        return 0 if each else min(CASES, 1) if "once" in marks(first) else CASES
     return 1 if CASES and not each else CASES_ON_RANKS
 
 
@@ -113,7 +118,7 @@ def some(cases, number):
     if not 0 < count <= last:
         return cases
     if count == 1:
-        return [cases[last if "once" in cases[0].keywords else last * (number % 2)]]
+        return [cases[last if "once" in marks(cases[0]) else last * (number % 2)]]
     return [cases[round(i * last / (count - 1))] for i in range(count)]
 
 

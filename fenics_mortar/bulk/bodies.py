@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -142,12 +143,13 @@ class FloatingBody:
         turning = (there - here) * (self.size / np.linalg.norm(distance))
         return self.without(self.motions[:, : len(turning)] @ turning)
 
-    def describe(self, motion: Array, *, directed: bool = False) -> str:
+    def describe(self, motion: Array, *, directed: bool = False, poles: bool = False) -> str:
         """Describe a free motion (local).
 
         Args:
             motion: Factors of ``motions``, shape (number of free motions,).
             directed: Whether the sign of a translation matters.
+            poles: Whether rotations in space are told by axis and point, as those in the plane.
         """
         shares = np.round(motion @ self.motions / np.linalg.norm(motion), 4)
         rigid, at_sections = np.split(shares + 0.0, [len(shares) - len(self.sections)])
@@ -157,7 +159,7 @@ class FloatingBody:
             return f"{how} at section '{self.sections[most].name}'"
         if len(self.centre) == 3:
             along, turn = rigid[:3], rigid[3:]
-            if directed and np.linalg.norm(turn) > MINOR and abs(along @ turn) < MINOR**2:
+            if poles and np.linalg.norm(turn) > MINOR and abs(along @ turn) < MINOR**2:
                 pole = self.centre + self.size * np.cross(turn, along) / (turn @ turn)
                 axis = turn / np.linalg.norm(turn)
                 return f"rotate about the axis {format_point(axis)} through {format_point(pole)}"
@@ -276,7 +278,7 @@ def find_floating_bodies(
         at_prescribed = np.where(held, motions, 0.0)
         stiffest = diagonal[dofs[mine]].max(initial=0.0)
         stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), TINY)
-        stiff = bulk.to_force * _apply(bulk.K, motions) / stiffest
+        stiff = bulk.to_force * products(bulk.K, motions) / stiffest
         size, directions = resistance(np.hstack([at_prescribed, stiff]), bulk.comm)
         num_nodes = bulk.comm.allreduce(int(mine.sum()))
         free = directions[size < ROUNDING * np.sqrt(num_nodes)]
@@ -310,14 +312,18 @@ def centre_and_size(X: Array, comm: MPI.Comm) -> tuple[Array, float]:
     return centre, float(np.sqrt(comm.allreduce(((X - centre) ** 2).sum()) / count))
 
 
-def _apply(K: Any, vectors: Array) -> Array:
-    """K times each row of ``vectors``, owned entries (collective)."""
-    x, y = K.createVecs()
-    result = np.empty_like(vectors)
+def products(matrix: Any, vectors: Array, *, transpose: bool = False) -> Array:
+    """A PETSc matrix, or its transpose, times rows (k, owned) [matrix times row] (collective)."""
+    right, left = matrix.createVecs()
+    given, found = (left, right) if transpose else (right, left)
+    times = matrix.multTranspose if transpose else matrix.mult
+    result = np.empty((len(vectors), found.getLocalSize()))
     for row, vector in zip(result, vectors, strict=True):
-        x.array[:] = vector
-        K.mult(x, y)
-        row[:] = y.array_r
+        given.array[:] = vector
+        times(given, found)
+        row[:] = found.array_r
+    right.destroy()
+    left.destroy()
     return result
 
 
@@ -376,17 +382,27 @@ def _twisted(x: Array, cells: Indices) -> Array:
     return np.asarray(corners[both].mean(axis=1))
 
 
+# Cells whose facets are compared at a time [1]: positions at all facets were most of the memory at
+# set-up.
+COMPARED = 20_000
+
+
 class _Sides(NamedTuple):
     """The facets of local cells, one row per cell and facet.
 
-    ``facet``: local number; ``ends``: positions of its ends (in space its corners), ascending by
-    their numbers in the mesh input, (n, corners, dim); ``side``: 1 if the cell lies on the left, in
-    space where ``_normals`` point, else -1.
+    ``facet``: local number; ``nodes``: its ends (in space its corners), ascending by their numbers
+    in the mesh input, (n, corners); ``side``: 1 if the cell lies on the left, in space where
+    ``_normals`` point, else -1; ``x``: positions of all nodes.
     """
 
-    facet: Indices
-    ends: Array
-    side: Array
+    facet: npt.NDArray[np.int32]
+    nodes: npt.NDArray[np.int32]
+    side: npt.NDArray[np.int8]
+    x: Array
+
+    def ends(self, rows: npt.NDArray[Any]) -> Array:
+        """Positions of the ends of some rows, (k, corners, dim)."""
+        return np.asarray(self.x[self.nodes[rows]])
 
 
 def _sides(mesh: Any, x: Array, cells: Indices, owned: int) -> _Sides:
@@ -397,19 +413,27 @@ def _sides(mesh: Any, x: Array, cells: Indices, owned: int) -> _Sides:
     # dolfinx: facet i of a triangle is opposite to corner i, those of a quadrilateral 01 02 13 23.
     local = np.array(basix.topology(getattr(basix.CellType, compat.cell_name(mesh)))[tdim - 1])
     count = len(local)
-    facets = table.array[: owned * count].reshape(-1, count)
-    nodes = cells[:owned][:, local].reshape(-1, local.shape[1])
-    given = np.asarray(mesh.geometry.input_global_indices)[nodes]
-    nodes = np.take_along_axis(nodes, np.argsort(given, axis=1), axis=1)
-    ends = x[nodes]
-    middle = np.repeat(x[cells[:owned]].mean(axis=1), count, axis=0)
-    along, inward = ends[:, 1] - ends[:, 0], middle - ends[:, 0]
-    if tdim == 3:
-        inward = middle - ends.mean(axis=1)
-        side = np.sign((_normals(ends) * inward).sum(axis=1))
-    else:
-        side = np.sign(along[:, 0] * inward[:, 1] - along[:, 1] * inward[:, 0])
-    return _Sides(facets.ravel().astype(np.int64), ends, side)
+    given = np.asarray(mesh.geometry.input_global_indices)
+    nodes = np.empty((owned * count, local.shape[1]), np.int32)
+    sides = _Sides(table.array[: owned * count], nodes, np.empty(len(nodes), np.int8), x)
+    for first in range(0, owned, COMPARED):
+        some = cells[first : min(first + COMPARED, owned)]
+        rows = np.arange(count * first, count * (first + len(some)))
+        unordered = some[:, local].reshape(len(rows), -1)
+        order = np.argsort(given[unordered], axis=1)
+        nodes[rows] = np.take_along_axis(unordered, order, axis=1)
+        middles = np.repeat(x[some].mean(axis=1), count, axis=0)
+        sides.side[rows] = _side_of(sides.ends(rows), middles)
+    return sides
+
+
+def _side_of(ends: Array, middles: Array) -> Array:
+    """1 for facets whose cells, with ``middles`` (n, dim), lie as in ``_Sides``, else -1."""
+    if ends.shape[2] == 3:
+        inward = middles - ends.mean(axis=1)
+        return np.asarray(np.sign((_normals(ends) * inward).sum(axis=1)))
+    along, inward = ends[:, 1] - ends[:, 0], middles - ends[:, 0]
+    return np.asarray(np.sign(along[:, 0] * inward[:, 1] - along[:, 1] * inward[:, 0]))
 
 
 def _normals(corners: Array) -> Array:
@@ -424,15 +448,13 @@ def _folded(mesh: Any, sides: _Sides) -> Array:
     gathered.
     """
     index_map = mesh.topology.index_map(mesh.topology.dim - 1)
-    sums, count = np.zeros((2, index_map.size_local + index_map.num_ghosts))
-    np.add.at(sums, sides.facet, sides.side)
-    np.add.at(count, sides.facet, 1.0)
-    first = np.unique(sides.facet, return_index=True)[1]
-    middles = np.full((sums.size, mesh.topology.dim), np.nan)
-    middles[sides.facet[first]] = sides.ends[first].mean(axis=1)
-    wrong = middles[(np.abs(sums) > 1.0) & (count > 1.0)]
+    size = index_map.size_local + index_map.num_ghosts
+    sums, count = np.bincount(sides.facet, sides.side, size), np.bincount(sides.facet, None, size)
+    row = np.zeros(size, np.int32)
+    row[sides.facet] = np.arange(sides.facet.size)
+    wrong = _middles(sides, row[(np.abs(sums) > 1.0) & (count > 1)])
     outer = dmesh.exterior_facet_indices(mesh.topology)
-    once = np.setdiff1d(np.flatnonzero(count == 1.0), outer).astype(np.int32)
+    once = np.setdiff1d(np.flatnonzero(count == 1), outer).astype(np.int32)
     if mesh.comm.size == 1:
         return wrong
     number = index_map.local_to_global(once)
@@ -443,7 +465,12 @@ def _folded(mesh: Any, sides: _Sides) -> Array:
     bad = known[(np.abs(total) > 1.0) & (times > 1)]
     begin, end = index_map.local_range
     mine = once[np.isin(number, bad) & (number >= begin) & (number < end)]
-    return np.concatenate([wrong, middles[mine]])
+    return np.concatenate([wrong, _middles(sides, row[mine])])
+
+
+def _middles(sides: _Sides, rows: npt.NDArray[Any]) -> Array:
+    """Midpoints of the facets of some rows, (k, dim) (local)."""
+    return np.asarray(sides.ends(rows).mean(axis=1))
 
 
 def _check_copies(mesh: Any, sides: _Sides) -> None:
@@ -451,7 +478,7 @@ def _check_copies(mesh: Any, sides: _Sides) -> None:
     from scipy.spatial import cKDTree  # not imported by problems in the plane
 
     outer = np.isin(sides.facet, dmesh.exterior_facet_indices(mesh.topology))
-    corners, side = sides.ends[outer], sides.side[outer, None]
+    corners, side = sides.ends(outer), sides.side[outer, None]
     mine = corners.mean(axis=1), side * _normals(corners)
     everywhere = mesh.comm.allgather(mine)
     middles, normals = (np.concatenate(arrays) for arrays in zip(*everywhere, strict=True))

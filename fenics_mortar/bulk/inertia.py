@@ -35,7 +35,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from fenics_mortar.bulk.bodies import centre_and_size, label_bodies
+from fenics_mortar.bulk.bodies import centre_and_size, label_bodies, products
 from fenics_mortar.mesh.space import DisplacementSpace, by_input_node, set_by_input_node
 from fenics_mortar.obstacles.rigid_motion import moments_of
 from fenics_mortar.utils import compat
@@ -115,17 +115,9 @@ def _scales(space: DisplacementSpace, M: PETSc.Mat, moved: PETSc.Mat) -> Array |
 
 def _moments(M: PETSc.Mat, one: Array, other: Array, comm: MPI.Comm) -> Array:
     """Symmetric parts of one_a . M other_b for all ``MOMENTS``, equal on all ranks."""
-    products = comm.allreduce(one @ np.array([times(M, field) for field in other]).T)
+    found = comm.allreduce(one @ products(M, other).T)
     pairs = MOMENTS[len(one) - 1]
-    return np.array([0.5 * (products[a, b] + products[b, a]) for a, b in pairs])
-
-
-def times(M: PETSc.Mat, values: Array) -> Array:
-    """M times ``values`` (owned dofs,), of the same shape [mass times their unit] (collective)."""
-    x, y = M.createVecs()
-    x.array[:] = values
-    M.mult(x, y)
-    return y.array_r.copy()
+    return np.array([0.5 * (found[a, b] + found[b, a]) for a, b in pairs])
 
 
 def _projection(

@@ -538,7 +538,7 @@ class Bulk:
         """
         return self.cells.count(self.form_points.inverted(self.positions()))
 
-    def describe_inverted_nodes(self) -> str:
+    def describe_inverted_nodes(self, remedy: str = "refine there") -> str:
         """Remark on cells inverted at their nodes alone; "" if there are none (collective)."""
         x = self.positions()
         at_nodes = (self.cells.area_ratios(x) <= 0.0).any(axis=1)
@@ -549,7 +549,7 @@ class Bulk:
             return f"{count} cells are inverted, one at {where}: the strains are not small"
         return (
             f"{count} cells are inverted at nodes, one at {where}, though not where the form is "
-            "evaluated: refine there"
+            f"evaluated: {remedy}"
         )
 
 

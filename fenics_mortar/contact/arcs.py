@@ -89,6 +89,19 @@ the turns of both bodies and to that of the vector r between their pivots, from 
 d_s - d_m = r_1 - exp(g) r_0, and the turns are less by g. So the bodies and their pivots may turn
 together by up to half a turn.
 
+Other motions are part of the solution: of rollers, driven hubs, bodies that ride on others. They
+are known after a solve, a fixed point of rigid motions that are fixed within each. Of the ends of a
+step any frame of constant rates may be true. The natural one is that of the place of contact: it
+moves from X_0 to X, the mean positions of the contact at both ends, weighted by its forces, and
+turns by g with its normal. Seen from there each body turns by a = w - g, about a pole if the
+motion of its pivot is not known to be straight, and slave and master pass by
+
+    V(x) = a x (x - p) + J(-a)^-1 (p - X - exp(g) (p_0 - X_0)).
+
+It is exact for wheels that turn in place, roll on anything, orbit as in a bearing, or slip as they
+do so, whichever of their points is p, and for whole scenes that turn. ``Place`` is not told without
+contact at both ends, or if it is all around; there supports alone lead.
+
 Nodes that carry force at the start of the step keep their partners: their contact moves along.
 Pairs with small sliding have no turns.
 """
@@ -104,6 +117,7 @@ from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.kernels.passage import tabulate_arcs
 from fenics_mortar.obstacles.rigid_motion import (
+    TURNS,
     RigidMotion,
     crosses,
     inverse_factors,
@@ -566,6 +580,8 @@ def _times(matrices: Array, vectors: Array) -> Array:
 # Turn of a led body in a step [radian], 0.6 degrees, up to which no node is carried along before
 # slip is counted: slip is then at most 2e-5 too small.
 LEADS = 0.01
+# Mean normal of a contact [1], below which its turn is not known, as around a shaft in a ring.
+FACING = 0.5
 
 
 class Carried(NamedTuple):
@@ -575,12 +591,32 @@ class Carried(NamedTuple):
         x: Positions x_0 after these motions, of other bodies those at the start, (n, dim) [length].
         turn: Angles or rotation vectors, of any size, zero for other bodies, (n, 1 or 3) [radian].
         start, end: Pivots at both ends, shape (n, dim) [length].
+        straight: Whether pivots are known to move on straight lines, as those of rigid boundaries
+            and obstacles, shape (n, 1), 1 or 0.
     """
 
     x: Array
     turn: Array
     start: Array
     end: Array
+    straight: Array
+
+    def velocity(self) -> Array:
+        """Motions at ``x`` by the rates of the start of the step, (n, dim) [length]."""
+        return self.end - self.start + moved_by(self.turn, self.x - self.start)
+
+
+class Place(NamedTuple):
+    """Motion of the place of contact that slave nodes come into; arrays of n slave nodes.
+
+    Attributes:
+        start, end: Mean positions of the contact at both ends of the step, (n, dim) [length].
+        turn: Rotation of its normal, less than half a turn, shape (n, 1 or 3) [radian].
+    """
+
+    start: Array
+    end: Array
+    turn: Array
 
 
 class Led(NamedTuple):
@@ -605,7 +641,7 @@ class Led(NamedTuple):
 
     def way_at(self, x: Array) -> Array:
         """V of slave nodes at ``x``, zero at other nodes, (n, dim) [length]."""
-        return self.way + 0.5 * _cross(self.turn, x)
+        return self.way + 0.5 * moved_by(self.turn, x)
 
     def origin(self, x: Array, x_led: Array) -> Array:
         """Rows of ``x_led`` at ``new``, others of ``x``, (n, ...) each, of the slave [length]."""
@@ -619,16 +655,94 @@ def way_of(slave: Carried, master: Carried) -> Array:
     common = _common(slave.turn, master.turn, r_0, r_1, size)
     drift = r_1 - np.einsum("nab,nb->na", _rotations(common), r_0)
     of_slave, of_master = (
-        _cross(side.turn - common, 0.5 * side.x - side.end) for side in (slave, master)
+        moved_by(side.turn - common, 0.5 * side.x - side.end) for side in (slave, master)
     )
     return np.asarray(drift + of_slave - of_master)
+
+
+def way_past(place: Place, slave: Carried, master: Carried) -> Array:
+    """``Led.way`` by rates that are constant in the frame of the place of contact (local).
+
+    Nan where this place is not told.
+
+    Args:
+        place: The place of contact.
+        slave: Slave nodes.
+        master: The points that they face.
+
+    Returns:
+        Shape (n, dim) [length].
+    """
+    of_slave, of_master = (_passing(place, side) for side in (slave, master))
+    return of_slave - of_master
+
+
+def _passing(place: Place, side: Carried) -> Array:
+    """Velocity of a side in the frame of a place, less half of that of a turn of x (local)."""
+    turn = side.turn - place.turn
+    before = np.einsum("nab,nb->na", _rotations(place.turn), side.start - place.start)
+    moved = side.end - place.end - before
+    vectors = _in_space(-turn)
+    bent = (side.straight[:, 0] == 0.0) & (norms(vectors) < np.pi)  # about a pole
+    J = inverse_jacobians(np.where(bent[:, None], vectors, 0.0))[:, : moved.shape[1]]
+    moved = np.einsum("nab,nb->na", J[:, :, : moved.shape[1]], moved)
+    return np.asarray(moved + moved_by(turn, 0.5 * side.x - side.end))
+
+
+class Touching(NamedTuple):
+    """Contact at one end of a step; arrays of n slave nodes.
+
+    Attributes:
+        x: Positions, shape (n, dim) [length].
+        normals: Averaged normals, shape (n, dim) [1].
+        loads: Normal forces, shape (n,) [stress length^(dim - 1)].
+        pairs: Numbers of the two bodies that touch, shape (n,).
+    """
+
+    x: Array
+    normals: Array
+    loads: Array
+    pairs: Array
+
+
+def place_between(start: Touching, end: Touching) -> Place:
+    """The place of contact of each node's two bodies at the end (local).
+
+    Positions are nan if these do not touch at both ends, or touch all around.
+    """
+    shape = end.x.shape
+    ends, turn = np.full((2, *shape), np.nan), np.zeros((shape[0], len(TURNS[shape[1]])))
+    for pair in np.unique(end.pairs):
+        means = [_mean_of(each, pair) for each in (start, end)]
+        if min(np.linalg.norm(normal) for _, normal in means) > FACING:
+            at = end.pairs == pair
+            ends[:, at] = [[x] for x, _ in means]
+            turn[at] = turns_of_normals(*(n[None] / np.linalg.norm(n) for _, n in means))
+    return Place(ends[0], ends[1], turn)
+
+
+def _mean_of(touching: Touching, pair: float) -> tuple[Array, Array]:
+    """Mean position and normal of a contact, (dim,) each, weighted by loads; zero without any."""
+    loads = np.where(touching.pairs == pair, touching.loads, 0.0)
+    share = loads / max(float(loads.sum()), TINY)
+    return share @ touching.x, share @ touching.normals
+
+
+def turns_of_normals(n_0: Array, n: Array) -> Array:
+    """Smallest rotations from unit normals n_0 to n, (k, dim) each, (k, 1 or 3) [radian]."""
+    if n.shape[1] == 2:
+        return normal_rotation(n_0, n)[:, None]
+    axis = np.cross(n_0, n)
+    sine = norms(axis)
+    angle = np.arctan2(sine, (n_0 * n).sum(axis=1))
+    return axis * (angle / np.where(sine > 0.0, sine, 1.0))[:, None]
 
 
 def carried_by(obstacle: RigidMotion, place: Array, points: Array) -> Carried:
     """Points (n, dim) of an obstacle's own frame, moved here from a ``place`` (m,) (local)."""
     dim, shape = obstacle.dim, (len(points), 1)
     start, end = (obstacle.pivot + at[:dim] for at in (place, obstacle.place))
-    motion = (np.tile(each, shape) for each in (obstacle.turn_since(place), start, end))
+    motion = (np.tile(each, shape) for each in (obstacle.turn_since(place), start, end, 1.0))
     return Carried(obstacle.to_space(points), *motion)
 
 
@@ -659,8 +773,8 @@ def _in_space(v: Array) -> Array:
     return np.pad(v, ((0, 0), (before, 3 - v.shape[1] - before)))
 
 
-def _cross(turn: Array, v: Array) -> Array:
-    """Products of turns (n, 1 or 3) and vectors (n, dim), shape (n, dim)."""
+def moved_by(turn: Array, v: Array) -> Array:
+    """Products of turns (..., 1 or 3) and vectors (n, dim), shape (n, dim) (local)."""
     if v.shape[1] == 3:
         return np.cross(turn, v)
     return turn * np.stack([-v[:, 1], v[:, 0]], axis=1)

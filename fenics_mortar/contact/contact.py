@@ -35,7 +35,17 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.contact.arcs import Carried, Led, carried_by, way_of, weighted
+from fenics_mortar.contact.arcs import (
+    Carried,
+    Led,
+    Place,
+    Touching,
+    carried_by,
+    place_between,
+    way_of,
+    way_past,
+    weighted,
+)
 from fenics_mortar.contact.fields import ContactFields, change_along, kind_of
 from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.contact.interface import (
@@ -68,7 +78,7 @@ from fenics_mortar.contact.space_partners import find_obstacle_partners, find_sp
 from fenics_mortar.interface.integrals import Segments, evaluate_normals
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Linearization, MortarOperators
 from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
-from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, Array, Flags, Indices
+from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, TINY, Array, Flags, Indices, norms
 from fenics_mortar.utils.errors import MortarError, SurfaceError, check_lengths, check_same
 
 if TYPE_CHECKING:
@@ -167,14 +177,14 @@ class Contact(Interface):
             sides, self.obstacle, self.arm, planes, self.options, small=small
         )
         self._parameters = Parameters(space, self.slave)
-        self.law_calls = LawCalls(pair.slave_name)
+        self.law_calls = LawCalls(pair)
         self.adopt_law()
         none, X = np.zeros(self.slave.num_nodes), self.slave.X
         memory = self.state.accepted_instant.memory
         start = Nodal(none, none, none, none, none + 1.0, none, X, X, 0.0, 1.0, memory)
         start = replace(start, fields=self.parameters)
         at_rest = np.zeros(none.size, np.int64)
-        branch = self.law_calls.branch(pair.law, start, at_rest, self.slave.X)
+        branch = self.law_calls.branch(start, at_rest)
         self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
         raise_stored(self.slave.comm, [self])
         self.all_fluxes = [
@@ -207,10 +217,6 @@ class Contact(Interface):
         planes = (self.plane_normals, self.free), (self.master_planes, self.master_free)
         slave, master = (np.isfinite(n[:, :1]) & (free == 0.0) for n, free in planes)
         return slave, master
-
-    def leave_out(self, nodes: Flags) -> None:
-        """Leave slave nodes (slave nodes,), bool, out of contact, see ``set_aside`` (local)."""
-        self.set_aside = nodes
 
     def limit_sight(self, outline: Outline) -> Outline:
         """See ``Interface``; the outline limits the distance of partners behind the slave."""
@@ -334,10 +340,6 @@ class Contact(Interface):
         accepted_partners = replace(accepted_partners, turns=turns)
         self.change(accepted_partners=accepted_partners)
 
-    def lead_by(self, turns: Callable[[], tuple[Array, ...]]) -> None:
-        """Set ``turns``: rigid boundaries lead the bodies of some nodes (local)."""
-        self.turns = turns
-
     def partners_at(self, fields: Any) -> Any:
         """Partners at the accepted state of some fields (collective)."""
         o, least = (
@@ -375,28 +377,78 @@ class Contact(Interface):
             outline: Outlines of the bodies of all pairs.
             carried: Their nodes after the motions.
         """
-        partners = self.partners
+        self._lead(self.partners, outline, carried, None)
+
+    def lead_by_solution(self, outline: Outline, carried: Carried, bodies: Indices) -> float:
+        """As ``lead``, by the motions of bodies to the present state (collective).
+
+        Args:
+            outline: Outlines of the bodies of all pairs.
+            carried: Their nodes after the motions.
+            bodies: Bodies of these nodes.
+
+        Returns:
+            Largest change of the slip of active nodes, over their way by turns [1].
+        """
+        before, kept = self.slip, self.partners
+        way = self._lead(self.accepted_partners, outline, carried, bodies)
+        counts = self.active & (self.partners.pressure == 0.0)
+        if self.partners is kept or not counts.any():
+            return 0.0
+        change = (self.slip - before)[counts].reshape(int(counts.sum()), -1)
+        return float(norms(change).max()) / max(float(way[counts].max()), TINY)
+
+    def _lead(
+        self, partners: Any, outline: Outline, carried: Carried, bodies: Indices | None
+    ) -> Array:
+        """See ``lead``; returns the ways of nodes by turns, (slave nodes,) [length]."""
         new = partners.pressure == 0.0
-        if not new.any():
-            return
-        at = (outline.indices_of(side.nodes) for side in (self.slave, self.master))
+        at = [outline.indices_of(side.nodes) for side in (self.slave, self.master)]
         slave, master = (Carried(*(values[i] for values in carried)) for i in at)
-        place = np.zeros(0) if self.obstacle is None else self.obstacle.place.copy()
         turns = np.concatenate([slave.turn, master.turn])
-        if not turns.any() or np.isnan(turns).any():
-            return  # from a start that one side has left only, slip of both together is wrong
+        if not new.any() or not turns.any() or np.isnan(turns).any():
+            return np.zeros(len(new))  # from a start that one side has left only, slip is wrong
         o = self.evaluation.at_outline(outline, carried.x, self._state, LINEARIZATIONS["frozen"])
         if self._state.offset.any():
             o = o.minus_offset(self._state.offset)
         there = self.partners_at(type(self.now)(self, self._state, o))
+        place = np.zeros(0) if self.obstacle is None else self.obstacle.place.copy()
         if self.obstacle is None:
             master = weighted(there.M, master)
         else:
             master = carried_by(self.obstacle, partners.place, there.feet)
-        relative, way = slave.turn - master.turn, way_of(slave, master)
-        at_new = (np.where(new[:, None], values, 0.0) for values in (relative, way))
+        way = way_of(slave, master)
+        if bodies is not None:
+            faced = [np.rint(each.M @ (bodies[at[1]] + 1)) for each in (partners, there)]
+            of_pairs = self._place_of(partners, bodies[at[0]] + 1, *faced)
+            told = np.isfinite(of_pairs.start[:, 0])
+            way[told] = way_past(of_pairs, slave, master)[told]
+            led = self.partners.led
+            new &= told if led is None else told | led.new
+            new &= bodies[at[0]] + 1 != faced[1]
+        at_new = (np.where(new[:, None], values, 0.0) for values in (slave.turn - master.turn, way))
         led = Led(new, slave.x, o.m, place, self.turns(), *at_new)
         self.change(partners=partners.led_by(there, led))
+        sides = (norms(side.turn) * norms(side.x - side.end) for side in (slave, master))
+        return np.add(*sides)
+
+    def _place_of(self, partners: Any, own: Indices, before: Array, after: Array) -> Place:
+        """Motion of the place of contact of each two bodies, to the present state (local).
+
+        Args:
+            partners: Partners at the start of the step.
+            own: Bodies of slave nodes, numbers from 1 on, shape (slave nodes,).
+            before: Those that they faced at the start, 0 for an obstacle.
+            after: Those that they came into contact with.
+        """
+        x, count = (partners.x, self.operators.x), 1 + own.max(initial=0)
+        loads = partners.pressure, np.where(self.active, self.now.z_n, 0.0)
+        ends = [
+            Touching(at, evaluate_normals(self.slave, at, "opposite")[0],
+                     self.slave.nodal_areas * np.maximum(load, 0.0), own + count * other)
+            for at, load, other in zip(x, loads, (before, after), strict=True)
+        ]  # fmt: skip
+        return place_between(*ends)
 
     def adopt_law(self) -> None:
         """Adopt the present law of the pair (collective).
@@ -523,10 +575,10 @@ def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[Instant |
 
 def _instant_of(contact: Contact) -> Instant:
     """Time and memory at the end of the present step (local)."""
-    law, node = contact.pair.law, contact.nodal
+    node = contact.nodal
     memory = node.memory
-    if law.memory:
-        memory = contact.law_calls.remember(law, node, contact.branch)
+    if contact.pair.law.memory:
+        memory = contact.law_calls.remember(node, contact.branch)
     return Instant.of(contact.state.load_time, node.step, memory)
 
 

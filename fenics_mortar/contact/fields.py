@@ -139,9 +139,9 @@ class ContactFields(InterfaceFields):
         law, none = self.interface.pair.law, np.zeros(len(self.state.z))
         if type(law) in BUILT_IN or not law.has_adhesion:
             return Row(none, none, none, none, none)
-        node, x = self.nodal, self.operators.x
+        node = self.nodal
         opened = replace(node, gap=np.maximum(node.gap, 0.0))
-        row = self.interface.law_calls.adhesion_at(law, opened, self.covered, x)
+        row = self.interface.law_calls.adhesion_at(opened, self.covered)
         row = self.without_slip_on_planes(row)
         row = row._replace(residual=row.residual + row.by_gap * np.minimum(node.gap, 0.0))
         return Row(*(np.where(self.covered, values, 0.0) for values in row))
@@ -162,16 +162,15 @@ class ContactFields(InterfaceFields):
         return self.state.active | self.attracted
 
     def friction_limit(self, pressure: Array) -> Array:
-        """Friction limits at pressures (slave nodes,) [stress]."""
-        law = self.interface.pair.law
-        return self.interface.law_calls.friction_limit(law, pressure, self.operators.x)
+        """Friction limits at pressures (slave nodes,) and closed gaps [stress]."""
+        node = replace(self.nodal, z_n=pressure, gap=np.zeros_like(pressure))
+        of_node = isinstance(self, LawFields)
+        return self.interface.law_calls.friction_limit(node, of_node=of_node)
 
     def closed_adhesion(self) -> Array:
         """Adhesion of closed gaps, shape (slave nodes,) [stress]."""
-        law, node = self.interface.pair.law, replace(self.nodal, gap=np.zeros(len(self.state.z)))
-        return self.interface.law_calls.adhesion_at(
-            law, node, self.covered, self.operators.x
-        ).residual
+        node = replace(self.nodal, gap=np.zeros(len(self.state.z)))
+        return self.interface.law_calls.adhesion_at(node, self.covered).residual
 
     @property
     def tension(self) -> Array:
@@ -239,8 +238,7 @@ class ContactFields(InterfaceFields):
             follows_law = self.interface.follows_law
             if not law.bridges_gap:
                 follows_law = follows_law & ~self.attracted
-            x = self.operators.x
-            given = self.interface.law_calls.tangential(law, node, state.branch, follows_law, x)
+            given = self.interface.law_calls.tangential(node, state.branch, follows_law)
             row = Row(*(np.where(follows_law, a, b) for a, b in zip(given, row, strict=True)))
         zero = np.zeros(len(state.z))
         row = Row(*[part + zero for part in row])
@@ -446,8 +444,8 @@ class LawFields(ContactFields):
         law, node = self.interface.pair.law, self.of_geometry
         if not law.has_closing_gap:
             return None
-        on, x = self.covered, self.operators.x
-        row = self.without_slip_on_planes(self.interface.law_calls.closing_gap(law, node, on, x))
+        on = self.covered
+        row = self.without_slip_on_planes(self.interface.law_calls.closing_gap(node, on))
         plain = Row(node.gap, 1.0, 0.0, 0.0, 0.0)
         return Row(*(np.where(on, a, b) for a, b in zip(row, plain, strict=True)))
 
@@ -466,13 +464,6 @@ class LawFields(ContactFields):
     def offset(self) -> Array:
         """See ``InterfaceFields``; minus the thickness of the law's layer."""
         return np.asarray(self.state.offset - (self.nodal.gap - self.of_geometry.gap))
-
-    def friction_limit(self, pressure: Array) -> Array:
-        """See ``ContactFields``; at closed gaps."""
-        node = replace(self.nodal, z_n=pressure, gap=np.zeros_like(pressure))
-        return self.interface.law_calls.friction_limit_at(
-            self.interface.pair.law, node, self.operators.x
-        )
 
 
 # Largest ratio of shear and |w| in the tangent [1], which is singular at 1: the node is about to

@@ -59,7 +59,13 @@ from dolfinx import fem
 from fenics_mortar.contact.fields import ContactFields, change_along
 from fenics_mortar.contact.law import Row, VectorRow
 from fenics_mortar.contact.rows import row_by_displacements, row_by_motions
-from fenics_mortar.interface.mortar import Block, MortarOperators
+from fenics_mortar.interface.mortar import (
+    Block,
+    MortarOperators,
+    NumberedColumns,
+    as_block,
+    compressed,
+)
 from fenics_mortar.interface.traces import Trace, trace_of
 from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
@@ -126,6 +132,7 @@ class FluxValues:
     def _set_means(self, jump: Array) -> None:
         """Means at the carriers of weighted jumps, and of conductances, with the matrix B."""
         A, w, h = self._spread.tocoo(), self.weight, self.conductance
+        self._is_plain = A.nnz == len(w) and bool((A.row == A.col).all())  # each node carries q
         perfect = np.isinf(h)
         self._is_inf: Flags = self._spread.T @ perfect.astype(float) > 0.0
         self._finite_h = np.where(perfect, 0.0, h)
@@ -195,7 +202,7 @@ class FluxValues:
     # Derivatives of both fluxes are sums over four quantities of the nodes: weighted jumps,
     # weighted conductances, weights and the source.
 
-    def stacked(self, parts: Sequence[Iterable[Block]]) -> _Numbered:
+    def stacked(self, parts: Sequence[Iterable[Block]]) -> NumberedColumns:
         """Derivatives of the four quantities from their blocks, whose rows are slave nodes."""
         count = len(self.T)
         blocks = [
@@ -203,7 +210,7 @@ class FluxValues:
             for number, part in enumerate(parts)
             for block in part
         ]
-        return _sparse(blocks, 4 * count)
+        return compressed(blocks, 4 * count)
 
     @cached_property
     def q_by_quantities(self) -> csr_array:
@@ -212,10 +219,13 @@ class FluxValues:
         h = np.where(np.isfinite(self._h), self._h, 0.0)
         by_h = diags(self._per_weight * self._ratio * self._per_h)
         by_jump = diags(self.e * self._per_P)
-        apart = A_T @ diags(self._nodal_jump) - diags(self._jump) @ A_T
+        of_h = by_h @ A_T
+        if not self._is_plain:
+            apart = A_T @ diags(self._nodal_jump) - diags(self._jump) @ A_T
+            of_h = of_h + by_jump @ diags(self._varies.astype(float)) @ apart
         parts = [
             by_jump @ R_T,
-            by_h @ A_T + by_jump @ diags(self._varies.astype(float)) @ apart,
+            of_h,
             by_h @ (A_T @ diags(self._finite_h) - diags(h) @ A_T)
             - diags(self.e * self._per_P * self._per_h) @ R_T,
         ]
@@ -238,7 +248,9 @@ class FluxValues:
     @cached_property
     def by_quantities(self) -> list[csr_array]:
         """Derivatives of the fluxes of slave and master, (slave nodes, 4 slave nodes)."""
-        conduction = self._to_nodes @ self.q_by_quantities + self._spread_by_quantities
+        conduction = self._to_nodes @ self.q_by_quantities
+        if not self._is_plain:
+            conduction = conduction + self._spread_by_quantities
         conduction = diags(self.on.astype(float)) @ conduction
         one, share = eye(len(self.T)), self._law.share
         return [csr_array(hstack([conduction, part * one])) for part in (-share, 1.0 - share)]
@@ -262,15 +274,16 @@ class FluxValues:
         )
         return self.f.by_vectors(h), self.f.by_vectors(self._heating)
 
-    def by_displacements(self) -> list[Iterable[Block]]:
+    @cached_property
+    def by_displacements(self) -> list[list[Block]]:
         """Blocks of the four quantities' derivatives by displacements."""
         o, (h, source) = self.o, self.rows
         apart = (T - self._reference for T in (self.T, self.T_master))
         return [
-            o.matrix_derivative(*apart),
-            row_by_displacements(self.f, h),
-            o.weight_derivative(),
-            row_by_displacements(self.f, source),
+            list(o.matrix_derivative(*apart)),
+            list(row_by_displacements(self.f, h)),
+            list(o.weight_derivative()),
+            list(row_by_displacements(self.f, source)),
         ]
 
     def by_field(self, traces: list[Trace]) -> Iterator[Block]:
@@ -327,6 +340,7 @@ class Flux:
         dofs: All dofs of the traces, shape (d,), replicated.
         cells: Conduction of the cells beside the nodes per area, shape (slave nodes,) [flux /
             field]; inf for a separate field.
+        to_force: Factor that turns loads into forces of Newton's residual [stress / flux].
 
     Raises:
         ValueError: On all ranks, if the space has no such field, or an obstacle no temperature, or
@@ -361,15 +375,17 @@ class Flux:
                 "conductance, or the number of a sub-space of a mixed function"
             )
         self._owned = space.first, space.first + space.num_owned
-        if isinstance(law.field, fem.Function):
-            self._owned = law.field.function_space.dofmap.index_map.local_range
-        self._values: tuple[Array, Array] = np.zeros(contact.slave.num_nodes), np.zeros(0)
-        self._to_force = 1.0
         if isinstance(law.field, fem.Function):  # its conditions are not known
+            self._owned = law.field.function_space.dofmap.index_map.local_range
             prescribed = np.zeros(law.field.x.array.size, bool)
+        self._values: tuple[Array, Array] = np.zeros(contact.slave.num_nodes), np.zeros(0)
+        self.to_force = 1.0
         self._spreads = _spreads(contact, self.traces[0], prescribed)
         self.cells = np.full(contact.slave.num_nodes, np.inf)
         self._stiffest = STIFFEST
+        self._kept: tuple[Any, Any, FluxValues] | None = None
+        self._products: tuple[FluxValues | None, Any] = None, None
+        self._interpolations = [trace.interpolation(self.dofs) for trace in self.traces]
 
     def evaluate(self, u: Array) -> None:
         """Gather the field, from all unknowns ``u``, shape (local dofs,), unless separate.
@@ -390,8 +406,8 @@ class Flux:
         """
         mine, _ = self._mine
         comm, areas = self._contact.slave.comm, self._contact.slave.nodal_areas
-        self._to_force = float(largest_over_ranks(comm, to_force[mine].max(initial=0.0)))
-        at_nodes = self._interpolation(self.traces[0]) @ self._gathered(own)
+        self.to_force = float(largest_over_ranks(comm, to_force[mine].max(initial=0.0)))
+        at_nodes = self._interpolations[0] @ self._gathered(own)
         self.cells = np.where(areas > 0.0, at_nodes / np.maximum(areas, TINY), 0.0)
 
     @property
@@ -415,7 +431,7 @@ class Flux:
     def row_squares(self) -> float:
         """Sum of squares of the rows of q as forces [stress^2 length^2] (collective)."""
         now = self.at(self._contact.now)
-        return float(((self._to_force * now.weight * now.row) ** 2).sum())
+        return float(((self.to_force * now.weight * now.row) ** 2).sum())
 
     def refresh(self) -> None:
         """Gather a separate field again, which may have changed since (collective)."""
@@ -425,10 +441,23 @@ class Flux:
     # Values
 
     def at(self, f: ContactFields) -> FluxValues:
-        """Values and derivatives by nodal quantities at the fields of the contact (collective)."""
-        spread = self._spreads[self.law.is_perfect]
+        """Values and derivatives by nodal quantities at the fields of the contact (collective).
+
+        Kept until fields, values or law change.
+        """
+        law = self.law
+        reference = 0.0 if law.temperature is None else law.on_obstacle
+        given = f, self._values, self.cells, law.h, law.heating
+        numbers = self._stiffest, law.scale, law.share, reference
+        if self._kept is not None:
+            of, by, now = self._kept
+            if numbers == by and all(one is other for one, other in zip(given, of, strict=True)):
+                return now
+        spread = self._spreads[law.is_perfect]
         q = None if self.is_separate else f.state.conduction[:, self._column]
-        return FluxValues(self.law, f, *self._values, self.cells, spread, q, self._stiffest)
+        now = FluxValues(law, f, *self._values, self.cells, spread, q, self._stiffest)
+        self._kept = given, numbers, now
+        return now
 
     @contextmanager
     def softened(self) -> Iterator[None]:
@@ -467,7 +496,7 @@ class Flux:
         """Change of q' by those of all unknowns, see ``move``; (slave nodes,) (collective)."""
         sides = [side.gather(u) for side in (self._contact.slave, self._contact.master)]
         jump, h, weight = (
-            change_along(now.f, list(blocks), *sides) for blocks in now.by_displacements()[:3]
+            change_along(now.f, blocks, *sides) for blocks in now.by_displacements[:3]
         )
         row, _ = now.rows
         h += np.einsum("jc,jc->j", row.by_z, z)
@@ -568,9 +597,9 @@ class Flux:
         blocks = [] if now.o.linearization.frozen else list(self._of_matrices(now))
         return [*blocks, self._loads(now, *self._stacked(now))]
 
-    def _stacked(self, now: FluxValues) -> _Numbered:
+    def _stacked(self, now: FluxValues) -> NumberedColumns:
         """Derivatives of the four quantities by all unknowns of the bodies, of this rank."""
-        by_jump, *others = now.by_displacements()
+        by_jump, *others = now.by_displacements
         return now.stacked([[*now.by_field(self.traces), *by_jump], *others])
 
     # Solves with the tangent, which has e_max in place of larger conductances
@@ -664,26 +693,22 @@ class Flux:
 
         Collective.
         """
-        return _as_block(csr_array(self._by_quantities(now) @ change), self.dofs, numbers)
+        return as_block(csr_array(self._by_quantities(now) @ change), self.dofs, numbers)
 
     def _by_quantities(self, now: FluxValues) -> csr_array:
         """Derivatives of the loads by the four quantities, E^T (D^T - M^T), (d, 4 n)."""
-        sides = zip(self._to_loads(now), (1.0, -1.0), now.by_quantities, strict=False)
-        return sum(sign * (matrix.T @ of_flux) for matrix, sign, of_flux in sides)
+        if self._products[0] is not now:
+            sides = zip(self._to_loads(now), (1.0, -1.0), now.by_quantities, strict=False)
+            found = sum(sign * (matrix.T @ of_flux) for matrix, sign, of_flux in sides)
+            self._products = now, found
+        return self._products[1]
 
     def _to_loads(self, now: FluxValues) -> list[csr_array]:
         """D E and M E with columns in the order of ``dofs`` (collective)."""
         return [
-            matrix @ self._interpolation(trace)
-            for matrix, trace in zip(now.o.matrices, self.traces, strict=False)
+            matrix @ interpolation
+            for matrix, interpolation in zip(now.o.matrices, self._interpolations, strict=False)
         ]
-
-    def _interpolation(self, trace: Trace) -> csr_array:
-        """E of a trace, columns in the order of ``dofs``."""
-        node, part = np.nonzero(trace.dofs >= 0)
-        column = np.searchsorted(self.dofs, trace.dofs[node, part])
-        shape = len(trace.dofs), self.dofs.size
-        return coo_array((trace.weights[node, part], (node, column)), shape=shape).tocsr()
 
 
 def _spreads(contact: Any, trace: Trace, prescribed: Flags) -> tuple[csr_array, csr_array]:
@@ -717,30 +742,3 @@ def _spreads(contact: Any, trace: Trace, prescribed: Flags) -> tuple[csr_array, 
     for spread in both:
         spread.eliminate_zeros()  # times inf
     return both
-
-
-# Numbers of the columns of a matrix, and the matrix.
-_Numbered = tuple[Indices, csr_array]
-
-
-def _sparse(blocks: Iterable[Block], count: int) -> _Numbered:
-    """Sum of blocks with ``count`` rows and few columns of many, without columns of -1."""
-    i, j, v = (np.concatenate(parts) for parts in zip(*map(_entries, blocks), strict=True))
-    used = (j >= 0) & (v != 0.0)
-    numbers, at = np.unique(j[used], return_inverse=True)
-    return numbers, coo_array((v[used], (i[used], at)), shape=(count, numbers.size)).tocsr()
-
-
-def _entries(block: Block) -> tuple[Indices, Indices, Array]:
-    """Rows, columns and values of a block's entries."""
-    rows = np.broadcast_to(block.rows[:, :, None], block.values.shape)
-    columns = np.broadcast_to(block.columns[:, None, :], block.values.shape)
-    return rows.ravel(), columns.ravel(), block.values.ravel()
-
-
-def _as_block(matrix: csr_array, rows: Indices, columns: Indices) -> Block:
-    """A sparse matrix as a block per entry, with the numbers of its rows and columns."""
-    found = matrix.tocoo()
-    return Block(
-        rows[found.row][:, None], columns[found.col][:, None], found.data.reshape(-1, 1, 1)
-    )

@@ -96,6 +96,11 @@ def _check_shared_nodes(slave: Any, master: Any) -> None:
             "joined in the mesh: `fragment` and `removeDuplicateNodes` join them, and cracks in "
             "space are not supported"
         )
+    if wrong.size and set(slave.nodes) == set(master.nodes):
+        raise SurfaceError(
+            f"slave and master are the same surface, '{slave.name}': give the other one, or for "
+            "contact of a surface with itself no master, ContactPair(data, slave)"
+        )
     if wrong.size:
         reason = (
             "bodies are joined by nodes that both have, as after `fragment` or "
@@ -459,11 +464,14 @@ class Interface(ABC):
             target: Local array, shape (owned dofs,) or longer [stress length], those of fluxes
                 [flux length]; changed in place.
         """
-        on_slave, on_master = self.now.forces
-        self.slave.scatter_add(on_slave, target)
-        self.master.scatter_add(on_master, target)
+        self.scatter_add(self.now.forces, target)
         for flux in self.fluxes:
             flux.add_loads(target)
+
+    def scatter_add(self, forces: tuple[Array, Array], target: Array) -> None:
+        """Add forces of both sides, as ``now.forces``, to ``target`` (owned dofs,) (local)."""
+        self.slave.scatter_add(forces[0], target)
+        self.master.scatter_add(forces[1], target)
 
     def load_blocks(self) -> list[Block]:
         """Blocks of all loads' derivatives by z; columns index z.ravel() (collective)."""

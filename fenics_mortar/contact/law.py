@@ -525,16 +525,8 @@ class Stick(Law):
 
 
 __all__ = [
-    "Coulomb",
-    "Friction",
-    "Frictionless",
-    "Law",
-    "Nodal",
-    "Row",
-    "Tresca",
-    "magnitude",
-    "row_of",
-]
+    "Coulomb", "Friction", "Frictionless", "Law", "Nodal", "Row", "Tresca", "magnitude", "row_of",
+]  # fmt: skip
 
 # Friction limit over the pressure [1] below which the distance from a kink is relative to the
 # pressure: errors of the shear after convergence are fractions of the whole traction.

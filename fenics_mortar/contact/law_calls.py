@@ -216,25 +216,26 @@ class LawCalls:
     """Calls of the law of one contact (local).
 
     Args:
-        name: Name of the slave surface, for messages.
+        pair: The pair; its present law is called, and its slave's name stands in messages.
 
     Attributes:
         error: First error since the last ``raise_stored``, or ``None``.
     """
 
-    def __init__(self, name: str) -> None:
-        self._name = name
+    def __init__(self, pair: Any) -> None:
+        self._pair = pair
         self.error: Exception | None = None
 
-    def branch(self, law: Law, node: Nodal, before: Branches, x: Array) -> Branches:
-        """See ``Law.branch``; ``x``: positions of the nodes, (slave nodes, 2), for messages."""
+    def branch(self, node: Nodal, before: Branches) -> Branches:
+        """See ``Law.branch``."""
+        law = self._pair.law
         if type(law) in BUILT_IN:
             return law.branch(node, before)
 
         def call() -> Branches:
             result = law.branch(_protected(node), read_only_view(before))
-            (branch,) = self._numbers(law, "branch", (result,), before.size)
-            self._check_finite(law, "branch", (branch,), _all_finite(node), x)
+            (branch,) = self._numbers("branch", (result,), before.size)
+            self._check_finite("branch", (branch,), node)
             whole = np.rint(np.nan_to_num(branch))
             if (whole != np.nan_to_num(branch)).any():
                 raise ValueError(f"{law!r}: branch returned {branch}; expected integers")
@@ -245,40 +246,43 @@ class LawCalls:
                         f"{law!r}: limit returned {given!r}; expected a Row, or the limit and its "
                         f"derivatives by gap and z_n"
                     )
-                limits = self._numbers(law, "limit", given[:1], before.size)
+                limits = self._numbers("limit", given[:1], before.size)
                 finite = [np.where(np.isposinf(limit), 0.0, limit) for limit in limits]
-                self._check_finite(law, "limit", finite, _all_finite(node), x)
+                self._check_finite("limit", finite, node)
             return whole.astype(np.int64)
 
         return self._storing_errors(call, before)
 
-    def tangential(self, law: Law, node: Nodal, branch: Branches, used: Flags, x: Array) -> Row:
+    def tangential(self, node: Nodal, branch: Branches, used: Flags) -> Row:
         """See ``Law.tangential``; ``used``: nodes to which the law applies."""
+        law = self._pair.law
         if type(law) in BUILT_IN:
             return law.tangential(node, branch)
 
         def call() -> Row:
             row = law.tangential(_protected(node), read_only_view(branch))
-            return self._row(law, "tangential", row, node, used, x)
+            return self._row("tangential", row, node, used)
 
         none = np.zeros(branch.size)
         return self._storing_errors(call, Row(node.z_tau, none, none, none, none + 1.0))
 
-    def closing_gap(self, law: Law, node: Nodal, used: Flags, x: Array) -> Row:
+    def closing_gap(self, node: Nodal, used: Flags) -> Row:
         """See ``Law.closing_gap``; ``used``: nodes to which the law applies."""
 
         def call() -> Row:
-            row = law.closing_gap(_protected(node))
-            return self._row(law, "closing_gap", row, node, used, x)
+            return self._row(
+                "closing_gap", self._pair.law.closing_gap(_protected(node)), node, used
+            )
 
         none = np.zeros(node.gap.size)
         return self._storing_errors(call, Row(node.gap, none + 1.0, none, none, none))
 
-    def adhesion_at(self, law: Law, node: Nodal, used: Flags, x: Array) -> Row:
+    def adhesion_at(self, node: Nodal, used: Flags) -> Row:
         """See ``Law.adhesion_at``; ``used``: nodes to which the law applies."""
+        law = self._pair.law
 
         def call() -> Row:
-            row = self._row(law, "adhesion", law.adhesion_at(_protected(node)), node, used, x)
+            row = self._row("adhesion", law.adhesion_at(_protected(node)), node, used)
             wrong = used & (row.residual < 0.0)
             if wrong.any():
                 j = int(np.argmax(wrong))
@@ -291,8 +295,9 @@ class LawCalls:
         none = np.zeros(node.gap.size)
         return self._storing_errors(call, Row(none, none, none, none, none))
 
-    def remember(self, law: Law, node: Nodal, branch: Branches) -> Mapping[str, Array]:
+    def remember(self, node: Nodal, branch: Branches) -> Mapping[str, Array]:
         """See ``Law.remember``."""
+        law = self._pair.law
 
         def call() -> Mapping[str, Array]:
             result = law.remember(_protected(node), read_only_view(branch))
@@ -300,39 +305,34 @@ class LawCalls:
 
         return self._storing_errors(call, node.memory)
 
-    def friction_limit(self, law: Law, pressure: Array, x: Array) -> Array:
-        """See ``Law.friction_limit``."""
-        if type(law) in BUILT_IN:
+    def friction_limit(self, node: Nodal, *, of_node: bool) -> Array:
+        """See ``Law.friction_limit_at``, or ``Law.friction_limit`` of the pressure alone."""
+        law, pressure = self._pair.law, node.z_n
+        if type(law) in BUILT_IN and not of_node:
             return law.friction_limit(pressure)
-        return self._limit(law, lambda: law.friction_limit(read_only_view(pressure)), pressure, x)
-
-    def friction_limit_at(self, law: Law, node: Nodal, x: Array) -> Array:
-        """See ``Law.friction_limit_at``."""
-        return self._limit(law, lambda: law.friction_limit_at(_protected(node)), node.z_n, x)
-
-    def _limit(self, law: Law, limits: Callable[[], Array], pressure: Array, x: Array) -> Array:
-        """Friction limits at given pressures, checked."""
 
         def call() -> Array:
-            (limit,) = self._numbers(law, "friction_limit", (limits(),), pressure.size)
+            view = read_only_view(pressure)
+            found = law.friction_limit_at(_protected(node)) if of_node else law.friction_limit(view)
+            (limit,) = self._numbers("friction_limit", (found,), pressure.size)
             wrong = (np.isnan(limit) | (limit < 0.0)) & (pressure >= 0.0)
             if wrong.any():
                 j = int(np.argmax(wrong))
                 raise NotFiniteError(
                     f"{law!r}: friction_limit returned {limit[j]:g} for a pressure of "
-                    f"{pressure[j]:g}, at '{self._name}' {format_point(x[j])}; expected zero, a "
-                    "positive number or infinity"
+                    f"{pressure[j]:g}, at '{self._pair.slave_name}' {format_point(node.x[j])}; "
+                    "expected zero, a positive number or infinity"
                 )
             return limit
 
         return self._storing_errors(call, np.full_like(pressure, np.inf))
 
-    def _row(self, law: Law, what: str, row: Any, node: Nodal, used: Flags, x: Array) -> Row:
+    def _row(self, what: str, row: Any, node: Nodal, used: Flags) -> Row:
         """A row of arrays (slave nodes,), finite at the nodes where it is used."""
         if not isinstance(row, tuple) or len(row) != len(Row._fields):
-            raise ValueError(f"{law!r}: {what} returned {row!r}; expected a Row")
-        row = Row(*self._numbers(law, what, row, node.gap.size))
-        self._check_finite(law, what, row, used & _all_finite(node), x)
+            raise ValueError(f"{self._pair.law!r}: {what} returned {row!r}; expected a Row")
+        row = Row(*self._numbers(what, row, node.gap.size))
+        self._check_finite(what, row, node, used)
         return row
 
     def _storing_errors(self, call: Callable[[], Any], instead: Any) -> Any:
@@ -343,26 +343,28 @@ class LawCalls:
             self.error = self.error or error
             return instead
 
-    def _numbers(self, law: Law, what: str, results: Iterable[Any], count: int) -> list[Array]:
+    def _numbers(self, what: str, results: Iterable[Any], count: int) -> list[Array]:
         """Results as arrays of shape (count,); scalars are broadcast."""
         arrays = [np.asarray(result) for result in results]
         for array in arrays:
             if array.dtype.kind not in "iufb" or array.shape not in ((), (count,)):
                 raise ValueError(
-                    f"{law!r}: {what} returned an array of shape {array.shape} and type "
+                    f"{self._pair.law!r}: {what} returned an array of shape {array.shape} and type "
                     f"{array.dtype}; expected real numbers of shape ({count},), one per slave node"
                 )
         return [np.array(np.broadcast_to(array, count), float) for array in arrays]
 
     def _check_finite(
-        self, law: Law, what: str, results: Iterable[Array], checked: Flags, x: Array
+        self, what: str, results: Iterable[Array], node: Nodal, used: Flags | bool = True
     ) -> None:
-        """Raise if a result is not finite at ``checked`` nodes, those with finite arguments."""
+        """Raise if a result is not finite at ``used`` nodes whose arguments are finite."""
+        arguments = node.gap, node.slip, node.z_n, node.z_tau, node.stiffness, node.c_n
+        checked = used & np.isfinite(arguments).all(axis=0)
         bad = checked & ~np.all([np.isfinite(result) for result in results], axis=0)
         if bad.any():
             raise NotFiniteError(
-                f"{law!r}: {what} returned numbers that are not finite at {bad.sum()} nodes of "
-                f"'{self._name}', one at {format_point(x[np.argmax(bad)])}"
+                f"{self._pair.law!r}: {what} returned numbers that are not finite at {bad.sum()} "
+                f"nodes of '{self._pair.slave_name}', one at {format_point(node.x[np.argmax(bad)])}"
             )
 
 
@@ -384,12 +386,6 @@ def raise_stored(comm: MPI.Comm, contacts: Iterable[Any]) -> None:
         contact.law_calls.error = None
     law = users[0].pair.law if len(users) == 1 else "a law"
     leave_together(comm, f"{law!r}", next((e for e in errors if e is not None), None))
-
-
-def _all_finite(node: Nodal) -> Flags:
-    """Nodes at which all arguments are finite."""
-    arguments = node.gap, node.slip, node.z_n, node.z_tau, node.stiffness, node.c_n
-    return np.all([np.isfinite(values) for values in arguments], axis=0)
 
 
 def _protected(node: Nodal) -> Nodal:
@@ -595,6 +591,7 @@ class Conductance:
             for total, value in zip(sums, _three(term, pressure, gap), strict=True):
                 total += value
         bad = ~np.isfinite(sums).all(axis=0) | (sums[0] < 0.0)
+        bad &= np.isfinite(pressure) & np.isfinite(gap)  # else an iterate of Newton's method fails
         if self.is_perfect and not finite:
             bad &= ~((sums[0] == np.inf) & np.isfinite(sums[1:]).all(axis=0))
         if bad.any():

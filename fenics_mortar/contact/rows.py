@@ -71,13 +71,11 @@ class Rows:
         blocks: Blocks with rows that index z.ravel(), and dofs as columns.
         A_z: Shape (slave nodes, c, c) [length].
         rhs: Shape (slave nodes, c) [stress length].
-        frame: Weights of the rows.
     """
 
     blocks: list[Block]
     A_z: Array
     rhs: Array
-    frame: Frame
 
 
 class InterfaceRows(ABC):
@@ -126,7 +124,7 @@ class ContactRows(InterfaceRows):
         """See ``InterfaceRows``."""
         f: ContactFields = self._interface.now
         o = f.operators
-        normal, idle, *weights = frame = self.frame()
+        normal, idle, *weights = self.frame()
         blocks: list[Block] = []
         rhs, by_gap = -normal * o.gap[:, None], np.zeros(normal.shape)
         A_z = np.zeros((*normal.shape, 2))
@@ -143,7 +141,7 @@ class ContactRows(InterfaceRows):
             if slips:
                 along = -weight * row.by_slip[:, None]
                 blocks += [normal_rows(block, along) for block in f.state.partners.derivative(o)]
-        return Rows([*gap_rows(f, normal, by_gap), *blocks], A_z, rhs, frame)
+        return Rows([*gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
 
     def measure(self) -> tuple[float, float]:
         """See ``InterfaceRows``."""
@@ -263,7 +261,7 @@ class SpaceRows(ContactRows):
         o, z, own = f.operators, f.z_u, f.interface.slave.owned
         if isinstance(o, SpaceOperators):
             f.acting.linearize_at(z)  # with the forces, which are differentiated next
-        normal, idle, *weights = frame = self.frame()
+        normal, idle, *weights = self.frame()
         rhs, by_gap = -normal * o.gap[:, None], np.zeros(normal.shape)
         A_z, blocks = -idle[:, None, None] * np.eye(3), list[Block]()
         j = own[f.acts[own]]
@@ -280,7 +278,7 @@ class SpaceRows(ContactRows):
             if row.by_slip.any():
                 of_slip = f.state.partners.derivative(o, row.by_slip)
                 blocks += [normal_rows(block, -weight) for block in of_slip]
-        return Rows([*gap_rows(f, normal, by_gap), *blocks], A_z, rhs, frame)
+        return Rows([*gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
 
     def measure(self) -> tuple[float, float]:
         """See ``InterfaceRows``."""
@@ -359,7 +357,7 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, int]:
     changes = {"active": active} if resets else {}
     if changes or moves:
         f = f.after(f.state.replaced(z=new, **changes))
-    branch = f.interface.law_calls.branch(law, f.nodal, before.branch, o.x)
+    branch = f.interface.law_calls.branch(f.nodal, before.branch)
     if o.n.shape[1] == 3 and law.has_friction:
         branch, heading = stick_where_turning_back(f, branch, before.heading, start=start)
         f = f.after(f.state.replaced(heading=heading))

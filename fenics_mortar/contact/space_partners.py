@@ -18,6 +18,7 @@ node.
 from __future__ import annotations
 
 import weakref
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -86,16 +87,11 @@ class Evaluations:
         return self._last[1]
 
 
-@dataclass(frozen=True)
-class SpacePartners:
-    """Partners of all slave nodes at an accepted state, equal on all ranks.
+@dataclass(frozen=True, kw_only=True)
+class _Accepted(ABC):
+    """An accepted state, equal on all ranks.
 
     Attributes:
-        D: Weights of slave nodes, shape (slave nodes, slave nodes), rows sum to one [1].
-        M: Weights of master nodes, shape (slave nodes, master nodes), rows sum to one [1].
-        start: Vectors r at that state, shape (slave nodes, 3) [length].
-        weight: w_j at that state, zero without rows, shape (slave nodes,) [area].
-        present: Weight of the present D and M in r, shape (slave nodes,) [1 / area].
         x, m: Positions at that state, shapes (nodes, 3) [length].
         mirrored: Components of slave and master nodes across symmetry planes, shapes (nodes, 3),
             bool; ``None`` if surfaces do not rotate, with small sliding.
@@ -108,11 +104,6 @@ class SpacePartners:
         led: See ``slip.Partners``.
     """
 
-    D: csr_array
-    M: csr_array
-    start: Array
-    weight: Array
-    present: Array
     x: Array
     m: Array
     mirrored: tuple[Flags, Flags] | None
@@ -126,6 +117,47 @@ class SpacePartners:
     led: Led | None = None
     found: Evaluations = field(default_factory=Evaluations, repr=False, compare=False)
 
+    @abstractmethod
+    def _evaluate(self, o: Any) -> Any:
+        """Rotations and slip since that state, without ``counted``."""
+
+    def at(self, o: Any) -> Any:
+        """``Screw`` or ``PastObstacle``: rotations and slip since that state, without ``counted``.
+
+        Collective between surfaces at the first access to ``o.vectors``, local past an obstacle.
+        """
+        return self.found.at(o, self._evaluate)
+
+    def slip(self, o: Any) -> Array:
+        """Slip since that state, shape (slave nodes, 3) [length]; collective as ``at``."""
+        return self.at(o).slip + self.counted + (0.0 if self.led is None else self.led.way_at(o.x))
+
+
+def _accepted(o: Any, least: Array, mirrored: tuple[Flags, Flags] | None) -> dict[str, Any]:
+    """The state of operators, from which no slip is counted (local)."""
+    none = dict.fromkeys(("shear", "pressure", "gap"), np.zeros(len(o.x)))
+    counted = np.zeros_like(o.x)
+    return none | {"x": o.x, "m": o.m, "mirrored": mirrored, "least": least, "counted": counted}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpacePartners(_Accepted):
+    """Partners of all slave nodes at an accepted state, equal on all ranks.
+
+    Attributes:
+        D: Weights of slave nodes, shape (slave nodes, slave nodes), rows sum to one [1].
+        M: Weights of master nodes, shape (slave nodes, master nodes), rows sum to one [1].
+        start: Vectors r at that state, shape (slave nodes, 3) [length].
+        weight: w_j at that state, zero without rows, shape (slave nodes,) [area].
+        present: Weight of the present D and M in r, shape (slave nodes,) [1 / area].
+    """
+
+    D: csr_array
+    M: csr_array
+    start: Array
+    weight: Array
+    present: Array
+
     def led_by(self, there: SpacePartners, led: Led) -> SpacePartners:
         """See ``slip.Partners`` (local)."""
         matrices: dict[str, Any] = {
@@ -135,13 +167,6 @@ class SpacePartners:
             name: led.origin(*_both(self, there, name)) for name in ("start", "present")
         }
         return replace(self, led=led, found=Evaluations(), **matrices, **vectors)
-
-    def at(self, o: SpaceOperators) -> Screw:
-        """Rotations and slip since that state, without ``counted``.
-
-        Collective at the first access to ``o.vectors``.
-        """
-        return self.found.at(o, self._evaluate)
 
     def gap_vectors(self, o: SpaceOperators) -> Array:
         """Vectors from partners to nodes at positions of ``o``, (slave nodes, 3) [length]."""
@@ -183,13 +208,6 @@ class SpacePartners:
             return self.at(o).slave.Q
         return replace(self, led=None, found=Evaluations()).materials(o)[0].turned(o.x).Q
 
-    def slip(self, o: SpaceOperators) -> Array:
-        """Slip since that state, shape (slave nodes, 3) [length].
-
-        Collective at the first access to ``o.vectors``.
-        """
-        return self.at(o).slip + self.counted + _led_way(self.led, o.x)
-
     def derivative(self, o: SpaceOperators, along: Array) -> Iterator[Block]:
         """Blocks of along_j . ds_j of this rank, for vectors ``along`` (slave nodes, 3).
 
@@ -219,39 +237,22 @@ class SpacePartners:
         return self.materials(o)[1].pairs if self.mirrored is not None else self.entries[1][:2]
 
 
-@dataclass(frozen=True)
-class ObstaclePartners:
+@dataclass(frozen=True, kw_only=True)
+class ObstaclePartners(_Accepted):
     """Partners on an obstacle in space at an accepted state, equal on all ranks.
 
     Attributes:
         feet: The nearest points of the obstacle in its own frame, shape (slave nodes, 3) [length].
         place: Place of the obstacle at that state, shape (6,) [length, radian].
-        x: See ``SpacePartners``, as ``m`` (0, 3), ``mirrored``, ``least`` and those that follow.
     """
 
     feet: Array
     place: Array
-    x: Array
-    m: Array
-    mirrored: tuple[Flags, Flags] | None
-    least: Array
-    counted: Array
-    shear: Array
-    pressure: Array
-    gap: Array
-    facing: None = None
-    turns: tuple[Array, ...] = ()
-    led: Led | None = None
-    found: Evaluations = field(default_factory=Evaluations, repr=False, compare=False)
 
     def led_by(self, there: ObstaclePartners, led: Led) -> ObstaclePartners:
         """See ``slip.Partners`` (local)."""
         feet = led.origin(*_both(self, there, "feet"))
         return replace(self, led=led, found=Evaluations(), feet=feet)
-
-    def at(self, o: ObstacleOperators) -> PastObstacle:
-        """Rotations and slip since that state, without ``counted`` (local)."""
-        return self.found.at(o, self._evaluate)
 
     def gap_vectors(self, o: ObstacleOperators) -> Array:
         """See ``SpacePartners`` [length]."""
@@ -287,10 +288,6 @@ class ObstaclePartners:
     def material(self, o: ObstacleOperators) -> Material:
         """The slave's material at its nodes."""
         return self.found.materials([self.D], [o.slave], [self.x], self.mirrored, self.led)[0]
-
-    def slip(self, o: ObstacleOperators) -> Array:
-        """Vectors of slip since that state, shape (slave nodes, 3) [length]."""
-        return self.at(o).slip + self.counted + _led_way(self.led, o.x)
 
     def derivative(self, o: ObstacleOperators, along: Array) -> Iterator[Block]:
         """Blocks of along_j . ds_j of this rank, for vectors ``along`` (slave nodes, 3).
@@ -329,11 +326,6 @@ def _both(here: Any, there: Any, name: str) -> tuple[Any, Any]:
     return getattr(here, name), getattr(there, name)
 
 
-def _led_way(led: Led | None, x: Array) -> Array | float:
-    """``Led.way_at``, zero without motions (local)."""
-    return 0.0 if led is None else led.way_at(x)
-
-
 def _by_led(led: Led | None, o: Any, along: Array) -> Iterator[Block]:
     """Block of along_j . dV_j of this rank: along . (w x dx) = (along x w) . dx."""
     if led is not None:
@@ -351,10 +343,8 @@ def find_obstacle_partners(
     o: ObstacleOperators, least: Array, *, mirrored: tuple[Flags, Flags] | None
 ) -> ObstaclePartners:
     """Partners on an obstacle in space at the state of ``o`` (local); see ``SpacePartners``."""
-    own, none = o.obstacle.to_own_frame(o.nearest_points()), np.zeros(len(o.x))
-    place = o.obstacle.place.copy()
-    at = own, place, o.x, o.m, mirrored, least
-    return ObstaclePartners(*at, np.zeros_like(o.x), none, none, none)
+    feet, place = o.obstacle.to_own_frame(o.nearest_points()), o.obstacle.place.copy()
+    return ObstaclePartners(feet=feet, place=place, **_accepted(o, least, mirrored))
 
 
 def find_space_partners(
@@ -382,9 +372,7 @@ def find_space_partners(
     at_nearest = coo_array((weights.ravel(), (np.repeat(j, 3), corners.ravel())), shape=M.shape)
     D = csr_array(D + coo_array((np.ones(j.size), (j, j)), shape=D.shape))
     M = csr_array(M + at_nearest)
-    none = np.zeros(len(o.x))
-    present = per_weight if measure == "operators" else none
+    present = per_weight if measure == "operators" else np.zeros(len(o.x))
     start = np.where(present[:, None] > 0.0, 0.0, D @ o.x - M @ o.m)
-    weight = np.where(faces, o.weight, 0.0)
-    at = D, M, start, weight, present, o.x, o.m, mirrored, least
-    return SpacePartners(*at, np.zeros_like(o.x), none, none, none)
+    weight, state = np.where(faces, o.weight, 0.0), _accepted(o, least, mirrored)
+    return SpacePartners(D=D, M=M, start=start, weight=weight, present=present, **state)

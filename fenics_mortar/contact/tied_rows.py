@@ -123,14 +123,14 @@ class TiedRows(InterfaceRows):
     def linearized(self) -> Rows:
         """See ``InterfaceRows``."""
         f: TiedFields = self._interface.now
-        idle, weight = frame = self.frame()
+        idle, weight = self.frame()
         weights = weight.ravel()
         blocks = [
             Block(columns, rows, values * weights[columns[:, :, None]])
             for rows, columns, values in self._interface.load_blocks()
         ]
         A_z = -idle[:, :, None] * np.eye(idle.shape[1])
-        return Rows(blocks, A_z, -weight * f.jumps, frame)
+        return Rows(blocks, A_z, -weight * f.jumps)
 
     def measure(self) -> tuple[float, float]:
         """See ``InterfaceRows``: the jump of active nodes."""

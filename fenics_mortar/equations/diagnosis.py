@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.bodies import join_bodies
+from fenics_mortar.bulk.bodies import join_bodies, products
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import or_other_weights
 from fenics_mortar.contact.law import STICK, Branches
@@ -223,7 +223,8 @@ class CombinedSprings:
 
     def anchor(self, elongation: float) -> None:
         """Anchor floating bodies and driven obstacles; see ``AnchoredSprings``."""
-        self._floating.anchor(self._total(), elongation)
+        bulk, contact, _ = self._forces()
+        self._floating.anchor(bulk + contact - self._obstacles.pushed_nodes(), elongation)
         self._obstacles.anchor(elongation, self._stiffness)
 
     def remove_springs(self) -> None:
@@ -257,10 +258,6 @@ class CombinedSprings:
             max((fraction for _, fraction, slides in carried if slides), default=0.0),
             f"springs carry {', '.join(each)}, with an energy of {energy:.3e}: {_reason(carried)}",
         )
-
-    def _total(self) -> Array:
-        bulk, contact, _ = self._forces()
-        return np.asarray(bulk + contact - self._obstacles.pushed_nodes())
 
 
 def describe_isolated(bulk: Bulk, contacts: Sequence[Interface], floating: FloatingBodies) -> str:
@@ -311,14 +308,10 @@ def _resistance(bulk: Bulk, part_of: Indices, count: int) -> Array:
     The last entry is that of no part. With ``bulk.K`` assembled anew.
     """
     bulk.assemble_tangent()
-    x, y = bulk.K.createVecs()
     ones, sizes = part_of >= 0, np.zeros((2, count + 1))
-    x.array[:] = ones
-    bulk.K.mult(x, y)
-    for size, values in zip(sizes, (y.array_r, bulk.K.getDiagonal().array_r), strict=True):
+    of_field, diagonal = products(bulk.K, 1.0 * ones[None])[0], bulk.K.getDiagonal().array_r
+    for size, values in zip(sizes, (of_field, diagonal), strict=True):
         np.maximum.at(size, part_of[ones], np.abs(values[ones]))
-    x.destroy()
-    y.destroy()
     response, own = largest_over_ranks(bulk.comm, sizes)
     fixed = ones & bulk.prescribed[: ones.size]
     prescribed = sum_over_ranks(bulk.comm, np.bincount(part_of[fixed], minlength=count + 1))
@@ -399,6 +392,7 @@ def diagnose(equations: Any, recent: Sequence[SetsOfPairs]) -> str:
     """
     bulk, contacts, floating = equations.bulk, equations.contacts, equations.floating
     first = describe_inverted(bulk)
+    at_nodes = "" if first else bulk.describe_inverted_nodes("try smaller load steps")
     if not first:
         driven = equations.motions.describe(equations.residual.force)
         first = ", ".join(filter(None, (floating.describe(floating.loose()), driven)))
@@ -406,7 +400,6 @@ def diagnose(equations: Any, recent: Sequence[SetsOfPairs]) -> str:
         first = first or _describe_peeling(contacts, recent)
         first = first or _describe_alternating(contacts, recent)
         first = first or describe_isolated(bulk, contacts, floating)
-    at_nodes = bulk.describe_inverted_nodes()
     return "; ".join(filter(None, (first, at_nodes, *map(describe_overlap, contacts))))
 
 

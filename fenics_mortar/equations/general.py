@@ -38,7 +38,7 @@ from fenics_mortar.equations.diagnosis import (
     diagnose,
 )
 from fenics_mortar.equations.linearized_contact import LinearizedContact, Redundancy
-from fenics_mortar.equations.residual import NO_MOTION, Increment, LastTangent, Residual
+from fenics_mortar.equations.residual import NO_MOTION, Increment, Residual
 from fenics_mortar.la.options import drop_added_options
 from fenics_mortar.newton.loop import NewtonOptions, Status, Step, forcing
 from fenics_mortar.obstacles.rigid_motion import places_towards
@@ -136,35 +136,6 @@ class State(Value):
         )
 
 
-def check_state(
-    state: Any,
-    shape: tuple[int, ...],
-    pairs: Sequence[tuple[int, ...]],
-    num_movers: int,
-    history: int,
-) -> None:
-    """Check that an object is a state of this problem (local).
-
-    Args:
-        state: The object.
-        shape: Shape of the displacement of the problem.
-        pairs: Shapes of the multipliers of its pairs.
-        num_movers: Number of its obstacles and remote loads.
-        history: Number of its local values of history functions.
-
-    Raises:
-        TypeError: If the object is not a state.
-        MortarError: If its arrays have other shapes.
-    """
-    check_kind("state", state, State, "what state() of the same problem returned")
-    found = [interface.shape for interface in state.interfaces]
-    same = state.u.shape == shape and state.history.accepted.shape == (history,)
-    if not (same and found == list(pairs) and len(state.places) == num_movers):
-        raise MortarError(
-            "the state belongs to another problem: expected a result of state() of this one"
-        )
-
-
 class ContactEquations:
     """Coupled equations of bodies, contacts and driven motions; all methods are collective.
 
@@ -224,7 +195,6 @@ class ContactEquations:
             self.floating, self.motions, self.stiffest, self.residual.forces
         )
         self._set_record = SetRecord(contacts)
-        self._last_tangent: LastTangent | None = None
         self.remedies = Remedies(
             self.floating, self.residual, self._set_record, self._adopt_linearized_sets
         )
@@ -274,7 +244,6 @@ class ContactEquations:
         if start:
             self._set_record.begin()
             self._redundancy.begin()
-            self._last_tangent = None
             self.residual.begin()
             for contact in self.contacts:
                 contact.begin()
@@ -354,17 +323,8 @@ class ContactEquations:
         """Carry out one Newton iteration: linearize, solve, apply; too long a step is shortened."""
         if self.floating.bodies:
             self.remedies.replace_unsettled_sets()
-        last, self._last_tangent = self._last_tangent, None
-        if last is not None and not self._set_record.num_changed:
-            increment = self._solve_with(last)
-            if increment is not None:
-                return self.apply(increment)
         self.linearize()
-        step = self.apply(self.solve_linear())
-        is_bordered = self.motions.exist and self.motions.are_unknown
-        if step.fraction == 1.0 and not (self.floating.bodies or is_bordered):
-            self._last_tangent = LastTangent(self.system.matrix.stateGet(), step.increment)
-        return step
+        return self.apply(self.solve_linear())
 
     def linearize(self) -> None:
         """Assemble the tangent of all equations at the last evaluated state."""
@@ -376,20 +336,6 @@ class ContactEquations:
             load.take_bulk_rows()
         self.system.assemble()
         raise_stored(self.comm, self.contacts)
-
-    def _solve_with(self, tangent: LastTangent) -> Increment | None:
-        """Solve with the last tangent if the iteration is then expected to end, else ``None``."""
-        residual, residuals = self.residual, self._set_record.residuals
-        goal = self.newton.residual_tolerance * residual.force
-        increment = tangent.solve(self.system, residual, residuals, goal)
-        if increment is None:
-            return None
-        size = self.step(self.bulk.largest(increment.u)).increment
-        ends = size <= self.newton.increment_tolerance
-        if not ends or not tangent.suffices(residual, residuals, size):
-            return None
-        self.system.num_kept += 1
-        return increment
 
     @clock("solve")
     def solve_linear(self) -> Increment:
@@ -470,12 +416,21 @@ class ContactEquations:
         """Restore a state exactly, and evaluate the operators.
 
         Raises:
-            MortarError: On all ranks, if ``state`` is not a state of this problem.
+            TypeError: On all ranks, if ``state`` is not a state.
+            MortarError: On all ranks, if it is one of another problem.
         """
         with together(self.comm, "restore"):
-            shapes = [c.state.shape for c in self.contacts]
-            sizes = len(self.motions.movers), self.bulk.history.size
-            check_state(state, self.bulk.values.shape, shapes, *sizes)
+            check_kind("state", state, State, "what state() of the same problem returned")
+            same = (
+                state.u.shape == self.bulk.values.shape
+                and state.history.accepted.shape == (self.bulk.history.size,)
+                and [z.shape for z in state.interfaces] == [c.state.shape for c in self.contacts]
+                and len(state.places) == len(self.motions.movers)
+            )
+            if not same:
+                raise MortarError(
+                    "the state belongs to another problem: expected a result of state() of this one"
+                )
         self.put(state)
         self.residual.begin()
         self.evaluate_operators()
@@ -484,7 +439,7 @@ class ContactEquations:
         """Restore a state without evaluating operators (local)."""
         self.bulk.values[:] = state.u
         self.bulk.history.put(state.history)
-        self.evaluated = self._last_tangent = None
+        self.evaluated = None
         self.motions.places = state.places
         self.crossings.restore(state.accepted_positions, state.u)
         inertia = self.bulk.inertia

@@ -67,6 +67,7 @@ from petsc4py import PETSc
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
+from fenics_mortar.bulk.bodies import products
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.la.solver import LINEAR_TOLERANCE
 from fenics_mortar.rigid.driven import border_of
@@ -162,7 +163,7 @@ class Tangent(Protocol):
 # to 0.001 in each, see ``contact.fluxes.SOFT``.
 SOLVES = 8
 # Relative change of the bodies' unknowns in the last of these solves [1]: rounding.
-SETTLED = 1e-15
+LAST_CHANGE = 1e-15
 
 
 class LinearizedEquations:
@@ -208,7 +209,7 @@ class LinearizedEquations:
             for _ in range(SOLVES - 1 if stiff else 0):
                 change = self._solved(self._remainder(found, stiff, transpose), transpose)
                 found = found + change
-                if self._norm(change) <= SETTLED * self._norm(found):
+                if self._norm(change) <= LAST_CHANGE * self._norm(found):
                     break
             return found
 
@@ -449,11 +450,12 @@ class ReducedTangent:
         given, f[prescribed] = f[prescribed], 0.0
         if transpose:
             u, forces, z = self._solve(f, self._scaled(h), self._parts.transposed)
-            u[prescribed] = given - self._support_forces(u) - forces[prescribed]
+            u[prescribed] = given - products(self._K_H, u[None])[0] - forces[prescribed]
             return self._system.join(u, z)
         known = np.zeros_like(f)
         known[prescribed] = given
-        u, _, z = self._solve(f - self._forces_by(given), h, self._parts, known)
+        by_given = products(self._K_H, given[None], transpose=True)[0]
+        u, _, z = self._solve(f - by_given, h, self._parts, known)
         return self._system.join(u, self._scaled(z))
 
     def _solve(
@@ -517,20 +519,6 @@ class ReducedTangent:
         force = self._bulk.r.duplicate()
         force.array[:] = f
         return np.array(self._compliance.solve(force).array_r)
-
-    def _forces_by(self, given: Array) -> Array:
-        """Forces K_H^T u_H of prescribed values, (owned dofs,) [stress length]."""
-        forces, values = self._K_H.createVecs()
-        values.array[:] = given
-        self._K_H.multTranspose(values, forces)
-        return np.array(forces.array_r)
-
-    def _support_forces(self, u: Array) -> Array:
-        """Forces K_H u at the prescribed dofs, (prescribed dofs,) [stress length]."""
-        displacement, forces = self._K_H.createVecs()
-        displacement.array[:] = u
-        self._K_H.mult(displacement, forces)
-        return np.array(forces.array_r)
 
     def _scaled(self, z: Sequence[Array]) -> list[Array]:
         """Values of each contact times the scale of its multipliers (local)."""

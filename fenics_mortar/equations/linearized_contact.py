@@ -53,6 +53,7 @@ from petsc4py import PETSc
 import numpy as np
 from scipy.sparse import csr_array
 
+from fenics_mortar.bulk.bodies import products
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC
 from fenics_mortar.contact.law import STICK, Coulomb, Frictionless
@@ -338,21 +339,20 @@ class LinearizedContact:
         B_T = BlockMatrix(comm, bulk.num_owned, size).assemble(system.force_blocks())
         C = BlockMatrix(comm, size, bulk.num_owned).assemble(system.law_blocks(pair_rows))
         compliance = BodyCompliance(bulk, self._floating)
-        moved, force = bulk.K.createVecs()
-        moved.array[bulk.prescribed_dofs] = bulk.distance_to_prescribed()
-        bulk.K.mult(moved, force)
-        rest = -(force.array_r + bulk.r.array_r[: bulk.num_owned])
+        moved = np.zeros(bulk.num_owned)
+        moved[bulk.prescribed_dofs] = bulk.distance_to_prescribed()
+        rest = -(products(bulk.K, moved[None])[0] + bulk.r.array_r[: bulk.num_owned])
         forces = _columns(B_T, used)
         responses = compliance.displacements(np.column_stack([forces, rest]))
-        responses[:, -1] += moved.array_r
+        responses[:, -1] += moved
         rows = comm.allreduce(_columns(C.transpose(), used).T @ responses)
         rhs = np.zeros(system.all_z_dofs)
         for own, z_dofs in zip(pair_rows, system.z_dofs, strict=True):
             rhs[z_dofs] = own.rhs
         V, y = -rows[:, :-1], rows[:, -1] - rhs[used]
         self._free_obstacles(V, y, used)
-        for matrix in (B_T, C, moved, force):
-            matrix.destroy()
+        B_T.destroy()
+        C.destroy()
         return V, y
 
     def _free_obstacles(self, V: Array, y: Array, used: Indices) -> None:

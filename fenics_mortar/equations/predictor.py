@@ -59,19 +59,22 @@ from mpi4py import MPI
 
 import numpy as np
 
+from fenics_mortar.contact.arcs import Carried, carried_by, moved_by
 from fenics_mortar.contact.contact import Contact, begin_step
 from fenics_mortar.equations.arguments import EQUATIONS
+from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.kernels.crossing import interpolate
 from fenics_mortar.kernels.tree import build_tree, spatial_order
 from fenics_mortar.newton.loop import NewtonReport, then_solve
-from fenics_mortar.obstacles.rigid_motion import polar_rotation
+from fenics_mortar.obstacles.rigid_motion import TURNS, polar_rotation, rotation_by
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices
+from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices, norms
 from fenics_mortar.utils.errors import NotConvergedError
-from fenics_mortar.utils.ranks import sum_over_ranks
+from fenics_mortar.utils.ranks import agreed, sum_over_ranks
 from fenics_mortar.verify.node_paths import SLENDER, STRETCHED
 
 if TYPE_CHECKING:
+    from fenics_mortar.bulk.bodies import FloatingBody
     from fenics_mortar.equations.general import ContactEquations, State
     from fenics_mortar.interface.curve_surface import Curve
     from fenics_mortar.mesh.space import DisplacementSpace
@@ -230,12 +233,16 @@ class MovingFrame:
         interfaces = list(guess.interfaces)
         u = guess.u.copy()
         for body, s in motions.items():
-            self._shift_body(u, (last.u, before.u), body, s, ratio)
+            v = self.carried(last.u, body, ratio * s)
+            w = self.carried(before.u, body, (1.0 + ratio) * s)
+            there = np.isfinite(v + w).all(axis=1)
+            u[self.dofs_of(body)[there]] = (v + ratio * (v - w))[there]
         for i, surface, body in self.slaves():
             if body in motions:
-                states = last.interfaces[i].z, before.interfaces[i].z
-                z = _shifted(surface, states, motions[body], ratio)
-                interfaces[i] = interfaces[i].replaced(z=z)
+                s = motions[body]
+                v = carried_along(surface, last.interfaces[i].z, ratio * s)
+                w = carried_along(surface, before.interfaces[i].z, (1.0 + ratio) * s)
+                interfaces[i] = interfaces[i].replaced(z=v + ratio * (v - w))
         return guess.replaced(u=u, interfaces=tuple(interfaces))
 
     def motions(self, moved: Array, ratio: float) -> dict[int, Array]:
@@ -268,17 +275,6 @@ class MovingFrame:
         """Local dofs of the nodes of a body, shape (nodes, 2) (local)."""
         return self._body(body).dofs
 
-    def _shift_body(
-        self, u: Array, states: tuple[Array, Array], body: int, s: Array, ratio: float
-    ) -> None:
-        """Overwrite the displacements of a body in ``u`` by shifted ones (collective)."""
-        v, w = (
-            self.carried(state, body, t)
-            for state, t in zip(states, (ratio * s, (1.0 + ratio) * s), strict=True)
-        )
-        there = np.isfinite(v + w).all(axis=1)
-        u[self._body(body).dofs[there]] = (v + ratio * (v - w))[there]
-
     def carried(self, values: Array, body: int, s: Array) -> Array:
         """A nodal field of a body, carried along by ``s`` (2,) [length] (collective).
 
@@ -300,14 +296,6 @@ class MovingFrame:
             mine = np.flatnonzero(self._problem.floating.labels == number)
             self._bodies[number] = _Body(space.dofs[mine], triangulate(space, mine))
         return self._bodies[number]
-
-
-def _shifted(surface: Curve, states: tuple[Array, Array], s: Array, ratio: float) -> Array:
-    """Extrapolate the shifted multipliers of two states, shape (slave nodes, 2) (local)."""
-    v, w = (
-        carried_along(surface, z, t * s) for z, t in zip(states, (ratio, 1.0 + ratio), strict=True)
-    )
-    return v + ratio * (v - w)
 
 
 def carried_along(surface: Curve, values: Array, s: Array) -> Array:
@@ -514,6 +502,9 @@ class Predictor:
 # method needs few iterations then.
 TURNED = 0.1
 
+# Difference of motions over their size [1] up to which a body rides on another one.
+FOLLOWS = 1e-3
+
 # Rigid motion: a point, its position after the motion [length], and the rotation (d, d) [1].
 Motion = tuple[Array, Array, Array]
 
@@ -529,6 +520,81 @@ def turns_of_prescribed(e: ContactEquations) -> dict[int, Motion]:
     sums = sum_over_ranks(e.comm, _sums(x[led], (x + change)[led], *of_bodies))
     motions = map(_motion, sums)
     return {body: motion for body, motion in enumerate(motions) if motion is not None}
+
+
+def with_followers(e: ContactEquations, motions: dict[int, Motion]) -> dict[int, Motion]:
+    """Rigid motions, and those of bodies that contact carries along if these turn (collective).
+
+    Without slip at nodes that touch at the accepted state, as far as possible by the size of their
+    forces. A body that moves there as one that is led takes its motion; centres of others, such as
+    rollers, move on straight lines.
+
+    Args:
+        e: The equations at the start of the step; rigid boundaries driven by forces are moved.
+        motions: Rigid motions of prescribed nodes, see ``turns_of_prescribed``.
+    """
+    bodies = e.floating.bodies
+    contacts = [contact for contact in e.contacts if isinstance(contact, Contact)]
+    if not bodies or not contacts:
+        return motions
+    led = e.crossings.led_motions()
+    rates, given = zip(*(_at_contact(e, contact, led) for contact in contacts), strict=True)
+    A, b = np.concatenate(rates, axis=1).T, np.concatenate(given)
+    factors = agreed(e.comm, np.linalg.lstsq(A, -b, rcond=FOLLOWS)[0])
+    found, ends = dict(motions), np.cumsum([len(body.motions) for body in bodies])
+    for body, own in zip(bodies, np.split(factors, ends[:-1]), strict=True):
+        motion = _as_followed(e, body, own @ body.motions, led)
+        if motion is not None:
+            found[body.label] = motion
+            e.floating.held.move(body, own)
+    return found
+
+
+def _at_contact(e: ContactEquations, contact: Contact, led: Carried) -> tuple[Array, Array]:
+    """Motions of nodes that touch past what they face, times roots of their forces (collective).
+
+    Returns:
+        Those by the motions of floating bodies, (motions, rows), and by led ones, (rows,).
+    """
+    partners, bodies = contact.partners, e.floating.bodies
+    at = np.flatnonzero(partners.pressure > 0.0)
+    size = np.sqrt(partners.pressure * contact.slave.nodal_areas)[at][:, None]
+    normals = evaluate_normals(contact.slave, partners.x, "opposite")[0][at]
+    sides = (contact.slave, partners.x), (contact.master, partners.m)
+    past = []
+    for side, x in sides:
+        nodes, parts = e.crossings.outline.indices_of(side.nodes), e.floating.parts_of(side)
+        moved = [Carried(*(values[nodes] for values in led))._replace(x=x).velocity()[None]]
+        moved += [e.floating.displacement(body, x, parts) for body in bodies]
+        past.append(np.concatenate(moved))
+    facing = partners.M[at]
+    rows = np.array([slave[at] - facing @ other for slave, other in zip(*past, strict=True)])
+    if contact.obstacle is not None:
+        foot = carried_by(contact.obstacle, partners.place, partners.feet)
+        rows[0] -= foot._replace(x=partners.x).velocity()[at]
+    if not contact.pair.law.has_friction:
+        rows = (rows * normals).sum(axis=2, keepdims=True)
+    rows = (size * rows).reshape(len(rows), -1)
+    return rows[1:], rows[0]
+
+
+def _as_followed(
+    e: ContactEquations, body: FloatingBody, rates: Array, led: Carried
+) -> Motion | None:
+    """Rigid motion of a floating body by its rates; ``None`` if it does not turn (local)."""
+    dim = len(body.centre)
+    shift, turn = np.split(rates[: dim + len(TURNS[dim])], [dim])
+    turn = turn / body.size
+    if not TURNED < np.linalg.norm(turn) < np.pi:
+        return None
+    start = e.crossings.accepted.x[e.crossings.led.bodies == body.label].mean(axis=0)
+    here = led._replace(x=np.broadcast_to(start, led.x.shape))
+    own = shift + moved_by(turn, (start - body.centre)[None])[0]
+    apart = norms(here.velocity() - own) + body.size * norms(led.turn - turn)
+    nearest = int(apart.argmin())
+    if apart[nearest] <= FOLLOWS * body.size * float(np.linalg.norm(turn)):
+        return led.start[nearest], led.end[nearest], rotation_by(turn)
+    return start, start + own, rotation_by(turn)
 
 
 def turn(e: ContactEquations, motions: dict[int, Motion]) -> None:

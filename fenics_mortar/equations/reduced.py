@@ -17,50 +17,35 @@ inverse of the Schur complement of K on S. Products of W with earlier changes of
 are stored; few of these are independent along a path. The displacement inside the bodies is
 computed at the end of Newton's method.
 
-Linear bulk and frictionless small sliding: the unknowns are the pressures of active nodes.
-
-D, M and n are those of the undeformed mesh: contact forces act along B_n = B^T n, one column per
-slave node, and the gap is linear. With g_0 the gap without contact forces, the pressures solve the
-linear complementarity problem
-
-    g = g_0 + S p >= 0,    p >= 0,    p . g = 0,    S = B_n^T K^-1 B_n,
-
-A column of S is computed when its node becomes active.
-
 Choice between all equations and those reduced to the contact dofs of a linear bulk.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
 import numpy as np
-from scipy.linalg import LinAlgError, solve
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array
 
 from fenics_mortar.bulk.bodies import find_floating_bodies
-from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.equations.linearized import ContactMatrices, ReducedTangent, solve_dense
-from fenics_mortar.la.compliance import Compliance, ContactDofs, FactoredBulk
+from fenics_mortar.la.compliance import Compliance, ContactDofs
 from fenics_mortar.la.options import COMPLIANCE, costs_of
-from fenics_mortar.la.solver import column_groups, factored_bulk
 from fenics_mortar.la.sparse import flatten, is_symmetric
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.interface import Interface
     from fenics_mortar.contact.rows import Rows
     from fenics_mortar.equations.general import ContactEquations
     from fenics_mortar.interface.mortar import Block
     from fenics_mortar.newton.loop import Status, Step
-    from fenics_mortar.utils.arrays import Array, Flags, Indices
+    from fenics_mortar.utils.arrays import Array, Flags
 
 
 class ReducedEquations:
@@ -71,21 +56,16 @@ class ReducedEquations:
         prefix: Prefix of PETSc's options.
     """
 
-    _compliance: Compliance
-
     def __init__(self, general: ContactEquations, prefix: str) -> None:
         self._general, self._bulk, self._system = general, general.bulk, general.system
         self.remedies = general.remedies
         self._comm: MPI.Comm = self._bulk.comm
         self._dofs = ContactDofs(general.contacts, self._bulk)
-        self._compliance = self._factor(prefix)
+        self._compliance = Compliance(self._bulk, self._dofs, prefix)
         self._inside: Flags = ~self._bulk.prescribed[: self._bulk.num_owned]
         self._inside[self._dofs.local] = False
         self._force: Array | None = None
         self._tangent: ReducedTangent | None = None
-
-    def _factor(self, prefix: str) -> Any:
-        return Compliance(self._bulk, self._dofs, prefix)
 
     def evaluate(self, *, start: bool) -> Status:
         """See ``ContactEquations``; after a step the residual follows from contact alone."""
@@ -230,14 +210,12 @@ class ReducedEquations:
         step, force, zeta = found
         return step, zeta, force
 
-    def tangent(self) -> ReducedTangent | None:
-        """Solves with the tangent by the factors of the bulk, ``None`` if they are not faster."""
+    def tangent(self) -> ReducedTangent:
+        """Solves with the tangent by the factors of the bulk."""
         if self._tangent is None:
-            self._tangent = self._tangent_by(self._compliance)
+            at = self._bulk, self._system, self._dofs, self._compliance, self._assemble
+            self._tangent = ReducedTangent(*at)
         return self._tangent
-
-    def _tangent_by(self, compliance: Compliance) -> ReducedTangent:
-        return ReducedTangent(self._bulk, self._system, self._dofs, compliance, self._assemble)
 
     def finish(self) -> None:
         """Compute the displacement inside the bodies."""
@@ -267,132 +245,6 @@ class ReducedEquations:
         return self._general.diagnose()
 
 
-class SmallSlidingEquations(ReducedEquations):
-    """Equations for small sliding, reduced to the pressures of active nodes.
-
-    Args:
-        general: The general equations, with linear bulk and without floating bodies.
-        prefix: Prefix of PETSc's options.
-    """
-
-    def __init__(self, general: ContactEquations, prefix: str) -> None:
-        super().__init__(general, prefix)
-        self._prefix = prefix
-        first = [z_dofs[:, 0] for z_dofs in self._system.z_dofs]
-        order = np.argsort(np.argsort(np.concatenate([np.empty(0, np.int64), *first])))
-        self._count = order.size
-        self._numbers = np.split(order, np.cumsum([part.size for part in first])[:-1])
-        self._multiplier_nodes = np.empty(0, bool)
-        self._open: list[Array] = []
-
-    def _numbered(self) -> Iterator[tuple[Interface, Indices]]:
-        """Each contact with the numbers of its nodes' pressures, (slave nodes,)."""
-        return zip(self._system.contacts, self._numbers, strict=True)
-
-    def _factor(self, prefix: str) -> Any:
-        return FactoredBulk(self._bulk, self._dofs, factored_bulk(self._bulk, prefix))
-
-    def tangent(self) -> ReducedTangent | None:
-        """See ``ReducedEquations``; the compliance is computed first if this reduces the cost."""
-        unknowns, dofs = self._bulk.r.getSize(), self._dofs.size
-        costs = costs_of(self._bulk.space.dim)
-        factors = costs.factors(unknowns, costs.expected)
-        pays = costs.fits(unknowns, dofs) and costs.compliance(unknowns, dofs) < factors
-        if self._tangent is None and pays:
-            self._bulk.assemble_tangent()  # a step on all dofs may have added terms to it
-            compliance = Compliance(self._bulk, self._dofs, self._prefix)
-            self._tangent = self._tangent_by(compliance)
-        return self._tangent
-
-    def advance(self) -> Step:
-        """Solve for the pressures of the active nodes; move the surfaces."""
-        u = self._bulk.u.x.array
-        before = u.copy()
-        if self._force is None:
-            self._move_without_contact()
-        else:
-            self._dofs.put(self._start, u)
-        self._find_gaps()
-        with clock("assembly"):
-            pushes = self._pushes()
-        with clock("solve"):
-            self._update_responses(pushes)
-            zeta, step, self._force = self._solve_pressures(pushes)
-        moved = np.zeros_like(u)
-        self._dofs.put(step, moved)
-        u += moved
-        self._balance(self._force)
-        for contact, numbers in self._numbered():
-            scale = zeta[numbers] * self._system.scale(contact)[:, 0]
-            contact.change(z=scale[:, None] * contact.operators.n)
-        return self._general.step(self._bulk.largest(u - before))
-
-    @clock("solve")
-    def _move_without_contact(self) -> None:
-        """Compute the displacement of all dofs without contact forces."""
-        u, prescribed = self._bulk.u, self._bulk.prescribed_dofs
-        u.x.array[prescribed] += self._bulk.distance_to_prescribed()
-        u.x.scatter_forward()
-        self._bulk.assemble_residual()
-        rest = self._bulk.r.duplicate()
-        rest.array[:] = -self._bulk.r.array_r
-        u.x.array[: self._bulk.num_owned] += self._compliance.solve(rest).array_r
-        u.x.scatter_forward()
-        self._start = self._dofs.gather(u.x.array)
-
-    def _find_gaps(self) -> None:
-        """Compute gaps k_j g_j / D_jj without contact; drop columns if multiplier nodes changed."""
-        multiplier_nodes = np.concatenate(
-            [contact.multiplier_nodes for contact in self._general.contacts]
-        )
-        if not np.array_equal(multiplier_nodes, self._multiplier_nodes):
-            self._multiplier_nodes = multiplier_nodes
-            self._responses = np.zeros((self._dofs.size, self._count))
-            self._known = np.zeros(self._count, bool)
-            self._open = []
-        if self._force is None or not self._open:
-            self._general.evaluate_operators()
-            self._open = [contact.operators.gap for contact in self._general.contacts]
-        self._gaps, self._active = np.zeros(self._count), np.zeros(self._count, bool)
-        for (contact, numbers), gap in zip(self._numbered(), self._open, strict=True):
-            self._gaps[numbers] = self._system.scale(contact)[:, 0] * gap
-            self._active[numbers] = contact.active
-
-    def _pushes(self) -> csr_array:
-        """B_n of the slave nodes, (size, slave nodes), complete on rank 0."""
-        size = self._system.all_z_dofs
-        normals, columns = np.empty(size), np.empty(size, np.int64)
-        for (contact, z_dofs), numbers in zip(self._system.numbered(), self._numbers, strict=True):
-            normals[z_dofs], columns[z_dofs] = contact.operators.n, numbers[:, None]
-        entries = normals, (np.arange(size), columns)
-        B_T = self._collect(self._system.force_blocks(), (self._dofs.size, size), (True, False))
-        return B_T.tocsr() @ csr_array(entries, shape=(size, self._count))
-
-    def _update_responses(self, pushes: csr_array) -> None:
-        """Compute the displacements due to pressures of newly active nodes."""
-        new = np.flatnonzero(self._active & ~self._known)
-        for group in column_groups(new.size):
-            forces = pushes[:, new[group]].T.tocsr()
-            self._responses[:, new[group]] = self._compliance.responses(forces)
-        self._known[new] = True
-
-    def _solve_pressures(self, pushes: csr_array) -> tuple[Array, Array, Array]:
-        """Pressures zeta (slave nodes,), resulting displacements and forces, (size,) each."""
-        zeta, a, pressures = np.zeros(self._count), np.flatnonzero(self._active), None
-        if not a.size:
-            pressures = np.empty(0)
-        elif self._comm.rank == 0:
-            S = pushes[:, a].T @ self._responses[:, a]
-            with suppress(LinAlgError):
-                pressures = solve(S, -self._gaps[a], assume_a="pos")
-        pressures = self._comm.bcast(pressures)
-        if pressures is None:
-            raise MortarError("the reduced linear system is singular")
-        zeta[a] = pressures
-        force = self._comm.bcast(pushes @ zeta if self._comm.rank == 0 else None)
-        return zeta, -self._responses @ zeta, force
-
-
 class LinearBulk:
     """Choice, before each solve, between all dofs and the contact dofs alone.
 
@@ -401,11 +253,10 @@ class LinearBulk:
 
     Args:
         general: The general equations.
-        requested: Whether to reduce. ``None``: yes with small sliding; otherwise if the residual is
-            linear and the predicted cost of the compliance is below the past and future cost of
-            factorizations, with no more memory, see ``la.options``. In space that of the dense
-            systems counts as well, which the active nodes determine: all nodes, until they are
-            known.
+        requested: Whether to reduce. ``None``: if the residual is linear and the predicted cost of
+            the compliance is below the past and future cost of factorizations, with no more memory,
+            see ``la.options``. In space that of the dense systems counts as well, which the active
+            nodes determine: all nodes, until they are known.
         prefix: Prefix of PETSc's options.
 
     Attributes:
@@ -438,7 +289,7 @@ class LinearBulk:
             return None, []
         if self._data_changed():
             self._equations, self._num_iterations = None, 0
-        if self._equations is not None and not (self._asked or self._iterates_faster()):
+        if self._equations is not None and not (self._requested or self._iterates_faster()):
             self._equations = None  # many nodes have become active
         if self._equations is None and self._pays():
             obstacle = self._obstacle()
@@ -446,10 +297,9 @@ class LinearBulk:
                 self._possible = False
                 self.choice = f"linear bulk factored in every iteration: {obstacle}"
                 return None, [f"linear bulk, but {obstacle}: K is factored in every iteration"]
-            equations = SmallSlidingEquations if self._slides_little else ReducedEquations
             try:
                 with clock("solve"):
-                    self._equations = equations(self._general, self._prefix)
+                    self._equations = ReducedEquations(self._general, self._prefix)
             except MortarError:  # singular: the solve on all dofs locates the cause
                 if self._requested:
                     raise
@@ -482,20 +332,6 @@ class LinearBulk:
         self._possible = self._given
 
     @property
-    def _slides_little(self) -> bool:
-        return all(
-            isinstance(pair, ContactPair)
-            and pair.sliding == "small"
-            and not (pair.law.has_friction or pair.law.has_adhesion or pair.law.has_closing_gap)
-            for pair in (contact.pair for contact in self._general.contacts)
-        )
-
-    @property
-    def _asked(self) -> bool:
-        """Whether to reduce in any case."""
-        return bool(self._requested) or self._slides_little
-
-    @property
     def _dense_size(self) -> int:
         """Size of the dense systems: active nodes, about as many of the master, multipliers.
 
@@ -520,7 +356,7 @@ class LinearBulk:
         compliance += costs.dense_solves(self._dense_size, costs.expected)
         factors, fits = costs.factors(unknowns, iterations), costs.fits(unknowns, dofs)
         cheaper = compliance < factors and self._iterates_faster()
-        pays = self._asked or (fits and cheaper)
+        pays = bool(self._requested) or (fits and cheaper)
         if pays:
             self.choice = f"linear bulk factored once, Newton's method on {dofs} contact dofs"
         else:
@@ -528,8 +364,6 @@ class LinearBulk:
         self.choice += f" of {unknowns} unknowns"
         if self._requested:
             self.choice += " (linear_bulk=True)"
-        elif self._slides_little:
-            self.choice += " (small sliding)"
         else:
             memory = "" if fits else ", and its matrices would need more memory than factors"
             self.choice += (

@@ -45,18 +45,16 @@ from dolfinx import fem
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.kernels.blocks import add_forces
 from fenics_mortar.mesh.data import MeshData, Names, as_list, joined_names
-from fenics_mortar.newton.loop import forcing
-from fenics_mortar.utils.arrays import EPSILON, SOLVED, TINY, Array, Indices, Numbers
+from fenics_mortar.utils.arrays import EPSILON, SOLVED, Array, Indices, Numbers
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MeshError, MortarError, check_same_texts, together
-from fenics_mortar.utils.ranks import on_all_ranks, on_any_rank, sum_over_ranks
+from fenics_mortar.utils.ranks import on_any_rank, sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.contact import Contact
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.contact.tied import Tie
-    from fenics_mortar.la.system import LinearSystem
     from fenics_mortar.rigid.driven import DrivenMotions
     from fenics_mortar.rigid.floating import FloatingBodies
 
@@ -209,10 +207,6 @@ class Residual:
         self._floating.add_spring_forces()
         return bulk, self.contact_force(), self._motions.obstacle_forces()
 
-    def shear_forces(self) -> tuple[Array, Array]:
-        """Contributions of shear to contact and obstacle forces; see ``kernels.blocks``."""
-        return self.contact_force("shear"), self._motions.obstacle_forces("shear")
-
     @clock("assembly")
     def contact_force(self, multipliers: str = "z") -> Array:
         """B^T z and loads of fluxes, (owned dofs,); ``multipliers="shear"``: of the shear only.
@@ -223,10 +217,8 @@ class Residual:
         for contact in self._contacts:
             if multipliers == "z":
                 contact.add_loads(force)
-                continue
-            on_slave, on_master = contact.operators.force(getattr(contact, multipliers))
-            contact.slave.scatter_add(on_slave, force)
-            contact.master.scatter_add(on_master, force)
+            else:
+                contact.scatter_add(contact.operators.force(getattr(contact, multipliers)), force)
         return force
 
 
@@ -249,72 +241,6 @@ class Increment(NamedTuple):
     z: list[Array]
     motion: Array
     remark: str
-
-
-# Estimated residual after a step with the last tangent, over the rounding of the residual [1]. Up
-# to this value the step is taken, since the result is that of a new tangent.
-MAX_ESTIMATE = 0.01
-
-
-class LastTangent(NamedTuple):
-    """The tangent of the last iteration, which may serve one more.
-
-    Attributes:
-        matrix_state: State of the system's matrix when it was assembled, as PETSc counts changes.
-        size: Size of the step over that of the displacement [1].
-    """
-
-    matrix_state: int
-    size: float
-
-    def solve(
-        self, system: LinearSystem, residual: Residual, residuals: Sequence[float], goal: float
-    ) -> Increment | None:
-        """Solve for a further step; ``None`` if a new tangent is better (collective).
-
-        Args:
-            system: The linear system.
-            residual: Residual of the present state.
-            residuals: Residuals of the iterations so far [stress length].
-            goal: Residual at which the iteration ends [stress length].
-        """
-        if len(residuals) < 2 or estimate(residuals) > MAX_ESTIMATE * residual.attainable:
-            return None
-        if not on_all_ranks(system.comm, system.matrix.stateGet() == self.matrix_state):
-            return None
-        force = residual.force if system.solver.multigrid is not None else 0.0
-        system.solver.forcing = forcing(residuals, goal, force, sets_change=False)
-        f = residual.total.copy()
-        for contact in system.contacts:
-            for flux in contact.fluxes:
-                flux.add_row_loads(f)
-        f *= -1.0
-        f[system.bulk.prescribed_dofs] = residual.distance
-        rows = [
-            -contact.rows.weighted(frame)
-            for contact, frame in zip(system.contacts, system.frames, strict=True)
-        ]
-        with clock("solve"):
-            step, changes = system.split(system.solve(system.join(f, rows)))
-        z = [contact.z + change for contact, change in zip(system.contacts, changes, strict=True)]
-        return Increment(step, z, NO_MOTION, "")
-
-    def suffices(self, residual: Residual, residuals: Sequence[float], size: float) -> bool:
-        """Whether the step is negligible beside the last one, by its size [1] (local)."""
-        estimated = estimate(residuals, size / max(self.size, TINY))
-        return estimated <= MAX_ESTIMATE * residual.attainable
-
-
-def estimate(residuals: Sequence[float], ratio: float | None = None) -> float:
-    """Estimated residual after a step with the last tangent [stress length] (local).
-
-    Args:
-        residuals: Residuals of the iterations so far, at least two [stress length].
-        ratio: Size of the step over that of the last one [1]. Before it is known, that of the
-            residuals, since displacements rarely decrease faster.
-    """
-    before, last = residuals[-2:]
-    return 2.0 * last * (last / max(before, TINY) if ratio is None else ratio)
 
 
 class Reaction(NamedTuple):

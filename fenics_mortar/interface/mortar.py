@@ -25,6 +25,7 @@ Blocks of sparse matrices, and the terms of the tangent that are kept.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple, Self
@@ -56,6 +57,33 @@ def scaled(block: Block, factors: Array) -> Block:
 def without_values(rows: Indices, columns: Indices) -> Block:
     """No blocks, where there would be some with rows (b, r) and columns (b, c) (local)."""
     return Block(rows[:0], columns[:0], np.empty((0, rows.shape[1], columns.shape[1])))
+
+
+def entries_of(block: Block) -> tuple[Indices, Indices, Array]:
+    """Rows, columns and values of a block's entries, shape (entries,) each [unit of the block]."""
+    rows = np.broadcast_to(block.rows[:, :, None], block.values.shape)
+    columns = np.broadcast_to(block.columns[:, None, :], block.values.shape)
+    return rows.ravel(), columns.ravel(), block.values.ravel()
+
+
+# Numbers of the columns of a matrix, and the matrix.
+NumberedColumns = tuple[Indices, csr_array]
+
+
+def compressed(blocks: Iterable[Block], num_rows: int) -> NumberedColumns:
+    """Sum of blocks with few columns of many, without zeros and columns of -1."""
+    i, j, v = (np.concatenate(parts) for parts in zip(*map(entries_of, blocks), strict=True))
+    used = (j >= 0) & (v != 0.0)
+    numbers, at = np.unique(j[used], return_inverse=True)
+    return numbers, coo_array((v[used], (i[used], at)), shape=(num_rows, numbers.size)).tocsr()
+
+
+def as_block(matrix: csr_array, rows: Indices, columns: Indices) -> Block:
+    """A sparse matrix as a block per entry, with the numbers of its rows and columns."""
+    found = matrix.tocoo()
+    return Block(
+        rows[found.row][:, None], columns[found.col][:, None], found.data.reshape(-1, 1, 1)
+    )
 
 
 @dataclass(frozen=True)

@@ -127,15 +127,12 @@ class Outline:
         order = np.argsort(self.nodes)
         return order[np.searchsorted(self.nodes[order], nodes)]
 
-    def segments_of(self, surface: Curve) -> Indices:
-        """End nodes of the segments of a surface's facets, facet by facet, shape (k, 2)."""
-        at = self.indices_of(surface.nodes)[surface.facets]
-        return np.stack([at[:, :-1].ravel(), at[:, 1:].ravel()], axis=1)
-
     def are_of(self, surface: Curve) -> npt.NDArray[np.bool_]:
         """Whether each segment belongs to a surface, shape (m,), bool."""
+        at = self.indices_of(surface.nodes)[surface.facets]
         key = np.array([len(self.X), 1])
-        return np.isin(self.segments @ key, self.segments_of(surface) @ key)
+        segments = np.stack([at[:, :-1].ravel(), at[:, 1:].ravel()], axis=1)
+        return np.isin(self.segments @ key, segments @ key)
 
     def bodies_of(self, surface: Curve) -> Indices:
         """Body of each facet of a surface, shape (f,)."""

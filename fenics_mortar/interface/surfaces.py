@@ -334,7 +334,8 @@ def tagged_facets(mesh: Any, facet_tags: Any, tags: Sequence[int], name: str) ->
     if count:
         raise SurfaceError(
             f"surface '{name}': {count} of its facets are not on the boundary of the mesh, "
-            f"one at {where}; expected facets of the outline of one body"
+            f"one at {where}; expected facets of the outline of one body (in a crack, both faces "
+            "have the same nodes there: gmsh's plugin Crack does not cut junctions of cracks)"
         )
     return tagged
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import coo_array, csr_array
 
 import basix
 import ufl
@@ -90,6 +91,17 @@ class Trace:
         """E^T times a block whose rows are nodes of the surface: rows are dofs (local)."""
         dofs, values = self.columns(block.rows, np.swapaxes(block.values, 1, 2))
         return Block(dofs, block.columns, np.ascontiguousarray(np.swapaxes(values, 1, 2)))
+
+    def interpolation(self, dofs: Indices) -> csr_array:
+        """E, with columns in the order of some dofs (d,), ascending, that hold its own (local).
+
+        Returns:
+            Shape (n, d) [1].
+        """
+        node, part = np.nonzero(self.dofs >= 0)
+        column = np.searchsorted(dofs, self.dofs[node, part])
+        shape = len(self.dofs), dofs.size
+        return coo_array((self.weights[node, part], (node, column)), shape=shape).tocsr()
 
 
 def trace_of(space: DisplacementSpace, field: Any, surface: Surface) -> Trace:

@@ -240,6 +240,93 @@ def pack_product(i, j, v, offsets, columns, values, numbers, num_columns, counts
 
 
 @kernel
+def sum_rows(rows, starts, columns, values, first, num_columns, sum_starts, sum_columns,
+             sum_values):  # fmt: skip
+    """Sum packed rows into the rows of a matrix, each with an entry on the diagonal.
+
+    Args:
+        rows: Number of each packed row, in any order, shape (p,); at least ``first``.
+        starts: Entries of packed row p are starts[p]:starts[p + 1].
+        columns: Columns of the entries, in any order.
+        values: Values of the entries.
+        first: Number of the first row of the sums.
+        num_columns: Number of columns.
+        sum_starts: Entries of row ``first`` + i are sum_starts[i]:sum_starts[i + 1]; filled.
+        sum_columns: Their columns, ascending in each row, at most entries + p; filled.
+        sum_values: Their values, likewise.
+    """
+    ends = np.zeros(sum_starts.size, np.int64)
+    for p in range(rows.size):
+        ends[rows[p] - first + 1] += 1
+    for r in range(ends.size - 1):
+        ends[r + 1] += ends[r]
+    by_row = np.empty(rows.size, np.int64)
+    for p in range(rows.size):
+        by_row[ends[rows[p] - first]] = p
+        ends[rows[p] - first] += 1
+    places = np.full(num_columns, -1)  # of columns among the sums of the row
+    entry, begin = 0, 0
+    sum_starts[0] = 0
+    for r in range(sum_starts.size - 1):
+        start = entry
+        if ends[r] > begin:
+            places[first + r] = entry
+            sum_columns[entry], sum_values[entry] = first + r, 0.0
+            entry += 1
+        for k in range(begin, ends[r]):
+            for e in range(starts[by_row[k]], starts[by_row[k] + 1]):
+                if places[columns[e]] < start:
+                    places[columns[e]] = entry
+                    sum_columns[entry], sum_values[entry] = columns[e], 0.0
+                    entry += 1
+                sum_values[places[columns[e]]] += values[e]
+        begin = ends[r]
+        order = np.argsort(sum_columns[start:entry])
+        sum_columns[start:entry] = sum_columns[start:entry][order]
+        sum_values[start:entry] = sum_values[start:entry][order]
+        sum_starts[r + 1] = entry
+
+
+@kernel
+def add_rows(part, more, bounds, outside, sums):
+    """Add rows to some columns of a matrix: those within ``bounds``, or those outside.
+
+    Rows are starts, columns, ascending in each row, and values of their entries.
+
+    Args:
+        part: The columns of the matrix, numbered from bounds[0] on if they are within.
+        more: The rows to add, with all columns.
+        bounds: First column within, and the one after the last.
+        outside: Whether the columns are those outside.
+        sums: The sum, numbered as ``part``, with entries where one of both has them, at most the
+            number of both; filled.
+    """
+    (starts, columns, values), (more_starts, more_columns, more_values) = part, more
+    sum_starts, sum_columns, sum_values = sums
+    entry, shift = 0, 0 if outside else bounds[0]
+    sum_starts[0] = 0
+    for r in range(starts.size - 1):
+        e, end = starts[r], starts[r + 1]
+        for k in range(more_starts[r], more_starts[r + 1]):
+            column = more_columns[k]
+            if (bounds[0] <= column < bounds[1]) == outside:
+                continue
+            column -= shift
+            while e < end and columns[e] < column:
+                sum_columns[entry], sum_values[entry] = columns[e], values[e]
+                entry, e = entry + 1, e + 1
+            sum_columns[entry], sum_values[entry] = column, more_values[k]
+            if e < end and columns[e] == column:
+                sum_values[entry] += values[e]
+                e += 1
+            entry += 1
+        while e < end:
+            sum_columns[entry], sum_values[entry] = columns[e], values[e]
+            entry, e = entry + 1, e + 1
+        sum_starts[r + 1] = entry
+
+
+@kernel
 def are_known(known, slave, master, acting, num_masters):
     """Whether a pattern contains the couplings of all segments with an acting multiplier.
 

@@ -61,19 +61,31 @@ class ContactDofs(SomeRows):
 MANY_SOLVES = 40
 
 
-class FactoredBulk:
-    """Factors of K with the prescribed dofs fixed (collective).
+class Compliance:
+    """Response of the contact dofs to forces on them and to prescribed values (collective).
 
     Args:
         bulk: The bodies; their tangent is constant and assembled.
         dofs: The contact dofs.
-        factors: The factors, see ``solver``.
+        prefix: Prefix of PETSc's options.
+
+    Attributes:
+        A: Displacements of the contact dofs due to unit forces on them, zero for prescribed dofs,
+            shape (size, size) on rank 0, (0, 0) on other ranks [1 / stress].
     """
 
-    def __init__(self, bulk: Bulk, dofs: ContactDofs, factors: PETSc.PC) -> None:
-        self._bulk, self._dofs, self._factors = bulk, dofs, factors
+    def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
+        self._bulk, self._dofs = bulk, dofs
         free = ~bulk.prescribed[dofs.local]
         self._numbers, self._local = dofs.numbers[free], dofs.local[free]
+        self.A, self._factors = _compliance(bulk, dofs, prefix)
+        if not self._is_accurate():
+            self._factors.destroy()
+            self._factors = factored_bulk(bulk, prefix)
+            self.A = self._by_columns()
+        self._prefix, self._num_solves = prefix, 0
+        self._changes = np.empty((0, bulk.prescribed_dofs.size))
+        self._responses_to_changes = np.empty((0, dofs.size))
 
     def responses(self, forces: csr_array) -> Array:
         """Displacements of the contact dofs due to forces on them (collective).
@@ -111,39 +123,10 @@ class FactoredBulk:
         return PETSc.Mat().createAIJ(sizes, csr=csr, comm=self._bulk.comm)
 
     def solve(self, force: PETSc.Vec) -> PETSc.Vec:
-        """Displacement due to forces on the free dofs; changes ``force`` (collective)."""
-        force.array[self._bulk.prescribed_dofs] = 0.0
-        response = force.duplicate()
-        self._factors.apply(force, response)
-        return response
+        """Displacement due to forces on the free dofs; changes ``force`` (collective).
 
-
-class Compliance(FactoredBulk):
-    """Response of the contact dofs to forces on them and to prescribed values (collective).
-
-    Args:
-        bulk: The bodies; their tangent is constant and assembled.
-        dofs: The contact dofs.
-        prefix: Prefix of PETSc's options.
-
-    Attributes:
-        A: Displacements of the contact dofs due to unit forces on them, zero for prescribed dofs,
-            shape (size, size) on rank 0, (0, 0) on other ranks [1 / stress].
-    """
-
-    def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
-        self.A, factors = _compliance(bulk, dofs, prefix)
-        super().__init__(bulk, dofs, factors)
-        if not self._is_accurate():
-            self._factors.destroy()
-            self._factors = factored_bulk(bulk, prefix)
-            self.A = self._by_columns()
-        self._prefix, self._num_solves = prefix, 0
-        self._changes = np.empty((0, bulk.prescribed_dofs.size))
-        self._responses_to_changes = np.empty((0, dofs.size))
-
-    def solve(self, force: PETSc.Vec) -> PETSc.Vec:
-        """See ``FactoredBulk``; on one rank, after many solves, by new factors of CHOLMOD."""
+        On one rank, after many solves, by new factors of CHOLMOD.
+        """
         self._num_solves += 1
         if self._num_solves == MANY_SOLVES and self._bulk.comm.size == 1:
             self._bulk.assemble_tangent()  # a step on all dofs may have added terms to it
@@ -151,7 +134,14 @@ class Compliance(FactoredBulk):
             if faster is not None:
                 self._factors.destroy()
                 self._factors = faster
-        return super().solve(force)
+        return self._solve(force)
+
+    def _solve(self, force: PETSc.Vec) -> PETSc.Vec:
+        """See ``solve``, by the present factors."""
+        force.array[self._bulk.prescribed_dofs] = 0.0
+        response = force.duplicate()
+        self._factors.apply(force, response)
+        return response
 
     def _is_accurate(self) -> bool:
         """Whether A and the factors are accurate (collective).
@@ -165,7 +155,7 @@ class Compliance(FactoredBulk):
         force, rest = bulk.K.createVecs()
         given = np.where(dofs.free, np.cos(np.arange(dofs.size)), 0.0)
         dofs.put(given, force.array)
-        response = FactoredBulk.solve(self, force)
+        response = self._solve(force)
         bulk.K.mult(response, rest)
         rest.axpy(-1.0, force)
         rest.array[bulk.prescribed_dofs] = 0.0

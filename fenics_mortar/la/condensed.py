@@ -12,7 +12,7 @@ with its slave rows K_S and Q = 1 + R,
 
     Q K~ + C = K~ + R K_S + C,
 
-which is added to K in place, at a cost proportional to these rows.
+which in the plane is added to K in place, at a cost proportional to these rows; in space to a copy.
 
 Components of multipliers with Z = 0 (nodes that do not act, prescribed components on symmetry
 planes) have rows A_z z = h without displacements and with a diagonal A_z. They are solved first,
@@ -46,13 +46,25 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import gather_forces
 from fenics_mortar.la.coupling import zero_block
 from fenics_mortar.la.options import ITERATIVE, SMALL, Algorithm, SolverName, costs_of
-from fenics_mortar.la.sparse import BlockMatrix, Entries, Product, SomeRows, add_blocks, flatten
+from fenics_mortar.la.sparse import (
+    BlockMatrix,
+    Entries,
+    Product,
+    SomeRows,
+    add_blocks,
+    flatten,
+    packed,
+    packed_rows,
+    summed_rows,
+    with_rows,
+)
 from fenics_mortar.la.system import LinearSystem, SaddleSystem, renumbered
 from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
@@ -160,24 +172,52 @@ class CondensedSystem(LinearSystem):
 
     @clock("assembly")
     def assemble(self) -> None:
-        """Add K_c + R K_S + C to K (collective)."""
-        pair_rows, inverses, self.frames = list[Rows](), list[Array](), []
+        """Build K_c + R K_S + C + K (collective)."""
+        pair_rows, inverses = list[Rows](), list[Array]()
         for contact in self.contacts:
             pair_rows.append(contact.rows.linearized())
             inverses.append(contact.components.inverse)
-            self.frames.append(pair_rows[-1].frame)
         entries = self._R_entries(pair_rows, inverses)
-        if self._update_pattern():
+        if self.bulk.space.dim == 2 and self._update_pattern():
             self._extend_pattern(entries)
-        K = self.bulk.tangent_to_change()
-        add_blocks(K, self.force_derivative())
         self._R.set_entries(*entries)
-        self._slave_K = K.createSubMatrix(self._slave_rows, None, self._slave_K)
-        product = Product(self._R.entries, self._slave_K.getValuesCSR(), self._rows.rows)
-        add_blocks(K, self._C_blocks(pair_rows), product)
-        self.matrix = K
+        build = self._add_to_tangent if self.bulk.space.dim == 2 else self._without_pattern
+        self.matrix = build(self._C_blocks(pair_rows))
         self._collect_rows(pair_rows, inverses)
         self._prescribe_rows(self.matrix, self.bulk.first)
+
+    def _add_to_tangent(self, C: list[Block]) -> PETSc.Mat:
+        """The matrix in place of K, whose pattern has all entries (collective)."""
+        K = self.bulk.tangent_to_change()
+        add_blocks(K, self.force_derivative())
+        self._slave_K = K.createSubMatrix(self._slave_rows, None, self._slave_K)
+        add_blocks(K, C, self._product(self._slave_K.getValuesCSR()))
+        return K
+
+    def _without_pattern(self, C: list[Block]) -> PETSc.Mat:
+        """The matrix beside K, with the entries of the present state only (collective)."""
+        K, size = self.bulk.K, self.bulk.num_dofs
+        bounds = K.getOwnershipRanges()
+        K_c = summed_rows(self.comm, bounds, [packed(self.force_derivative(), None, size)])
+        of_bulk, shape = K.createSubMatrix(self._slave_rows), (self.num_z_dofs, size)
+        starts, columns, values = of_bulk.getValuesCSR()
+        of_contact = csr_array(K_c[::-1], shape=(self.bulk.num_owned, size))[self._slave_dofs]
+        slave_K = csr_array((values, columns, starts), shape=shape) + of_contact
+        indices = (part.astype(PETSc.IntType) for part in (slave_K.indptr, slave_K.indices))
+        csr = *indices, slave_K.data
+        for matrix in (of_bulk, self._slave_K):
+            if matrix is not None:
+                matrix.destroy()
+        sizes = (self.num_z_dofs, None), (self.bulk.num_owned, None)
+        self._slave_K = PETSc.Mat().createAIJ(sizes, csr=csr, comm=self.comm)
+        rest = packed(C, self._product(csr), size)
+        change = summed_rows(self.comm, bounds, [packed_rows(K_c, self.bulk.first), rest])
+        return with_rows(K, change)
+
+    def _product(self, slave_csr: tuple[Any, ...]) -> Product:
+        """R K_S, given the rows K_S of this rank."""
+        starts, columns, values = slave_csr
+        return Product(self._R.entries, (starts, columns, values), self._rows.rows)
 
     def _collect_rows(self, pair_rows: Sequence[Rows], inverses: Sequence[Array]) -> None:
         """Diagonals of Z and A_z and right-hand sides of the multipliers owned here (local)."""

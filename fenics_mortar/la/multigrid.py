@@ -135,9 +135,10 @@ class Strip:
         self.forget_pattern()
 
     def factor(self, A: PETSc.Mat) -> None:
-        """Factor the strip of ``A``, whose pattern may have changed."""
+        """Factor the strip of ``A``, whose pattern may have changed, as it always has in space."""
         pattern = A.handle, A.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]
-        if not on_all_ranks(self._comm, pattern == self._pattern):
+        same = self._nonzeros is None and pattern == self._pattern
+        if not on_all_ranks(self._comm, same):
             self.forget_pattern()
             self._pattern = pattern
         whole, solved, touched = (
@@ -448,7 +449,7 @@ class ContactPreconditioner:
         axes = self._axes[self._bulk.space.owned_dofs[:, 0]]
         transforms = self._motion.mat, self._equations.mat
         if self._bulk.space.dim == 3:
-            B = touching_in_space(tangent, self._near, *transforms, self._R.mat)
+            B = touching_in_space(tangent, self._near, *transforms, axes)
         else:
             B = self._tangent.assemble(tangent, self._near, *transforms, axes[:, :, 0])
         if tangent is not A:

@@ -4,17 +4,18 @@
 Any rank may add to any row; duplicates are summed and negative indices are dropped. PETSc
 preallocates in this form; without preallocation PETSc 3.18 takes minutes instead of milliseconds.
 
-Zeros that are stored for contact that is possible, but absent, can be left out: the pattern of a
-system has all pairs of nodes that may come into contact in a load step. In space
-these are most of its entries: 3.5 million of 11,000 unknowns, of which 0.56 million are not zero.
-Factors of the others take a quarter of the time and of the memory, with a new elimination order
-for each matrix included.
+In the plane the pattern of a system has zeros for all that may come into contact in a load step, so
+that an elimination order serves many matrices. In space these were most of the entries, 3 of 3.5
+million of 11,000 unknowns; on two ranks, making the pattern took half of a solve with 53,000
+unknowns, and a third of the memory. There the rows of contact of the present state are summed
+and added to those of the bodies, as a new matrix. Factors leave out its zeros, as in the rows of
+prescribed dofs.
 """
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from mpi4py import MPI
@@ -23,8 +24,9 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.mortar import Block
-from fenics_mortar.kernels.blocks import pack_product, pack_rows
+from fenics_mortar.bulk.node_blocks import CSR, from_local_csr, local_csr
+from fenics_mortar.interface.mortar import Block, entries_of
+from fenics_mortar.kernels.blocks import add_rows, pack_product, pack_rows, sum_rows
 from fenics_mortar.utils.arrays import SUM_ROUNDING, Array, Indices
 from fenics_mortar.utils.compat import POINTER, petsc_function
 from fenics_mortar.utils.errors import MortarError
@@ -160,16 +162,19 @@ class SomeRows:
         return PETSc.Mat().createAIJ(((num_owned, None),) * 2, csr=csr, comm=small.comm)
 
 
-def add_blocks(matrix: PETSc.Mat, blocks: Iterable[Block], product: Product | None = None) -> None:
-    """Add blocks and a product of sparse matrices to existing entries of a matrix (collective).
+# Numbers of rows in any order, starts (rows + 1,), columns and values (entries,) of their entries.
+Packed = tuple[npt.NDArray, npt.NDArray, npt.NDArray, npt.NDArray]
 
-    Any rank may add to any row; negative indices and zeros of blocks are dropped. The cost does
-    not depend on the number of entries of the matrix.
+
+def packed(blocks: Iterable[Block], product: Product | None, num_columns: int) -> Packed:
+    """Rows of blocks and of a product of sparse matrices (local).
+
+    Negative indices and zeros of blocks are dropped.
 
     Args:
-        matrix: The matrix, changed in place.
         blocks: The blocks.
         product: The product.
+        num_columns: Number of columns of the product.
     """
     given, num_rows, num_entries = list(blocks), 0, 0
     for block in given:
@@ -181,33 +186,110 @@ def add_blocks(matrix: PETSc.Mat, blocks: Iterable[Block], product: Product | No
     columns, values = np.empty(num_entries, PETSc.IntType), np.empty(num_entries)
     counts = np.zeros(2, np.int64)
     starts[0] = 0
-    packed = counts, rows, starts, columns, values
+    found = counts, rows, starts, columns, values
     for block in given:
-        pack_rows(*map(np.ascontiguousarray, block), *packed)
+        pack_rows(*map(np.ascontiguousarray, block), *found)
     if product is not None:
-        size = matrix.getSize()[1]
-        pack_product(*product.entries, *product.csr, product.numbers, size, *packed)
+        pack_product(*product.entries, *product.csr, product.numbers, num_columns, *found)
     row, entry = counts
-    matrix.setValuesIJV(
-        starts[: row + 1], columns[:entry], values[:entry], PETSc.InsertMode.ADD_VALUES, rows[:row]
-    )
+    return rows[:row], starts[: row + 1], columns[:entry], values[:entry]
+
+
+def add_blocks(matrix: PETSc.Mat, blocks: Iterable[Block], product: Product | None = None) -> None:
+    """Add blocks and a product of sparse matrices to existing entries of a matrix (collective).
+
+    Any rank may add to any row; negative indices and zeros of blocks are dropped. The cost does
+    not depend on the number of entries of the matrix.
+
+    Args:
+        matrix: The matrix, changed in place.
+        blocks: The blocks.
+        product: The product.
+    """
+    rows, starts, columns, values = packed(blocks, product, matrix.getSize()[1])
+    matrix.setValuesIJV(starts, columns, values, PETSc.InsertMode.ADD_VALUES, rows)
     matrix.assemble()
+
+
+def summed_rows(comm: MPI.Comm, bounds: npt.NDArray, parts: Sequence[Packed]) -> CSR:
+    """Sum rows that any rank may have for any rank (collective).
+
+    Args:
+        comm: Communicator.
+        bounds: First row of each rank, and the number of rows and columns, shape (ranks + 1,).
+        parts: The rows.
+
+    Returns:
+        The rows of this rank, all with a diagonal entry that have entries; columns ascend.
+    """
+    mine = [part for some in parts for part in _sent_to_owners(comm, bounds, some)]
+    rows, columns, values = (np.concatenate([part[k] for part in mine]) for k in (0, 2, 3))
+    sizes = np.concatenate([np.diff(part[1]) for part in mine])
+    starts = np.zeros(rows.size + 1, np.int64)
+    np.cumsum(sizes, out=starts[1:])
+    first, end = bounds[comm.rank : comm.rank + 2].tolist()
+    sum_starts = np.empty(end - first + 1, PETSc.IntType)
+    most = values.size + rows.size
+    sum_columns, sum_values = np.empty(most, PETSc.IntType), np.empty(most)
+    sum_rows(
+        rows, starts, columns, values, first, int(bounds[-1]), sum_starts, sum_columns, sum_values
+    )
+    count = sum_starts[-1]
+    return sum_starts, sum_columns[:count].copy(), sum_values[:count].copy()
+
+
+def _sent_to_owners(comm: MPI.Comm, bounds: npt.NDArray, rows: Packed) -> list[Packed]:
+    """Rows of this rank, from all ranks in their order (collective)."""
+    if comm.size == 1:
+        return [rows]
+    numbers, starts, columns, values = rows
+    owners, sizes = np.searchsorted(bounds, numbers, side="right") - 1, np.diff(starts)
+    of_entries, sent = np.repeat(owners, sizes), []
+    for rank in range(comm.size):
+        here, its = owners == rank, of_entries == rank
+        begins = np.append(0, np.cumsum(sizes[here]))
+        sent.append((numbers[here], begins, columns[its], values[its]))
+    return comm.alltoall(sent)
+
+
+def packed_rows(csr: CSR, first: int) -> Packed:
+    """Rows with entries, of those from number ``first`` on (local)."""
+    starts, columns, values = csr
+    some = np.flatnonzero(np.diff(starts))
+    return some + first, np.append(starts[some], starts[-1]), columns, values
+
+
+def with_rows(matrix: PETSc.Mat, csr: CSR) -> PETSc.Mat:
+    """The sum of a matrix and of rows of this rank, as a new matrix (collective).
+
+    Its pattern has no more than the entries of both, so that nothing need be known beforehand of
+    what may come into contact.
+
+    Args:
+        matrix: A square matrix of type AIJ.
+        csr: Starts, columns and values of all owned rows, see ``summed_rows``.
+    """
+    bounds = np.array(matrix.getOwnershipRange())
+    sums = []
+    for part in local_csr(matrix):
+        size = part.columns.size + csr[1].size
+        found = np.empty_like(csr[0]), np.empty(size, PETSc.IntType), np.empty(size)
+        outside = part.numbers is not None
+        columns = part.numbered().astype(PETSc.IntType, copy=False)
+        add_rows((part.starts, columns, part.values()), csr, bounds, outside, found)
+        sums.append((found[0], found[1][: found[0][-1]], found[2][: found[0][-1]]))
+    total = from_local_csr(matrix.comm.tompi4py(), sums[0], sums[-1])
+    total.setBlockSize(matrix.getBlockSize())
+    return total
 
 
 def flatten(blocks: Iterable[Block]) -> Entries:
     """Row, column and value of every entry of the blocks, (entries,) each."""
-    i, j, v = [], [], []
-    for rows, columns, values in blocks:
-        i.append(np.broadcast_to(rows[:, :, None], values.shape).ravel())
-        j.append(np.broadcast_to(columns[:, None, :], values.shape).ravel())
-        v.append(values.ravel())
-    if not v:
+    parts = [entries_of(block) for block in blocks]
+    if not parts:
         return np.empty(0, PETSc.IntType), np.empty(0, PETSc.IntType), np.empty(0)
-    return (
-        np.concatenate(i).astype(PETSc.IntType),
-        np.concatenate(j).astype(PETSc.IntType),
-        np.concatenate(v).astype(np.float64),
-    )
+    i, j, v = map(np.concatenate, zip(*parts, strict=True))
+    return i.astype(PETSc.IntType), j.astype(PETSc.IntType), v.astype(np.float64)
 
 
 def leave(factor: PETSc.Mat, rows: Indices) -> None:
@@ -263,14 +345,15 @@ class WithoutZeros:
     """Copy of a matrix without its zeros; a new one is made when the matrix has changed."""
 
     def __init__(self) -> None:
-        self._copied = -1
+        self._copied: tuple[Any, int] = None, -1
         self._copy: PETSc.Mat | None = None
 
     def of(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """The copy of a matrix, always the same one; its diagonal is kept (collective)."""
-        if self._copy is None or matrix.stateGet() != self._copied:
+        """The copy of a matrix; its diagonal is kept (collective)."""
+        copied, state = self._copied
+        if self._copy is None or copied is not matrix or matrix.stateGet() != state:
             self.forget()
-            self._copied = matrix.stateGet()
+            self._copied = matrix, matrix.stateGet()
             self._copy = without_zeros(matrix)
         return self._copy
 

@@ -38,17 +38,17 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.la.coupling import MARGIN, MAX_MARGIN, Coupling, FaceCoupling, zero_block
+from fenics_mortar.la.coupling import MARGIN, MAX_MARGIN, Coupling, zero_block
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.solver import LinearSolver
-from fenics_mortar.la.sparse import BlockMatrix, add_blocks
+from fenics_mortar.la.sparse import BlockMatrix, add_blocks, packed, summed_rows, with_rows
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.ranks import on_all_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.interface import Interface
-    from fenics_mortar.contact.rows import Frame, Rows
+    from fenics_mortar.contact.rows import Rows
     from fenics_mortar.utils.arrays import Array, Indices
 
 
@@ -65,8 +65,6 @@ class LinearSystem(ABC):
         solver: Solver for ``matrix``.
         reason: Why the multipliers are unknowns or not, as text; "" for the default, not.
         matrix: The last assembled matrix, scaled, with the rows of prescribed dofs.
-        num_kept: Number of iterations without a new tangent since ``count_anew``.
-        frames: Weights of the rows of each contact in it, see ``contact.rows``.
     """
 
     has_multipliers: bool  # whether the matrix has rows of multipliers
@@ -107,8 +105,6 @@ class LinearSystem(ABC):
         self._margins = [MARGIN] * len(self.contacts)
         self._pattern = 0
         self.matrix: PETSc.Mat
-        self.frames: list[Frame] = []
-        self.num_kept = 0
         self._prescribed_scale = 1.0
 
     @abstractmethod
@@ -148,15 +144,7 @@ class LinearSystem(ABC):
         form = "saddle-point" if self.has_multipliers else "condensed"
         why = f" ({self.reason})" if self.reason else ""
         unknowns = self.bulk.r.getSize()
-        text = f"{form} system{why}, {unknowns} unknowns of the bulk, {self.solver.describe()}"
-        if self.num_kept:
-            text += f"; {self.num_kept} with the last tangent, whose change is negligible"
-        return text
-
-    def count_anew(self) -> None:
-        """Set the numbers of iterations with earlier tangents or factors to zero (local)."""
-        self.num_kept = 0
-        self.solver.count_anew()
+        return f"{form} system{why}, {unknowns} unknowns of the bulk, {self.solver.describe()}"
 
     # Vectors
 
@@ -260,8 +248,7 @@ class LinearSystem(ABC):
         if on_all_ranks(self.comm, fits):
             return False
         self._couplings = [
-            (Coupling if state[0].slave.dim == 2 else FaceCoupling)(*state, margin)
-            for state, margin in zip(now, self._margins, strict=True)
+            Coupling(*state, margin) for state, margin in zip(now, self._margins, strict=True)
         ]
         self._pattern = self.bulk.num_patterns
         return True
@@ -343,7 +330,6 @@ class SaddleSystem(LinearSystem):
         """Blocks of K_c, B^T, C and A_z, the last three for scaled multipliers zeta."""
         pair_rows = [contact.rows.linearized() for contact in self.contacts]
         self._law_rhs = [rows.rhs for rows in pair_rows]
-        self.frames = [rows.frame for rows in pair_rows]
         yield DOF, DOF, self.force_derivative()
         yield DOF, MULTIPLIER, self.force_blocks()
         yield MULTIPLIER, DOF, self.law_blocks(pair_rows)
@@ -382,14 +368,25 @@ class SaddleSystem(LinearSystem):
         K = PETSc.Mat()
         nest.convert("aij", out=K)
         nest.destroy()
-        if self._update_pattern():
-            self._extend_pattern(K)
-        self.matrix.zeroEntries()
-        K.copy(self.matrix, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        if self.bulk.space.dim == 2:
+            self._fill(K)
+        else:
+            blocks = self._numbered_blocks(self._parts())
+            rows = packed(blocks, None, K.getSize()[1])
+            bounds = K.getOwnershipRanges()
+            self.matrix = with_rows(K, summed_rows(self.comm, bounds, [rows]))
         K.destroy()
-        add_blocks(self.matrix, self._numbered_blocks(self._parts()))
         self._scales = self.collect(self.scale(c) for c in self.contacts)
         self._prescribe_rows(self.matrix, self.matrix.getOwnershipRange()[0])
+
+    def _fill(self, K: PETSc.Mat) -> None:
+        """Fill the matrix in the plane, whose pattern has all entries (collective)."""
+        if self._update_pattern():
+            self._extend_pattern(K)
+        self._assembled.zeroEntries()
+        K.copy(self._assembled, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        add_blocks(self._assembled, self._numbered_blocks(self._parts()))
+        self.matrix = self._assembled
 
     def _extend_pattern(self, K: PETSc.Mat) -> None:
         """Create the matrix with the pattern of K and of possible contact (collective)."""
@@ -398,8 +395,8 @@ class SaddleSystem(LinearSystem):
         parts = chain(self._parts(), self._zero_blocks())
         zero_blocks = BlockMatrix(self.comm, *[sum(self._sizes)] * 2)
         zero_blocks.assemble(self._numbered_blocks(parts))
-        self.matrix = self._assembled = zero_blocks.mat
-        self.matrix.axpy(1.0, K, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        self._assembled = zero_blocks.mat
+        self._assembled.axpy(1.0, K, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         self.solver.reset_pattern()
 
     def step(self, distance: Array) -> Array:

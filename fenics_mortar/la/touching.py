@@ -16,12 +16,14 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array
 
 from fenics_mortar.bulk.bodies import centre_and_size, label_bodies, rigid_motions
-from fenics_mortar.bulk.node_blocks import CSR, from_local_csr, local_csr
+from fenics_mortar.bulk.node_blocks import CSR, LocalRows, from_local_csr, local_csr
 from fenics_mortar.kernels.node_blocks import count_blocks, turn_to_axes
-from fenics_mortar.la.sparse import SomeRows, without_zeros
+from fenics_mortar.la.sparse import SomeRows, with_rows
 from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Array, Indices
+from fenics_mortar.utils.ranks import on_all_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
@@ -68,7 +70,7 @@ class TouchingTangent:
 
 
 def touching_in_space(
-    A: PETSc.Mat, near: SomeRows, motion: PETSc.Mat, equations: PETSc.Mat, R: PETSc.Mat
+    A: PETSc.Mat, near: SomeRows, motion: PETSc.Mat, equations: PETSc.Mat, axes: Array
 ) -> PETSc.Mat:
     """R^T L A T R with three dofs per node (collective); see ``TouchingTangent.assemble``.
 
@@ -77,17 +79,56 @@ def touching_in_space(
         near: The dofs near contact.
         motion: T - 1.
         equations: L^T - 1.
-        R: Nodal axes [1].
+        axes: R at each owned node, shape (nodes, 3, 3) [1].
     """
-    B = without_zeros(A)
-    csr, size = _change_by_contact(B, near, motion, equations), A.getLocalSize()[0]
-    change = PETSc.Mat().createAIJ(((size, None), (size, None)), csr=csr, comm=A.comm)
-    B.axpy(1.0, change, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    turned = B.ptap(R)
-    for matrix in (change, B):
-        matrix.destroy()
-    turned.setBlockSize(3)
-    return turned
+    touching = with_rows(A, _change_by_contact(A, near, motion, equations))
+    comm = A.comm.tompi4py()
+    if on_all_ranks(comm, bool((axes == np.eye(3)).all())):
+        touching.setBlockSize(3)
+        return touching
+    own, *others = local_csr(touching)
+    turned = [_turned(own, own.columns, axes, axes)]
+    for part in others:
+        nodes, number = np.unique(np.asarray(part.numbers) // 3, return_inverse=True)
+        columns = (3 * number + np.asarray(part.numbers) % 3)[part.columns]
+        of_nodes = [_values_at(A, axes[:, k], nodes) for k in range(3)]
+        starts, found, values = _turned(part, columns, axes, np.stack(of_nodes, axis=1))
+        found = (3 * nodes[found // 3] + found % 3).astype(PETSc.IntType)
+        turned.append((starts, found, values))
+    B = from_local_csr(comm, turned[0], turned[-1])
+    B.setBlockSize(3)
+    touching.destroy()
+    return B
+
+
+# Blocks of three rows and columns that are turned at a time [1]: copies of all would double the
+# memory.
+TURNED = 100_000
+
+
+def _turned(part: LocalRows, columns: Indices, of_rows: Array, of_columns: Array) -> CSR:
+    """Some columns of R^T B R, with three dofs per node (local).
+
+    Args:
+        part: These columns of B.
+        columns: Numbers of the columns, ascending, those of node k from 3 k on, shape (entries,).
+        of_rows: R at the nodes of the rows, shape (n, 3, 3) [1].
+        of_columns: R at those of the columns, shape (m, 3, 3) [1].
+    """
+    shape = 3 * len(of_rows), 3 * len(of_columns)
+    blocks = csr_array((part.values(), columns, part.starts), shape=shape).tobsr((3, 3))
+    blocks.sort_indices()
+    rows = np.repeat(np.arange(len(of_rows)), np.diff(blocks.indptr))
+    for first in range(0, len(rows), TURNED):
+        some = slice(first, first + TURNED)
+        turned = np.swapaxes(of_rows[rows[some]], 1, 2) @ blocks.data[some]
+        blocks.data[some] = turned @ of_columns[blocks.indices[some]]
+    found = blocks.tocsr()
+    return (
+        found.indptr.astype(PETSc.IntType, copy=False),
+        found.indices.astype(PETSc.IntType, copy=False),
+        found.data,
+    )
 
 
 class Memory:
@@ -156,14 +197,14 @@ def _change_by_contact(
 
 
 def _values_at(A: PETSc.Mat, values: Array, nodes: Indices) -> Array:
-    """Values (m, 2) at any ``nodes`` (m,), from those at the owned ones, (n, 2)."""
-    owned = A.createVecRight()
+    """Values (m, dim) at any ``nodes`` (m,), from those at the owned ones, (n, dim)."""
+    owned, size = A.createVecRight(), values.shape[1]
     owned.array[:] = values.ravel()
-    dofs = 2 * nodes[:, None] + np.arange(2, dtype=PETSc.IntType)
+    dofs = size * nodes[:, None].astype(PETSc.IntType) + np.arange(size, dtype=PETSc.IntType)
     numbers = PETSc.IS().createGeneral(dofs.ravel(), comm=PETSc.COMM_SELF)
     found = PETSc.Vec().createSeq(dofs.size, comm=PETSc.COMM_SELF)
     PETSc.Scatter().create(owned, numbers, found, None).scatter(owned, found)
-    return found.array_r.reshape(-1, 2)
+    return found.array_r.reshape(-1, size)
 
 
 ComplexArray = npt.NDArray[np.complex128]

@@ -310,7 +310,7 @@ def describe(problem: ContactProblem, assumption: str) -> str:
     if assumption == LINEAR:
         rotation, strain = largest_strain(problem)
         return f"rotation {np.degrees(rotation):.2g}°, strain {100 * strain:.2g} %"
-    slip, angle = largest_sliding(problem)
+    slip, angle = np.max([_largest_slip(c) for c in sliding_little(problem)], axis=0)
     return f"slip {slip:.2g} facets, normals rotate by {np.degrees(angle):.2g}°"
 
 
@@ -322,12 +322,6 @@ def all_contacts(problem: ContactProblem) -> list[Contact]:
 def sliding_little(problem: ContactProblem) -> list[Contact]:
     """Contacts with small sliding, which use the operators of the undeformed mesh (local)."""
     return [contact for contact in all_contacts(problem) if contact.pair.sliding == "small"]
-
-
-def largest_sliding(problem: ContactProblem) -> list[float]:
-    """Largest slip over a facet's length and rotation of normals of ``sliding_little`` (local)."""
-    found = [_largest_slip(contact) for contact in sliding_little(problem)]
-    return list(np.max(found, axis=0).tolist())
 
 
 def _largest_slip(contact: Contact) -> tuple[float, float]:

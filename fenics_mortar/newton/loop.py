@@ -194,7 +194,8 @@ class NewtonOptions:
     """Tolerances and limits of Newton's method, relative and independent of units; local.
 
     Attributes:
-        max_iterations: Largest number of linear systems.
+        max_iterations: Largest number of linear systems, of each attempt; twice as many in a line
+            search that follows full steps without success, with friction.
         residual_tolerance: Residual over the largest force so far [1].
         increment_tolerance: Largest displacement increment over the largest displacement [1].
         line_search: Halve steps that raise the residual; see ``Damped``.

@@ -444,7 +444,8 @@ class RigidMotion:
         for i, value in self._along_axes(x, y, z):
             self.place[i], self.load[i] = value, np.nan
         if angle is not None:
-            self.place[self.dim :], self.load[self.dim :] = self._checked_turn(angle), np.nan
+            turn = check_finite("angle", angle) if self.dim == 2 else check_turn(angle)
+            self.place[self.dim :], self.load[self.dim :] = turn, np.nan
 
     def push(
         self,
@@ -474,15 +475,9 @@ class RigidMotion:
         for i, value in self._along_axes(x, y, z):
             self.load[i] = value
         if moment is not None:
-            self.load[self.dim :] = self._checked_moment(moment)
-
-    def _checked_turn(self, angle: Any) -> float | Array:
-        """The angle, in space a copy of the rotation vector, checked."""
-        return check_finite("angle", angle) if self.dim == 2 else check_turn(angle)
-
-    def _checked_moment(self, moment: Any) -> float | Array:
-        """The moment, in space those about three axes, nan for ``None``, checked."""
-        return check_finite("moment", moment) if self.dim == 2 else check_moments(moment)
+            plane = self.dim == 2
+            about = check_finite("moment", moment) if plane else check_moments(moment)
+            self.load[self.dim :] = about
 
     def _along_axes(self, *values: float | None) -> list[tuple[int, float]]:
         """Numbers of the axes along which values are given, and the values, checked."""

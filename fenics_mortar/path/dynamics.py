@@ -199,9 +199,7 @@ class SpinReturn:
         contacts, axes = self._equations.contacts, len(rows[0])
         for contact in contacts:
             force = np.zeros(self._space.num_owned)
-            on_slave, on_master = contact.now.forces
-            contact.slave.scatter_add(on_slave, force)
-            contact.master.scatter_add(on_master, force)
+            contact.scatter_add(contact.now.forces, force)
             f = force[owned]
             rows += [moments_of(x, f), np.abs(f).sum(axis=1)[None]]
         sums = self._sum(np.concatenate(rows))

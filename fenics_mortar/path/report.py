@@ -137,9 +137,10 @@ def forces_of(problem: ContactProblem) -> Forces:
         tangential contact forces and tangential forces and moments on obstacles [stress length,
         moments stress length^2].
     """
-    shear, on_obstacles = problem.equations.residual.shear_forces()
-    scales = problem.equations.motions.scales[: len(on_obstacles)]
-    return *problem.forces(), shear, on_obstacles * scales
+    residual, motions = problem.equations.residual, problem.equations.motions
+    on_obstacles = motions.obstacle_forces("shear")
+    on_obstacles = on_obstacles * motions.scales[: len(on_obstacles)]
+    return *problem.forces(), residual.contact_force("shear"), on_obstacles
 
 
 def work_of(

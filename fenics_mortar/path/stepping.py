@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise, product
 from typing import TYPE_CHECKING, Any
@@ -39,7 +39,7 @@ from fenics_mortar.equations.general import Snapshot, State, as_interruption
 from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.interface.mortar import LINEARIZATIONS
-from fenics_mortar.newton.loop import NewtonOptions, NewtonReport, then_solve
+from fenics_mortar.newton.loop import NewtonReport
 from fenics_mortar.path.report import IdleLoads, PathReport, PathStep, Progress, forces_of, work_of
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.proximal import RIGID
@@ -383,58 +383,16 @@ class SteppingOptions:
         object.__setattr__(self, "step", min(self.step, largest))
 
 
-class AlternateDamping:
-    """Newton's method with full or damped steps; the variant that converged last is tried first.
-
-    Users' contact laws may be steep or not monotonic, and full steps may oscillate about a kink. In
-    this case a line search converges, where full steps would need shorter load steps. It does not
-    save iterations for the laws of this package, whose branches are known.
-
-    Args:
-        problem: The problem.
-    """
-
-    def __init__(self, problem: ContactProblem) -> None:
-        self._problem, self._damps_first = problem, False
-        self._has_choice = any(map(_has_own_law, problem.equations.contacts))
-
-    def solve(self) -> NewtonReport:
-        """Solve; on failure, solve again by the other variant (collective).
-
-        Raises:
-            NotConvergedError: On all ranks, if both fail.
-        """
-        problem, options = self._problem, self._problem.equations.newton
-        if not self._has_choice or options.damped or options.tentative:
-            return problem.solve(accept_violations=True, predict=False)
-        start = problem.state()
-        try:
-            return self._solve(options)
-        except NotConvergedError as failure:
-            problem.restore(start)
-            self._damps_first = not self._damps_first
-            lost, how = failure.report, "damped" if self._damps_first else "full"
-            lost.notes.append(f"restarted with {how} steps: {failure}")
-        return then_solve(lost, partial(self._solve, options))
-
-    def _solve(self, options: NewtonOptions) -> NewtonReport:
-        try:
-            self._problem.equations.newton = replace(options, line_search=self._damps_first)
-            return self._problem.solve(accept_violations=True, predict=False)
-        finally:
-            self._problem.equations.newton = options
-
-
-def _has_own_law(contact: Any) -> bool:
-    """Whether ``contact`` is a contact with a user's law."""
-    return isinstance(contact, Contact) and not contact.pair.law.is_of_package
-
-
 # Hint used if the reason for the end of a path is not certain.
 HINT = (
     "If smaller steps do not help, the path may have a turning point or a jump here, as where an "
     "arch snaps through or a tip slips off an edge: prescribe another displacement, or start the "
     "path beyond this point"
+)
+# Further one if cells invert. Before they do, stresses of St. Venant-Kirchhoff fall.
+SOFT = (
+    ". A material whose stress stays finite in cells that are compressed to nothing, as "
+    "St. Venant-Kirchhoff's, gives way before they invert: take fm.energies.neo_hookean"
 )
 
 
@@ -492,7 +450,7 @@ def follow_path(
     largest = options.largest or options.step
     predictor = Predictor(problem.equations, start)
     forces, last = forces_of(problem), [(start, Snapshot(problem.equations))]
-    solver, idle = AlternateDamping(problem), IdleLoads(problem)
+    idle = IdleLoads(problem)
 
     def load(time: float) -> None:
         problem.time = time
@@ -509,7 +467,7 @@ def follow_path(
                 with turns.of_step(time, time + step):
                     report = predictor.solve(
                         time + step,
-                        partial(_solve_soundly, problem, solver, accepted, step > options.smallest),
+                        partial(_solve_soundly, problem, accepted, step > options.smallest),
                         guesses=options.predict,
                     )
             except NotConvergedError as failure:
@@ -585,18 +543,17 @@ def _end_of_path(time: float, step: float, why: str, failure: NotConvergedError)
     """Message at the end of a path: time, step and reason."""
     if why:
         return f"the path ends at {time:.6g}: {why}. A step of {step:.1e} fails; {failure}"
-    return f"the path ends at {time:.6g}: a step of {step:.1e} fails; {failure}. {HINT}"
+    hint = HINT + SOFT * ("inverted" in str(failure))
+    return f"the path ends at {time:.6g}: a step of {step:.1e} fails; {failure}. {hint}"
 
 
-def _solve_soundly(
-    problem: ContactProblem, solver: AlternateDamping, before: State, may_cut: bool
-) -> NewtonReport:
+def _solve_soundly(problem: ContactProblem, before: State, may_cut: bool) -> NewtonReport:
     """Solve; refuse states that violate their certificate or lie beyond a jump (collective).
 
     While the step may be cut, states that bodies may have reached by a passage are refused as well:
     in smaller steps bodies turn less, and their motion is known.
     """
-    report = solver.solve()
+    report = problem.solve(accept_violations=True, predict=False)
     doubts = report.certificate.possible_passages if may_cut else []
     wrong = "; ".join([*report.certificate.violations(), *doubts])
     wrong = wrong or describe_jump(problem, before)

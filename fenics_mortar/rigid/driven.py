@@ -1,42 +1,31 @@
 # SPDX-License-Identifier: MIT
 """Motions driven by forces, of obstacles and remote loads: unknowns q of the Newton system.
 
-The balance of these forces borders the system of u and z. The few motions are
-eliminated, see ``spread``, so that the sparse matrix and its solver are those of fixed obstacles.
-
-Tangent springs regularize motions that active contact does not resist. A driven
-obstacle without contact is moved before the solve until contact stops it.
-If Newton's method fails for a rolling obstacle, springs anchor it like a body, see ``proximal``.
-
-Linearized balance of driven motions: the border of the system of u and z.
-
-The equations of displacement and multipliers, in either form, are extended by columns C_q and by a
-row of balance for each motion,
-
-    E_d du + M_q z + E_q dq = push - f_0,    M_q z = f_q - f_0,
-
-where E are the derivatives of f_q at fixed z, and f_0 is the part of f_q that does not depend on z.
-
-Of obstacles, C_q is in the rows of the contact law, and f_0 = 0. D does not depend on q, so the
-rows of the bodies have no entries in the new columns. Of rigid boundaries, C_q is in the rows of
-the prescribed dofs, du - V dq, and [E_d, M_q] are the sums of the equations of these dofs, which
-the rows of the prescribed dofs replace, with the weights V.
-
-Spread loads have two more unknowns each, in space six, on which their forces depend; see
-``spread``.
-
-Rigid motions of a problem, of obstacles and of remote loads, and the forces along them.
-
-Motions are x, y and turn, the angle times the ``arm`` of the pair or boundary, all in units of
+**Motions** are x, y and turn, the angle times the ``arm`` of the pair or boundary, all in units of
 length. Shapes and units below are those of the plane; in space there are six motions instead of
 three, see ``obstacles.rigid_motion``. Arrays have the rows of the obstacles, then those of the
 remote loads. All values are replicated.
 
-Before a solve driven obstacles move: an obstacle without contact is moved until contact stops it.
-An obstacle on sticking nodes follows the prescribed motions, for instance a wheel that is turned.
+**Linearized balance.** The equations of displacement and multipliers, in either form, are extended
+by columns C_q and by a row of balance for each motion,
 
-Driven motions that active contact does not resist are loose: tangent springs regularize them, see
-``proximal``.
+    E_d du + M_q z + E_q dq = push - f_0,    M_q z = f_q - f_0,
+
+where E are the derivatives of f_q at fixed z, and f_0 is the part of f_q that does not depend on z.
+The few motions are eliminated, see ``spread``, so that the sparse matrix and its solver are those
+of fixed obstacles.
+
+Of obstacles, C_q is in the rows of the contact law, and f_0 = 0. D does not depend on q, so the
+rows of the bodies have no entries in the new columns. Of rigid boundaries, C_q is in the rows of
+the prescribed dofs, du - V dq, and [E_d, M_q] are the sums of the equations of these dofs, which
+the rows of the prescribed dofs replace, with the weights V. Spread loads have two more unknowns
+each, in space six, on which their forces depend.
+
+**Before a solve** an obstacle without contact is moved until contact stops it. An obstacle on
+sticking nodes follows the prescribed motions, for instance a wheel that is turned.
+
+**Loose motions**, which active contact does not resist, have tangent springs; if Newton's method
+fails for a rolling obstacle, springs anchor it like a body, see ``proximal``.
 """
 
 from __future__ import annotations
@@ -213,7 +202,7 @@ class RigidMotions:
         return self.driven[: len(self.obstacles)]
 
     def push(self) -> Array:
-        """Loads along driven motions, 0 for prescribed ones, (m, 3) [stress length]."""
+        """Loads of all obstacles and remote loads; 0 where prescribed, (m, 3) [stress length]."""
         return np.nan_to_num(self._of_all("load")) / self.scales
 
     def pushed_nodes(self) -> Array | float:
@@ -224,7 +213,7 @@ class RigidMotions:
         return sum(load.pushed_nodes() for load in self.remote)
 
     def forces(self) -> Array:
-        """f_q of the last evaluated state, shape (m, 3) [stress length] (collective)."""
+        """f_q of all motions, rows as of ``places``, (m, 3) [stress length] (collective)."""
         return np.vstack([self.obstacle_forces(), *(load.force() for load in self.remote)])
 
     def obstacle_forces(self, multipliers: str = "z") -> Array:

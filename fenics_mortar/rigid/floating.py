@@ -57,8 +57,6 @@ if TYPE_CHECKING:
 
 # Coefficient of friction that holds every body that does not tip over or fall [1].
 ROUGH = 100.0
-# Cosine of the angle between motions that a message tells as one [1].
-SAME_WAY = 0.99
 # Bodies to be moved, with the coefficients of their motions, (motions,) each [length].
 Moves = list[tuple[FloatingBody, Array]]
 
@@ -80,7 +78,6 @@ class BodySettling:
         self._start: Array = bodies.bulk.u.x.array
         self._give_way: Callable[[Moves], Moves] = list
         self._analysed: tuple[Array, Touching] | None = None
-        self._first: dict[int, Array] = {}
         self.touched: list[Flags] = []
         self.moved: list[FloatingBody] = []
 
@@ -110,7 +107,6 @@ class BodySettling:
             NotConvergedError: On all ranks, if no contact stops a body.
         """
         bodies, self._give_way, self._analysed = self._bodies, give_way, None
-        self._first = {}
         self._unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
         moved, creeping, extent = dict[int, float](), 0, bodies.extent()
         for number in range(RIGID.max_moves):
@@ -125,8 +121,6 @@ class BodySettling:
                 names = sorted(bodies.name_of(label) for label in sorted(moved))
                 return [f"{name} was moved rigidly until contact stopped it" for name in names]
             for body, move in moves:
-                if self._analysed is not None:
-                    self._first.setdefault(body.label, move)
                 bodies.move(body, move)
                 moved[body.label] = moved.get(body.label, 0.0) + _length(body, move)
             if all(
@@ -136,16 +130,15 @@ class BodySettling:
         body, move = moves[0]
         name, how = bodies.name_of(body.label), body.describe(move, directed=True)
         message = (
-            f"{self._beginning(body, move)}{name} can {how} freely: it is driven by loads, and "
+            f"{self._tipping(body)}{name} can {how} freely: it is driven by loads, and "
             f"neither Dirichlet conditions nor contact stop it"
         )
         raise NotConvergedError(message, NewtonReport(reason=message))
 
-    def _beginning(self, body: FloatingBody, last: Array) -> str:
-        """How a body began to leave its supports, if not by its ``last`` move; "" if it had none.
+    def _tipping(self, body: FloatingBody) -> str:
+        """How a body began to tip over, at a coefficient of friction ``ROUGH``; "" if it did not.
 
-        A body tips over that a coefficient of friction ``ROUGH`` does not hold, by limit analysis
-        where it first touched its supports.
+        By limit analysis where it first touched its supports (collective).
         """
         if self._analysed is None:
             return ""
@@ -154,13 +147,11 @@ class BodySettling:
         ends = np.cumsum([len(one.motions) for one in bodies])[:-1]
         motions = np.split(unresisted_motion(loads, rough), ends)
         motion = motions[[one.label for one in bodies].index(body.label)]
-        what = "tips over, which no friction can prevent"
         if np.abs(motion).max() <= RIGID.resisted:
-            motion, what = self._first[body.label], "is not held by friction"
-        if motion @ last > SAME_WAY * np.linalg.norm(motion) * np.linalg.norm(last):
             return ""
-        how, name = body.describe(motion, directed=True), self._bodies.name_of(body.label)
-        return f"{name} {what}: it begins to {how}. At last "
+        how = body.describe(motion, directed=True, poles=True)
+        name = self._bodies.name_of(body.label)
+        return f"{name} tips over, which no friction can prevent: it begins to {how}. At last "
 
     def check(self, reach: float) -> list[str]:
         """Check bodies without contact force before and after the solve.
@@ -323,9 +314,7 @@ class BodySettling:
         for contact in self._bodies.contacts:
             if contact.pair.law.has_adhesion:
                 pull = np.where(contact.active[:, None], 0.0, contact.z)
-                on_slave, on_master = contact.operators.force(pull)
-                contact.slave.scatter_add(on_slave, force)
-                contact.master.scatter_add(on_master, force)
+                contact.scatter_add(contact.operators.force(pull), force)
         return force
 
     def _touching(self, contact: Contact, pressure: float) -> Touching:
@@ -435,10 +424,16 @@ class FloatingBodies(BodyMotions):
         if not self.bodies:
             return
         stiffness = {body.label: RIGID.weakest_spring * body.stiffest for body in self.bodies}
+        drives = {body.label: self.resultant(body, total) for body in self.bodies}
+        largest = max(drives.values(), key=np.linalg.norm)
         for body in loose:
-            drive = self.resultant(body, total)
-            if np.linalg.norm(drive) > self.rounding(body, force):
-                stiffness[body.label] = tangent_stiffness(drive, force) * body.stiffest
+            drive = drives[body.label]
+            if np.linalg.norm(drive) <= self.rounding(body, force):
+                touched = [(c.active & self.at_body(c, body)).any() for c in self.contacts]
+                if body.label in self.aside or not any(touched):
+                    continue
+                drive = largest  # its neighbours press on it in this step
+            stiffness[body.label] = tangent_stiffness(drive, force) * body.stiffest
         springs = self._spread(stiffness) if self.springs is None else self.springs.stiffness
         self.bulk.add_to_diagonal(springs)
 

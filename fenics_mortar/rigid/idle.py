@@ -206,6 +206,7 @@ class IdleBodies:
             evaluate: Function that evaluates the operators at the present state.
         """
         bodies, creeping = self._bodies, 0
+        self._bring_back()
         while idle := [body for body in self._unloaded if body.label in bodies.aside]:
             evaluate()
             desired = -np.concatenate([self._motion(body) for body in idle])
@@ -225,6 +226,19 @@ class IdleBodies:
                 creeping += fraction == 1.0
                 for body, coefficients in zip(idle, np.split(move, ends), strict=True):
                     bodies.move(body, fraction * coefficients)
+
+    def _bring_back(self) -> None:
+        """Put bodies set aside that a Newton step threw away to where they were before the solve.
+
+        Gaps are linear in short moves only, and the step has distorted a body that it turned far.
+        """
+        bodies, values = self._bodies, self._bodies.bulk.values
+        for body in self._unloaded:
+            if body.label not in bodies.aside:
+                continue
+            if np.abs(self._motion(body)).max(initial=0.0) > RIGID.largest_move * body.size:
+                mine = bodies.bulk.space.dofs[bodies.labels == body.label]
+                values[mine] = self._home[mine]
 
     def review(self) -> int:
         """Set bodies aside that no contact force acts on any more; return their number."""
@@ -314,7 +328,7 @@ class IdleBodies:
             for body in bodies.bodies:
                 if body.label in bodies.aside:
                     aside |= bodies.at_body(contact, body)
-            contact.leave_out(aside)
+            contact.set_aside = aside
 
     def _readmit(self, bodies: Iterable[FloatingBody]) -> None:
         """Let bodies take part in contact again."""

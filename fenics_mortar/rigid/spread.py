@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Loads at a point that are spread over a boundary, which stays free to deform.
+"""Loads and motions given at a point: what users give, and what the equations need of them.
 
-The mean motion of the nodes k with areas a_k is the rigid one next to their displacements,
+**Spread loads**, over a boundary that stays free to deform. The mean motion of the nodes k with
+areas a_k is the rigid one next to their displacements,
 
     minimize  sum_k a_k |x_k - x_P - R (X_k - P)|^2.
 
@@ -24,9 +25,7 @@ q = sum_k a_k (e_i x v_k) . (w x dx_k), the part of dS w at constant v,
 
 columns and rows of the border, with t and q as unknowns, two in the plane and six in space.
 
-Loads and motions given at a point: what users give, and what the equations need of them.
-
-Bordered systems: a few unknowns q in addition to those of a large, factored system A.
+**Bordered systems.** A few unknowns q in addition to those of a large, factored system A:
 
     A x + C q = b
     G x + E q = c
@@ -34,9 +33,8 @@ Bordered systems: a few unknowns q in addition to those of a large, factored sys
 Block elimination needs a solve with A for each column of C, and a small dense system for q. The
 transposed system has the same form, with the rows of G as columns.
 
-Sections under pretension: the force in a tie as the load of its jump along an axis.
-
-The rows of the tie are D u_s - M (u_m + s a) for the shortening s along the axis a. The force that
+**Sections under pretension.** The force in a tie is the load of its jump along an axis. The rows of
+the tie are D u_s - M (u_m + s a) for the shortening s along the axis a. The force that
 tightens the section is conjugate to s,
 
     f_q = -sum_j m_j a . z_j = push,    m = M 1,
@@ -45,9 +43,7 @@ so that column and row of the border are transposed, up to the weights of the ti
 contact resists the motion of the sides of a section along its axis, they float: see
 ``body_motions``.
 
-Boundaries of deformable bodies that move as rigid ones, moved or loaded at a point.
-
-The nodes k of the boundary have the displacements
+**Boundaries that move as rigid ones.** Their nodes k have the displacements
 
     u_k = U + (R(angle) - 1) (X_k - P)
 
@@ -78,6 +74,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import block_diag
 
+from fenics_mortar.bulk.bodies import products
 from fenics_mortar.contact.pair import Pretension
 from fenics_mortar.interface.on_obstacle import outward_normals
 from fenics_mortar.interface.traces import extract_surface
@@ -332,7 +329,7 @@ class SpreadLoad(BoundaryMotion):
         )
 
     def bind(self, space: DisplacementSpace) -> BoundSpreadLoad:
-        """The nodes of the boundary in a space (collective).
+        """The load on the nodes of a space, weighted by their areas (collective).
 
         Args:
             space: Nodes and dofs of the displacement.
@@ -356,7 +353,7 @@ class BoundSpreadLoad:
     """
 
     def __init__(self, motion: SpreadLoad, space: DisplacementSpace) -> None:
-        """Find the nodes (collective)."""
+        """Find the boundary and its nodal areas (collective)."""
         self.motion, self._space, self._axes = motion, space, TURNS[motion.dim]
         self.num_unknowns = 2 * len(self._axes)
         tags = motion.data.facet_tags, motion.tags
@@ -364,7 +361,7 @@ class BoundSpreadLoad:
         self.update_reference()
 
     def update_reference(self) -> None:
-        """Read the reference positions from the mesh, which ties may move (collective)."""
+        """Read positions and areas, which ties may change; begin without turn (collective)."""
         self._X = self._surface.gather(self._space.positions())
         self._areas = self._surface.traction_weights
         self._mean = self._areas @ self._X / self._areas.sum()
@@ -466,15 +463,15 @@ class BoundSection:
             self._pair.axis = _normal_of(tie.slave)
 
     def bind_forces(self, bulk: Bulk, contacts: Sequence[Any]) -> None:
-        """See ``RemoteMotion``: the forces are those of the tie."""
+        """Keep the number of owned dofs: the forces are those of the tie (local)."""
         self._num_owned = bulk.num_owned
 
     def force(self) -> Array:
-        """See ``RemoteMotion``."""
+        """The force that tightens the section, as the first of (3,) [stress length] (local)."""
         return float((self._by_multipliers() * self.tie.z).sum()) * self._first
 
     def constant_force(self) -> Array:
-        """See ``RemoteMotion``: zero."""
+        """Zero, (3,): the force of a tie is linear in its multipliers (local)."""
         return 0.0 * self._first
 
     @property
@@ -488,20 +485,18 @@ class BoundSection:
         return self._pair.axis
 
     def pushed_nodes(self) -> Array:
-        """See ``RemoteMotion``: the part of the push beyond the tie's force, on both faces.
+        """The part of the push beyond the tie's force, on both faces, (owned dofs,) (local).
 
         The resultant on the body is zero, those on the parts beside the section drive them.
         """
         found, weights = np.zeros(self._num_owned), self._weights()
         missing = float(np.nan_to_num(self.motion.load[0] - self.force()[0]))
         z = np.outer(self.tie.active, missing / weights.sum() * self.axis)
-        sides = self.tie.slave, self.tie.master
-        for side, forces in zip(sides, self.tie.operators.force(z), strict=True):
-            side.scatter_add(forces, found)
+        self.tie.scatter_add(self.tie.operators.force(z), found)
         return found
 
     def take_bulk_rows(self) -> None:
-        """See ``RemoteMotion``: K has no part in the balance."""
+        """Nothing: K has no part in the balance of a tie."""
 
     def _by_multipliers(self) -> Array:
         """Derivative of f_q with respect to the multipliers, of their shape [length]."""
@@ -514,7 +509,7 @@ class BoundSection:
         return np.asarray(self.tie.M @ np.ones(self.tie.master.num_nodes))
 
     def linearize(self, system: LinearSystem) -> Border:
-        """See ``RemoteMotion``."""
+        """Border of the shortening: its column in the tie's rows, and its balance (local)."""
         _, weight = self.tie.rows.frame()
         by_z = self._by_multipliers()
         columns, rows = (
@@ -533,7 +528,7 @@ class BoundSection:
         return system.join(np.zeros(system.bulk.num_owned), z)
 
     def record(self) -> str:
-        """See ``RemoteMotion``."""
+        """Set the force of the user's section; return it and the shortening in words (local)."""
         self.motion.reaction = self.force()
         force, shortening = self.motion.reaction[0], self._pair.shortening
         return f"section '{self.motion.name}', shortened by {shortening:.4g}: force {force:.4g}"
@@ -598,7 +593,7 @@ class RigidBoundary(BoundaryMotion):
     kind = "rigid boundary"
 
     def bind(self, space: DisplacementSpace) -> BoundRigidBoundary:
-        """The nodes of the boundary in a space (collective).
+        """The Dirichlet condition of the boundary's nodes in a space (collective).
 
         Args:
             space: Nodes and dofs of the displacement.
@@ -626,7 +621,7 @@ class BoundRigidBoundary:
     g = None
 
     def __init__(self, motion: RigidBoundary, space: DisplacementSpace) -> None:
-        """Find the nodes (collective)."""
+        """Find the owned and ghost nodes of the boundary (collective)."""
         self.motion, self._space, self.function_space = motion, space, space.whole
         surface = extract_surface(space, motion.data.facet_tags, motion.tags, motion.name)
         self.nodes: Indices = np.unique(surface.nodes)
@@ -640,7 +635,7 @@ class BoundRigidBoundary:
         self.update_reference()
 
     def update_reference(self) -> None:
-        """Read the reference positions from the mesh, which ties may move (collective)."""
+        """Read the positions, which ties may change, and the arm of turns (collective)."""
         positions = self._space.positions()
         self._X = positions[self._here]
         arms = np.linalg.norm(self._surface.gather(positions) - self.motion.pivot, axis=1)
@@ -695,16 +690,14 @@ class BoundRigidBoundary:
         return self._along_motions(self._bulk.r.array_r[self._dofs])
 
     def force(self) -> Array:
-        """f_q at the last evaluated state, shape (3,) [stress length] (collective)."""
+        """Resultants of bodies and contact on the nodes, about the pivot, (3,) (collective)."""
         return self._along_motions(self._forces())
 
     def _forces(self) -> Array:
         """Forces of bodies and contact at the owned nodes, shape (k, 2) [stress length]."""
         total = self._bulk.r.array_r[: self._bulk.num_owned].copy()
         for contact in self._touching:
-            on_slave, on_master = contact.now.forces
-            contact.slave.scatter_add(on_slave, total)
-            contact.master.scatter_add(on_master, total)
+            contact.scatter_add(contact.now.forces, total)
         return total[self._dofs]
 
     def pushed_nodes(self) -> Array:
@@ -767,7 +760,7 @@ class BoundRigidBoundary:
 
     def take_bulk_rows(self) -> None:
         """Store V^T K, before contact changes K (collective)."""
-        self._by_bulk = _transposed_times(self._bulk.K, self.nodal_motions())
+        self._by_bulk = products(self._bulk.K, self.nodal_motions(), transpose=True)
 
     def nodal_motions(self) -> Array:
         """V at the owned dofs, zero elsewhere, shape (3, owned dofs) [1]."""
@@ -798,21 +791,8 @@ def _by_contact(system: LinearSystem, V: Array) -> Array:
     size, sizes = system.bulk.num_owned, (system.bulk.num_owned, system.num_z_dofs)
     K_c = BlockMatrix(system.comm, size, size).assemble(system.force_derivative())
     B_T = BlockMatrix(system.comm, *sizes).assemble(system.force_blocks())
-    by_z = _transposed_times(B_T, V) / system.collect(map(system.scale, system.contacts))
-    found = np.hstack([_transposed_times(K_c, V), by_z])
+    by_z = products(B_T, V, transpose=True) / system.collect(map(system.scale, system.contacts))
+    found = np.hstack([products(K_c, V, transpose=True), by_z])
     K_c.destroy()
     B_T.destroy()
-    return found
-
-
-def _transposed_times(matrix: Any, vectors: Array) -> Array:
-    """Transposed matrix times each row of ``vectors``, owned entries (collective)."""
-    right, left = matrix.createVecs()
-    found = np.empty((len(vectors), right.getLocalSize()))
-    for row, vector in zip(found, vectors, strict=True):
-        left.array[:] = vector
-        matrix.multTranspose(left, right)
-        row[:] = right.array_r
-    right.destroy()
-    left.destroy()
     return found

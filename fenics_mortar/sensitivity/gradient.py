@@ -264,25 +264,16 @@ def _backwards(
                 change = change + weight * explicit(problem, quantity, control, before)
             parts.insert(0, change)
         if number:
-            carried = _carried(problem, weighted, y, before)
+            carried = LinearVector()
+            for weight, quantity in weighted:
+                carried = carried + (quantity.by_before(problem, before) or LinearVector()) * weight
+            if isinstance(before, StepHistory):
+                carried = carried + before.residuals.T @ (y * -1.0)
             if by_memory:
                 carried = carried + memory.by_earlier.T @ by_memory
             of_rows = memory.residuals.T @ (y * -1.0)
             by_memory = added([memory.by_before.T @ by_memory, of_rows])
     return by_step, kinks, statuses
-
-
-def _carried(
-    problem: ContactProblem,
-    weighted: Sequence[tuple[float, Quantity]],
-    y: LinearVector,
-    before: Before,
-) -> LinearVector:
-    """Right-hand side of the step before, without parts if it is zero (collective)."""
-    total = LinearVector()
-    for weight, quantity in weighted:
-        total = total + (quantity.by_before(problem, before) or LinearVector()) * weight
-    return total + before.residuals.T @ (y * -1.0) if isinstance(before, StepHistory) else total
 
 
 class Simulation:

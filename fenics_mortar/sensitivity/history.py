@@ -402,8 +402,8 @@ def earlier_state_of(e: ContactEquations, i: int, contact: Contact, before: Stat
     difference = agreed(e.comm, float(difference))
     if not difference <= ROUNDING * contact.slave.extent and given.led is not None:
         raise MortarError(
-            f"supports turned the bodies of {contact.pair!r} and carried nodes into contact: slip "
-            "is counted from there, and its derivative by the state before is not available; take "
+            f"the bodies of {contact.pair!r} turned and carried nodes into contact: slip is "
+            "counted from there, and its derivative by the state before is not available; take "
             f"steps in which bodies turn by less than {np.degrees(LEADS):.2f} degrees"
         )
     if not difference <= ROUNDING * contact.slave.extent:

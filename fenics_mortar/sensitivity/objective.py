@@ -115,7 +115,8 @@ class Data:
 
     def __init__(self, problem: ContactProblem, more: Sequence[Any] = ()) -> None:
         settings = map(vars, _settings(problem))
-        of_laws = [value for values in settings for value in values.values() if _is_data(value)]
+        given = [value for values in settings for value in values.values()]
+        of_laws = [value for value in given if isinstance(value, (fem.Constant, fem.Function))]
         bulk = problem.equations.bulk
         objects = dict.fromkeys([*bulk.data, *of_laws, *more])
         conditions = [compat.condition_numbers(bc) for bc in bulk.bcs]
@@ -129,11 +130,6 @@ class Data:
         """Set all values, of the shapes of the data."""
         for numbers, value in zip(self._arrays, values, strict=True):
             numbers[...] = value
-
-
-def _is_data(value: Any) -> bool:
-    """Whether a value is a constant or function of dolfinx (local)."""
-    return isinstance(value, (fem.Constant, fem.Function))
 
 
 def _with_law(problem: ContactProblem) -> list[Contact]:

@@ -383,14 +383,14 @@ def slips_in_space(rates: Array, n: Array) -> Array:
 
 
 def tipping_bodies(
-    bodies: BodyMotions, pairs: Sequence[PairCertificate], pushed: Array | float
+    bodies: BodyMotions, pairs: Sequence[PairCertificate], pushed: Array
 ) -> list[str]:
     """Describe floating bodies that would tip over an edge (collective).
 
     Args:
         bodies: The bodies, with the bulk residual and all contacts at the present state.
         pairs: Certificates of the pairs.
-        pushed: Forces of the loads at points, (owned dofs,) or 0 [force].
+        pushed: Loads at points less the forces of ties, (owned dofs,) [force].
 
     Returns:
         One message, or an empty list: if all bodies are balanced, if no resultant acts beyond the

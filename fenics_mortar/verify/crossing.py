@@ -309,13 +309,29 @@ class Crossings:
         """
         if not self.led.may_turn:
             return None
+        found = self._carried_to(self._prescribed_positions(), solved=False)
+        return found if _turns(found) else None
+
+    def led_motions(self) -> Carried:
+        """The outlines' nodes after motions from where they are to prescribed values."""
+        return self.led.carried(self._positions(), self._prescribed_positions(), {})
+
+    def _prescribed_positions(self) -> Array:
+        """Positions of the outlines' nodes, of prescribed ones by their values."""
         values = self._bulk.values.copy()
         compat.set_prescribed(values, self._bulk.bcs)
-        x0, x1 = self.accepted.x, self.outline.positions(values)
+        return self.outline.positions(values)
+
+    def carried_by_solution(self) -> Carried | None:
+        """As ``carried``, after the motions of all bodies to the present state."""
+        found = self._carried_to(self._positions(), solved=True)
+        return found if _turns(found) else None
+
+    def _carried_to(self, x1: Array, *, solved: bool) -> Carried:
+        """See ``carried``."""
         led = zip(self._leaders.items(), self.accepted.leaders, self._led(), strict=True)
         known = {body: motion_of(leader, *ends) for (body, leader), *ends in led}
-        found = self.led.carried(x0, x1, known)
-        return found if np.nan_to_num(norms(found.turn)).max(initial=0.0) > LEADS else None
+        return self.led.carried(self.accepted.x, x1, known, solved=solved)
 
     def passages(self, places: Array) -> list[str]:
         """Messages on passages through bodies and obstacles since the accepted state.
@@ -341,6 +357,10 @@ class Crossings:
         ends = StepEnds(x0, x1, self._prescribed, before, places, known, doubtful)
         return self.in_step.find(ends, self._allowed)
 
+    def taken_turns(self) -> list[str]:
+        """Notes on small turns by values, see ``LedBodies.taken``."""
+        return self.led.taken(self.accepted.x, self._positions())
+
     def uncertain_turns(self, places: Array, told: Collection[int]) -> list[str]:
         """Messages on bodies that turned by an angle that positions do not tell; see ``LedBodies``.
 
@@ -350,6 +370,11 @@ class Crossings:
         """
         moved = not np.array_equal(self.accepted.places, places)
         return self.led.messages(self.accepted.x, self._positions(), moved=moved, told=told)
+
+
+def _turns(carried: Carried) -> bool:
+    """Whether a body turns by more than ``LEADS``."""
+    return bool(np.nan_to_num(norms(carried.turn)).max(initial=0.0) > LEADS)
 
 
 # Bodies of a point and of the triangle above it, ascending.

@@ -118,6 +118,7 @@ class LedBodies:
         names = sorted(led - self._known) if self.may_turn else []
         self._names = {body: floating.name_of(body) for body in names}
         self.examined = False
+        self._taken: dict[tuple[int, int], Array] = {}
 
     def _sides_of(self, contact: Contact | Tie) -> Iterable[tuple[int, int]]:
         """The bodies on both sides of a contact (collective the first time)."""
@@ -149,35 +150,41 @@ class LedBodies:
         found = (turn_of(x0[at], x1[at], stretched) for at in marks)
         return dict(zip(bodies, found, strict=True))
 
-    def carried(self, x0: Array, x1: Array, known: Mapping[int, RigidPath]) -> Carried:
+    def carried(
+        self, x0: Array, x1: Array, known: Mapping[int, RigidPath], *, solved: bool = False
+    ) -> Carried:
         """Nodes carried along by the motions that lead their bodies between two positions.
 
         Rigid boundaries lead by their own motions; other prescribed nodes by one about their mean,
-        which moves on a straight line, or about a fixed point inside the body.
+        which moves on a straight line, or about a fixed point inside the body. The motion of other
+        bodies is known after a solve: that of their means, and their mean rotation.
 
         Args:
             x0: Positions of the nodes of the outlines at the start, shape (n, d) [length].
-            x1: Those to which the prescribed ones move.
+            x1: Those to which the prescribed ones move, or of a solution.
             known: Motions of rigid boundaries, by the number in the outlines that they lead.
+            solved: Whether ``x1`` is a solution.
 
         Returns:
             The nodes; turns are nan where prescribed nodes of a body do not move as one.
         """
         size, axes = x0.shape, len(TURNS[x0.shape[1]])
         x, pivots = x0.copy(), np.zeros((2, *size))
-        turn = np.zeros((size[0], axes))
-        for body in np.unique(self.bodies[self.prescribed]).tolist():
+        turn, straight = np.zeros((size[0], axes)), np.zeros((size[0], 1))
+        for body in np.unique(self.bodies if solved else self.bodies[self.prescribed]).tolist():
             mine = self.bodies == body
             led, parts = mine & self.prescribed, set(self._parts[mine].tolist())
             leader = next((known[part] for part in sorted(parts) if part in known), None)
+            led = led if not solved or tells_turn(x0[led]) else mine
             path = path_of(x0[led], x1[led], x0[mine]) if leader is None else leader
             apart, moved = (norms(path.carry(x0[led], 1.0) - x).max() for x in (x1[led], x0[led]))
-            if apart > STRETCHED * moved:  # its nodes do not move as one
+            if leader is None and apart > STRETCHED * moved and (led != mine).any():
                 turn[mine] = np.nan if np.linalg.norm(path.turn) > SMALL_ANGLE else 0.0
-                continue
+                continue  # its prescribed nodes do not move as one
             x[mine], turn[mine] = path.carry(x0[mine], 1.0), path.turn
             pivots[:, mine] = np.stack([path.start, path.end])[:, None]
-        return Carried(x, turn, *pivots)
+            straight[mine] = float(leader is not None)
+        return Carried(x, turn, pivots[0], pivots[1], straight)
 
     def relative(self, sides: tuple[int, int], turns: Turns) -> Array:
         """Rotation of the slave less that of the master, as a vector [radian]."""
@@ -185,16 +192,39 @@ class LedBodies:
         slave, master = (turns.get(side, still) for side in sides)
         return np.asarray(slave - master)
 
-    def doubtful(self, x0: Array, x1: Array) -> Turns:
-        """Turns by values that tell them up to full turns only, above ``TOLD_TURN``, in a step."""
+    def doubtful(self, x0: Array, x1: Array, least: float = TOLD_TURN) -> Turns:
+        """Turns by values that tell them up to full turns only, above ``least``, in a step."""
         if self.examined or not self.may_turn or np.array_equal(x0, x1):
             return {}
         found = self.turns(x0, x1, STRETCHED).items()
         return {
             body: turn
             for body, turn in found
-            if body in self._names and np.linalg.norm(turn) > TOLD_TURN
+            if body in self._names and np.linalg.norm(turn) > least
         }
+
+    def taken(self, x0: Array, x1: Array) -> list[str]:
+        """Notes on smaller turns by values, the first time and when their sense changes (local).
+
+        With friction or wear only; see ``messages``.
+        """
+        pairs = zip(self._contacts, self._of_pairs, strict=True)
+        of_pairs = sorted(set().union(*(sides for c, sides in pairs if _rubs(c))))
+        turns, notes = self.doubtful(x0, x1, ROUNDING) if of_pairs else {}, list[str]()
+        for sides in of_pairs:
+            turn = self.relative(sides, turns)
+            angle, before = float(np.linalg.norm(turn)), self._taken.get(sides, 0.0 * turn)
+            if not ROUNDING < angle <= TOLD_TURN:
+                continue
+            if turn @ before <= 0.0:
+                name = next(self._names[body] for body in sides if body in turns)
+                notes.append(
+                    f"prescribed values turn {name} by {np.degrees(angle):.2g} degrees in the "
+                    "step, and other steps likewise, if not by full turns besides, or the other "
+                    "way round: their ends do not tell; follow_path and a RigidBoundary do"
+                )
+            self._taken[sides] = turn
+        return notes
 
     def parts(self, bodies: Iterable[int]) -> frozenset[int]:
         """Numbers in the outlines of some bodies."""
@@ -257,14 +287,22 @@ def turn_of(x0: Array, x1: Array, stretched: float) -> Array:
     """
     y0, y1 = x0 - x0.mean(axis=0), x1 - x1.mean(axis=0)
     dim, none = x0.shape[1], np.zeros(len(TURNS[x0.shape[1]]))
-    extents = np.linalg.svd(y0, compute_uv=False)
-    if len(extents) < dim or extents[dim - 2] <= SLENDER * float(np.linalg.norm(x0)):
-        return none  # one point; in space points on a line
+    if not tells_turn(x0):
+        return none
     R = polar_rotation(y1.T @ y0)
     apart, moved = (np.linalg.norm(y - y0 @ R.T) for y in (y1, y0))
     if apart / stretched > moved:
         return none
     return np.arctan2(R[1, :1], R[0, :1]) if dim == 2 else vector_of(R)
+
+
+def tells_turn(x0: Array) -> bool:
+    """Whether nodes (n, d) tell a rotation: not one point; in space no points on a line."""
+    dim = x0.shape[1]
+    if len(x0) < dim:
+        return False
+    extents = np.linalg.svd(x0 - x0.mean(axis=0), compute_uv=False)
+    return bool(extents[dim - 2] > SLENDER * float(np.linalg.norm(x0)))
 
 
 def _rubs(contact: Contact | Tie) -> bool:

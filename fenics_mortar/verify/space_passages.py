@@ -384,7 +384,7 @@ WITHIN = np.array(
 OF_RADIUS = 0.5
 # Radius over the size of a facet [1] below which an obstacle is a tip or an edge.
 SHARP = 0.1
-# The same above which it is flat, and what enters a facet is an edge beside this point.
+# The same above which it is flat [1], and what enters a facet is an edge beside this point.
 FLAT = 1e6
 # What is wrong if boundary conditions move nodes into an obstacle.
 LED = (

@@ -92,6 +92,7 @@ def test_a_pad_without_a_barrier_ends_where_cells_have_no_area():
     steps = fm.SteppingOptions(step=0.02, smallest=1e-3, largest=0.02)
     with pytest.raises(fm.NotConvergedError, match="cells are inverted, one at") as error:
         fm.follow_path(problem, press, steps, stop=0.5)
+    assert "take fm.energies.neo_hookean" in str(error.value)
     assert error.value.report.steps[-1].time == pytest.approx(0.29, abs=0.01)
     u = problem.equations.bulk.u
     points, _ = basix.make_quadrature(basix.CellType.quadrilateral, 5)

@@ -161,3 +161,52 @@ def ball_in_a_bowl(x, y, z, mu):
     boxes = Box("block", mapped((4, 4, 4), ball), joined), Box("bowl", mapped((6, 6, 2), bowl))
     made = scene(*boxes).hold("bowl/bottom")
     return made.touch(("block/surface", "bowl/top"), mu=mu)
+
+
+def wall_of_two_leaves():
+    """Two courses of stiff blocks in two leaves, whose upper blocks bridge the joints below."""
+    boxes, floor, pairs = [], fm.Plane(*FLOOR), []
+    for leaf in range(2):
+        for i in range(2):
+            corner = 1.02 * i, 0.5 * leaf, 0.0
+            boxes.append(Box(f"{leaf}a{i}", block((3, 2, 1), size=(1.0, 0.49, 0.4), corner=corner)))
+            pairs += [(f"{leaf}a{i}/bottom", floor), (f"{leaf}a{i}/top", f"{leaf}b/bottom")]
+        corner = 0.5, 0.5 * leaf, 0.4
+        boxes.append(Box(f"{leaf}b", block((4, 2, 1), size=(1.0, 0.49, 0.4), corner=corner)))
+    made = scene(*boxes, loaded=[box.name for box in boxes], load=(0.1, 0.15, -1.0), young=1e5)
+    return made.touch(*pairs, mu=0.5)
+
+
+def chain_of_links(mu):
+    """Two elastic rings that hang on each other below a rigid one."""
+
+    def link(name, centre, axis):
+        def position(s, t, r):
+            u, v = 2.0 * t - 1.0, 2.0 * r - 1.0
+            far, norm = np.maximum(np.abs(u), np.abs(v)), np.hypot(u, v)
+            to_circle = np.where(norm > 0.0, far / np.where(norm > 0.0, norm, 1.0), 0.0)
+            factor = 0.1 * (0.7 * (1.0 - far**2) + far**2 * to_circle)
+            along, across, angle = factor * v, factor * u, 2.0 * np.pi * s
+            x, z = (0.3 + along) * np.cos(angle), (0.3 + along) * np.sin(angle) + centre
+            return [across, x, z] if axis == 0 else [x, across, z]
+
+        return Box(
+            name, mapped((16, 3, 3), position), {s: f"{name}/skin" for s in SIDES}, closed=True
+        )
+
+    boxes = link("upper", -0.4, 0), link("lower", -0.8, 1)
+    made = scene(*boxes, loaded=["upper", "lower"], load=0.01 * DOWN, young=100.0)
+    ring = fm.Torus((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.3, 0.1)
+    return made.touch(("upper/skin", ring), ("lower/skin", "upper/skin"), mu=mu)
+
+
+def table_on_an_incline(angle, mu, height=0.5):
+    """A slab on four feet, on a plane that falls along x."""
+    x = block((7, 7, 2), size=(1.4, 1.0, 1.0), corner=(-0.7, -0.5, 0.0))
+    foot = np.isin(np.arange(8), (0, 1, 6, 7))
+    lift = np.where(np.logical_and.outer(foot, foot), 0.0, height)[..., None]
+    x[..., 2] = lift + (height + 0.2 - lift) * np.linspace(0.0, 1.0, 3)
+    c, s = np.cos(angle), np.sin(angle)
+    down = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    made = scene(Box("block", x @ down.T), load=1e-4 * DOWN, young=10.0)
+    return made.touch(("block/bottom", fm.Plane(FLOOR[0], down @ FLOOR[1])), mu=mu)

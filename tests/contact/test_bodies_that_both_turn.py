@@ -86,7 +86,8 @@ def test_moments_of_hubs_do_the_work_of_friction(per_turn):
 
 def carried(x, turn, start, end):
     """One node of a body that is led."""
-    return Carried(*(np.array([each], float) for each in (x, np.atleast_1d(turn), start, end)))
+    rows = x, np.atleast_1d(turn), start, end, [1.0]
+    return Carried(*(np.array([each], float) for each in rows))
 
 
 @pytest.mark.parametrize("angle", [0.1, TURN / 8, 3.0, 20.0])

@@ -207,6 +207,20 @@ def test_cracks_that_cross(gradient, mu, degree):
     assert np.ptp(jumps, axis=0).max() < 1e-5
 
 
+def test_a_corner_that_slides_past_a_crossing_needs_pairs_of_the_parts_across():
+    """By half a facet; without them the parts overlap by as much, which the report names."""
+    gradient = [[-0.02, 0.15], [0.0, -0.04]]
+    options = {"material": neo_hookean, "degree": 1, "loads": (0.25, 0.5, 0.75, 1.0)}
+    across = (["left1", "down2"], ["up2", "right1"]), (["left2", "up1"], ["right2", "down1"])
+    for further, least, most in (((), 0.4, 0.5), (across, 0.0, 0.05)):
+        pairs = two(*CROSSING_FACES, *further)
+        scene = strained(crossed(CROSSING, 16).data(), pairs, gradient, **options)
+        deepest = max(c.facets for c in scene.problem.equations.crossings.find())
+        assert least <= deepest < most
+        remarks = scene.problem.certificate().remarks()
+        assert any(" cross at " in text for text in remarks) == (not further)
+
+
 @BOTH_WAYS
 def test_corner_goes_from_one_part_to_another_where_cracks_cross(sides):
     """Parts overlap by 0.04 facets at the crossing; the corner of a third went through neither."""

@@ -130,6 +130,18 @@ def test_turn_beyond_half_a_turn_is_told(degrees, first):
         assert f"by {other:.0f} degrees in the step, if not by {abs(degrees):.0f}" in told
 
 
+@pytest.mark.parametrize("degrees", [355.5, 357.0, -359.5, 361.0, 364.0, 717.0, 3.0])
+def test_turn_that_looks_like_a_small_one_is_noted(degrees):
+    """Once, and again if its sense changes; its certificate has no remark."""
+    shaft = shaft_in_ring(fm.Coulomb(MU))
+    angles, noted = np.radians(degrees) * np.arange(1, 4), []
+    for angle in (*angles, angles[1]):
+        report = shaft.turn(angle)
+        assert report.certificate.remarks() == []
+        noted.append(sum("their ends do not tell" in note for note in report.notes))
+    assert noted == [1, 0, 0, 1]
+
+
 @pytest.mark.parametrize("on_axle", [False, True])
 def test_turn_of_known_direction_is_no_doubt(on_axle):
     """By an eighth of a known angle, or by a turn that is one of 120 a round."""

@@ -141,7 +141,7 @@ def test_obstacles(obstacle):
 
 @pytest.mark.once
 def test_friction_on_undeformed_operators():
-    """Solved on the contact dofs and on all dofs; a problem of pressures alone has no friction."""
+    """Solved on the contact dofs and on all dofs."""
     law = {"law": fm.Coulomb(0.2)}
     scenes = [small_blocks(pair=law, problem={"linear_bulk": reduced}) for reduced in (True, False)]
     for step in PATH[:2]:

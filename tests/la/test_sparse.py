@@ -9,8 +9,9 @@ import pytest
 from scenes import pressed_blocks
 
 from fenics_mortar.interface.mortar import Block
+from fenics_mortar.la import sparse
 from fenics_mortar.la.condensed import Elimination
-from fenics_mortar.la.sparse import BlockMatrix, Product, SomeRows, add_blocks
+from fenics_mortar.la.sparse import BlockMatrix, Product, SomeRows, add_blocks, packed, summed_rows
 
 comm = MPI.COMM_WORLD
 OWNED = 5  # rows of each rank
@@ -110,6 +111,32 @@ def test_entry_outside_of_the_pattern_raises():
     large = tridiagonal()
     with pytest.raises(PETSc.Error):
         add_blocks(large, [everywhere(0, OWNED - 1, 4.0)])
+
+
+@pytest.mark.parametrize("empty", [False, True])
+def test_rows_of_any_rank_are_summed_beside_the_matrix(empty):
+    """Each rank has rows for all; with ``empty`` rank 0 alone, so that others have none to send."""
+    large = tridiagonal()
+    before, size = dense(large), large.getSize()[0]
+    generator, count = np.random.default_rng(3), 0 if empty and comm.rank else 6
+    rows, columns = generator.integers(-1, size, (2, comm.size, 6, 3))
+    values = np.where(generator.random((comm.size, 6, 3, 3)) < 0.3, 0.0, 1.0 + comm.rank)
+    mine = Block(rows[comm.rank, :count], columns[comm.rank, :count], values[comm.rank, :count])
+    csr = summed_rows(comm, large.getOwnershipRanges(), [packed([mine], None, size)] * 2)
+    total = sparse.with_rows(large, csr)
+    expected = before.copy()
+    for i, j, v in comm.allgather(mine):
+        for block in zip(i, j, v, strict=True):
+            used = [k >= 0 for k in block[:2]]
+            np.add.at(
+                expected,
+                np.ix_(*(k[u] for k, u in zip(block[:2], used, strict=True))),
+                2.0 * block[2][np.ix_(*used)],
+            )
+    assert np.abs(dense(total) - expected).max() < 1e-13
+    assert np.abs(dense(large) - before).max() == 0.0
+    entries = total.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
+    assert entries == ((expected != 0.0) | (before != 0.0)).sum()
 
 
 def test_tangent_of_slave_nodes_is_taken_from_K_in_place_while_the_pattern_stays():

@@ -7,6 +7,7 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 from scenes import pressed_blocks
+from space_pairs import pressed
 
 import fenics_mortar as fm
 from fenics_mortar.la import multigrid
@@ -19,7 +20,7 @@ MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 5, "layers_lower": 5}
 
 def enlarged(small, near, A):
     """A matrix of the size of ``A`` with the entries of one of the dofs ``near`` contact."""
-    large = PETSc.Mat().createAIJ(A.getSizes(), nnz=20, comm=comm)
+    large = PETSc.Mat().createAIJ(A.getSizes(), nnz=60, comm=comm)
     starts, columns, values = small.getValuesCSR()
     for i, start, end in zip(near.owned, starts[:-1], starts[1:], strict=True):
         large.setValues(int(i), near.rows[columns[start:end]].astype("i"), values[start:end])
@@ -27,16 +28,21 @@ def enlarged(small, near, A):
     return large
 
 
-def checked(monkeypatch):
+def checked(monkeypatch, dim=2):
     """Errors of the products of all cycles that are made from now on."""
-    errors, compute = [], TouchingTangent.assemble
+    errors = []
+    place, name = (TouchingTangent, "assemble") if dim == 2 else (multigrid, "touching_in_space")
+    compute = getattr(place, name)
 
-    def compared(tangent, A, near, motion, equations, tangents):
-        B = compute(tangent, A, near, motion, equations, tangents)
-        R = PETSc.Mat().createAIJ(A.getSizes(), nnz=2, comm=comm)
+    def compared(*given):
+        *_, A, near, motion, equations, axes = given
+        B = compute(*given)
+        if dim == 2:
+            axes = np.stack([axes, axes[:, ::-1] * [-1.0, 1.0]], axis=2)
+        R = PETSc.Mat().createAIJ(A.getSizes(), nnz=dim, comm=comm)
         first, end = A.getOwnershipRange()
-        for i, t in zip(range(first, end, 2), tangents, strict=True):
-            R.setValues([i, i + 1], [i, i + 1], [t[0], -t[1], t[1], t[0]])
+        for i, of_node in zip(range(first, end, dim), axes, strict=True):
+            R.setValues(range(i, i + dim), range(i, i + dim), of_node)
         R.assemble()
         T_R, L_T_R = (enlarged(small, near, A).matMult(R) for small in (motion, equations))
         for matrix in (T_R, L_T_R):
@@ -47,7 +53,7 @@ def checked(monkeypatch):
         errors.append(product.norm() / size)
         return B
 
-    monkeypatch.setattr(TouchingTangent, "assemble", compared)
+    monkeypatch.setattr(place, name, compared)
     return errors
 
 
@@ -66,6 +72,18 @@ def test_tangent_is_the_product_of_its_matrices(monkeypatch, degree, basis, algo
     scene.loads["push"].value[:] = (0.02, -0.05)
     scene.problem.solve()
     assert errors and max(errors) < 1e-15
+
+
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+def test_tangent_in_space_is_the_product_of_its_matrices(monkeypatch, algorithm):
+    """Bodies are turned, so that no axis of the nodes is one of the mesh."""
+    errors = checked(monkeypatch, 3)
+    c, s = np.cos(0.3), np.sin(0.3)
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    problem = {"solver": "iterative", "algorithm": algorithm}
+    scene = pressed("tetrahedron", law=fm.Coulomb(0.3), problem=problem, turn=turn)
+    scene.move(0.02, 0.0, -0.04)
+    assert errors and max(errors) < 1e-14
 
 
 def test_memory_serves_several_matrices():

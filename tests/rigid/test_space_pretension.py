@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from heat_scenes import heated
 from refusal import refused
 from space_scenes import YOUNG, Solid, held, of
 from test_space_contact import TIGHT
@@ -129,3 +130,33 @@ def test_axis_is_the_normal_of_the_slave_or_given():
         assert section.axis == pytest.approx(expected)
     with refused(ValueError, "axis is zero"):
         fm.Pretension(data, "upper/bottom", "lower/top", axis=(0.0, 0.0, 0.0))
+
+
+def test_heat_through_a_bolted_stack():
+    """The hot cover extends beyond the plate; its bolt alone holds it, and is a load in the check.
+
+    Bars in series: q = T / (2 L / k + 1 / h(p)), through bolt and stack.
+    """
+    names = {"plate": (0.0, 0.0, 1.0), "cover": (0.0, 1.0, 1.0)}
+    names |= {"nut": (2.0, 0.0, 0.5), "bolt": (2.0, 1.0, 0.5)}
+    boxes = []
+    for number, (name, (x, z, width)) in enumerate(names.items()):
+        counts = (3 + number, 3 + number, 2) if x == 0.0 else (number, number, 2)
+        cells = block(counts, size=(width, width, 1.0), corner=(x, 0.0, z))
+        boxes.append(Box(name, cells))
+    scene = heated(boxes, nu=0.0, alpha=1e-4, conductivity=5.0)
+    scene.hold("bottom", ["plate/bottom", "nut/bottom"])
+    scene.prescribe("cold", ["plate/bottom", "nut/bottom"], 1)
+    scene.prescribe("hot", ["cover/top", "bolt/top"], 1)
+    heat = fm.Conductance(1, fm.PressureConductance(20.0, pressure=1.0))
+    pair = fm.ContactPair(scene.data, "cover/bottom", "plate/top", fluxes=[heat])
+    bolt = fm.Pretension(scene.data, slave="bolt/bottom", master="nut/top", fields=[1])
+    top = fm.RigidBoundary(scene.data, ["cover/top", "bolt/top"], pivot=(0.5, 0.5, 2.0))
+    problem = scene.problem([bolt, pair], remote=[top], newton=TIGHT)
+    scene.set(hot=100.0)
+    top.push(z=0.0)
+    bolt.push(1.0)
+    report = problem.solve()
+    assert report.certificate.violations() == []
+    through = [view.fluxes[0].into_master for view in problem.contacts]
+    assert through == pytest.approx([100.0 / 0.4 * 0.25, 100.0 / (0.4 + 1.0 / 20.0)], rel=0.01)

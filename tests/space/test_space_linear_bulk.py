@@ -179,11 +179,6 @@ def test_choice_follows_from_the_active_nodes(monkeypatch):
     assert chosen == [False, True, False, False, False, True]
 
 
-def test_small_sliding_without_friction_is_reduced_at_once():
-    scene = blocks(pair={"sliding": "small"})
-    assert scene.move(*PATH[0]).solver.endswith("(small sliding)")
-
-
 @pytest.mark.ranks
 @LAWS
 def test_results_are_those_of_one_rank(law):

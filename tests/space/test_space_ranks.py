@@ -59,6 +59,29 @@ def test_laws_on_ranks(law):
     assert_equal("hexahedron", 1, law, algorithm="saddle")
 
 
+def sizes_while_sliding(comm, algorithm):
+    """Norm of the matrix after each of three steps, and whether the tangent's pattern stays."""
+    scene = stack("hexahedron", comm=comm, sizes=SIZES, offset=(0.25, 0.2, -0.003), poisson=0.3)
+    scene.press().set_up(fm.Coulomb(0.3), newton=SOLVED, algorithm=algorithm)
+    bulk = scene.problem.equations.bulk
+    before, norms = bulk.K.getInfo()["nz_used"], []
+    for x in (0.0, 0.1, 0.2):
+        scene.move(x, 0.3 * x, -0.04)
+        norms.append(scene.problem.equations.system.matrix.norm())
+    return norms, bulk.K.getInfo()["nz_used"] == before and bulk.num_patterns == 1
+
+
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+def test_no_pattern_of_contact_is_made(algorithm):
+    """The matrix has the entries of the state, on any ranks; those of the bodies stay as they are.
+
+    Zeros for what may come into contact were made anew in the second iteration on several ranks.
+    """
+    norms, stays = sizes_while_sliding(COMM, algorithm)
+    assert stays
+    assert np.allclose(norms, sizes_while_sliding(MPI.COMM_SELF, algorithm)[0], rtol=1e-9)
+
+
 @pytest.mark.ranks
 @pytest.mark.parametrize("cell, degree", KINDS)
 def test_ties_on_ranks(cell, degree):

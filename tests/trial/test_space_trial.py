@@ -16,7 +16,7 @@ from demos.studies.stability.space_judge import distances, judge, nearest, windi
 from demos.studies.stability.space_runs import compare, follow
 from demos.studies.stability.space_scene import build, volume
 from demos.studies.stability.trial import summary
-from meshes.mapped_boxes import Box, block
+from meshes.mapped_boxes import SIDES, Box, block, mapped
 
 COMM = MPI.COMM_WORLD
 FAMILIES = "towers", "patches", "plates", "tools"
@@ -127,6 +127,18 @@ def test_surfaces_are_closed_and_outward(cell, degree):
     assert np.allclose(winding(x, hull), [1.0, 0.0, 1.0, 0.0], atol=1e-9)
     _, weights, away = nearest(x, hull)
     assert np.allclose(away, [0.2, 0.1, 0.01, 0.01]) and np.allclose(weights.sum(axis=1), 1.0)
+
+
+@pytest.mark.serial
+def test_rings_are_closed():
+    def position(s, t, r):
+        angle = 2.0 * np.pi * s
+        return [(1.0 + r) * np.cos(angle), t, (1.0 + r) * np.sin(angle)]
+
+    ring = Box("ring", mapped((6, 1, 1), position), dict.fromkeys(SIDES, "ring/skin"), closed=True)
+    case = replace(pressed(tool=True), solids=[Solid(ring, 1.0, 0.3)], held={})
+    scene = build(replace(case, pairs=[("ring/skin", "floor")]))
+    assert len(scene.X) == 6 * 2 * 2 and len(scene.hulls["ring"]) == 2 * 6 * 4
 
 
 @pytest.mark.serial

@@ -96,15 +96,15 @@ def test_work_along_a_circle(angle):
     assert work == pytest.approx(2.0 * 1.5 * angle)
 
 
-def corner_on_a_face(count, exchanged=False):
+def corner_on_a_face(count, exchanged=False, order=1, **options):
     """A cube that stands on a corner of its own above a block, beside a node of the latter."""
     turn = np.cross((1.0, 1.0, 1.0), (0.0, 0.0, 1.0)) * np.arccos(3**-0.5) / 2**0.5
-    cube = block((count,) * 3) @ rotation_by(turn).T
-    lower = block((4, 4, 2), size=(2.0, 2.0, 1.0), corner=(-0.97, -0.98, -1.0))
+    cube = block((count,) * 3, order=order) @ rotation_by(turn).T
+    lower = block((4, 4, 2), size=(2.0, 2.0, 1.0), corner=(-0.97, -0.98, -1.0), order=order)
     held = ["upper/top", "upper/right", "upper/back", "lower/bottom"]
     sides = ["upper/left", "upper/front", "upper/bottom"], "lower/top"
     boxes = Box("upper", cube), Box("lower", lower)
-    return bodies(boxes, held, [sides[::-1] if exchanged else sides])
+    return bodies(boxes, held, [sides[::-1] if exchanged else sides], order=order, **options)
 
 
 @pytest.mark.once
@@ -116,6 +116,16 @@ def test_a_corner_on_a_face_touches_with_a_node():
     report = scene.solve()
     assert value_of(report, "unresolved_force") == pytest.approx(1.0)
     assert remarks_with(report, "1 active node at (")
+
+
+@pytest.mark.once
+def test_a_corner_with_linear_multipliers_tells_the_quadratic_ones():
+    """Mean gaps over the facets around the corner are open; those of its own node are not."""
+    scene = corner_on_a_face(2, cell="tetrahedron", order=2)
+    for side in ("upper/top", "upper/right", "upper/back"):
+        scene.move(side, (0, 0, -0.08))
+    with refused(fm.NotConvergedError, r"exchange slave and master, or .*basis='quadratic'"):
+        scene.solve()
 
 
 @pytest.mark.once

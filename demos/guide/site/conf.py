@@ -50,8 +50,10 @@ nitpicky = True
 nitpick_ignore_regex = [("py:.*", r"(?!fenics_mortar).*"), ("py:class", r"fenics_mortar\..*\.T")]
 suppress_warnings = ["ref.python"]  # two internal classes of one name in signatures
 
-html_static_path = ["static"]
+# ``build.sh`` puts MathJax beside the pages.
+html_static_path = ["static", str(root / "build/site/static")]
 html_css_files = ["site.css"]
+mathjax_path = "mathjax/tex-chtml.js"
 
 html_theme = "sphinx_book_theme"
 html_title = "fenics_mortar"

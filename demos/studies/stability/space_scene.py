@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -180,7 +180,7 @@ class SpaceScene:
 def build(case: SpaceCase, comm: MPI.Comm = MPI.COMM_SELF, **options: Any) -> SpaceScene:
     """Create mesh and problem (collective)."""
     frame = case.frame
-    boxes = [mapped_boxes.Box(s.box.name, frame.point(s.box.x), s.box.joined) for s in case.solids]
+    boxes = [replace(s.box, x=frame.point(s.box.x)) for s in case.solids]
     data = mapped_boxes.mesh(boxes, cell=case.cell, comm=comm)
     V = fm.vector_space(data.mesh, case.degree)
     u, v = fem.Function(V), ufl.TestFunction(V)

@@ -3,7 +3,8 @@
 
 Quadrature points of the common part of two pieces, on both facets.
 
-The polygon is divided into a fan of triangles from its first vertex, the cells. A point of a cell
+The polygon is divided into a fan of triangles from its first vertex, the cells; on curved facets,
+whose integrals the rule has with an error, its place decides on digits. A point of a cell
 is V = sum_i lambda_i V_i with the weight W = w A, where lambda and w are those of the rule and A is
 the area of the cell in the plane, a measure that all integrals share.
 

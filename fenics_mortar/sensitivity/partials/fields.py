@@ -42,6 +42,7 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ContactFields, SpaceFields, VectorRow
 from fenics_mortar.contact.law import Row
+from fenics_mortar.contact.rows import row_by_displacements, row_by_motions
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import (
     ObstacleOperators,
@@ -57,7 +58,6 @@ from fenics_mortar.utils.ranks import sum_over_ranks
 if TYPE_CHECKING:
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.interface.curve_surface import Curve
-    from fenics_mortar.interface.integrals import PlaneOperators
     from fenics_mortar.utils.arrays import Array, Indices
 
 NO_BLOCK = Block(np.empty((0, 1), np.int64), np.empty((0, 1), np.int64), np.empty((0, 1, 1)))
@@ -261,12 +261,7 @@ def fields_by_state(contact: Interface, names: Iterable[str]) -> Changes:
     Collective. That of "z" has the shape (d slave nodes, size).
     """
     layout = Layout(contact)
-    derivatives = DERIVATIVES if layout.dim == 2 else IN_SPACE
-    return {name: derivatives[name](contact, layout) for name in names}
-
-
-def _weight(contact: Interface, layout: Layout) -> Matrix:
-    return layout.nodal(contact.operators.weight_derivative())
+    return {name: DERIVATIVES[name](contact, layout) for name in names}
 
 
 def _weighted_gap(contact: Interface, layout: Layout) -> Matrix:
@@ -282,79 +277,40 @@ def _z_n(contact: Interface, layout: Layout) -> Matrix:
     return layout.nodal(blocks, o.n, by_motion)
 
 
-def _z_tau(contact: Interface, layout: Layout) -> Matrix:
-    return shear_derivative(contact.operators, contact.z, layout)
-
-
-def shear_derivative(o: PlaneOperators, z: Array, layout: Layout) -> Matrix:
-    """Derivative of the shears of multipliers z, (slave nodes, size) (collective)."""
-    blocks = [rows_at_nodes(o.slave, o.normal_columns(), o.tangential_derivative(z))]
-    by_motion = None
-    if isinstance(o, ObstacleOperators):
-        by_motion = z[:, 1:] * o.dn_dq[:, 0] - z[:, :1] * o.dn_dq[:, 1]
-    return layout.nodal(blocks, o.tau, by_motion)
-
-
-def _slip(contact: Interface, layout: Layout) -> Matrix:
-    assert isinstance(contact, Contact)
-    o, partners = contact.operators, contact.partners
-    turned = o.tangential_derivative(partners.rotated(o))
-    blocks = [rows_at_nodes(o.slave, o.normal_columns(), turned), *partners.derivative(o)]
-    by_motion = partners.derivative_by_motions(o) if isinstance(o, ObstacleOperators) else None
-    return off_planes(layout.nodal(blocks, by_motion=by_motion), contact)
-
-
 def _z(contact: Interface, layout: Layout) -> Matrix:
     rows = np.arange(contact.z.size)
     return Matrix(rows, layout.z.start + rows, np.ones(rows.size), (rows.size, layout.size))
 
 
-DERIVATIVES: dict[str, Callable[[Interface, Layout], Matrix]] = {
-    "weight": _weight,
-    "gap": _weighted_gap,
-    "z_n": _z_n,
-    "z_tau": _z_tau,
-    "slip": _slip,
-    "z": _z,
-}
+def of_law(f: ContactFields, layout: Layout, name: str) -> Matrix:
+    """Derivative of z_tau or slip at constant mean gaps, (slave nodes, size) (collective)."""
+    row = OF_LAW[name] if layout.dim == 3 else f.without_slip_on_planes(OF_LAW[name])
+    return by_vectors(f, layout, f.by_vectors(row))
 
 
-def by_vectors(o: MortarOperators, partners: Any, layout: Layout, row: VectorRow) -> Matrix:
-    """Derivative of a function of multiplier, slip and normal of a node in space (collective).
+def by_vectors(f: ContactFields, layout: Layout, row: VectorRow) -> Matrix:
+    """Derivative of a function of multiplier, slip and normal of a node (collective).
 
     Shape (slave nodes, size).
     """
-    turned, by_motion = np.einsum("ja,jaq->jq", row.by_normal, o.dn), None
-    blocks = [rows_at_nodes(o.slave, o.normal_columns(), turned)]
-    slips = row.by_slip.any()
-    if slips:
-        blocks += partners.derivative(o, row.by_slip)
-    if isinstance(o, ObstacleOperators):
-        by_motion = np.einsum("ja,jam->jm", row.by_normal, o.dn_dq)
-        if slips:
-            of_slip = partners.derivative_by_motions(o)
-            by_motion += np.einsum("ja,jam->jm", row.by_slip, of_slip)
-    return layout.nodal(blocks, row.by_z, by_motion)
+    on_obstacle = isinstance(f.operators, ObstacleOperators)
+    by_motion = row_by_motions(f, row) if on_obstacle else None
+    return layout.nodal(row_by_displacements(f, row), row.by_z, by_motion)
 
 
-# Numbers of a node in space as functions of the law's arguments.
+DERIVATIVES: dict[str, Callable[[Any, Layout], Matrix]] = {
+    "weight": lambda contact, layout: layout.nodal(contact.operators.weight_derivative()),
+    "gap": _weighted_gap, "z_n": _z_n, "z": _z,
+    "z_tau": lambda contact, layout: of_law(contact.now, layout, "z_tau"),
+    "slip": lambda contact, layout: of_law(contact.now, layout, "slip"),
+}  # fmt: skip
+
+# Numbers of a node as functions of the law's arguments.
 OF_LAW = {
     "z_n": Row(0.0, by_z_n=1.0),
     "z_tau": Row(0.0, by_z_tau=1.0),
     "slip": Row(0.0, by_slip=1.0),
 }
-
-
-def _of_law(name: str) -> Callable[[Interface, Layout], Matrix]:
-    def derivative(contact: Interface, layout: Layout) -> Matrix:
-        f: Any = contact.now
-        row = f.by_vectors(OF_LAW[name])
-        return by_vectors(f.operators, f.state.partners, layout, row)
-
-    return derivative
-
-
-IN_SPACE = DERIVATIVES | {name: _of_law(name) for name in OF_LAW}
 
 
 def of_vectors(f: SpaceFields) -> dict[str, dict[str, Array]]:
@@ -371,13 +327,13 @@ def of_vectors(f: SpaceFields) -> dict[str, dict[str, Array]]:
 
 def shear_vector_derivative(f: SpaceFields, layout: Layout) -> Matrix:
     """Derivative of the shear P z in space, (3 slave nodes, size) (collective)."""
-    o, z, z_n = f.operators, f.z_u, f.z_n
+    n, z, z_n = f.operators.n, f.z_u, f.z_n
     none, (count, dim) = np.zeros(len(z)), z.shape
     found = []
     for a in np.eye(dim):
-        n_a = (o.n @ a)[:, None]
-        row = VectorRow(none, a - n_a * o.n, np.zeros_like(z), none, -z_n[:, None] * a - n_a * z)
-        found.append(by_vectors(o, None, layout, row))
+        n_a = (n @ a)[:, None]
+        row = VectorRow(none, a - n_a * n, np.zeros_like(z), none, -z_n[:, None] * a - n_a * z)
+        found.append(by_vectors(f, layout, row))
     return interleaved(found, count)
 
 

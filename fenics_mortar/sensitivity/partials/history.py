@@ -68,12 +68,12 @@ from fenics_mortar.sensitivity.partials.fields import (
     Matrix,
     by_node,
     interleaved,
+    of_law,
     of_vectors,
     off_planes,
     over_weights,
     rows_at_nodes,
     rows_by_fields,
-    shear_derivative,
     shear_vector_derivative,
     through_fields,
 )
@@ -377,7 +377,7 @@ def history_of_pair(contact: Contact, earlier: Earlier) -> PairHistory:
     fields = dict(changes)
     if redundant:
         by["shear"] = contact.rows.frame()[2] * keeps_shear[:, None]
-        changes["shear"] = shear_derivative(then.operators, then.state.z, layout)
+        changes["shear"] = of_law(then, layout, "z_tau")
     return PairHistory(fields, through_fields(by, changes), earlier)
 
 

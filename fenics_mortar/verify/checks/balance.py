@@ -19,7 +19,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Indices
+from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Indices, norms
 from fenics_mortar.utils.ranks import sum_over_ranks
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
 
@@ -28,6 +28,14 @@ if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.contact.tied import Tie
+
+
+# Error of fluxes above which a state is no solution [1]: below the error of usual meshes. Where
+# forces decide on convergence, or its tolerance is large, fluxes have fewer digits: a remark.
+WRONG_FLUX = 1e-3
+# Smallest reference of fluxes, over contact pressures by the scale of Newton's residuals [1]: of
+# smaller fluxes digits are missing after convergence, as of the first ones by heat of friction.
+SLIGHT = 0.01
 
 
 def balance_of_bodies(
@@ -53,9 +61,7 @@ def balance_of_bodies(
     r = bulk.r.array_r[: bulk.num_owned]
     total = r.copy()
     for contact in contacts:
-        on_slave, on_master = contact.now.forces
-        contact.slave.scatter_add(on_slave, total)
-        contact.master.scatter_add(on_master, total)
+        contact.scatter_add(contact.now.forces, total)
     total[bulk.prescribed_dofs] = 0.0
     comm, dofs = bulk.comm, bulk.space.owned_dofs
     body = labels[: len(dofs)]
@@ -155,11 +161,13 @@ def _of_conduction(measured: Any) -> Iterator[Finding]:
         from_flux = np.where(h > 0.0, now.conduction / np.where(h > 0.0, h, 1.0), 0.0)
         wrong = np.where(h > 0.0, stiffest * (now.jump - from_flux), now.conduction)
         level = LIMITS.min_force * flux.cells * flux.largest
+        level += SLIGHT * norms(measured.contact.z) / flux.to_force
         size = float(weight @ (np.abs(now.conduction) + level))
         yield Finding(
             f"conduction of field {flux.law.field}",
             f"flux of field {flux.law.field} other than conductance times jump, over all fluxes",
-            float(weight @ np.abs(wrong)) / positive_or_one(size), limit=LIMITS.tolerance,
+            float(weight @ np.abs(wrong)) / positive_or_one(size),
+            limit=WRONG_FLUX, remark=LIMITS.tolerance,
         )  # fmt: skip
 
 

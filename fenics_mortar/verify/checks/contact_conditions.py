@@ -109,17 +109,19 @@ def _between_nodes(measured: Measured) -> Iterator[Finding]:
     missed = 0.0 if is_pressed else penetration
     yield Finding(
         "missed", "penetration of sides without contact forces", missed,
-        f"the sides penetrate by {missed:.2g} facets between the nodes, at {where}, but no node "
-        "carries a force: the facets do not resolve contact there; refine the slave there, or "
-        f"exchange slave and master; of curves that fit each other, take {CURVED}",
+        f"the sides penetrate by {missed:.2g} facets between the nodes, at {where}, but no node of "
+        "the pair carries a force: the pressure and the force of this contact are missing "
+        "altogether; facets of the slave that are smaller than what enters find it, or exchange "
+        f"slave and master; of curves that fit each other, take {CURVED}",
         remark=LIMITS.missed, unit="facet lengths", where=where,
     )  # fmt: skip
     idle = max(-idle, 0.0) if is_pressed else 0.0
     yield Finding(
         "idle", "penetration of facets without contact forces", idle,
-        f"the sides penetrate by {idle:.2g} facets, at {where_idle}, where no node of the facet "
-        "carries a force: it does not resolve contact there; refine the slave there, or exchange "
-        f"slave and master; of curves that fit each other, take {CURVED}",
+        f"beside the contact found elsewhere, a part of the master enters an unloaded facet of the "
+        f"slave by {idle:.2g} of its length, at {where_idle}: the force of the pair lacks the "
+        "share of this place; refine the slave there, or exchange slave and master; of curves that "
+        f"fit each other, take {CURVED}",
         remark=LIMITS.coarse_unloaded, unit="facet lengths", where=where_idle,
     )  # fmt: skip
 

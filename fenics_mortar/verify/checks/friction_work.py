@@ -37,6 +37,7 @@ from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
 
 if TYPE_CHECKING:
+    from fenics_mortar.contact.arcs import Led
     from fenics_mortar.contact.contact import Contact
     from fenics_mortar.interface.surfaces import Surface
 
@@ -205,7 +206,7 @@ def _sums(before: Array, after: Array, moved: Array, turned: Array) -> tuple[flo
 def _approach(measured: Measured) -> Iterator[Finding]:
     """Rotation of both sides before nodes came into contact in the step (local).
 
-    Turns by supports are known, see ``arcs``, and left out here. By other turns the slip that is
+    Motions that lead nodes are known, see ``arcs``, and left out. By other turns the slip that is
     counted until then is that of two rigid frames beside each other. It is exact if one of them
     rests. If the sides turn by a and b while the gap closes from g, as
     g (1 - cos a t) / (1 - cos a), slip is wrong by b g (1 - sin a / a) / (1 - cos a): of bodies
@@ -215,17 +216,22 @@ def _approach(measured: Measured) -> Iterator[Finding]:
     rotation turns it into slip.
     """
     contact, partners, o = measured.contact, measured.contact.partners, measured.contact.operators
-    at_start = partners if partners.led is None else partners.led
-    x, m = at_start.x, at_start.m
+    led = partners.led
+    ends = (partners,) if led is None else (partners, led)
     relative: Array | float = 0.0
     if o.slave.dim == 2:
-        slave = np.abs(surface_rotation(o.slave, x, o.x))
-        master = np.abs(partners.M @ surface_rotation(o.master, m, o.m))
+        slave, master = (
+            np.abs(_from_start(led, *turns))
+            for turns in (
+                [surface_rotation(o.slave, at.x, o.x) for at in ends],
+                [partners.M @ surface_rotation(o.master, at.m, o.m) for at in ends],
+            )
+        )
     else:
         found = partners.at(o)
         slave, master = (vectors_of(side.Q)[1] for side in (found.slave, found.master))
         relative = np.where(partners.present > 0.0, found.doubt, 0.0)
-    start = norms(partners.D @ x - partners.M @ m)
+    start = norms(_from_start(led, *(partners.D @ at.x - partners.M @ at.m for at in ends)))
     apart = np.maximum(start, norms(partners.gap_vectors(o)))
     new = contact.active & (partners.pressure == 0.0) & (apart > contact.slave.nodal_lengths)
     both = np.where(new, np.minimum(slave, master), 0.0)
@@ -256,6 +262,11 @@ def _approach(measured: Measured) -> Iterator[Finding]:
         "unknown: take smaller steps",
         limit=SENSE, where=where,
     )  # fmt: skip
+
+
+def _from_start(led: Led | None, *values: Array) -> Array:
+    """Values at nodes since the start of the step, or where they are led since the motions."""
+    return values[0] if led is None else led.origin(*values)
 
 
 def uncertain_rotation(contact: Contact) -> tuple[float, str]:

@@ -110,8 +110,8 @@ def _opening(contact: Contact, pressure: Array) -> Finding:
     return Finding(
         "openings", "gaps at nodes with forces / approach of the bodies", opening,
         f"nodes carry forces where the surfaces are apart, most of all at {where}: on average by "
-        f"{opening:.2g} times the approach of the bodies. Forces may be far too large; "
-        f"refine '{contact.slave.name}' beside the contact{or_other_weights(contact)}",
+        f"{opening:.2g} times the approach of the bodies. Forces may be several times too large or "
+        f"too small; refine '{contact.slave.name}' beside the contact{or_other_weights(contact)}",
         remark=OPENING, where=where,
     )  # fmt: skip
 
