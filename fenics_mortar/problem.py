@@ -368,7 +368,9 @@ class ContactProblem:
         for contact in self.equations.contacts:
             contact.change(load_time=float(time))
 
-    def solve(self, *, accept_violations: bool = False, predict: bool = True) -> NewtonReport:
+    def solve(
+        self, *, accept_violations: bool = False, predict: bool = True, may_cut: bool = False
+    ) -> NewtonReport:
         """Solve for the present loads and prescribed values; update ``u`` and the multipliers.
 
         Collective.
@@ -378,6 +380,8 @@ class ContactProblem:
                 continue in their direction, see ``solver``; it is the last state otherwise.
             accept_violations: Whether to return a state that violates its certificate instead of
                 raising an error; see ``report.certificate``.
+            may_cut: Whether you take a smaller step if this one fails: a line search, which follows
+                full steps that fail with friction, is then not tried.
 
         Returns:
             The record of the Newton iterations.
@@ -404,7 +408,8 @@ class ContactProblem:
         self.equations.floating.restrict()
         with restored_if_interrupted(self.equations):
             model_check = self.equations.model_check
-            solve = partial(self._solver.solve, remarks, accept_violations=accept_violations)
+            given = {"accept_violations": accept_violations, "may_cut": may_cut}
+            solve = partial(self._solver.solve, remarks, **given)
             predict &= model_check is None and not self.equations.newton.tentative
             report = self._continuation.solve(solve, guess=predict)
             if model_check is not None:

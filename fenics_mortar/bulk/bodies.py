@@ -401,7 +401,7 @@ class _Sides(NamedTuple):
     x: Array
 
     def ends(self, rows: npt.NDArray[Any]) -> Array:
-        """Positions of the ends of some rows, (k, corners, dim)."""
+        """Positions of the ends of some rows, (k, corners, dim) [length]."""
         return np.asarray(self.x[self.nodes[rows]])
 
 

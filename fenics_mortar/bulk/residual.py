@@ -270,6 +270,7 @@ class Bulk:
             (num_owned,).
         to_force: Factor that turns the residual of each equation into a force, shape (num_owned,).
         stiffness: Force of a displacement of one, once ``set_units`` has been called [stress].
+        diagonal: Absolute diagonal of ``K`` then, shape (num_owned,); of displacements [stress].
         input_data: Values that the user may change between solves: prescribed values, constants,
             functions.
         num_dofs: Number N of dofs on all ranks.
@@ -330,7 +331,7 @@ class Bulk:
         self.num_owned, self.first, self.num_dofs = space.num_owned, space.first, self.r.getSize()
         self.units, self.to_force = np.ones((2, self.num_owned))
         self._is_mixed = space.is_mixed
-        self.stiffness = 0.0
+        self.stiffness, self.diagonal = 0.0, np.zeros(self.num_owned)
 
     @cached_property
     def prescribed_dofs(self) -> Numbers:
@@ -495,6 +496,7 @@ class Bulk:
             stiffness: Force of a displacement of one [stress].
         """
         self.stiffness = stiffness
+        self.diagonal = np.abs(self.K.getDiagonal().array_r)
         if self.space.is_mixed:
             self.units, self.to_force = find_units(self.K, self.space, stiffness)
 

@@ -774,7 +774,7 @@ def _in_space(v: Array) -> Array:
 
 
 def moved_by(turn: Array, v: Array) -> Array:
-    """Products of turns (..., 1 or 3) and vectors (n, dim), shape (n, dim) (local)."""
+    """Products of turns (..., 1 or 3) and vectors (n, dim), (n, dim) [their unit] (local)."""
     if v.shape[1] == 3:
         return np.cross(turn, v)
     return turn * np.stack([-v[:, 1], v[:, 0]], axis=1)

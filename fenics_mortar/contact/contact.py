@@ -218,6 +218,10 @@ class Contact(Interface):
         slave, master = (np.isfinite(n[:, :1]) & (free == 0.0) for n, free in planes)
         return slave, master
 
+    def leave_out(self, nodes: Flags) -> None:
+        """Leave slave nodes (slave nodes,), bool, out of contact, see ``set_aside`` (local)."""
+        self.set_aside = nodes
+
     def limit_sight(self, outline: Outline) -> Outline:
         """See ``Interface``; the outline limits the distance of partners behind the slave."""
         self.evaluation.limit_sight(outline)
@@ -339,6 +343,10 @@ class Contact(Interface):
         turns = self.turns() if slid is None else self.partners.turns
         accepted_partners = replace(accepted_partners, turns=turns)
         self.change(accepted_partners=accepted_partners)
+
+    def lead_by(self, turns: Callable[[], tuple[Array, ...]]) -> None:
+        """Set ``turns``: rigid boundaries lead the bodies of some nodes (local)."""
+        self.turns = turns
 
     def partners_at(self, fields: Any) -> Any:
         """Partners at the accepted state of some fields (collective)."""

@@ -71,7 +71,7 @@ from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.law_calls import Conductance
+    from fenics_mortar.contact.law_calls import Conductance, ConductanceValue
     from fenics_mortar.mesh.space import DisplacementSpace
 
 
@@ -111,12 +111,8 @@ class FluxValues:
         D, M = self.o.matrices
         self._reference = 0.0 if law.temperature is None else law.on_obstacle
         jump = D @ (T - self._reference) - M @ (T_master - self._reference)
-        closed = f.state.active
-        self.h = law.evaluate(
-            np.where(closed, np.maximum(f.z_n, 0.0), 0.0),
-            np.where(closed, 0.0, np.maximum(f.mean_gap, 0.0)),
-            finite=q is None,
-        )
+        self._is_finite = q is None
+        self.h, self._power = self._of_law()
         self.conductance = np.where(self.on & (self.weight > 0.0), self.h.h, 0.0)
         self._set_means(np.where(self.on, jump, 0.0))
         self.e, stiff = np.minimum(self._h, stiffest * cells), self._h > cells
@@ -128,6 +124,22 @@ class FluxValues:
         least = np.where(stiff, cells, self.e) / np.where(self.e > 0.0, self.e, 1.0)
         self.row = (self.next_q - self.q) * np.where(self.e > 0.0, least, 1.0)
         self.conduction = self.at_nodes(self.q)
+
+    def _of_law(self) -> tuple[ConductanceValue, tuple[Array, ...]]:
+        """Conductance, and power with its slope if ``heating`` is a function, else () (local)."""
+        law, closed = self._law, self.f.state.active
+        pressure = np.where(closed, np.maximum(self.f.z_n, 0.0), 0.0)
+        gap = np.where(closed, 0.0, np.maximum(self.f.mean_gap, 0.0))
+        h = law.evaluate(pressure, gap, finite=self._is_finite)
+        if not callable(law.heating):
+            return h, ()
+        return h, law.power(np.where(self.on, pressure, 0.0), self.o.slave.X)
+
+    @property
+    def is_current(self) -> bool:
+        """Whether functions of a user, which may read other values, return the same (local)."""
+        h, power = self._of_law()
+        return all(map(np.array_equal, (*self.h, *self._power), (*h, *power)))
 
     def _set_means(self, jump: Array) -> None:
         """Means at the carriers of weighted jumps, and of conductances, with the matrix B."""
@@ -176,7 +188,7 @@ class FluxValues:
         f, law = self.f, self._law
         closed = f.state.active & self.on
         if callable(law.heating):
-            power, slope = law.power(np.where(closed, np.maximum(f.z_n, 0.0), 0.0), self.o.slave.X)
+            power, slope = self._power
             pressed = closed & (f.z_n > 0.0)
             return Row(np.where(closed, power, 0.0), by_z_n=np.where(pressed, slope, 0.0))
         if law.heating is None or not f.interface.pair.law.has_friction:
@@ -257,9 +269,9 @@ class FluxValues:
 
     @property
     def by_scale(self) -> Array:
-        """Derivative of q by the law's ``scale``, zero where conduction is perfect [flux]."""
+        """Derivative of h [T] by the law's ``scale``, zero where conduction is perfect [flux]."""
         h = np.where(np.isfinite(self._h), self._h, 0.0)
-        return np.asarray(self._ratio * self._per_h * h / self._law.scale)
+        return np.asarray(self._per_h * h / self._law.scale)
 
     @cached_property
     def rows(self) -> tuple[VectorRow, VectorRow]:
@@ -298,7 +310,8 @@ class FluxValues:
 # iteration, to which rounding in the factors of the linear system adds 1e-10 of them.
 STIFFEST = 1e6
 # The same in solves with the tangent that are repeated for derivatives [1]: rounding in the factors
-# adds 1e-13 of jumps, in place of 1e-10; ``equations.linearized`` has the number of solves.
+# adds 1e-13 of jumps, in place of 1e-10; ``equations.linearized`` has the number of solves. Finite
+# conductances above it, too, are solved for exactly, see ``Flux.remainder``.
 SOFT = 1e3
 
 
@@ -443,7 +456,7 @@ class Flux:
     def at(self, f: ContactFields) -> FluxValues:
         """Values and derivatives by nodal quantities at the fields of the contact (collective).
 
-        Kept until fields, values or law change.
+        Kept until fields, values, law or what its functions return change.
         """
         law = self.law
         reference = 0.0 if law.temperature is None else law.on_obstacle
@@ -451,7 +464,8 @@ class Flux:
         numbers = self._stiffest, law.scale, law.share, reference
         if self._kept is not None:
             of, by, now = self._kept
-            if numbers == by and all(one is other for one, other in zip(given, of, strict=True)):
+            same = numbers == by and all(a is b for a, b in zip(given, of, strict=True))
+            if same and now.is_current:
                 return now
         spread = self._spreads[law.is_perfect]
         q = None if self.is_separate else f.state.conduction[:, self._column]
@@ -609,29 +623,40 @@ class Flux:
         """Whether a conductance exceeds e_max (collective)."""
         return not self.at(self._contact.now).is_exact.all()
 
-    def remainder(self, u: Array, z: Array, motion: Array) -> Array:
-        """Right-hand side for the change of a solution of the tangent (collective).
+    def remainder(self, u: Array, z: Array, motion: Array, d: Array) -> Array:
+        """Right-hand side of the next change of a solution of the tangent (collective).
+
+        With loads E^T q, and dq' = Q x of the tangent, the equations K x + E^T dq = b and
+        dq = Q x + (1 - e / h) dq are solved with dq of the solve before on the right: changes are
+
+            (K + E^T Q) x_k = -E^T (1 - e / h) d_(k-1),      d_k = Q x_k + (1 - e / h) d_(k-1).
 
         Args:
-            u: The solution, shape (owned dofs,).
+            u: The last change x_k, shape (owned dofs,).
             z: Its multipliers, shape (slave nodes, dim) [stress].
             motion: Its motions of the obstacle, shape (m,), or (0,) [length].
+            d: That of dq in the solve before, d_(k-1), at first zero, shape (slave nodes,) [flux];
+                changed in place to d_k.
 
         Returns:
             Shape (owned dofs,) [load].
         """
         now, loads = self.at(self._contact.now), np.zeros_like(u)
-        self._add_conduction(now, -now.kept * self._change(now, u, z, motion), loads)
+        d[:] = self._change(now, u, z, motion) + now.kept * d
+        self._add_conduction(now, -now.kept * d, loads)
         return loads
 
-    def transposed_remainder(self, u: Array) -> tuple[Array, Array, Array]:
-        """As ``remainder``, of a solution of the transposed tangent, zero at prescribed dofs.
+    def transposed_remainder(self, u: Array, d: Array) -> tuple[Array, Array, Array]:
+        """As ``remainder``, with changes of the transposed equations, zero at prescribed dofs.
+
+        E and Q change places: d, of the multiplier of q' [field], is that of E u.
 
         Returns:
             Parts of unknowns, multipliers and motions [their units], shaped as ``remainder``.
         """
         contact, now = self._contact, self.at(self._contact.now)
-        q = -now.kept * now.of_carriers(self._jump_of(now, u))
+        d[:] = now.of_carriers(self._jump_of(now, u)) + now.kept * d
+        q = -now.kept * d
         by_jump, by_h, by_weight = np.split(now.q_by_quantities.T @ q, 3)
         numbers, change = self._stacked(now)
         values = change.T @ np.concatenate([by_jump, by_h, by_weight, np.zeros_like(by_h)])

@@ -27,6 +27,7 @@ quadratic functions it would have two constraints for each dof.
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
@@ -409,6 +410,10 @@ class TiedField:
         return 0.0
 
     exceeds = False  # there is no conductance
+
+    def softened(self) -> AbstractContextManager[None]:
+        """Nothing: there is no conductance (local)."""
+        return nullcontext()
 
     def settle(self) -> None:
         """Nothing: fluxes are multipliers (local)."""

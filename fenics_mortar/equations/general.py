@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from fenics_mortar.bulk.history import HistoryValues
     from fenics_mortar.bulk.inertia import Inertia, Rates
     from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.interface import Interface
     from fenics_mortar.contact.interface_fields import InterfaceState
     from fenics_mortar.contact.tied import Tie
     from fenics_mortar.equations.linearized import Tangent
@@ -212,14 +213,14 @@ class ContactEquations:
         self.last_converged, self.interrupted = False, True  # the pattern of the matrices changes
 
     def _set_stiffness(self) -> None:
-        """Set the stiffness of each contact to the mean diagonal of K at its slave nodes."""
+        """Set the stiffness of each contact, limited by that of its master."""
         diagonal = self.bulk.K.getDiagonal().array_r
         check_diagonal(diagonal, self.bulk, self.floating)
         largest = float(np.abs(diagonal[self.bulk.space.owned_dofs]).max(initial=0.0))
         self.stiffest: float = self.comm.allreduce(largest, MPI.MAX)
         self.bulk.set_units(self.stiffest)
         for contact in self.contacts:
-            contact.set_stiffness(np.abs(contact.slave.gather(diagonal)).mean(axis=1))
+            contact.set_stiffness(_nodal_stiffness(contact, diagonal))
             contact.components.set_units(self.bulk.units, self.bulk.to_force, diagonal)
 
     # Evaluation
@@ -464,6 +465,26 @@ class ContactEquations:
         sides = [side for c in self.contacts for side in (c.slave, c.master) if side.num_nodes]
         motions = [norms(side.gather(change)).max() / side.facet_sizes.min() for side in sides]
         return float(max(motions, default=0.0))
+
+
+# Largest stiffness of a slave node over the smallest of the master's nodes [1]. Pressed blocks of a
+# ratio of 1e10, quadratic with friction, do not converge with 1e4; those of 1e5 take 11 instead of
+# 42 iterations. With ten, multigrid at a ratio of a thousand takes 13 applications instead of 11.
+STIFFER_SLAVE = 1e3
+
+
+def _nodal_stiffness(contact: Interface, diagonal: Array) -> Array:
+    """Mean diagonal of K at each slave node, (slave nodes,) [stress] (collective).
+
+    At most ``STIFFER_SLAVE`` times that of the master: pressures and gaps are compared by what a
+    gap costs, and the softer side bears it. Times the stiffness of a stiff slave, gaps left by
+    linearization would exceed all pressures.
+    """
+    stiffness = np.abs(contact.slave.gather(diagonal)).mean(axis=1)
+    if contact.master is contact.slave or not contact.master.num_nodes:
+        return stiffness
+    of_master = np.abs(contact.master.gather(diagonal)).mean(axis=1)
+    return np.minimum(stiffness, STIFFER_SLAVE * of_master.min())
 
 
 @contextmanager

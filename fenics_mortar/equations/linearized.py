@@ -159,8 +159,8 @@ class Tangent(Protocol):
         """
 
 
-# Largest number of solves with a tangent that has smaller conductances [1]. Errors decrease by 0.01
-# to 0.001 in each, see ``contact.fluxes.SOFT``.
+# Largest number of solves with a tangent that has smaller conductances [1]. Errors of the equations
+# with the present ones, finite or not, decrease by 0.01 to 0.001 in each: ``contact.fluxes.SOFT``.
 SOLVES = 8
 # Relative change of the bodies' unknowns in the last of these solves [1]: rounding.
 LAST_CHANGE = 1e-15
@@ -205,9 +205,9 @@ class LinearizedEquations:
         with self._softened():
             found = change = self._solved(rhs, transpose)
             fluxes = [(i, flux) for i, c in enumerate(self._contacts) for flux in c.fluxes]
-            stiff = [(i, flux) for i, flux in fluxes if flux.exceeds]
+            stiff = [(i, flux, np.zeros(len(flux.cells))) for i, flux in fluxes if flux.exceeds]
             for _ in range(SOLVES - 1 if stiff else 0):
-                change = self._solved(self._remainder(found, stiff, transpose), transpose)
+                change = self._solved(self._remainder(change, stiff, transpose), transpose)
                 found = found + change
                 if self._norm(change) <= LAST_CHANGE * self._norm(found):
                     break
@@ -219,23 +219,26 @@ class LinearizedEquations:
             np.sqrt(LinearVector(solution.u).dot(LinearVector(solution.u), self._bulk.comm))
         )
 
-    def _remainder(self, found: LinearVector, fluxes: Any, transpose: bool) -> LinearVector:
-        """Right-hand side for the change by conductances above that of the tangent.
+    def _remainder(self, change: LinearVector, fluxes: Any, transpose: bool) -> LinearVector:
+        """Right-hand side of the next change, by conductances above that of the tangent.
 
-        Each solve adds the digits of one, three or more, see ``contact.fluxes``.
+        Args:
+            change: The last change, at first the first solution.
+            fluxes: Contact, flux and its last change d, see ``Flux.remainder``, changed in place.
+            transpose: Whether the equations are transposed.
         """
-        assert found.u is not None and found.z is not None and found.q is not None
-        u, y = np.zeros_like(found.u), found.u.copy()
-        z, q = [np.zeros_like(part) for part in found.z], np.zeros_like(found.q)
+        assert change.u is not None and change.z is not None and change.q is not None
+        u, y = np.zeros_like(change.u), change.u.copy()
+        z, q = [np.zeros_like(part) for part in change.z], np.zeros_like(change.q)
         y[self._bulk.prescribed_dofs] = 0.0
-        for i, flux in fluxes:
+        for i, flux, d in fluxes:
             obstacle = self._contacts[i].obstacle
             mover = None if obstacle is None else self._motions.obstacles.index(obstacle)
             if not transpose:
-                motion = np.zeros(0) if mover is None else (found.q * self._motions.scales)[mover]
-                u += flux.remainder(found.u, found.z[i], motion)
+                motion = np.zeros(0) if mover is None else (change.q * self._motions.scales)[mover]
+                u += flux.remainder(change.u, change.z[i], motion, d)
                 continue
-            on_bodies, of_z, motion = flux.transposed_remainder(y)
+            on_bodies, of_z, motion = flux.transposed_remainder(y, d)
             u, z[i] = u + on_bodies, z[i] + of_z
             if mover is not None:
                 q[mover] += motion * self._motions.scales[mover]

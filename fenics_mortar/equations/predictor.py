@@ -535,11 +535,14 @@ def with_followers(e: ContactEquations, motions: dict[int, Motion]) -> dict[int,
     """
     bodies = e.floating.bodies
     contacts = [contact for contact in e.contacts if isinstance(contact, Contact)]
-    if not bodies or not contacts:
+    rubs = any(contact.pair.law.has_friction for contact in contacts)
+    led = e.crossings.led_motions() if bodies and rubs else None
+    if led is None or not (led.turn.any() or _moves(contacts, led)):
         return motions
-    led = e.crossings.led_motions()
     rates, given = zip(*(_at_contact(e, contact, led) for contact in contacts), strict=True)
     A, b = np.concatenate(rates, axis=1).T, np.concatenate(given)
+    told = np.isfinite(b)  # not where the prescribed nodes of a body do not move as one
+    A, b = A[told], b[told]
     factors = agreed(e.comm, np.linalg.lstsq(A, -b, rcond=FOLLOWS)[0])
     found, ends = dict(motions), np.cumsum([len(body.motions) for body in bodies])
     for body, own in zip(bodies, np.split(factors, ends[:-1]), strict=True):
@@ -548,6 +551,12 @@ def with_followers(e: ContactEquations, motions: dict[int, Motion]) -> dict[int,
             found[body.label] = motion
             e.floating.held.move(body, own)
     return found
+
+
+def _moves(contacts: list[Contact], led: Carried) -> bool:
+    """Whether pivots of led bodies or obstacles move (local)."""
+    obstacles = [(c.obstacle.place, c.partners.place) for c in contacts if c.obstacle is not None]
+    return any((end != start).any() for end, start in [(led.end, led.start), *obstacles])
 
 
 def _at_contact(e: ContactEquations, contact: Contact, led: Carried) -> tuple[Array, Array]:

@@ -55,8 +55,10 @@ if TYPE_CHECKING:
 
 
 # Change of slip by the motions of a solution, over the way of bodies that turn [1], above which it
-# is solved for again, and how often at most: after one it is below a tenth of that.
+# is solved for again, and how often at most: after one it is below a tenth of that, as a rule.
 LED_CHANGE, LED_SOLVES = 2e-4, 4
+# The same after the last of these [1], above which the step fails: slip is to be right to 1 %.
+LED_WRONG = 0.01
 
 
 class Solver:
@@ -78,7 +80,7 @@ class Solver:
         prefix: str,
     ) -> None:
         self._equations, self._create_system = equations, create_system
-        self._damps_first = False
+        self._damps_first = self._may_cut = False
         equations.system = create_system()
         self.linear_bulk = LinearBulk(equations, linear_bulk, prefix)
         equations.reduced_tangent = self.linear_bulk.tangent
@@ -139,14 +141,17 @@ class Solver:
                 side.scatter_add(forces, loads)
         return -loads
 
-    def solve(self, remarks: Sequence[str], *, accept_violations: bool) -> NewtonReport:
+    def solve(
+        self, remarks: Sequence[str], *, accept_violations: bool, may_cut: bool
+    ) -> NewtonReport:
         """Solve from the present state; see ``ContactProblem.solve``.
 
         Args:
             remarks: First remarks of the record.
             accept_violations: Whether a state that violates its certificate is returned.
+            may_cut: Whether a smaller step follows if this one fails.
         """
-        e = self._equations
+        e, self._may_cut = self._equations, may_cut
         clock.read()
         e.crossings.begin(e.motions.obstacle_places)
         begin_step(e.contacts)
@@ -248,26 +253,43 @@ class Solver:
         """Solve again, with slip of nodes without force from where their bodies have turned to.
 
         Motions are those of the solution, fixed within a solve, for bodies that nothing prescribes,
-        such as rollers. Slip by their first-order changes is right anyway: one more solve is
-        enough, as a rule.
+        such as rollers. Slip by their first-order changes is right anyway: one or two more solves
+        are enough, as a rule.
+
+        Raises:
+            NotConvergedError: On all ranks, if slip still changes after the last of these solves.
         """
         e, pairs = self._equations, self._may_be_led()
-        for _ in range(LED_SOLVES):
+        change = 0.0
+        for number in range(LED_SOLVES + 1):
             carried = e.crossings.carried_by_solution() if pairs else None
             if carried is None:
-                break
+                return report
             kept = [pair.partners for pair in pairs]
             given = e.crossings.outline, carried, e.crossings.led.bodies
             change = agreed(e.comm, max(pair.lead_by_solution(*given) for pair in pairs))
-            if change <= LED_CHANGE:
+            if change <= LED_CHANGE or number == LED_SOLVES:
                 for pair, partners in zip(pairs, kept, strict=True):
                     pair.change(partners=partners)
                 break
-            report = then_solve(report, self._solve)
+            report = then_solve(report, partial(self._solve, follows=False))
+        if change > LED_WRONG:
+            report.converged, report.reason = (
+                False,
+                (
+                    f"slip of bodies that turn still changes by {change:.2g} of their way after "
+                    f"{LED_SOLVES} more solves from their motions; take smaller steps"
+                ),
+            )
+            raise NotConvergedError(report.reason, report)
         return report
 
-    def _solve(self) -> NewtonReport:
-        """Solve on the contact dofs if the bulk is linear, else on all dofs."""
+    def _solve(self, *, follows: bool = True) -> NewtonReport:
+        """Solve on the contact dofs if the bulk is linear, else on all dofs.
+
+        Args:
+            follows: Whether bodies may turn with others first, see ``with_followers``.
+        """
         e = self._equations
         reduced, remarks = self.linear_bulk.choose()
         if reduced is not None:
@@ -287,7 +309,7 @@ class Solver:
                 "the reduced iteration on the contact dofs failed: this step was solved on all dofs"
             ]
         e.system.solver.count_anew()
-        report = self._solve_on_all_dofs()
+        report = self._solve_on_all_dofs(follows=follows)
         self.linear_bulk.count(report.num_iterations)
         why = [e.system.describe_solver(), self.linear_bulk.choice if reduced is None else ""]
         report.solver = "; ".join(filter(None, why))
@@ -301,7 +323,7 @@ class Solver:
         allowed = e.newton.residual_tolerance * max(report.force, status.force) + status.roundoff
         return status.residual <= allowed and not e.bulk.inverted_cells()[0]
 
-    def _solve_on_all_dofs(self) -> NewtonReport:
+    def _solve_on_all_dofs(self, *, follows: bool = True) -> NewtonReport:
         """Newton's method; if it fails, from bodies that turn, then with damped steps or springs.
 
         In a large step that closes contact with friction, nodes stick or slide along slips that are
@@ -314,14 +336,14 @@ class Solver:
         e = self._equations
         start, may_turn = e.state(), not e.newton.tentative and e.bulk.inertia is None
         turns = turns_of_prescribed(e) if may_turn else {}
-        motions = with_followers(e, turns) if may_turn else {}
+        motions = with_followers(e, turns) if may_turn and follows else {}
         newton = self._newton
         if len(motions) > len(turns):
             try:
                 return self._newton_after(motions)
             except NotConvergedError as error:
                 error.report.notes.append(f"{error}: bodies turn with others, then not")
-                newton, turns = partial(then_solve, error.report, self._newton), {}
+                newton = partial(then_solve, error.report, self._newton)
             e.restore(start)
         try:
             return newton()
@@ -336,8 +358,14 @@ class Solver:
                 return then_solve(failed.report, partial(self._newton_after, turns))
             except NotConvergedError as error:
                 failed = error
-        if not (e.floating.bodies or e.motions.driven_obstacles.any()):
-            return self._restart(start, failed)
+        floats = bool(e.floating.bodies) or e.motions.driven_obstacles.any()
+        if self._has_own_law or not floats:
+            try:
+                return self._restart(start, failed)
+            except NotConvergedError as error:
+                if not floats:
+                    raise
+                failed = error
         if e.remedies.drifts():
             try:
                 return solve_with_weak_springs(e, e.newton, failed, max_fraction=RIGID.slight)
@@ -350,22 +378,27 @@ class Solver:
         """Newton's method with damped steps after full ones, or the other way round.
 
         Raises:
-            NotConvergedError: The given one, if this fails as well, or nothing rubs.
+            NotConvergedError: If this fails as well, or nothing rubs, or the step may be cut.
         """
         e = self._equations
         rubs = any(isinstance(c, Contact) and c.pair.law.has_friction for c in e.contacts)
-        if e.newton.damped or not (rubs or self._has_own_law):
+        if e.newton.damped or not (self._has_own_law or (rubs and not self._may_cut)):
             raise failed
         e.restore(start)
-        how = "full" if self._damps_first else "damped"
+        damped = not self._damps
+        how = "damped" if damped else "full"
         failed.report.notes.append(f"restarted with {how} steps: {failed}")
-        self._damps_first = not self._damps_first
         try:
-            return then_solve(failed.report, self._newton)
-        except MortarError:
-            raise failed from None
-        finally:
-            self._damps_first &= self._has_own_law
+            report = then_solve(failed.report, partial(self._newton, damped))
+        except NotConvergedError as error:
+            raise NotConvergedError(str(failed), error.report) from None
+        self._damps_first = damped
+        return report
+
+    @property
+    def _damps(self) -> bool:
+        """Whether damped steps are tried first: those of a user's law that converged last."""
+        return self._damps_first and self._has_own_law and not self._equations.newton.tentative
 
     @property
     def _has_own_law(self) -> bool:
@@ -379,11 +412,11 @@ class Solver:
         self._lead(self._equations.crossings.carried_by_solution())
         return self._newton()
 
-    def _newton(self) -> NewtonReport:
-        """Newton's method from the present state."""
+    def _newton(self, damped: bool | None = None) -> NewtonReport:
+        """Newton's method from the present state, by default as it converged last."""
         e = self._equations
         options = e.newton
-        if self._damps_first and not options.damped:
+        if (self._damps if damped is None else damped) and not options.damped:
             most = 2 * options.max_iterations
             options = replace(options, line_search=True, max_iterations=most)
         return solve(Damped(e, options) if options.damped else e, options)

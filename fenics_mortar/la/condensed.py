@@ -136,7 +136,8 @@ class Elimination:
 class CondensedSystem(LinearSystem):
     """System of displacements only, for D that can be inverted node by node.
 
-    Assembly adds to the bulk's ``K``, which has to be assembled again before the next assembly.
+    In the plane assembly adds to the bulk's ``K``, which is assembled again before the next one; in
+    space the matrix is a new one.
 
     Raises:
         ValueError: On all ranks, if D is not diagonal; see ``obstacle_to_condensation``.

@@ -244,12 +244,15 @@ def _sent_to_owners(comm: MPI.Comm, bounds: npt.NDArray, rows: Packed) -> list[P
         return [rows]
     numbers, starts, columns, values = rows
     owners, sizes = np.searchsorted(bounds, numbers, side="right") - 1, np.diff(starts)
-    of_entries, sent = np.repeat(owners, sizes), []
+    of_entries, sent = np.repeat(owners, sizes), list[Packed | None]()
     for rank in range(comm.size):
         here, its = owners == rank, of_entries == rank
         begins = np.append(0, np.cumsum(sizes[here]))
         sent.append((numbers[here], begins, columns[its], values[its]))
-    return comm.alltoall(sent)
+    mine, sent[comm.rank] = sent[comm.rank], None  # by far the most, is not sent
+    received = comm.alltoall(sent)
+    received[comm.rank] = mine
+    return received
 
 
 def packed_rows(csr: CSR, first: int) -> Packed:

@@ -13,7 +13,7 @@ present. The operator A below is the derivative of these residuals: ``assemble``
 
 The multipliers are scaled to forces, z_j = k_j zeta_j / D_jj. Nodal scaling (Popp, Seitz, Gee &
 Wall 2013) keeps the system well conditioned if a node is only partly covered and does not change
-the iterates. Rows of prescribed dofs are scaled by the largest k_j. Both scales are internal:
+the iterates. Rows of prescribed dofs are scaled by their own stiffness. Both scales are internal:
 ``solve`` takes and returns unscaled vectors.
 
 Vectors are local arrays: values of the owned dofs, then the components of each multiplier owned by
@@ -105,7 +105,7 @@ class LinearSystem(ABC):
         self._margins = [MARGIN] * len(self.contacts)
         self._pattern = 0
         self.matrix: PETSc.Mat
-        self._prescribed_scale = 1.0
+        self._prescribed_scale: Array = np.empty(0)
 
     @abstractmethod
     def assemble(self) -> None:
@@ -254,11 +254,21 @@ class LinearSystem(ABC):
         return True
 
     def _prescribe_rows(self, matrix: PETSc.Mat, first_row: int) -> None:
-        """Replace the rows of prescribed dofs by k times those of the identity (collective)."""
-        self._prescribed_scale = max([float(c.stiffness.max()) for c in self.contacts], default=1.0)
+        """Replace the rows of prescribed dofs by k times those of the identity (collective).
+
+        k is the own stiffness of each dof. With one k for all, the residuals of a stiff body beside
+        a soft one would be far above the right-hand side.
+        """
+        bulk = self.bulk
+        own = bulk.diagonal[bulk.prescribed_dofs]
+        self._prescribed_scale = np.where(own > 0.0, own, bulk.stiffness)
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        rows = (self.bulk.prescribed_dofs + first_row).astype(PETSc.IntType)
-        matrix.zeroRows(rows, diag=self._prescribed_scale)
+        rows = (bulk.prescribed_dofs + first_row).astype(PETSc.IntType)
+        matrix.zeroRows(rows, diag=1.0)
+        diagonal = matrix.getDiagonal()
+        diagonal.array[rows - matrix.getOwnershipRange()[0]] = self._prescribed_scale
+        matrix.setDiagonal(diagonal)
+        diagonal.destroy()
 
     def _newton_force(self, distance: Array) -> Array:
         """-r, and at prescribed dofs the ``distance`` to their values, (owned dofs,).

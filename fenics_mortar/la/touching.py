@@ -103,7 +103,7 @@ def touching_in_space(
 
 # Blocks of three rows and columns that are turned at a time [1]: copies of all would double the
 # memory.
-TURNED = 100_000
+AT_A_TIME = 100_000
 
 
 def _turned(part: LocalRows, columns: Indices, of_rows: Array, of_columns: Array) -> CSR:
@@ -119,8 +119,8 @@ def _turned(part: LocalRows, columns: Indices, of_rows: Array, of_columns: Array
     blocks = csr_array((part.values(), columns, part.starts), shape=shape).tobsr((3, 3))
     blocks.sort_indices()
     rows = np.repeat(np.arange(len(of_rows)), np.diff(blocks.indptr))
-    for first in range(0, len(rows), TURNED):
-        some = slice(first, first + TURNED)
+    for first in range(0, len(rows), AT_A_TIME):
+        some = slice(first, first + AT_A_TIME)
         turned = np.swapaxes(of_rows[rows[some]], 1, 2) @ blocks.data[some]
         blocks.data[some] = turned @ of_columns[blocks.indices[some]]
     found = blocks.tocsr()

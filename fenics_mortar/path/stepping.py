@@ -553,7 +553,7 @@ def _solve_soundly(problem: ContactProblem, before: State, may_cut: bool) -> New
     While the step may be cut, states that bodies may have reached by a passage are refused as well:
     in smaller steps bodies turn less, and their motion is known.
     """
-    report = problem.solve(accept_violations=True, predict=False)
+    report = problem.solve(accept_violations=True, predict=False, may_cut=may_cut)
     doubts = report.certificate.possible_passages if may_cut else []
     wrong = "; ".join([*report.certificate.violations(), *doubts])
     wrong = wrong or describe_jump(problem, before)

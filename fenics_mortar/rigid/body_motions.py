@@ -188,7 +188,7 @@ class BodyMotions:
         if self.leaders:
             for contact in self.contacts:
                 sides = self.parts_of(contact.slave), self.parts_of(contact.master)
-                contact.turns = partial(self._turns, *sides)
+                contact.lead_by(partial(self._turns, *sides))
         self.bodies: list[FloatingBody] = []
         self._candidates: list[FloatingBody] = []
         self.aside: set[int] = set()

@@ -77,7 +77,6 @@ class BodySettling:
         self._unloaded: list[FloatingBody] = []
         self._start: Array = bodies.bulk.u.x.array
         self._give_way: Callable[[Moves], Moves] = list
-        self._analysed: tuple[Array, Touching] | None = None
         self.touched: list[Flags] = []
         self.moved: list[FloatingBody] = []
 
@@ -106,7 +105,7 @@ class BodySettling:
         Raises:
             NotConvergedError: On all ranks, if no contact stops a body.
         """
-        bodies, self._give_way, self._analysed = self._bodies, give_way, None
+        bodies, self._give_way = self._bodies, give_way
         self._unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
         moved, creeping, extent = dict[int, float](), 0, bodies.extent()
         for number in range(RIGID.max_moves):
@@ -114,6 +113,8 @@ class BodySettling:
             if number == 0:
                 self.touched = [contact.active.copy() for contact in bodies.contacts]
             moves = self._next_moves(*forces, min_drive, begun=number > 0)
+            if number == 0 and moves:
+                tipping = self._tipping(forces[0])
             creeping = creeping + 1 if self._creeps(moves) else 0
             if not moves or creeping > RIGID.max_creeping:
                 self._start = bodies.bulk.u.x.array.copy()
@@ -130,28 +131,40 @@ class BodySettling:
         body, move = moves[0]
         name, how = bodies.name_of(body.label), body.describe(move, directed=True)
         message = (
-            f"{self._tipping(body)}{name} can {how} freely: it is driven by loads, and "
+            f"{tipping(body)}{name} can {how} freely: it is driven by loads, and "
             f"neither Dirichlet conditions nor contact stop it"
         )
         raise NotConvergedError(message, NewtonReport(reason=message))
 
-    def _tipping(self, body: FloatingBody) -> str:
-        """How a body began to tip over, at a coefficient of friction ``ROUGH``; "" if it did not.
+    def _tipping(self, bulk: Array) -> Callable[[FloatingBody], str]:
+        """How bodies that touch others at present begin to tip over (collective).
 
-        By limit analysis where it first touched its supports (collective).
+        Args:
+            bulk: Forces of the bulk, the negative loads, shape (owned dofs,) [stress length].
+
+        Returns:
+            Function of a body: its motion by limit analysis at a coefficient of friction ``ROUGH``;
+            "" if it touches nothing at present or does not move.
         """
-        if self._analysed is None:
-            return ""
-        (loads, touching), bodies = self._analysed, self._bodies.bodies
+        bodies = self._bodies
+        touch = {
+            body.label
+            for body in bodies.bodies
+            if any((bodies.at_body(c, body) & _touches(c)).any() for c in bodies.contacts)
+        }
+        if not touch:
+            return lambda body: ""
+        loads, touching = self._limit_analysis(bulk)
         rough = touching._replace(slope=np.maximum(touching.slope, ROUGH))
-        ends = np.cumsum([len(one.motions) for one in bodies])[:-1]
-        motions = np.split(unresisted_motion(loads, rough), ends)
-        motion = motions[[one.label for one in bodies].index(body.label)]
-        if np.abs(motion).max() <= RIGID.resisted:
-            return ""
-        how = body.describe(motion, directed=True, poles=True)
-        name = self._bodies.name_of(body.label)
-        return f"{name} tips over, which no friction can prevent: it begins to {how}. At last "
+
+        def tipping(body: FloatingBody) -> str:
+            motion = self._of_bodies(unresisted_motion(loads, rough))[body.label]
+            if body.label not in touch or np.abs(motion).max() <= RIGID.resisted:
+                return ""
+            how, name = body.describe(motion, directed=True, poles=True), bodies.name_of(body.label)
+            return f"{name} tips over, which no friction can prevent: it begins to {how}. At last "
+
+        return tipping
 
     def check(self, reach: float) -> list[str]:
         """Check bodies without contact force before and after the solve.
@@ -294,19 +307,25 @@ class BodySettling:
         bodies = self._bodies
         if not bodies.contacts:
             return {body.label for body in bodies.bodies}
+        motions = self._of_bodies(unresisted_motion(*self._limit_analysis(bulk)))
+        return {label for label, move in motions.items() if np.abs(move).max() > RIGID.resisted}
+
+    def _limit_analysis(self, bulk: Array) -> tuple[Array, Touching]:
+        """Resultants of the loads on the bodies, (motions of all,) [force], and touching nodes."""
+        bodies = self._bodies
         forces = bulk + self._pull_of_open_nodes(bulk.size)
         loads = np.concatenate([bodies.resultant(body, forces) for body in bodies.bodies])
         size = float(np.abs(loads).sum())
         weight = sum(float(c.operators.weight[c.active].sum()) for c in bodies.contacts)
         pressure = size / weight if weight > 0.0 else 0.0
         pairs = [self._touching(contact, pressure) for contact in bodies.contacts]
-        touching = Touching(*map(np.concatenate, zip(*pairs, strict=True)))
-        motion = unresisted_motion(loads, touching)
-        if self._analysed is None and len(touching.slope) and motion.any():
-            self._analysed = loads, touching
-        ends = np.cumsum([len(body.motions) for body in bodies.bodies])[:-1]
-        moves = zip(bodies.bodies, np.split(motion, ends), strict=True)
-        return {body.label for body, move in moves if np.abs(move).max() > RIGID.resisted}
+        return loads, Touching(*map(np.concatenate, zip(*pairs, strict=True)))
+
+    def _of_bodies(self, motion: Array) -> dict[int, Array]:
+        """Coefficients of the motions of each body, by label, of those of all bodies (local)."""
+        bodies = self._bodies.bodies
+        ends = np.cumsum([len(body.motions) for body in bodies])[:-1]
+        return {body.label: part for body, part in zip(bodies, np.split(motion, ends), strict=True)}
 
     def _pull_of_open_nodes(self, size: int) -> Array:
         """Forces of open nodes, (size,) [stress length]: adhesion across a gap is a load."""
@@ -424,16 +443,10 @@ class FloatingBodies(BodyMotions):
         if not self.bodies:
             return
         stiffness = {body.label: RIGID.weakest_spring * body.stiffest for body in self.bodies}
-        drives = {body.label: self.resultant(body, total) for body in self.bodies}
-        largest = max(drives.values(), key=np.linalg.norm)
         for body in loose:
-            drive = drives[body.label]
-            if np.linalg.norm(drive) <= self.rounding(body, force):
-                touched = [(c.active & self.at_body(c, body)).any() for c in self.contacts]
-                if body.label in self.aside or not any(touched):
-                    continue
-                drive = largest  # its neighbours press on it in this step
-            stiffness[body.label] = tangent_stiffness(drive, force) * body.stiffest
+            drive = self.resultant(body, total)
+            if np.linalg.norm(drive) > self.rounding(body, force):
+                stiffness[body.label] = tangent_stiffness(drive, force) * body.stiffest
         springs = self._spread(stiffness) if self.springs is None else self.springs.stiffness
         self.bulk.add_to_diagonal(springs)
 
@@ -529,6 +542,20 @@ class FloatingBodies(BodyMotions):
                 self.bodies, carried, contact, rounding, strict=True
             )
         ]
+
+    def pressed_on_springs(self) -> set[int]:
+        """Labels of bodies that contact presses against their anchored springs, and nothing else.
+
+        Bodies between two others carry much larger contact forces than their springs do.
+        """
+        if not self.anchored:
+            return set()
+        fractions = [fraction for _, fraction, _ in self.spring_fractions()]
+        return {
+            body.label
+            for body, fraction in zip(self.bodies, fractions, strict=True)
+            if RIGID.one_sided < fraction < np.inf
+        }
 
     def spring_energy(self) -> float:
         """Energy of the anchored springs [stress length^2]."""

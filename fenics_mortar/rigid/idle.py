@@ -206,7 +206,6 @@ class IdleBodies:
             evaluate: Function that evaluates the operators at the present state.
         """
         bodies, creeping = self._bodies, 0
-        self._bring_back()
         while idle := [body for body in self._unloaded if body.label in bodies.aside]:
             evaluate()
             desired = -np.concatenate([self._motion(body) for body in idle])
@@ -227,28 +226,22 @@ class IdleBodies:
                 for body, coefficients in zip(idle, np.split(move, ends), strict=True):
                     bodies.move(body, fraction * coefficients)
 
-    def _bring_back(self) -> None:
-        """Put bodies set aside that a Newton step threw away to where they were before the solve.
-
-        Gaps are linear in short moves only, and the step has distorted a body that it turned far.
-        """
-        bodies, values = self._bodies, self._bodies.bulk.values
-        for body in self._unloaded:
-            if body.label not in bodies.aside:
-                continue
-            if np.abs(self._motion(body)).max(initial=0.0) > RIGID.largest_move * body.size:
-                mine = bodies.bulk.space.dofs[bodies.labels == body.label]
-                values[mine] = self._home[mine]
-
     def review(self) -> int:
-        """Set bodies aside that no contact force acts on any more; return their number."""
+        """Set bodies aside that no contact force acts on any more; return their number.
+
+        Nor does one act without the springs on a body that contact presses against these alone.
+        """
         bodies = self._bodies
+        sprung = bodies.pressed_on_springs()
         quiet = {
             body.label
             for body in self._unloaded
             if body.label not in bodies.aside
             and self._readmissions[body.label] < RIGID.max_readmissions
-            and not bodies.is_loaded(body, self._before.get(body.label, 0.0))
+            and (
+                body.label in sprung
+                or not bodies.is_loaded(body, self._before.get(body.label, 0.0))
+            )
         }
         if quiet:
             self._set_aside(bodies.aside | quiet)
@@ -328,7 +321,7 @@ class IdleBodies:
             for body in bodies.bodies:
                 if body.label in bodies.aside:
                     aside |= bodies.at_body(contact, body)
-            contact.set_aside = aside
+            contact.leave_out(aside)
 
     def _readmit(self, bodies: Iterable[FloatingBody]) -> None:
         """Let bodies take part in contact again."""

@@ -81,6 +81,9 @@ class RigidOptions:
             takes part in contact to the end: Newton's method overestimates forces once or twice.
         narrowest: Slope of a wedge [1] below which it is squeezed between its neighbours, not out
             of the way: the smallest friction of dry contact. With more friction, its coefficient.
+        one_sided: Force of springs over the contact force on an idle body [1] above which contact
+            presses it against the springs alone: 1 if it touches one plane, sin(a) between two that
+            include the angle 2 a.
         max_failures: Number of failures in a row after which the solve fails: the elongation is
             below 1e-4 facets then.
         repeats: Number of solves with springs that remain: contact forces then are as large as
@@ -106,6 +109,7 @@ class RigidOptions:
     max_solves: int = 24
     max_readmissions: int = 3
     narrowest: float = 0.1
+    one_sided: float = 0.5
     max_failures: int = 5
     repeats: int = 3
     sliver: float = 1e-3

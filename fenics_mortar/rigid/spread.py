@@ -471,7 +471,7 @@ class BoundSection:
         return float((self._by_multipliers() * self.tie.z).sum()) * self._first
 
     def constant_force(self) -> Array:
-        """Zero, (3,): the force of a tie is linear in its multipliers (local)."""
+        """Zero, (3,) [stress length]: the force of a tie is linear in its multipliers (local)."""
         return 0.0 * self._first
 
     @property
@@ -485,7 +485,7 @@ class BoundSection:
         return self._pair.axis
 
     def pushed_nodes(self) -> Array:
-        """The part of the push beyond the tie's force, on both faces, (owned dofs,) (local).
+        """The push beyond the tie's force, on both faces, (owned dofs,) [stress length] (local).
 
         The resultant on the body is zero, those on the parts beside the section drive them.
         """
@@ -690,7 +690,7 @@ class BoundRigidBoundary:
         return self._along_motions(self._bulk.r.array_r[self._dofs])
 
     def force(self) -> Array:
-        """Resultants of bodies and contact on the nodes, about the pivot, (3,) (collective)."""
+        """Resultants of bodies and contact about the pivot, (3,) [stress length] (collective)."""
         return self._along_motions(self._forces())
 
     def _forces(self) -> Array:

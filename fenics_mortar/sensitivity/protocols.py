@@ -315,7 +315,7 @@ class PairControl(Control):
 
     @abstractmethod
     def pairs(self, problem: ContactProblem) -> list[int]:
-        """Values of the pairs whose rows or memory depend on it at fixed states (local)."""
+        """Numbers of the pairs whose rows or memory depend on it at fixed states (local)."""
 
     def fields(self, problem: ContactProblem, i: int, before: Before = None) -> Changes:
         """Derivatives of the nodal fields of pair ``i``, one of ``pairs`` (collective).
@@ -557,7 +557,7 @@ class MeanGap(PairQuantity):
 
     Args:
         pair: Number of the pair.
-        nodes: Values of slave nodes along the surface, shape (k,); all covered ones by default.
+        nodes: Numbers of slave nodes along the surface, shape (k,); all covered ones by default.
     """
 
     def __init__(self, pair: int, nodes: Indices | None = None) -> None:

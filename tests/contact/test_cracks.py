@@ -207,10 +207,14 @@ def test_cracks_that_cross(gradient, mu, degree):
     assert np.ptp(jumps, axis=0).max() < 1e-5
 
 
+@pytest.mark.serial
 def test_a_corner_that_slides_past_a_crossing_needs_pairs_of_the_parts_across():
-    """By half a facet; without them the parts overlap by as much, which the report names."""
+    """By half a facet; without them the parts overlap by as much, which the report names.
+
+    In quarters of the load rounding decides whether the second step converges.
+    """
     gradient = [[-0.02, 0.15], [0.0, -0.04]]
-    options = {"material": neo_hookean, "degree": 1, "loads": (0.25, 0.5, 0.75, 1.0)}
+    options = {"material": neo_hookean, "degree": 1, "loads": np.arange(1, 9) / 8.0}
     across = (["left1", "down2"], ["up2", "right1"]), (["left2", "up1"], ["right2", "down1"])
     for further, least, most in (((), 0.4, 0.5), (across, 0.0, 0.05)):
         pairs = two(*CROSSING_FACES, *further)

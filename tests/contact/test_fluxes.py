@@ -518,6 +518,27 @@ def test_a_wrong_function_is_named(h, match):
         problem.solve()
 
 
+def test_functions_may_read_values_that_change():
+    """Fluxes and their derivatives follow what the functions of a law return at present."""
+    numbers = {"h": 1.0, "power": 0.0}
+    heat = fm.Conductance(
+        1,
+        lambda p, g: (numbers["h"] + 0.0 * p, 0.0, 0.0),
+        heating=lambda p, X: (numbers["power"] + 0.0 * p, 0.0),
+    )
+    scene = stacked((4, 4), nu=0.0, alpha=0.0)
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[heat])
+    problem = scene.problem([pair])
+    scene.set(top=-0.03, hot=10.0)
+    problem.solve()
+    flux = problem.equations.contacts[0].fluxes[0]
+    assert flux.nodal().conductance == pytest.approx(1.0)
+    numbers["h"] = 2.0
+    assert flux.nodal().conductance == pytest.approx(2.0)
+    numbers["power"] = 3.0
+    assert flux.nodal().heating == pytest.approx(3.0)
+
+
 def test_values_set_later_take_effect_or_are_refused():
     heat = fm.Conductance(1, 1.0)
     scene = stacked((4, 4), nu=0.0, alpha=0.0)

@@ -11,6 +11,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.contact.arcs import Carried, Place, way_past
+from fenics_mortar.contact.contact import Contact
 from fenics_mortar.obstacles.rigid_motion import rotation_by
 from fenics_mortar.verify.node_paths import turn_of
 from meshes import mapped_grids
@@ -194,3 +195,35 @@ def test_any_point_of_a_body_tells_its_slip_in_the_frame_of_the_contact(dim, arm
         V = V + np.cross(np.pad(sides[0].turn[0] - sides[1].turn[0], (3 - axis.size, 0)),
                          0.5 * np.pad(Q @ way, (0, 3 - dim)))[:dim]  # fmt: skip
         assert Q.T @ V == pytest.approx(-0.1 * angle * np.eye(dim)[0], abs=1e-12)
+
+
+def test_a_wheel_rolls_between_moved_obstacles():
+    """Each step from where the obstacles are: bodies follow them once, not in each solve."""
+    radius, angle = 0.5, TURN / 16
+    grids = [
+        Grid("wheel", sector(72, 4, radii=(0.15, radius), angles=(0.02, 0.02 + TURN)), closed=True)
+    ]
+    ground, belt = (fm.Plane((0.0, y), (0.0, -np.sign(y))) for y in (-radius, radius))
+    problem = problem_of(
+        grids,
+        lambda data: [
+            fm.ContactPair(data, "wheel/bottom", plane, law=fm.Coulomb(MU))
+            for plane in (ground, belt)
+        ],
+    )
+    belt.move(y=-0.02)
+    problem.solve()
+    for step in (1, 2):
+        start = problem.equations.crossings.accepted.x
+        belt.move(x=2.0 * radius * angle * step, y=-0.02)
+        report = problem.solve()
+        assert turns_in_step(problem, start)[0] == pytest.approx(-angle, rel=0.02)
+        assert report.num_iterations < 20
+
+
+def test_slip_that_does_not_settle_fails_the_step(monkeypatch):
+    problem, belt = wheel_between(0.5, 0.01)
+    belt.value[0] = TURN / 16
+    monkeypatch.setattr(Contact, "lead_by_solution", lambda *_: 0.02)
+    with pytest.raises(fm.NotConvergedError, match="still changes by 0.02 of their way"):
+        problem.solve()

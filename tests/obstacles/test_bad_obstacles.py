@@ -35,6 +35,8 @@ class Floor:
         return self.spoil(x, *fields) if self.on else fields
 
 
+# Above the overlap of the scene.
+LIFT = 0.05
 NOT_FINITE = {
     "phi": lambda x, phi, g, H: (phi * np.nan, g, H),
     "phi somewhere": lambda x, phi, g, H: (np.where(x[:, 0] > 1.0, np.nan, phi), g, H),
@@ -102,12 +104,29 @@ def test_gradient_of_another_distance_is_a_violation_or_a_remark(angle, message)
         assert message in violations[0]
 
 
-def test_scaled_gradient_is_refused():
+@pytest.mark.each
+@pytest.mark.parametrize(
+    "factor, of_gradient, verdict",
+    [
+        (1e3, 1e3, "remark"), (0.5, 0.5, "remark"), (3.0, 1.0, "remark"),
+        (1.2, 1.2, "remark"), (1.0, 1.0, "ok"), (1.0, 3.0, "ok"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("pressed", [True, False])
+def test_distance_of_another_scale_is_told_with_and_without_forces(
+    factor, of_gradient, verdict, pressed
+):
     def scaled(x, phi, g, H):
-        return 3.0 * phi, g, H
+        return factor * (phi if pressed else phi + LIFT), of_gradient * g, H
 
-    (pair,) = on_obstacle(Floor(scaled).obstacle).solve().certificate.pairs
+    problem = on_obstacle(Floor(scaled).obstacle)
+    certificate = problem.solve(accept_violations=True).certificate
+    (pair,) = certificate.pairs
+    assert problem.contacts[0].pressure.any() == pressed
     assert pair["obstacle_gradient"].value < 1e-6
+    assert pair["obstacle_scale"].verdict == verdict
+    told = [text for text in certificate.remarks() if "has the length" in text]
+    assert bool(told) == (verdict == "remark")
 
 
 @several_ranks

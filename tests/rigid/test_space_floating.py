@@ -132,6 +132,36 @@ def test_block_tips_over_its_edge(angle):
         on_floor(0.95 * pull + DOWN, **{**narrow, "size": (0.4, 0.4, 0.3)}).problem.solve()
 
 
+def test_block_that_falls_onto_a_corner_and_slides_is_not_said_to_tip_over():
+    """It turns until it lies on its bottom, where friction may hold it."""
+    turn = Rotation.from_rotvec([0.15, -0.1, 0.3]).as_matrix()
+
+    def falling(mu):
+        block = free_block(corner=(-0.5, -0.5, 0.3), turn=turn)
+        made = scene(block, load=0.3 * np.eye(3)[0] + DOWN)
+        return made.touch(("block/bottom", fm.Plane(*FLOOR)), mu=mu)
+
+    falling(0.4).rests()
+    with refused(fm.NotConvergedError, f"^{FREELY.format('move along .*')}"):
+        falling(0.2).problem.solve()
+
+
+def test_block_that_hovers_beside_a_touching_body_is_not_said_to_tip_over():
+    """The other body rests; the block falls and slides."""
+    other = Box("stay", block((3, 3, 2), size=(0.4, 0.4, 1.0), corner=(-0.2, -0.2, 0.0)))
+    hovering = free_block(corner=(2.0, -0.5, 0.3))
+    made = scene(other, hovering, loaded=("stay", "block"), load=0.3 * np.eye(3)[0] + DOWN)
+    floor = fm.Plane(*FLOOR)
+    made.problem = fm.ContactProblem(
+        made.residual, made.u,
+        [fm.ContactPair(made.data, f"{name}/bottom", floor, law=fm.Coulomb(mu))
+         for name, mu in (("stay", 0.9), ("block", 0.2))],
+        petsc_options_prefix="space_beside_",
+    )  # fmt: skip
+    with refused(fm.NotConvergedError, f"^{FREELY.format('move along .*')}"):
+        made.problem.solve()
+
+
 def test_block_without_friction_slides_away_from_a_slight_push():
     with refused(fm.NotConvergedError, r"body 'block' can move along \(.*springs carry 5.0e-02 of"):
         on_floor(0.05 * np.eye(3)[0] + DOWN, mu=0.0).problem.solve()

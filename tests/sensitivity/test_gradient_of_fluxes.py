@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Gradients through conduction across contact."""
 
+import numpy as np
 import pytest
 from heat_scenes import stacked
 
@@ -58,3 +59,56 @@ def test_what_has_no_derivative_is_refused():
     _, problem, form = solved(START, heating="friction")
     with pytest.raises(fm.MortarError, match="heating='friction' has no derivatives"):
         fm.gradient(form, sensitivity.ConductanceScale(0, 1), problem)
+
+
+def with_large_conductance(h, resistance=1.0, degrees=(1, 1), **options):
+    """Two bars whose conductance exceeds that of their cells, and an objective."""
+    scene = stacked((5, 7), degrees=degrees, **options)
+    heat = fm.Conductance(1, h)
+    heat.scale = 1.0 / resistance
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[heat])
+    problem = scene.problem([pair], newton=fm.NewtonOptions(residual_tolerance=1e-13))
+    scene.set(top=-0.03, hot=10.0)
+    problem.solve()
+    return scene, problem, ufl.split(scene.w)[1] ** 2 * ufl.dx(degree=4)
+
+
+@pytest.mark.parametrize("h", [3e4, 1e5, 1e6, 1e7, np.inf])
+def test_solution_of_the_tangent_with_a_large_conductance(h):
+    """The solution is linear in the temperature of the heated end."""
+    scene, problem, _ = with_large_conductance(h, nu=0.0, alpha=0.0)
+    bulk = problem.equations.bulk
+    before, ends = scene.w.x.array[: bulk.num_owned].copy(), bulk.prescribed_dofs
+    rhs = np.zeros(bulk.num_owned)
+    rhs[ends[np.abs(before[ends] - 10.0) < 1e-9]] = 1.0
+    found = problem.linear_solve(fm.LinearVector(u=rhs)).u
+    scene.set(hot=11.0)
+    problem.solve()
+    change = scene.w.x.array[: bulk.num_owned] - before
+    assert found == pytest.approx(change, rel=1e-10, abs=1e-10)
+
+
+@pytest.mark.parametrize("h", [3e4, 1e5, 1e6, 1e7, np.inf])
+def test_transposed_solution_with_a_large_conductance(h):
+    scene, problem, _ = with_large_conductance(h, degrees=(2, 1), overhang=0.4)
+    comm, count = scene.data.mesh.comm, problem.equations.bulk.num_owned
+    shape, random = problem.equations.contacts[0].z.shape, np.random.default_rng(3)
+    z = random.standard_normal((2, *shape))  # equal on all ranks
+    one, other = (fm.LinearVector(u=random.standard_normal(count), z=[part]) for part in z)
+    forward, transposed = problem.linear_solve(one), problem.linear_solve(other, transpose=True)
+    assert forward.dot(other, comm) == pytest.approx(transposed.dot(one, comm), rel=1e-10)
+
+
+@pytest.mark.parametrize("h", [1e5, 1e6, 1e7, 1e9])
+def test_gradient_by_a_large_conductance(h):
+    """Against a central difference in the resistance, in which the objective is nearly linear."""
+    scene, problem, form = with_large_conductance(h, nu=0.0, alpha=0.0)
+    control = sensitivity.ConductanceScale(0, 1)
+    found = float(fm.gradient(form, control, problem)[control])
+    ends = []
+    for resistance in (0.8, 1.2):
+        _, _, of_end = with_large_conductance(h, resistance, nu=0.0, alpha=0.0)
+        ends.append(scene.data.mesh.comm.allreduce(fem.assemble_scalar(fem.form(of_end))))
+    assert found == pytest.approx((ends[0] - ends[1]) / 0.4, rel=1e-6, abs=1e-11)
+    along = sensitivity.tangent_linear(form, control, 1.0, problem)
+    assert along.derivative == pytest.approx(found, rel=1e-10, abs=1e-13)

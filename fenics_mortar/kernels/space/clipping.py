@@ -25,11 +25,12 @@ ON_EDGE = 1e-12
 SAME_VERTEX = 1e-10
 # Area of a polygon over that of the slave piece [1], below which it is left out.
 NEGLIGIBLE_AREA = 1e-12
-# The polygon begins at the vertex nearest to a point beside the first corner of the slave piece, at
-# these fractions of its first edge behind it and across [1]: where edges or nodes of both sides
-# coincide, rounding decides on the labels of vertices, but not on the place of the first one, and
-# so not on the cells of the quadrature. No two vertices of regular meshes are equally near.
-FIRST = (0.3137, 0.1719)
+# The polygon begins at the vertex nearest to a point beside the second corner of the slave piece,
+# at these fractions of its first edge behind the first corner and across [1]: where edges or nodes
+# of both sides coincide, rounding decides on the labels of vertices, but not on the place of the
+# first one, and so not on the cells of the quadrature. No two vertices of regular meshes are
+# equally near.
+FIRST = (-1.3137, 0.1719)
 # Vertices of two clipped quadrilaterals, and those that rounding may add.
 MAX_VERTICES = 12
 

@@ -19,8 +19,8 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Indices, norms
-from fenics_mortar.utils.ranks import sum_over_ranks
+from fenics_mortar.utils.arrays import EPSILON, ROUNDING, TINY, Array, Indices, norms
+from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 WRONG_FLUX = 1e-3
 # Smallest reference of fluxes, over contact pressures by the scale of Newton's residuals [1]: of
 # smaller fluxes digits are missing after convergence, as of the first ones by heat of friction.
-SLIGHT = 0.01
+SMALL_FLUX = 0.01
 
 
 def balance_of_bodies(
@@ -47,7 +47,9 @@ def balance_of_bodies(
     axisymmetry only axial forces are summed: hoop stresses balance radial forces.
 
     Internal forces sum to zero, so the sum of r over a body is minus the load applied to it; the
-    reaction at a prescribed dof is the remainder of r and contact forces.
+    reaction at a prescribed dof is the remainder of r and contact forces. Each body may deviate by
+    the rounding of its own internal forces, and no reference exceeds the stiffness of the softest
+    body, whose forces are those of all that touch it.
 
     Args:
         bulk: The bodies, with ``r`` at the present state.
@@ -71,12 +73,43 @@ def balance_of_bodies(
         components = np.vstack([components, _moments(bulk, total[dofs], body, num_bodies)])
     mine = [np.bincount(body, component, num_bodies) for component in components]
     defects, size = sum_over_ranks(comm, mine), comm.allreduce(float(np.abs(r[dofs]).sum()))
-    motion = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
-    stiffness = max((float(c.stiffness.max()) for c in contacts), default=bulk.stiffness)
+    attainable, softest, motion = _attainable(bulk, body, num_bodies)
+    stiffness = min(max((float(c.stiffness.max()) for c in contacts), default=np.inf), softest)
     extent = max((float(np.ptp(c.slave.X, axis=0).max()) for c in contacts), default=0.0)
-    rounding = stiffness * max(LIMITS.min_force * motion, ROUNDING * extent)
-    defect = max(np.abs(defects).max(), np.abs(unbalanced).max(initial=0.0))
-    return float(defect) / positive_or_one(size + rounding)
+    size += stiffness * max(LIMITS.min_force * motion, ROUNDING * extent)
+    of_bodies = np.abs(defects).max(axis=0)
+    largest = (of_bodies / np.maximum(size + attainable / LIMITS.tolerance, TINY)).max()
+    return float(max(largest, np.abs(unbalanced).max(initial=0.0) / positive_or_one(size)))
+
+
+def _attainable(bulk: Bulk, body: Indices, num_bodies: int) -> tuple[Array, float, float]:
+    """Rounding of the sum of the internal forces of each body, and its ingredients (collective).
+
+    Stresses are rounded as the strains from which they follow: gradients of displacements u in
+    cells, and with finite strains one plus these. With n dofs and the extent L of a body, and the
+    largest entry K of its diagonal, the sum is rounded by 4 EPSILON K (sqrt(n) u + L). Beside a
+    soft body, the rounding of a stiff one may exceed all contact forces.
+
+    Args:
+        bulk: The bodies.
+        body: Body of each owned node, shape (owned nodes,).
+        num_bodies: Number of bodies on all ranks.
+
+    Returns:
+        Rounding of each body, shape (bodies,) [stress length]; the smallest K of a body [stress];
+        the largest displacement [length].
+    """
+    dofs = bulk.space.owned_dofs
+    X = bulk.cells.X[: len(body)]
+    sizes = [bulk.diagonal[dofs].max(axis=1), np.abs(bulk.u.x.array[dofs]).max(axis=1)]
+    found = np.full((2 + 2 * X.shape[1], num_bodies), -np.inf)
+    for largest, values in zip(found, [*sizes, *X.T, *-X.T], strict=True):
+        np.maximum.at(largest, body, values)
+    stiffness, motion, *ends = largest_over_ranks(bulk.comm, found)
+    extent = np.add(*np.split(np.array(ends), 2)).max(axis=0)
+    count = sum_over_ranks(bulk.comm, dofs.shape[1] * np.bincount(body, minlength=num_bodies))
+    rounding = 4.0 * EPSILON * stiffness * (np.sqrt(count) * motion + extent)
+    return rounding, float(stiffness.min()), float(motion.max())
 
 
 def _moments(bulk: Bulk, forces: Array, body: Indices, num_bodies: int) -> Array:
@@ -161,7 +194,7 @@ def _of_conduction(measured: Any) -> Iterator[Finding]:
         from_flux = np.where(h > 0.0, now.conduction / np.where(h > 0.0, h, 1.0), 0.0)
         wrong = np.where(h > 0.0, stiffest * (now.jump - from_flux), now.conduction)
         level = LIMITS.min_force * flux.cells * flux.largest
-        level += SLIGHT * norms(measured.contact.z) / flux.to_force
+        level += SMALL_FLUX * norms(measured.contact.z) / flux.to_force
         size = float(weight @ (np.abs(now.conduction) + level))
         yield Finding(
             f"conduction of field {flux.law.field}",

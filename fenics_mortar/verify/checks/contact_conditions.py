@@ -111,7 +111,7 @@ def _between_nodes(measured: Measured) -> Iterator[Finding]:
         "missed", "penetration of sides without contact forces", missed,
         f"the sides penetrate by {missed:.2g} facets between the nodes, at {where}, but no node of "
         "the pair carries a force: the pressure and the force of this contact are missing "
-        "altogether; facets of the slave that are smaller than what enters find it, or exchange "
+        "altogether; refine the slave there to facets smaller than what enters, or exchange "
         f"slave and master; of curves that fit each other, take {CURVED}",
         remark=LIMITS.missed, unit="facet lengths", where=where,
     )  # fmt: skip

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Comparison of gradients of users' signed distances with difference quotients.
+"""Comparison of gradients of users' signed distances with difference quotients and with length 1.
 
 Contact forces act along the gradient of an obstacle's distance. A wrong gradient would change the
 direction of these forces without violating any other condition.
+
+Gaps and overlaps are values of the distance. If the length of its gradient is not 1, they are
+scaled by this length, as are laws that depend on gaps.
 """
 
 from __future__ import annotations
@@ -25,6 +28,12 @@ if TYPE_CHECKING:
 # Largest admissible sine of the angle between a user's gradient and difference quotients [1],
 # slightly below the error of forces along averaged normals.
 WRONG_GRADIENT = 0.04
+# Largest factor between changes of a user's distance and distances near the surface [1] without a
+# remark: gaps are wrong by more than the discretization. Forces where surfaces touch do not depend
+# on it, so that other level set functions may be used.
+OTHER_SCALE = 1.1
+# Distance to the surface within which nodes are near it [facet lengths].
+FACETS_FROM_SURFACE = 1.0
 
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
@@ -40,6 +49,48 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
         "obstacle",
         limit=WRONG_GRADIENT, remark=LIMITS.negligible, unit="sine", where=where,
     )  # fmt: skip
+    factor, length, where = scale_error(measured.contact)
+    yield Finding(
+        "obstacle_scale", "scale of the obstacle's distance", factor,
+        f"the gradient of the obstacle's distance has the length {length:.3g} at {where}; expected "
+        "1 near the surface, where gaps are values of the distance: divide the function and its "
+        "derivatives by this length",
+        remark=OTHER_SCALE, unit="factor", where=where,
+    )  # fmt: skip
+
+
+def scale_error(contact: Contact) -> tuple[float, float, str]:
+    """Factor between changes of a user's distance and lengths near its surface (collective).
+
+    Returns:
+        Median, over active nodes and those within ``FACETS_FROM_SURFACE`` of the surface, of the
+        larger one of the length of the difference quotients and its inverse [1], with the length
+        and the position of that node; 1 for the obstacles of the package and without such nodes.
+
+    Raises:
+        Exception: An error of the user's function, on all ranks.
+    """
+    obstacle, comm = contact.obstacle, contact.slave.comm
+    if obstacle is None or _is_of_package(obstacle):
+        return 1.0, 1.0, ""
+    call = partial(_lengths, obstacle, contact)
+    lengths, x = call_together(comm, f"the distance of '{obstacle.name}'", call)
+    if not len(lengths):
+        return max(comm.allgather((1.0, 1.0, "")))
+    factors = np.maximum(lengths, 1.0 / np.maximum(lengths, TINY))
+    middle = int(np.argsort(factors)[(len(factors) - 1) // 2])
+    found = float(factors[middle]), float(lengths[middle]), format_point(x[middle])
+    return max(comm.allgather(found))
+
+
+def _lengths(obstacle: Obstacle, contact: Contact) -> tuple[Array, Array]:
+    """Lengths (k,) [1] of difference quotients at the k nodes (k, d) near the surface (local)."""
+    x, size = contact.operators.x, contact.slave.nodal_lengths
+    step = DIFFERENCE * size
+    lengths = norms(_differences(obstacle, x, step)) / (2.0 * step)
+    phi = np.abs(obstacle.evaluate(x)[0])
+    near = contact.active | (phi <= FACETS_FROM_SURFACE * size * lengths)
+    return lengths[near], x[near]
 
 
 def gradient_error(contact: Contact) -> tuple[float, str]:
@@ -90,17 +141,28 @@ def _errors(obstacle: Obstacle, contact: Contact, nodes: Flags) -> Array:
     x = contact.operators.x[nodes]
     step = DIFFERENCE * contact.slave.nodal_lengths[nodes]
     _, gradient, _ = obstacle.evaluate(x)
-    moves = [step[:, None] * axis for axis in np.eye(obstacle.dim)]
-    ahead, behind = (
-        np.stack([obstacle.evaluate(x + sign * move)[0] for move in moves], axis=1)
-        for sign in (1.0, -1.0)
-    )
-    quotients = ahead - behind  # only the direction matters
+    quotients = _differences(obstacle, x, step)  # only the direction matters
     unit = quotients / np.maximum(norms(quotients), TINY)[:, None]
     along = (gradient * unit).sum(axis=1)
     across = norms(gradient - along[:, None] * unit)
     sine = across / np.maximum(np.hypot(across, along), TINY)
     return np.where(along > 0.0, sine, 1.0)
+
+
+def _differences(obstacle: Obstacle, x: Array, step: Array) -> Array:
+    """Central differences of the distance along each axis, of shape (k, d) [length] (local).
+
+    Args:
+        obstacle: The obstacle.
+        x: Points, shape (k, d) [length].
+        step: Steps to both sides, shape (k,) [length].
+    """
+    moves = [step[:, None] * axis for axis in np.eye(obstacle.dim)]
+    ahead, behind = (
+        np.stack([obstacle.evaluate(x + sign * move)[0] for move in moves], axis=1)
+        for sign in (1.0, -1.0)
+    )
+    return ahead - behind
 
 
 def _is_of_package(obstacle: Obstacle) -> bool:
