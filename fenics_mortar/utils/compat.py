@@ -539,7 +539,21 @@ def form(ufl_form: ufl.Form) -> fem.Form:
     """
     rank = len(ufl_form.arguments())
     with log_compilation({1: "a residual or load", 2: "a tangent"}.get(rank, "an integral")):
-        return fem.form(ufl_form, **own_options(fem.form))
+        return fem.form(_with_tags_of_their_kind(ufl_form), **own_options(fem.form))
+
+
+def _with_tags_of_their_kind(form: ufl.Form) -> ufl.Form:
+    """Give integrals without tags those of the others of their kind, as release 0.9 demands."""
+    given = [(i, i.integral_type(), i.subdomain_data()) for i in form.integrals()]
+    known = {kind: tags for _, kind, tags in given if tags is not None}
+    if not any(tags is None and kind in known for _, kind, tags in given):
+        return form
+    return ufl.Form(
+        [
+            i.reconstruct(subdomain_data=known.get(kind) if tags is None else tags)
+            for i, kind, tags in given
+        ]
+    )
 
 
 def create_matrix(a: fem.Form) -> PETSc.Mat:
