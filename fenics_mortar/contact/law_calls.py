@@ -30,6 +30,7 @@ import numpy as np
 from dolfinx import fem
 
 from fenics_mortar.contact.law import BUILT_IN, Branches, Friction, Law, Nodal, Row
+from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view
 from fenics_mortar.utils.errors import (
     MortarError,
@@ -199,8 +200,8 @@ class Parameters:
     @cached_property
     def _scalar(self) -> tuple[fem.Function, Indices]:
         """A function of one component of the displacement's space, and local nodes of its dofs."""
-        V, dofs = self._space.V.sub(0).collapse()
-        return fem.Function(V), np.asarray(dofs, np.int64) // self._space.dim
+        V, dofs = compat.collapsed(self._space.V.sub(0))
+        return fem.Function(V), dofs // self._space.dim
 
     def _at_nodes(self, function: fem.Function) -> Array:
         """Values of a function at the slave nodes (collective)."""

@@ -296,7 +296,7 @@ def _part_of_dofs(bulk: Bulk, floating: FloatingBodies, field: int) -> Indices |
     if Q.dofmap.index_map_bs > 1 or Q.num_sub_spaces:
         return None
     cells = floating.parts[compat.dofmap(bulk.V)[:, :1]]
-    dofs = numbers.ravel()[compat.dofmap(Q)]
+    dofs = numbers[compat.dofmap(Q)]
     part_of = np.full(bulk.u.x.array.size, -1)
     part_of[dofs] = cells
     return part_of[: bulk.num_owned]

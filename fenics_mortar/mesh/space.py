@@ -182,14 +182,14 @@ class DisplacementSpace:
                     f"displacement={part!r}: the space of u has the sub-spaces 0 to "
                     f"{whole.num_sub_spaces - 1}"
                 )
-            self.V, dofs = whole.sub(part).collapse()
+            self.V, dofs = compat.collapsed(whole.sub(part))
         elif part:
             raise ValueError(f"displacement={part!r}: the function u is not mixed")
         else:
             index_map = whole.dofmap.index_map
             dofs = np.arange(self.block_size * (index_map.size_local + index_map.num_ghosts))
         self.dim: int = whole.mesh.geometry.dim
-        self.dofs: Indices = np.asarray(dofs, np.int64).reshape(-1, self.V.dofmap.index_map_bs)
+        self.dofs: Indices = dofs.reshape(-1, self.V.dofmap.index_map_bs)
         self.num_nodes: int = self.V.dofmap.index_map.size_local
         self.num_owned: int = self.block_size * whole.dofmap.index_map.size_local
         self.first: int = self.block_size * whole.dofmap.index_map.local_range[0]

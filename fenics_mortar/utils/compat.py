@@ -505,13 +505,14 @@ def is_sub_space(V: fem.FunctionSpace) -> bool:
 def collapsed(V: fem.FunctionSpace) -> tuple[fem.FunctionSpace, Indices]:
     """A sub-space as a space of its own, and the local dofs of its own in the whole (collective).
 
-    ``collapse`` of dolfinx 0.5 crashes on ranks without cells, for scalar sub-spaces.
+    ``collapse`` of dolfinx 0.5 crashes on ranks without cells, for scalar sub-spaces; that of 0.11
+    returns a list of arrays, one for each type of cell.
     """
     index_map = V.mesh.topology.index_map(V.mesh.topology.dim)
     cells = index_map.size_local + index_map.num_ghosts
     if V.num_sub_spaces or V.mesh.comm.allreduce(cells, MPI.MIN) > 0:
         space, dofs = V.collapse()
-        return space, np.asarray(dofs, np.int64)
+        return space, np.asarray(dofs, np.int64).reshape(-1)
     create = fem.functionspace if hasattr(fem, "functionspace") else fem.FunctionSpace
     space = create(V.mesh, V.ufl_element())
     index_map = space.dofmap.index_map
