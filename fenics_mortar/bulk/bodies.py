@@ -43,9 +43,7 @@ from fenics_mortar.utils.arrays import (
     ROUNDING,
     SAME_PLACE,
     TINY,
-    Array,
-    Flags,
-    Indices,
+    cross_in_plane,
     lines_cross,
     near_pairs,
 )
@@ -55,6 +53,7 @@ if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.mesh.space import DisplacementSpace
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 # Rotation or translation of a motion of size one [1] below which messages leave it out.
 MINOR = 0.1
@@ -374,7 +373,7 @@ def _twisted(x: Array, cells: Indices) -> Array:
     corners = x[cells[:, OUTLINE[cells.shape[1]]]]
     after = np.roll(corners, -1, axis=1) - corners
     before = np.roll(after, 1, axis=1)
-    turns = before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]
+    turns = cross_in_plane(before, after)
     smallest = SAME_PLACE * np.abs(turns).max(axis=1, initial=0.0)
     both = (turns.min(axis=1, initial=0.0) < -smallest) & (
         turns.max(axis=1, initial=0.0) > smallest
@@ -433,7 +432,7 @@ def _side_of(ends: Array, middles: Array) -> Array:
         inward = middles - ends.mean(axis=1)
         return np.asarray(np.sign((_normals(ends) * inward).sum(axis=1)))
     along, inward = ends[:, 1] - ends[:, 0], middles - ends[:, 0]
-    return np.asarray(np.sign(along[:, 0] * inward[:, 1] - along[:, 1] * inward[:, 0]))
+    return np.sign(cross_in_plane(along, inward))
 
 
 def _normals(corners: Array) -> Array:

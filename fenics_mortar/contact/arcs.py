@@ -294,8 +294,8 @@ def normal_rotation(n_0: Array, n: Array) -> Array:
 
 
 def rotated_by(v: Array, angle: Array) -> Array:
-    """Vectors (n, 2) rotated counter-clockwise by angles (n,) [radian] [their unit]."""
-    return np.cos(angle)[:, None] * v + np.sin(angle)[:, None] * quarter_turn(v)
+    """Vectors (..., 2) rotated counter-clockwise by angles (...) [radian] [their unit]."""
+    return np.cos(angle)[..., None] * v + np.sin(angle)[..., None] * quarter_turn(v)
 
 
 def quarter_turn(v: Array) -> Array:

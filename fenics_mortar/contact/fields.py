@@ -36,12 +36,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fenics_mortar.contact.interface_fields import (
-    InterfaceConstants,
     InterfaceFields,
     Parts,
     field,
@@ -68,7 +67,7 @@ from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, ROUNDING, Array, Flags
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.law_calls import LawCalls
+    pass
 
 # Attributes of the state on which the arguments of a law and its tangential row depend.
 LAW_ATTRIBUTES = ("z", "multiplier_nodes", "partners", "c_n", "load_time", "start_instant")
@@ -79,18 +78,6 @@ ELASTIC = 1e3
 # Decrease of adhesion with the gap, over the diagonal stiffness of a node [1], above which it is
 # left out of the tangent. A surface node is about twice as compliant as its diagonal stiffness.
 MAX_SOFTENING = 0.5
-
-
-class ContactInterface(InterfaceConstants, Protocol):
-    """Constants of a contact that its fields depend on."""
-
-    law_calls: LawCalls
-    parameters: dict[str, Array]
-    follows_law: Flags
-    is_guided: Flags
-    guides: Array
-    plane_normals: Array
-    set_aside: Flags
 
 
 class Gaps(NamedTuple):
@@ -110,7 +97,6 @@ class ContactFields(InterfaceFields):
         adhesion: Adhesion a at the gaps, and a', each (slave nodes,) [stress, stress / length].
     """
 
-    interface: ContactInterface
     closing: Row | None = None
     covered: Any = property(attrgetter("gaps.covered"))
     mean_gap: Any = property(attrgetter("gaps.mean"))

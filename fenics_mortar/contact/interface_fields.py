@@ -14,7 +14,7 @@ import dataclasses
 from collections.abc import Callable
 from functools import cache
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.law import Branches
-    from fenics_mortar.interface.surfaces import Surface
 
 # Attributes that follow from the others at the end of a solve; they are not written to files.
 # Instants are written by ``law_calls``.
@@ -132,19 +131,6 @@ def _dependent(kind: type[InterfaceFields]) -> dict[str, list[str]]:
         for attribute in made.names if isinstance(made, _Field) else ():
             dependent.setdefault(attribute, []).append(name)
     return dependent
-
-
-class InterfaceConstants(Protocol):
-    """Constants of an interface that its fields depend on."""
-
-    pair: Any
-    slave: Surface
-    master: Surface
-    stiffness: Array
-    modulus: Array
-    foundation: Array
-    substitutes: tuple[Indices, Indices]
-    at_vertices: bool
 
 
 class Parts(NamedTuple):

@@ -654,16 +654,6 @@ def _check_heating(heating: Any) -> None:
         )
 
 
-def _check_share(share: Any) -> None:
-    """Reject all but fractions."""
-    check_number("share", share, "a fraction between 0 and 1", lambda part: 0.0 <= part <= 1.0)
-
-
-def _check_scale(scale: Any) -> None:
-    """Reject all but positive numbers."""
-    check_number("scale", scale, "a positive number", lambda factor: 0.0 < factor < np.inf)
-
-
 def _check_temperature(temperature: Any) -> None:
     """Reject all but finite numbers, constants and ``None``."""
     if not (temperature is None or isinstance(temperature, fem.Constant)):
@@ -672,8 +662,12 @@ def _check_temperature(temperature: Any) -> None:
 
 _CHECKS = {
     "heating": _check_heating,
-    "share": _check_share,
-    "scale": _check_scale,
+    "share": lambda share: check_number(
+        "share", share, "a fraction between 0 and 1", lambda part: 0.0 <= part <= 1.0
+    ),
+    "scale": lambda scale: check_number(
+        "scale", scale, "a positive number", lambda factor: 0.0 < factor < np.inf
+    ),
     "temperature": _check_temperature,
 }
 

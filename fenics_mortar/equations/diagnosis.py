@@ -29,14 +29,7 @@ from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.newton.loop import UNSETTLED, decreased
 from fenics_mortar.rigid.proximal import RIGID, Remaining
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import (
-    ASSEMBLY_ROUNDING,
-    ROUNDING,
-    SMALL_ANGLE,
-    Array,
-    Flags,
-    Indices,
-)
+from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, ROUNDING, SMALL_ANGLE, Flags
 from fenics_mortar.utils.errors import MortarError, NotFiniteError, format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 
@@ -46,6 +39,7 @@ if TYPE_CHECKING:
     from fenics_mortar.equations.residual import Residual
     from fenics_mortar.rigid.driven import DrivenMotions
     from fenics_mortar.rigid.floating import FloatingBodies
+    from fenics_mortar.utils.arrays import Array, Indices
 
 # Active set and branches of each pair in one iteration.
 SetsOfPairs = list[tuple[Flags, Branches]]
@@ -222,7 +216,11 @@ class CombinedSprings:
         self._stiffness, self._forces = stiffness, forces
 
     def anchor(self, elongation: float) -> None:
-        """Anchor floating bodies and driven obstacles; see ``AnchoredSprings``."""
+        """Anchor floating bodies and driven obstacles at their present positions.
+
+        The forces that drive a body now, or a small fraction of all forces on it, would elongate
+        its springs by ``elongation`` shortest facets.
+        """
         bulk, contact, _ = self._forces()
         self._floating.anchor(bulk + contact - self._obstacles.pushed_nodes(), elongation)
         self._obstacles.anchor(elongation, self._stiffness)

@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.contact.interface_fields import InterfaceState
     from fenics_mortar.contact.tied import Tie
-    from fenics_mortar.equations.linearized import Tangent
+    from fenics_mortar.equations.linearized import ReducedTangent
     from fenics_mortar.interface.mortar import Linearization
     from fenics_mortar.la.system import LinearSystem
 
@@ -204,7 +204,7 @@ class ContactEquations:
         )
         self._loose: list[FloatingBody] = []
         self.model_check: Any = None
-        self.reduced_tangent: Callable[[], Tangent | None] = lambda: None
+        self.reduced_tangent: Callable[[], ReducedTangent | None] = lambda: None
 
     def add_inertia(self, inertia: Inertia) -> None:
         """Add mass; bodies with mass are not floating."""

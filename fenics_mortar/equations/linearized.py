@@ -59,7 +59,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -146,19 +146,6 @@ def _sum(one: Array | None, other: Array | None) -> Array | None:
     return one + other
 
 
-class Tangent(Protocol):
-    """The tangent of displacement and multipliers, see ``LinearSystem``; collective."""
-
-    def assemble(self) -> None:
-        """Linearize at the last evaluated state."""
-
-    def solve(self, b: Array, *, transpose: bool = False) -> Array:
-        """Solve A x = b, or A^T x = b; shapes are (owned dofs + 2 owned multipliers,).
-
-        See ``LinearSystem.solve`` for the units.
-        """
-
-
 # Largest number of solves with a tangent that has smaller conductances [1]. Errors of the equations
 # with the present ones, finite or not, decrease by 0.01 to 0.001 in each: ``contact.fluxes.SOFT``.
 SOLVES = 8
@@ -179,7 +166,7 @@ class LinearizedEquations:
         bulk, motions, tangent = equations.bulk, equations.motions, equations.reduced_tangent()
         self._bulk, self._contacts, self._system = bulk, equations.contacts, equations.system
         self._motions = motions
-        self._tangent: Tangent = tangent or self._system
+        self._tangent: LinearSystem | ReducedTangent = tangent or self._system
         self._shape, self._driven = motions.scales.shape, motions.unknowns
         if tangent is None:
             bulk.assemble_tangent()

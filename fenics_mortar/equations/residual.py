@@ -45,7 +45,7 @@ from dolfinx import fem
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.kernels.blocks import add_forces
 from fenics_mortar.mesh.data import MeshData, Names, as_list, joined_names
-from fenics_mortar.utils.arrays import EPSILON, SOLVED, Array, Indices, Numbers
+from fenics_mortar.utils.arrays import EPSILON, SOLVED, Array, Indices, Numbers, cross_in_plane
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MeshError, MortarError, check_same_texts, together
 from fenics_mortar.utils.ranks import on_any_rank, sum_over_ranks
@@ -330,7 +330,7 @@ def reaction_of(bulk: Bulk, forces: Array, data: MeshData, names: Names, about: 
         sums = np.stack([on_nodes.sum(axis=0), np.cross(arms, on_nodes).sum(axis=0)])
         force, moment = sum_over_ranks(bulk.comm, sums)
         return Reaction(force, moment, about)
-    moments = arms[:, 0] * on_nodes[:, 1] - arms[:, 1] * on_nodes[:, 0]
+    moments = cross_in_plane(arms, on_nodes)
     moment = 0.0 if bulk.space.is_axisymmetric else float(moments.sum())
     x, y, moment = sum_over_ranks(bulk.comm, [*on_nodes.sum(axis=0), moment])
     return Reaction(np.array([x, y]), float(moment), about)

@@ -23,15 +23,18 @@ import numpy as np
 from fenics_mortar.interface.surfaces import (
     CurveRoles,
     Surface,
-    facet_measures,
-    nodes_of_facets,
+    facets_of_all_ranks,
+    outward_nodes,
     place_of_nodes,
+    shape_integrals,
 )
-from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, Array, Flags, Indices, Numbers, norms
+from fenics_mortar.mesh.space import input_nodes
+from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, angles_between, norms
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
 if TYPE_CHECKING:
     from fenics_mortar.mesh.space import DisplacementSpace
+    from fenics_mortar.utils.arrays import Array, Flags, Indices, Numbers
 
 # Turn of the outline to the right from which on it folds back, as round the tip of a crack
 # [radian]: the faces enclose an angle below 30 degrees and face each other; the average of their
@@ -42,33 +45,23 @@ FOLD = 5.0 * np.pi / 6.0
 BRANCH = np.pi / 18.0
 
 
-def number_nodes(
-    ends: Indices, coordinates: Array, given: Indices, name: str
-) -> tuple[Indices, Array, Indices]:
-    """Number the nodes of facets, and check the facets (local).
+def _check_facets(facets: Indices, X: Array, given: Indices, name: str) -> None:
+    """Reject facets without length, and nodes of the input mesh that are there twice (local).
 
     Args:
-        ends: Global nodes of the facets of all ranks, shape (m, K).
-        coordinates: Reference positions of these nodes, shape (m, K, 2) [length].
-        given: Numbers of these nodes in the input mesh, -1 for none, shape (m, K).
+        facets: Nodes of the facets, shape (m, K).
+        X: Reference positions of the nodes, shape (n, 2) [length].
+        given: Numbers of the nodes in the input mesh, -1 for none, shape (n,).
         name: Name of the surface, used in messages.
-
-    Returns:
-        Global nodes in increasing order, shape (n,), their positions, shape (n, 2), and the facets
-        in terms of them, shape (m, K).
 
     Raises:
         SurfaceError: If there are no facets, one has zero length, or two ranks have different nodes
             for one node of the input mesh.
     """
-    if not ends.size:
+    if not facets.size:
         raise SurfaceError(f"surface '{name}' has no facets")
-    nodes, first, inverse = np.unique(ends.ravel(), return_index=True, return_inverse=True)
-    X = coordinates.reshape(-1, 2)[first]
-    facets = inverse.reshape(ends.shape).astype(np.int64)
-    numbers = given.ravel()[first]
-    order = np.argsort(numbers, kind="stable")
-    twice = order[:-1][(np.diff(numbers[order]) == 0) & (numbers[order[:-1]] >= 0)]
+    order = np.argsort(given, kind="stable")
+    twice = order[:-1][(np.diff(given[order]) == 0) & (given[order[:-1]] >= 0)]
     if twice.size:  # dolfinx stores two nodes if cells of two ranks share only a corner
         raise _branching(name, X[twice[0]])
     lengths = np.linalg.norm(X[facets[:, -1]] - X[facets[:, 0]], axis=1)
@@ -78,7 +71,6 @@ def number_nodes(
             f"surface '{name}': the facet at {format_point(X[facets[shortest, 0]])} has zero "
             "length; merge its two nodes"
         )
-    return nodes, X, facets
 
 
 def order_curves(facets: Indices, X: Array, name: str) -> tuple[Indices, Indices, Indices, Indices]:
@@ -161,8 +153,7 @@ def turn_between(before: Array, after: Array) -> Array:
 
     The body is on the left: turns are between -pi, at the tip of a crack, and less than pi.
     """
-    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    turn = np.arctan2(cross, (before * after).sum(axis=1))
+    turn = angles_between(before, after)
     return np.asarray(np.where(turn > np.pi - SAME_PLACE, -np.pi, turn))
 
 
@@ -211,7 +202,7 @@ class Curve(Surface):
     @cached_property
     def lengths(self) -> Array:
         """Reference lengths of the facets, shape (m,) [length]."""
-        return facet_measures(self.X[self.facets]).sum(axis=1)
+        return shape_integrals(self.X[self.facets]).sum(axis=1)
 
     @cached_property
     def between_corners(self) -> tuple[Indices, Indices, Array]:
@@ -233,9 +224,7 @@ class Curve(Surface):
     @cached_property
     def nodal_lengths(self) -> Array:
         """Integral of each nodal shape function over the reference surface, shape (n,) [length]."""
-        measures = facet_measures(self.X[self.facets])
-        nodal = np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
-        return nodal.astype(np.float64)
+        return self.on_nodes(shape_integrals(self.X[self.facets]))
 
     @cached_property
     def near_dofs(self) -> Indices:
@@ -256,15 +245,14 @@ class Curve(Surface):
     def _areas(self) -> Array:
         """Integrals of the shape functions times the thickness over the facets, (m, K)."""
         assert self.thickness is not None
-        return facet_measures(self.X[self.facets], self.thickness.at(self.X)[self.facets])
+        return shape_integrals(self.X[self.facets], self.thickness.at(self.X)[self.facets])
 
     @cached_property
     def full_cover(self) -> Array:
         """Integral of each nodal shape function times the thickness, undeformed, (n,) [area]."""
         if self.thickness is None:
             return self.nodal_lengths
-        nodal = np.bincount(self.facets.ravel(), self._areas.ravel(), self.num_nodes)
-        return nodal.astype(np.float64)
+        return self.on_nodes(self._areas)
 
     @cached_property
     def mean_thickness(self) -> Array | float:
@@ -347,13 +335,12 @@ def extract_curve(space: DisplacementSpace, facets: Numbers, name: str) -> Curve
         SurfaceError: On all ranks, if there are no facets, if one has zero length, or if more than
             two meet at a node.
     """
-    V = space.V
-    comm = V.mesh.comm
-    branches = comm.allgather(nodes_of_facets(V, facets))
-    ends, coordinates, given = (np.concatenate(branch) for branch in zip(*branches, strict=True))
-    nodes, X, of_facets = number_nodes(ends, coordinates, given, name)
+    V, names = space.V, input_nodes(space.V)
+    given = np.where((names[:, 1:] < 0).all(axis=1), names[:, 0], -1)
+    nodes, X, given, of_facets = facets_of_all_ranks(V, outward_nodes(V, facets), given)
+    _check_facets(of_facets, X, given, name)
     order, of_facets, previous, following = order_curves(of_facets, X, name)
-    thickness = space.thickness.at_nodes(X[order], comm) if space.thickness else None
+    thickness = space.thickness.at_nodes(X[order], V.mesh.comm) if space.thickness else None
     return Curve(
         name=name,
         X=X[order],

@@ -16,14 +16,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import basix
-
 from fenics_mortar.interface.corners import SharpEdges
-from fenics_mortar.interface.reference import CORNERS, linear_values, rule_of_triangles, tabulate
-from fenics_mortar.interface.surfaces import FaceRoles, Surface, place_of_nodes
+from fenics_mortar.interface.reference import CORNERS, linear_values
+from fenics_mortar.interface.surfaces import (
+    FaceRoles,
+    Surface,
+    facets_of_all_ranks,
+    outward_nodes,
+    place_of_nodes,
+    shape_integrals,
+)
 from fenics_mortar.kernels.space.normals import facets_around, find_rings
 from fenics_mortar.mesh.space import DisplacementSpace, input_nodes
-from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
 if TYPE_CHECKING:
@@ -95,12 +99,12 @@ class Faces(Surface):
     @cached_property
     def full_cover(self) -> Array:
         """See ``Surface``; of corners of triangles with six nodes, those of linear functions."""
-        return self._on_nodes(covers(self.shape_integrals))
+        return self.on_nodes(covers(self.shape_integrals))
 
     @cached_property
     def traction_weights(self) -> Array:
         """See ``Surface``: zero at corners of triangles with six nodes."""
-        return self._on_nodes(self.shape_integrals)
+        return self.on_nodes(self.shape_integrals)
 
     @cached_property
     def weightless(self) -> Flags:
@@ -111,7 +115,7 @@ class Faces(Surface):
     def nodal_lengths(self) -> Array:
         """See ``Surface``: root of the share of a node in the area of its facets."""
         equal = np.full(self.facets.shape[1], 1.0 / self.facets.shape[1])
-        return np.sqrt(self._on_nodes(self.shape_integrals.sum(axis=1)[:, None] * equal))
+        return np.sqrt(self.on_nodes(self.shape_integrals.sum(axis=1)[:, None] * equal))
 
     @cached_property
     def between_corners(self) -> tuple[Indices, Indices, Array]:
@@ -157,11 +161,6 @@ class Faces(Surface):
         between = 0.5 * (x[:, 0] - x[:, 1] + x[:, 2] - x[:, 3])
         return float((np.linalg.norm(between, axis=1) / self.facet_sizes).max())
 
-    def _on_nodes(self, of_facets: Array) -> Array:
-        """Sums at the nodes, (n,), of values at the nodes of facets, (m, K)."""
-        sums = np.bincount(self.facets.ravel(), of_facets.ravel(), self.num_nodes)
-        return np.asarray(sums, float)
-
     def welded(self, welds: Indices) -> Faces:
         """The surface itself: nodes of ties are not joined in space (local)."""
         return self
@@ -176,16 +175,6 @@ def padded(rows: Indices, values: Indices, count: int) -> Indices:
     table = np.full((count, max(1, int(np.diff(starts).max(initial=0)))), -1)
     table[rows, np.arange(rows.size) - starts[rows]] = values
     return table
-
-
-def shape_integrals(x: Array) -> Array:
-    """Integrals of the shape functions over facets at ``x`` (m, K, 3), (m, K) [area] (local)."""
-    total = np.zeros(x.shape[:2])
-    points, weights = rule_of_triangles(x.shape[1])
-    for N, w in zip(tabulate(points, x.shape[1]), weights, strict=True):
-        normal = np.cross(np.einsum("k,mkc->mc", N[1], x), np.einsum("k,mkc->mc", N[2], x))
-        total += w * np.linalg.norm(normal, axis=1)[:, None] * N[0]
-    return total
 
 
 def covers(integrals: Array) -> Array:
@@ -214,71 +203,17 @@ def extract_faces(space: DisplacementSpace, of_mesh: Numbers, name: str) -> Face
             meet at an edge.
     """
     V = space.V
-    comm = V.mesh.comm
     mine = outward_nodes(V, of_mesh)
-    names, x = input_nodes(V), V.tabulate_dof_coordinates()
-    local, inverse = np.unique(mine, return_inverse=True)
-    to_global = V.dofmap.index_map.local_to_global(local.astype(np.int32)).astype(np.int64)
-    parts = comm.allgather(
-        (to_global, names[local], x[local], to_global[inverse.reshape(mine.shape)])
-    )
-    numbers, keys, X, facets = (np.concatenate(part) for part in zip(*parts, strict=True))
+    nodes, X, names, facets = facets_of_all_ranks(V, mine, input_nodes(V))
     if not facets.size:
         raise SurfaceError(f"surface '{name}' has no facets")
-    numbers, first = np.unique(numbers, return_index=True)
-    order = np.lexsort(keys[first].T[::-1])
+    order = np.lexsort(names.T[::-1])
     place = np.empty(order.size, np.int64)
     place[order] = np.arange(order.size)
-    facets = _ordered(place[np.searchsorted(numbers, facets)])
-    nodes, X = numbers[order], X[first][order]
+    nodes, X, facets = nodes[order], X[order], _ordered(place[facets])
     is_open = _rim(facets, X, name)
     _check_areas(X[facets], name)
     return Faces(name=name, X=X, facets=facets, is_open=is_open, **place_of_nodes(space, nodes))
-
-
-def outward_nodes(V: Any, facets: Numbers) -> Indices:
-    """Local nodes (m, K) of facets, in the order of the module (local).
-
-    Args:
-        V: Space of the displacement.
-        facets: Local facets, shape (m,).
-    """
-    topology, layout, dofmap = V.mesh.topology, V.dofmap.dof_layout, compat.dofmap(V)
-    x = V.tabulate_dof_coordinates()
-    facet_cells, cell_facets = topology.connectivity(2, 3), topology.connectivity(3, 2)
-    cells = np.array([facet_cells.links(facet)[0] for facet in facets], np.int64)
-    places = np.array(
-        [np.flatnonzero(cell_facets.links(c) == f)[0] for f, c in zip(facets, cells, strict=True)],
-        np.int64,
-    )
-    cell = basix.topology(getattr(basix.CellType, compat.cell_name(V.mesh)))
-    corners = [layout.entity_dofs(0, k)[0] for k in range(len(cell[0]))]
-    found = np.empty((facets.size, len(layout.entity_closure_dofs(2, 0))), np.int64)
-    for place in range(len(cell[2])):
-        at = np.flatnonzero(places == place)
-        nodes = dofmap[cells[at]]
-        both = [nodes[:, _dofs_of_facet(layout, cell, place, turn)] for turn in (False, True)]
-        inside = x[nodes[:, corners]].mean(axis=1)
-        count = CORNERS[found.shape[1]]
-        p = x[both[0][:, :count]]
-        normal = np.cross(p[:, 1] - p[:, 0], p[:, -1] - p[:, 0])
-        outward = np.einsum("ec,ec->e", normal, p.mean(axis=1) - inside) > 0.0
-        found[at] = np.where(outward[:, None], *both)
-    return found
-
-
-def _dofs_of_facet(layout: Any, cell: Any, facet: int, turn: bool) -> list[int]:
-    """Dofs of a facet of a cell in the order of the module, in the reverse sense if ``turn``."""
-    vertices = list(cell[2][facet])
-    if len(vertices) == 4:  # a tensor product of two intervals
-        vertices[2], vertices[3] = vertices[3], vertices[2]
-    if turn:
-        vertices = [vertices[0], *vertices[:0:-1]]
-    dofs = [layout.entity_dofs(0, vertex)[0] for vertex in vertices]
-    for a, b in zip(vertices, vertices[1:] + vertices[:1], strict=True):
-        edge = next(e for e, ends in enumerate(cell[1]) if set(ends) == {a, b})
-        dofs.extend(layout.entity_dofs(1, edge))
-    return [*dofs, *layout.entity_dofs(2, facet)]
 
 
 def _ordered(facets: Indices) -> Indices:

@@ -27,7 +27,7 @@ from fenics_mortar.interface.space_mortar import FacetPairs
 from fenics_mortar.kernels.projection import lagrange
 from fenics_mortar.kernels.space.integrals import listed_points
 from fenics_mortar.kernels.space.normals import facets_around
-from fenics_mortar.kernels.space.shapes import LINEAR, QUADRATIC, reference_nodes
+from fenics_mortar.kernels.space.shapes import LINEAR, QUADRATIC, pieces_of, reference_nodes
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 if TYPE_CHECKING:
@@ -278,11 +278,6 @@ def _coordinates_on(m: Array, y: Array) -> Array:
 # on a surface in contact with itself [1]: the last are those within 16 facets on a node's own part.
 # Beyond there is no contact in one step.
 TRIED = 32, 128, 1024
-# Linear facets between all nodes of quadratic ones, by their number of nodes; see ``faces``.
-DIVISIONS = {
-    6: [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]],
-    9: [[0, 4, 8, 7], [4, 1, 5, 8], [8, 5, 2, 6], [7, 8, 6, 3]],
-}
 
 
 class LinearFacets(NamedTuple):
@@ -299,9 +294,8 @@ class LinearFacets(NamedTuple):
 
 def linear_facets(facets: Indices, num_nodes: int) -> LinearFacets:
     """Linear facets between all nodes of facets (m, K), ordered as those of ``Faces`` (local)."""
-    divisions = DIVISIONS.get(facets.shape[1])
-    if divisions is not None:
-        facets = facets[:, divisions].reshape(-1, len(divisions[0]))
+    pieces = pieces_of(facets.shape[1])
+    facets = facets[:, pieces].reshape(-1, pieces.shape[1])
     return LinearFacets(facets, facets_around(facets, num_nodes))
 
 

@@ -35,7 +35,7 @@ Bodies behind the facets of a slave surface, which limit the search; see ``outli
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
 
 from mpi4py import MPI
@@ -44,7 +44,7 @@ import numpy as np
 
 from fenics_mortar.interface.corners import links_at_corners
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, Linearization, MortarOperators
-from fenics_mortar.interface.reference import Basis, facet_rule, gauss_rule
+from fenics_mortar.interface.reference import Basis, facet_rule, gauss_rule, hand_over
 from fenics_mortar.kernels import points as point_kernels
 from fenics_mortar.kernels import projection, search
 from fenics_mortar.kernels.blocks import weigh_derivatives
@@ -626,29 +626,3 @@ def _integrate(
     if options.integration == "nodes":
         found[0][weights == 0.0] = 0.0  # remove rounding
     return found
-
-
-def hand_over(multiplier_nodes: Flags) -> Array:
-    """Fraction of node k's function that is added to node j's, per facet, shape (f, K, K) [1].
-
-    Multiplier nodes keep their own function; other functions are split equally among the nearest
-    multiplier nodes of the facet.
-    """
-    bits, of_sets = _hand_overs(multiplier_nodes.shape[1])
-    return of_sets.take(multiplier_nodes.dot(bits), axis=0)
-
-
-@cache
-def _hand_overs(size: int) -> tuple[Indices, Array]:
-    """``hand_over`` for all sets of multiplier nodes on a facet.
-
-    Returns:
-        Contribution of each node that carries a multiplier to the number of the set, shape (K,),
-        and the fractions of each set, shape (2**K, K, K) [1].
-    """
-    index = np.arange(size)
-    carries = (np.arange(1 << size)[:, None] >> index & 1 == 1)[:, :, None]
-    distance = np.where(carries, np.abs(index[:, None] - index).astype(float), np.inf)
-    nearest = (distance == distance.min(axis=1, keepdims=True)) & carries
-    fractions = nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1)
-    return 1 << index, read_only_view(fractions)

@@ -28,7 +28,6 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from fenics_mortar.interface import integrals
 from fenics_mortar.interface.faces import Faces, covers
 from fenics_mortar.interface.integrals import (
     MortarOptions,
@@ -40,14 +39,13 @@ from fenics_mortar.interface.integrals import (
 )
 from fenics_mortar.interface.reference import (
     COMBINED,
-    CORNERS,
     face_rule,
     facet_rule,
-    functions_of,
     hand_over,
     sample_points,
     tabulate,
 )
+from fenics_mortar.interface.surfaces import outward_normals
 from fenics_mortar.kernels import facets
 from fenics_mortar.obstacles.rigid_motion import TURNS, by_further_motion, motion_between
 from fenics_mortar.utils.clock import clock
@@ -263,18 +261,6 @@ def facing_facets(obstacle: Obstacle, x: Array, points: Array, options: MortarOp
     return near & ((normal * towards).sum(axis=1) >= options.min_cosine * sizes)
 
 
-def outward_normals(x: Array) -> Array:
-    """Outward normals of chords or corners of facets at ``x`` (f, K, d), (f, d) [length, area].
-
-    Their lengths are those of the chords, in space twice the areas (local).
-    """
-    if x.shape[2] == 2:
-        chord = x[:, -1] - x[:, 0]
-        return np.stack([chord[:, 1], -chord[:, 0]], axis=1)
-    last = CORNERS[x.shape[1]] - 1
-    return np.cross(x[:, last - 1] - x[:, 0], x[:, last] - x[:, last - 2])
-
-
 @dataclass(frozen=True, kw_only=True)
 class ObstacleOperators(PlaneOperators):
     """Operators of a slave surface and an obstacle: segments are facets, the master has no nodes.
@@ -442,7 +428,7 @@ def evaluate_obstacle(
         facets = share_of(np.flatnonzero(multiplier_nodes[slave.facets].any(axis=1)), slave.comm)
         facets = facets[facing_facets(obstacle, x[slave.facets[facets]], rule[0], options)]
         nodes = slave.facets[facets]
-        weights = facet_hand_over(multiplier_nodes[nodes], dim, options)
+        weights = hand_over(multiplier_nodes[nodes], dim, options.basis)
         thickness = facet_thickness(slave, x, nodes)
         of_facets = integrate_facets(obstacle, arm, x[nodes], weights, rule, options, thickness)
         return normals, facets, of_facets
@@ -475,16 +461,6 @@ def evaluate_obstacle(
         weight=weight, num_segments=slave.comm.allreduce(count), linearization=linearization,
         obstacle=obstacle, arm=arm, phi=phi, V=V, dn_dq=dn_dq, dgap_dq=dgap_dq,
     )  # fmt: skip
-
-
-def facet_hand_over(carries: Flags, dim: int, options: MortarOptions) -> Array:
-    """Hand-over H of facets in the plane or in space, (f, K, K) [1] (local).
-
-    ``carries`` (f, K) tells which nodes carry multipliers.
-    """
-    if dim == 2:
-        return integrals.hand_over(carries)
-    return hand_over(carries, functions_of(carries.shape[1], options.basis))
 
 
 def facet_thickness(slave: Surface, x: Array, nodes: Indices) -> tuple[Array, float] | None:

@@ -22,7 +22,6 @@ order 2 are divided into flat triangles between their nodes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -34,9 +33,8 @@ import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.interface.faces import Faces, outward_nodes
 from fenics_mortar.interface.integrals import BodiesBehind
-from fenics_mortar.interface.surfaces import facet_nodes, replicate
+from fenics_mortar.interface.surfaces import facets_of_all_ranks, outward_nodes, replicate
 from fenics_mortar.kernels import sight
 from fenics_mortar.kernels.space import inside as space_sight
 from fenics_mortar.kernels.space.normals import facets_around
@@ -134,6 +132,17 @@ class Outline:
         segments = np.stack([at[:, :-1].ravel(), at[:, 1:].ravel()], axis=1)
         return np.isin(self.segments @ key, segments @ key)
 
+    def near(self, surface: Any, marked: Any = None) -> Any:
+        """Whether each segment has a node of a surface, shape (m,), bool.
+
+        Args:
+            surface: The surface.
+            marked: The nodes that count, shape (nodes of the surface,), bool; all by default.
+        """
+        nodes = np.zeros(len(self.X), bool)
+        nodes[self.indices_of(surface.nodes if marked is None else surface.nodes[marked])] = True
+        return nodes[self.segments].any(axis=1)
+
     def bodies_of(self, surface: Curve) -> Indices:
         """Body of each facet of a surface, shape (f,)."""
         return self.bodies[self.indices_of(surface.nodes)[surface.facets[:, 0]]]
@@ -180,16 +189,16 @@ def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) 
         labels: Body of each local node, shape (local nodes,).
         bodies: Numbers of the bodies, equal on all ranks, shape (k,).
     """
-    at, facets, of_ranks = exterior_facets(space, labels, bodies, facet_nodes)
+    at, facets, of_ranks = exterior_facets(space, labels, bodies)
     segments = np.concatenate([facets[:, k : k + 2] for k in range(facets.shape[1] - 1)])
     ends = np.tile(facets[:, [0, -1]], (facets.shape[1] - 1, 1))
-    along = _along_a_curve(at[0], segments)
-    segments, ends = segments[along], ends[along]
-    return Outline(*at, segments, ends, *of_ranks, space.V.mesh.comm)
+    order = np.lexsort(segments.T[::-1])
+    along = order[spatial_order(at[0][segments[order]].mean(axis=1))]
+    return Outline(*at, segments[along], ends[along], *of_ranks, space.V.mesh.comm)
 
 
 def exterior_facets(
-    space: DisplacementSpace, labels: Indices, bodies: Indices, nodes_of: Callable[..., Indices]
+    space: DisplacementSpace, labels: Indices, bodies: Indices
 ) -> tuple[tuple[Array, Indices, Indices], Indices, tuple[Indices, Indices]]:
     """The exterior facets of bodies with nodes ordered by their coordinates (collective).
 
@@ -197,7 +206,6 @@ def exterior_facets(
         space: See ``extract_outline``, as ``labels`` and ``bodies``.
         labels: Body of each local node, shape (local nodes,).
         bodies: Numbers of the bodies, shape (k,).
-        nodes_of: Function that returns the local nodes (m, K) of facets (m,).
 
     Returns:
         ``X``, ``nodes`` and ``bodies`` of ``Outline``; nodes of the facets, shape (m, K);
@@ -207,43 +215,19 @@ def exterior_facets(
     topology, index_map, dim = V.mesh.topology, V.dofmap.index_map, space.dim
     topology.create_connectivity(dim - 1, dim)
     topology.create_connectivity(dim, dim - 1)
-    facets = nodes_of(V, dmesh.exterior_facet_indices(topology))
+    facets = outward_nodes(V, dmesh.exterior_facet_indices(topology))
     facets = facets[np.isin(labels[facets[:, 0]], bodies)]
-    X = V.tabulate_dof_coordinates()[:, :dim]
-    to_global = index_map.local_to_global(facets.ravel().astype(np.int32))
-    mine = np.asarray(to_global, np.int64).reshape(facets.shape), X[facets], labels[facets]
-    numbers, positions, of_bodies = (
-        np.concatenate(column) for column in zip(*comm.allgather(mine), strict=True)
-    )
-    nodes, first, inverse = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
-    X = positions.reshape(-1, dim)[first]
+    nodes, X, of_bodies, facets = facets_of_all_ranks(V, facets, labels)
     extent = max(float(np.ptp(X, axis=0).max(initial=0.0)) if len(X) else 0.0, TINY)
     order = np.lexsort(np.rint(X / (STEP_FACTOR * ROUNDING * extent)).T[::-1])
     place = np.empty_like(order)
     place[order] = np.arange(order.size)
-    X, nodes, of_bodies = X[order], nodes[order], of_bodies.ravel()[first][order]
+    X, nodes, of_bodies = X[order], nodes[order], of_bodies[order]
     begin, end = index_map.local_range
     starts = np.array(comm.allgather(begin))
     owners = np.asarray(np.searchsorted(starts, nodes, side="right"), np.int64) - 1
     owned = nodes[(nodes >= begin) & (nodes < end)]
-    facets = place[inverse.ravel()].reshape(numbers.shape)
-    return (X, nodes, of_bodies), facets, (owners, space.dofs[owned - begin])
-
-
-def _along_a_curve(X: Array, segments: Indices) -> Indices:
-    """Order of segments (m, 2) by their midpoints along a Morton curve, shape (m,)."""
-    if not len(segments):
-        return np.empty(0, np.int64)
-    middles = X[segments].mean(axis=1)
-    low = middles.min(axis=0)
-    bits = np.iinfo(np.int64).bits // 2 - 1
-    scale = STEP_FACTOR * (2**bits - 1) / max(float(np.ptp(middles, axis=0).max()), TINY)
-    cell = np.rint((middles - low) * scale).astype(np.int64)
-    key = np.zeros(len(segments), np.int64)
-    for bit in range(bits):
-        for d in range(2):
-            key |= ((cell[:, d] >> bit) & 1) << (2 * bit + d)
-    return np.lexsort((segments[:, 1], segments[:, 0], key))
+    return (X, nodes, of_bodies), place[facets], (owners, space.dofs[owned - begin])
 
 
 # Safe depth over the undeformed thickness behind a facet [1]; the depth is at most the facet's
@@ -370,17 +354,6 @@ class Hull(Outline):
         ours, theirs = (_keys(t, len(self.X)) for t in (self.segments, triangles))
         return np.isin(ours, theirs)
 
-    def near(self, surface: Faces, marked: Any = None) -> Any:
-        """Whether each triangle has a node of a surface, shape (m,), bool.
-
-        Args:
-            surface: The surface.
-            marked: The nodes that count, shape (nodes of the surface,), bool; all by default.
-        """
-        nodes = np.zeros(len(self.X), bool)
-        nodes[self.indices_of(surface.nodes if marked is None else surface.nodes[marked])] = True
-        return nodes[self.segments].any(axis=1)
-
 
 def _keys(triangles: Indices, num_nodes: int) -> Indices:
     """One number for the nodes of triangles (m, 3), in any order (m,)."""
@@ -396,7 +369,7 @@ def extract_hull(space: DisplacementSpace, labels: Indices, bodies: Indices) -> 
         labels: Body of each local node, shape (local nodes,).
         bodies: Numbers of the bodies, equal on all ranks, shape (k,).
     """
-    at, facets, of_ranks = exterior_facets(space, labels, bodies, outward_nodes)
+    at, facets, of_ranks = exterior_facets(space, labels, bodies)
     triangles, owner = triangles_of(facets[np.lexsort(np.sort(facets, axis=1).T[::-1])])
     along = spatial_order(at[0][triangles[:, 0]])
     parts = np.ascontiguousarray(triangles[along]), owner[along][:, None]

@@ -20,6 +20,7 @@ from fenics_mortar.kernels.space.shapes import (
     tabulate_shapes,
     triangle_rule,
 )
+from fenics_mortar.utils.arrays import read_only_view
 
 if TYPE_CHECKING:
     from fenics_mortar.utils.arrays import Array, Flags
@@ -151,17 +152,29 @@ def functions_of(size: int, basis: Basis) -> Array:
     return np.asarray(np.diag(given @ weights) @ np.linalg.solve(gram, T))
 
 
-def hand_over(multiplier_nodes: Flags, functions: Array) -> Array:
+def hand_over(multiplier_nodes: Flags, dim: int = 2, basis: Basis = "dual") -> Array:
     """Fraction of node k's function that is added to node j's, per facet, shape (f, K, K) [1].
 
-    Multiplier nodes keep their own function; other functions are split equally among the multiplier
-    nodes of the facet.
+    Multiplier nodes keep their own function; other functions are split equally among the nearest
+    multiplier nodes of the facet, in space among all of them. There ``functions_of`` the basis are
+    those that are handed over.
 
     Args:
         multiplier_nodes: Whether a node of a facet carries a multiplier, shape (f, K), bool.
-        functions: Functions of the nodes before, see ``functions_of``, shape (K, K).
+        dim: Dimension of space.
+        basis: Basis of the multipliers.
     """
-    size, carries = multiplier_nodes.shape[1], multiplier_nodes.astype(float)
-    shares = carries / np.maximum(carries.sum(axis=1, keepdims=True), 1.0)
-    own = np.eye(size) * carries[:, None]
-    return (own + shares[:, :, None] * (1.0 - carries[:, None])) @ functions
+    size = multiplier_nodes.shape[1]
+    H = _hand_overs(size, dim).take(multiplier_nodes.dot(1 << np.arange(size)), axis=0)
+    return H if dim == 2 else H @ functions_of(size, basis)
+
+
+@cache
+def _hand_overs(size: int, dim: int) -> Array:
+    """``hand_over`` of all sets of multiplier nodes on a facet, (2**K, K, K) [1]."""
+    index = np.arange(size)
+    carries = (np.arange(1 << size)[:, None] >> index & 1 == 1)[:, :, None]
+    apart = np.minimum(np.abs(index[:, None] - index).astype(float), np.inf if dim == 2 else 1.0)
+    distance = np.where(carries, apart, np.inf)
+    nearest = (distance == distance.min(axis=1, keepdims=True)) & carries
+    return read_only_view(nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1))

@@ -41,7 +41,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from fenics_mortar.interface.curve_surface import FOLD, Curve
 from fenics_mortar.interface.faces import Faces, padded
 from fenics_mortar.interface.surfaces import CurveRoles, FaceRoles, Roles
-from fenics_mortar.utils.arrays import SAME_PLACE, Array, Flags, Indices
+from fenics_mortar.utils.arrays import SAME_PLACE, Array, Flags, Indices, cross_in_plane
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
 # Digits to which the logarithm of the mean facet size is compared: parts with equal meshes are
@@ -222,6 +222,6 @@ def _are_inside(polygon: Array, points: Array) -> Flags:
     a, b, p = polygon, np.roll(polygon, -1, axis=0), points[:, None]
     above = a[:, 1] > p[..., 1], b[:, 1] > p[..., 1]
     edge, arm = b - a, p - a
-    on_left = edge[:, 0] * arm[..., 1] - edge[:, 1] * arm[..., 0] > 0.0
+    on_left = cross_in_plane(edge, arm) > 0.0
     crossings = ((above[0] != above[1]) & (on_left == above[1])).sum(axis=1)
     return np.asarray(crossings % 2 == 1)

@@ -36,31 +36,21 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from fenics_mortar.interface.faces import Faces, covers
-from fenics_mortar.interface.integrals import (
-    BodiesBehind,
-    MortarOptions,
-    evaluate_normals,
-    share_of,
-    sum_over_facets,
-)
-from fenics_mortar.interface.mortar import (
-    LINEARIZATIONS,
-    Block,
-    Linearization,
-    MortarOperators,
-    without_values,
-)
+from fenics_mortar.interface.integrals import evaluate_normals, share_of, sum_over_facets
+from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, MortarOperators, without_values
 from fenics_mortar.interface.reference import AT_VERTICES, COMBINED, Basis, functions_of, hand_over
 from fenics_mortar.kernels.facets import BY_STANDARD, DUAL
 from fenics_mortar.kernels.space import integrals, pairs
-from fenics_mortar.kernels.space.integrals import listed_points, sample_gaps
+from fenics_mortar.kernels.space.integrals import listed_points
 from fenics_mortar.kernels.space.linearize import linearize_facets
 from fenics_mortar.kernels.space.shapes import triangle_rule
-from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
+from fenics_mortar.utils.arrays import Array, Flags, Indices, norms, summed
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
+    from fenics_mortar.interface.integrals import BodiesBehind, MortarOptions
+    from fenics_mortar.interface.mortar import Linearization
     from fenics_mortar.interface.surfaces import FaceRoles
 
 # Least eigenvalue of a scaled mass matrix over its largest [1] whose functions are independent:
@@ -434,11 +424,16 @@ class SpaceOperators(MortarOperators):
         Returns:
             Gaps, inf without a common part, (p,), and places on the slave, (p, 3), both [length].
         """
-        s, corners = self.segments, np.eye(3)
-        rule = np.concatenate([corners, self.rule[0]]), np.ones(3 + len(self.rule[0]))
-        smallest, where = np.empty(s.num_segments), np.empty((s.num_segments, 3))
-        geometry = self.x + offset[:, None] * self.n, self.n, self.m
-        sample_gaps(geometry, self.facet_nodes, s.master, s.offsets, rule, smallest, where)
+        s, x = self.segments, self.x + offset[:, None] * self.n
+        rule = np.concatenate([np.eye(3), self.rule[0]]), np.ones(3 + len(self.rule[0]))
+        pair, (_, N, L) = listed_points((x, self.m), self.facet_nodes, s.master, s.offsets, rule)
+        sides = (N, self.n[s.slave[pair]]), (N, x[s.slave[pair]]), (L, self.m[s.master[pair]])
+        n, start, end = (np.einsum("tk,tkc->tc", shapes[:, 0], at) for shapes, at in sides)
+        gaps = ((end - start) * n).sum(axis=1) / norms(n)
+        order = np.lexsort((gaps, pair))
+        found, first = np.unique(pair[order], return_index=True)
+        smallest, where = np.full(s.num_segments, np.inf), np.zeros((s.num_segments, 3))
+        smallest[found], where[found] = gaps[order[first]], start[order[first]]
         return smallest, where
 
     def covered_corners(self, facets: Flags) -> tuple[Indices, Array]:
@@ -530,20 +525,9 @@ def evaluate_space(
 ) -> SpaceOperators:
     """Evaluate the mortar operators at current positions (collective).
 
-    Args:
-        slave: The side that carries the multiplier.
-        master: The side projected to.
-        x: Current positions of the slave nodes, shape (slave nodes, 3) [length].
-        m: Current positions of the master nodes, shape (master nodes, 3) [length].
-        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool. The
-            functions of other nodes are handed over to the others of their facets.
-        projectors: See ``evaluate_normals``.
-        options: Discretization.
-        linearization: Derivatives to evaluate; the others are zero.
-        behind: Limits of the search behind the slave facets; none by default.
-        searched: Operators at the same positions and with the same linearization, but other
-            multiplier nodes: their normals and pairs are used if the facets are equal.
-
+    Arguments are those of ``evaluate_mortar``, with positions (n, 3) and ``projectors`` of
+    ``evaluate_normals``. Functions of nodes without multiplier are handed over to the others of
+    their facets.
     """
     used, around = multiplier_nodes[slave.facets].any(axis=1), None
     if options.corners:
@@ -623,14 +607,13 @@ def _hand_over(
     those that are handed over to a node: its pressure would pull, and its active set not converge.
     Such nodes carry no multiplier, either.
     """
-    functions = functions_of(nodes.shape[1], kind)
     if kind in AT_VERTICES or nodes.shape[1] < 6:  # no integral is negative
-        return hand_over(multiplier_nodes[nodes], functions)
-    integrals_of = moments.De @ functions.T
+        return hand_over(multiplier_nodes[nodes], 3, kind)
+    integrals_of = moments.De @ functions_of(nodes.shape[1], kind).T
     own = sum_over_facets(slave, nodes, moments.Me, integrals_of, integrals_of)[2]
     carries = multiplier_nodes & (own > 0.0)
     while True:
-        H = hand_over(carries[nodes], functions)
+        H = hand_over(carries[nodes], 3, kind)
         given = np.einsum("fjk,fk->fj", H, moments.De)
         weight = sum_over_facets(slave, nodes, moments.Me, given, given)[2]
         reduced = carries & (weight < LEAST_WEIGHT * own)

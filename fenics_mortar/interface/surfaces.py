@@ -45,15 +45,17 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+import basix
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.kernels.projection import lagrange
+from fenics_mortar.interface.reference import CORNERS, gauss_rule, rule_of_triangles, tabulate
 from fenics_mortar.kernels.sight import tabulate_masters
-from fenics_mortar.mesh.space import DisplacementSpace, NodalThickness, input_nodes
 from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import summed
 from fenics_mortar.utils.errors import SurfaceError, count_points
 
 if TYPE_CHECKING:
+    from fenics_mortar.mesh.space import DisplacementSpace, NodalThickness
     from fenics_mortar.utils.arrays import Array, Flags, Indices, Numbers
 
 # Fraction of the whole integral [1] below which a node carries no multiplier, for two integrals.
@@ -207,6 +209,10 @@ class Surface:
         """
         return self.full_cover < MIN_SHARE * self.nodal_areas
 
+    def on_nodes(self, of_facets: Array) -> Array:
+        """Sums at the nodes, (n,), of values (m, K) at the nodes of facets [their unit] (local)."""
+        return summed(of_facets.ravel(), self.facets.ravel(), self.num_nodes)
+
     def gather(self, values: Array) -> Array:
         """Gather nodal values of a function of the space on all ranks (collective).
 
@@ -290,19 +296,21 @@ def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.ND
 POINTS = 5
 
 
-def facet_measures(X: Array, thickness: Array | None = None) -> Array:
-    """Integrals of the shape functions over facets at ``X`` (m, K, 2), (m, K) [length] (local).
+def shape_integrals(x: Array, thickness: Array | None = None) -> Array:
+    """Integrals of the shape functions over facets at ``x`` (m, K, dim), (m, K) [area] (local).
 
     With ``thickness`` (m, K) [length], integrals of the shape functions times the thickness.
     """
-    if X.shape[1] == 2 and thickness is None:
-        return np.repeat(np.linalg.norm(X[:, 1] - X[:, 0], axis=1)[:, None] / 2, 2, axis=1)
-    points, weights = np.polynomial.legendre.leggauss(POINTS)
-    N, dN = lagrange(points, X.shape[1] - 1)
-    J = np.linalg.norm(np.einsum("pk,mkc->mpc", dN, X), axis=2)
-    if thickness is not None:
-        J = J * np.einsum("pk,mk->mp", N, thickness)
-    return np.einsum("pk,mp,p->mk", N, J, weights)
+    in_plane = x.shape[2] == 2
+    points, weights = gauss_rule(POINTS) if in_plane else rule_of_triangles(x.shape[1])
+    total = np.zeros(x.shape[:2])
+    for T, weight in zip(tabulate(points, x.shape[1]), weights, strict=True):
+        tangents = np.einsum("ak,mkc->amc", T[1:], x)
+        J = np.linalg.norm(tangents[0] if in_plane else np.cross(*tangents), axis=1)
+        if thickness is not None:
+            J = J * (thickness @ T[0])
+        total += weight * J[:, None] * T[0]
+    return total
 
 
 def tagged_facets(mesh: Any, facet_tags: Any, tags: Sequence[int], name: str) -> Numbers:
@@ -340,49 +348,93 @@ def tagged_facets(mesh: Any, facet_tags: Any, tags: Sequence[int], name: str) ->
     return tagged
 
 
-def nodes_of_facets(V: Any, facets: Numbers) -> tuple[Indices, Array, Indices]:
-    """Nodes of local facets (m,) in the space of the displacement (collective).
+def outward_nodes(V: Any, facets: Numbers) -> Indices:
+    """Local nodes (m, K) of facets in order, seen from outside of the body (local).
 
-    Returns:
-        Global nodes, shape (m, K), their reference positions, shape (m, K, 2) [length], and their
-        numbers in the mesh input, -1 for nodes inside facets, shape (m, K).
-    """
-    ends = facet_nodes(V, facets)
-    names = input_nodes(V)
-    given = np.where((names[:, 1:] < 0).all(axis=1), names[:, 0], -1)
-    to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))
-    x = V.tabulate_dof_coordinates()[:, :2]
-    return np.asarray(to_global, np.int64).reshape(ends.shape), x[ends], given[ends]
-
-
-def facet_nodes(V: Any, facets: Numbers) -> Indices:
-    """Local nodes (m, K) of facets in order, with the cell on the left (local).
-
-    The side is determined by the cell's corners: all nodes of a thin bent cell may lie on the other
-    side of its facet's chord.
-
-    Requires the connectivities facets -> cells and cells -> facets.
+    In the plane those of a curve with the body on its left; in space see ``faces``. The side is
+    determined by the cell's corners: all nodes of a thin bent cell may lie on the other side of its
+    facet's chord. Requires the connectivities facets -> cells and cells -> facets.
 
     Args:
         V: Space of the displacement.
         facets: Local facets, shape (m,).
     """
-    topology = V.mesh.topology
-    facet_cells, cell_facets = topology.connectivity(1, 2), topology.connectivity(2, 1)
-    dofmap, x = compat.dofmap(V), V.tabulate_dof_coordinates()[:, :2]
-    layout = V.dofmap.dof_layout
-    ends = np.empty((facets.size, len(layout.entity_closure_dofs(1, 0))), np.int64)
-    for i, facet in enumerate(facets):
-        cell = facet_cells.links(facet)[0]
-        of_cell = cell_facets.links(cell)
-        local = int(np.flatnonzero(of_cell == facet)[0])
-        corners = [layout.entity_dofs(0, k)[0] for k in range(of_cell.size)]
-        a, b, *inside = dofmap[cell][layout.entity_closure_dofs(1, local)]
-        inward = x[dofmap[cell][corners]].mean(axis=0) - x[a]
-        edge = x[b] - x[a]
-        on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
-        ends[i] = (a, *inside, b) if on_left else (b, *inside, a)
-    return ends
+    topology, layout, dofmap = V.mesh.topology, V.dofmap.dof_layout, compat.dofmap(V)
+    dim = topology.dim
+    x = V.tabulate_dof_coordinates()[:, :dim]
+    to_cells, to_facets = topology.connectivity(dim - 1, dim), topology.connectivity(dim, dim - 1)
+    cells = np.array([to_cells.links(facet)[0] for facet in facets], np.int64)
+    places = np.array(
+        [np.flatnonzero(to_facets.links(c) == f)[0] for f, c in zip(facets, cells, strict=True)],
+        np.int64,
+    )
+    cell = basix.topology(getattr(basix.CellType, compat.cell_name(V.mesh)))
+    corners = [layout.entity_dofs(0, k)[0] for k in range(len(cell[0]))]
+    size = len(layout.entity_closure_dofs(dim - 1, 0))
+    ends = [0, -1] if dim == 2 else list(range(CORNERS[size]))
+    found = np.empty((facets.size, size), np.int64)
+    for place in range(len(cell[dim - 1])):
+        at = np.flatnonzero(places == place)
+        nodes = dofmap[cells[at]]
+        both = [nodes[:, _dofs_of_facet(layout, cell, place, turn)] for turn in (False, True)]
+        inside, on_facet = x[nodes[:, corners]].mean(axis=1), x[both[0]]
+        away = on_facet[:, ends].mean(axis=1) - inside
+        outward = np.einsum("ec,ec->e", outward_normals(on_facet), away) > 0.0
+        found[at] = np.where(outward[:, None], *both)
+    return found
+
+
+def outward_normals(x: Array) -> Array:
+    """Outward normals of chords or corners of facets at ``x`` (f, K, d), (f, d) [length, area].
+
+    Their lengths are those of the chords, in space twice the areas (local).
+    """
+    if x.shape[2] == 2:
+        chord = x[:, -1] - x[:, 0]
+        return np.stack([chord[:, 1], -chord[:, 0]], axis=1)
+    last = CORNERS[x.shape[1]] - 1
+    return np.cross(x[:, last - 1] - x[:, 0], x[:, last] - x[:, last - 2])
+
+
+def _dofs_of_facet(layout: Any, cell: Any, facet: int, turn: bool) -> list[int]:
+    """Dofs of a facet of a cell in the order of its nodes, in the reverse sense if ``turn``."""
+    if len(cell) == 3:
+        first, last, *between = layout.entity_closure_dofs(1, facet)
+        return [last, *between, first] if turn else [first, *between, last]
+    vertices = list(cell[2][facet])
+    if len(vertices) == 4:  # a tensor product of two intervals
+        vertices[2], vertices[3] = vertices[3], vertices[2]
+    if turn:
+        vertices = [vertices[0], *vertices[:0:-1]]
+    dofs = [layout.entity_dofs(0, vertex)[0] for vertex in vertices]
+    for a, b in zip(vertices, vertices[1:] + vertices[:1], strict=True):
+        edge = next(e for e, ends in enumerate(cell[1]) if set(ends) == {a, b})
+        dofs.extend(layout.entity_dofs(1, edge))
+    return [*dofs, *layout.entity_dofs(2, facet)]
+
+
+def facets_of_all_ranks(
+    V: Any, mine: Indices, values: npt.NDArray[Any]
+) -> tuple[Indices, Array, npt.NDArray[Any], Indices]:
+    """Facets of all ranks, and their nodes in the order of the global numbers (collective).
+
+    Args:
+        V: Space of the displacement.
+        mine: Local nodes of the facets of this rank, shape (m, K).
+        values: Any values of the local nodes, shape (local nodes, ...).
+
+    Returns:
+        Global nodes (n,), their reference positions (n, dim) [length], their values (n, ...), and
+        the facets in terms of them, (facets, K).
+    """
+    local, number = np.unique(mine, return_inverse=True)
+    to_global = V.dofmap.index_map.local_to_global(local.astype(np.int32)).astype(np.int64)
+    x = V.tabulate_dof_coordinates()[local, : V.mesh.geometry.dim]
+    parts = to_global, x, values[local], to_global[number.reshape(mine.shape)]
+    everywhere = zip(*V.mesh.comm.allgather(parts), strict=True)
+    nodes, X, of_nodes, facets = (np.concatenate(part) for part in everywhere)
+    nodes, first = np.unique(nodes, return_index=True)
+    return nodes, X[first], of_nodes[first], np.searchsorted(nodes, facets)
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,7 @@ def save_state(problem: ContactProblem, path: str | Path) -> None:
     data, first = _arrays_of(problem), problem.equations.comm.rank == 0
     if problem.equations.model_check is not None:
         data |= problem.equations.model_check.saved_data(problem)
-    write = partial(write_whole, file, partial(_write_arrays, data))
+    write = partial(write_whole, file, lambda path: np.savez(path, **data))
     try_together(problem.equations.comm, first, write, f"cannot write '{file}'")
 
 
@@ -200,11 +200,6 @@ def _state_file(problem: ContactProblem, path: str | Path) -> Path:
     check_problem(problem)
     stem = without_suffix(problem.equations.comm, path, ".npz")
     return stem.with_name(f"{stem.name}.npz")
-
-
-def _write_arrays(data: Arrays, path: Path) -> None:
-    """Write arrays to an .npz file (local)."""
-    np.savez(path, **data)
 
 
 def _read_arrays(file: Path) -> Arrays:

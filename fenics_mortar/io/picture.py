@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-import basix
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.interface.reference import CORNERS
+from fenics_mortar.interface.surfaces import outward_nodes
 from fenics_mortar.io.paraview import (
     GRID,
     CellField,
@@ -32,8 +33,6 @@ from fenics_mortar.io.paraview import (
     owned_cells,
     with_margin,
 )
-from fenics_mortar.mesh.space import KINDS, Kind
-from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import check_kind, check_number, together
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
 
@@ -44,54 +43,22 @@ if TYPE_CHECKING:
     from fenics_mortar.utils.arrays import Array, Indices
 
 
-class Skin(NamedTuple):
-    """Facets of one cell only.
+def rings_of_skin(V: Any) -> tuple[Indices, Indices]:
+    """The outer facets of the mesh of a Lagrange space of degree 1 or 2 in space (collective).
 
-    Attributes:
-        cells: Local cells of the facets, shape (f,).
-        rings: Local nodes along the outlines of the facets, with those in the middle of edges of
-            order 2, shape (f, k).
+    Returns:
+        Local cells of the facets (f,), and local nodes along their outlines, counter-clockwise
+        seen from outside, with those in the middle of edges of order 2, (f, k).
     """
-
-    cells: Indices
-    rings: Indices
-
-
-def skin_of(V: Any) -> Skin:
-    """The outer facets of the mesh of a Lagrange space of degree 1 or 2 in space (collective)."""
-    topology, dofs = V.mesh.topology, compat.dofmap(V)
+    topology = V.mesh.topology
     topology.create_connectivity(2, 3)
     topology.create_connectivity(3, 2)
-    to_cells, to_facets = topology.connectivity(2, 3), topology.connectivity(3, 2)
-    outer = dmesh.exterior_facet_indices(topology)
+    outer, to_cells = dmesh.exterior_facet_indices(topology), topology.connectivity(2, 3)
+    nodes = outward_nodes(V, outer)
+    count = CORNERS[nodes.shape[1]]
+    sides = [nodes[:, first : first + count] for first in range(0, nodes.shape[1] - 1, count)]
     cells = np.array([to_cells.links(facet)[0] for facet in outer], np.int64)
-    kind = KINDS[3, dofs.shape[1]]
-    local = [
-        int(np.flatnonzero(to_facets.links(cell) == facet)[0])
-        for cell, facet in zip(cells, outer, strict=True)
-    ]
-    nodes = dofs[cells][:, np.argsort(kind.order)]
-    numbers = _numbers(kind)[np.array(local, np.int64)]
-    rings = np.take_along_axis(nodes, _rings(kind)[numbers], axis=1)
-    return Skin(cells, rings.astype(np.int64))
-
-
-def _numbers(kind: Kind) -> Indices:
-    """Numbers in ``kind`` of the facets of the reference cell, in the order of basix."""
-    corners = [set(facet) for facet in kind.facets]
-    facets = basix.topology(getattr(basix.CellType, kind.name))[2]
-    return np.array([corners.index({kind.vertices[v] for v in facet}) for facet in facets])
-
-
-def _rings(kind: Kind) -> Indices:
-    """Corners of each facet, one after the other, with the middles of edges between them."""
-    corners = np.array(kind.facets)
-    if kind.degree == 1:
-        return corners
-    middle_of = {frozenset(edge): kind.corners + i for i, edge in enumerate(kind.edges)}
-    pairs = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
-    middles = [[middle_of[frozenset(pair)] for pair in ring] for ring in pairs.tolist()]
-    return np.stack([corners, middles], axis=2).reshape(len(corners), -1)
+    return cells, np.stack(sides, axis=2).reshape(len(nodes), -1)
 
 
 INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
@@ -150,12 +117,10 @@ class Facets(NamedTuple):
 
     Attributes:
         polygons: Their outlines in the deformed state, shape (f, k, 3) [length].
-        inner: Midpoints of their cells, shape (f, 3) [length].
         values: Values of a field in their cells, shape (f,).
     """
 
     polygons: Array
-    inner: Array
     values: Array
 
 
@@ -170,9 +135,10 @@ def drawing_of_solids(
         style: Style of the picture.
     """
     bulk = problem.equations.bulk
-    skin, x = skin_of(bulk.V), bulk.cells.X + style.scale * bulk.u.x.array[bulk.space.dofs]
-    given = np.zeros(len(skin.cells)) if values is None else values[skin.cells]
-    branches: Any = bulk.comm.gather((x[skin.rings], bulk.cells.middles(x)[skin.cells], given))
+    x = bulk.cells.X + style.scale * bulk.u.x.array[bulk.space.dofs]
+    cells, rings = rings_of_skin(bulk.V)
+    given = np.zeros(len(cells)) if values is None else values[cells]
+    branches: Any = bulk.comm.gather((x[rings], given))
     contacts = [c for c in evaluated_contacts(problem) if not isinstance(c, Tie)]
 
     def draw(ax: Any) -> Any:
@@ -262,8 +228,6 @@ def _normals(facets: Facets) -> Array:
     polygons = facets.polygons
     first, second = (polygons[:, len(polygons[0]) * k // 3] for k in (1, 2))
     normals = np.cross(first - polygons[:, 0], second - polygons[:, 0])
-    outward = polygons.mean(axis=1) - facets.inner
-    normals *= np.sign((normals * outward).sum(axis=1))[:, None]
     size = np.linalg.norm(normals, axis=1)
     return np.asarray(normals / np.where(size > 0.0, size, 1.0)[:, None])
 

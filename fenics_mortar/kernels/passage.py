@@ -15,9 +15,9 @@ Slip of a step with rotations of any size; for the formula see ``contact.arcs``.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.blocks import copy_rows, cross2, grown
+from fenics_mortar.kernels.blocks import cross2, grown
 from fenics_mortar.kernels.crossing import nearest_on_piece
-from fenics_mortar.kernels.tree import build_tree, query_tree
+from fenics_mortar.kernels.tree import query_tree, swept, swept_tree
 from fenics_mortar.utils.arrays import ROUNDING, SOLVED
 
 # Cosine of the angle between the outward normals at entry and exit [1] below which a path passes
@@ -49,20 +49,12 @@ def find_events(x0, x1, segments, bodies, node_bodies, which):
     left out. Returns rows (node, segment, t, 1 for entry or -1 for exit, outward normal,
     coordinate).
     """
-    size = x0.shape[0]
-    both, corners = np.empty((2 * size, 2)), np.empty((segments.shape[0], 4), np.int64)
-    copy_rows(x0, size, both, 0)
-    copy_rows(x1, size, both, size)
-    for e in range(segments.shape[0]):
-        for k in range(2):
-            corners[e, k], corners[e, 2 + k] = segments[e, k], size + segments[e, k]
-    boxes = build_tree(both, corners)
+    boxes = swept_tree(x0, x1, segments)
     hits = np.empty(boxes.shape[0] // 2, np.int64)
     box = np.empty(4)
     rows, count = np.empty((64, 7)), 0
-    for p in range(size):
-        for d in range(2):
-            box[d], box[2 + d] = min(x0[p, d], x1[p, d]), max(x0[p, d], x1[p, d])
+    for p in range(x0.shape[0]):
+        swept(x0, x1, p, p, box)
         found = query_tree(boxes, box, None, hits)
         for e in hits[:found]:
             a, b = segments[e]

@@ -44,6 +44,25 @@ def build_tree(x, facets):
 
 
 @kernel
+def swept_tree(x0, x1, facets):
+    """Tree of boxes around ``facets`` (m, K) whose nodes move from ``x0`` to ``x1`` (n, d)."""
+    n, size = x0.shape[0], facets.shape[1]
+    both, ends = np.empty((2 * n, x0.shape[1])), np.empty((facets.shape[0], 2 * size), np.int64)
+    both[:n], both[n:] = x0, x1
+    ends[:, :size], ends[:, size:] = facets, facets + n
+    return build_tree(both, ends)
+
+
+@kernel
+def swept(x0, x1, i, j, box):
+    """Fill the box (2 d,) around the nodes i and j that move from ``x0`` to ``x1`` (n, d)."""
+    dim = x0.shape[1]
+    for d in range(dim):
+        box[d] = min(min(x0[i, d], x1[i, d]), min(x0[j, d], x1[j, d]))
+        box[dim + d] = max(max(x0[i, d], x1[i, d]), max(x0[j, d], x1[j, d]))
+
+
+@kernel
 def are_disjoint(one, other):
     """Whether two boxes (2 d,) are disjoint, or contain nan."""
     dim = one.size // 2

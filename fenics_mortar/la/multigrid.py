@@ -78,10 +78,9 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.options import STRIP_FACTORS, STRIP_PIVOTS, WITHOUT_PIVOTING, options_added
 from fenics_mortar.la.sparse import BlockMatrix, SomeRows, WithoutZeros, is_symmetric
 from fenics_mortar.la.touching import (
-    TouchingTangent,
     rigid_motions_along,
     tangential_axes,
-    touching_in_space,
+    touching_tangent,
     turned_axes,
 )
 from fenics_mortar.utils import compat
@@ -341,7 +340,6 @@ class ContactPreconditioner:
         self._prefix = f"{prefix}cycle_"
         self._cycle: Any = None
         self.by = ""
-        self._tangent = TouchingTangent()
         self._replacement, self._sets = Replacement(), list[Flags]()
         self._digits, self._place = 5.0, 0  # of the next solve: digits [1], place in the load step
 
@@ -448,10 +446,7 @@ class ContactPreconditioner:
         tangent = A if self._condensed else A.createSubMatrix(dofs, dofs)
         axes = self._axes[self._bulk.space.owned_dofs[:, 0]]
         transforms = self._motion.mat, self._equations.mat
-        if self._bulk.space.dim == 3:
-            B = touching_in_space(tangent, self._near, *transforms, axes)
-        else:
-            B = self._tangent.assemble(tangent, self._near, *transforms, axes[:, :, 0])
+        B = touching_tangent(tangent, self._near, *transforms, axes)
         if tangent is not A:
             tangent.destroy()
         return B

@@ -2,7 +2,7 @@
 """The tangent of bodies that remain in contact, in components along nodal axes: R^T L A T R.
 
 T and L differ from the identity only at contact surfaces: L A T is A plus a small matrix of the
-dofs near them. R turns the two components of each node, in the rows and columns of A.
+dofs near them. R turns the components of each node, in the rows and columns of A.
 
 Nodal axes for multigrid: aligned with contact tangents, interpolated smoothly in between.
 """
@@ -20,7 +20,7 @@ from scipy.sparse import csr_array
 
 from fenics_mortar.bulk.bodies import centre_and_size, label_bodies, rigid_motions
 from fenics_mortar.bulk.node_blocks import CSR, LocalRows, from_local_csr, local_csr
-from fenics_mortar.kernels.node_blocks import count_blocks, turn_to_axes
+from fenics_mortar.kernels.node_blocks import turn_blocks
 from fenics_mortar.la.sparse import SomeRows, with_rows
 from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Array, Indices
 from fenics_mortar.utils.ranks import on_all_ranks
@@ -29,151 +29,60 @@ if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.interface import Interface
 
-# Parts of a matrix: starts, columns, dofs and values, see ``kernels.node_blocks``.
-Parts = tuple[tuple[npt.NDArray, npt.NDArray, npt.NDArray, Array], ...]
 
-
-class TouchingTangent:
-    """R^T L A T R; all methods are collective."""
-
-    def __init__(self) -> None:
-        self._of_own, self._of_others = Memory(), Memory()
-
-    def assemble(
-        self, A: PETSc.Mat, near: SomeRows, motion: PETSc.Mat, equations: PETSc.Mat, tangents: Array
-    ) -> PETSc.Mat:
-        """The matrix, with entries in the memory of the last one, which must not be used any more.
-
-        Args:
-            A: Tangent of the displacements, with two dofs per node [stress].
-            near: The dofs near contact: all entries of A in rows or columns of T - 1 and L - 1 lie
-                in their rows and columns.
-            motion: T - 1 of these dofs [1].
-            equations: L^T - 1 of these dofs [1].
-            tangents: First axis of each owned node, shape (nodes, 2) [1].
-        """
-        change, num_nodes = _change_by_contact(A, near, motion, equations), len(tangents)
-        parts, numbers = _numbered_parts(A, change)
-        axes = np.concatenate([tangents, _values_at(A, tangents, numbers[num_nodes:])])
-        block_starts = np.empty((2, num_nodes + 1), PETSc.IntType)
-        most = count_blocks(parts, len(numbers), block_starts)
-        of_own, of_others = (
-            memory.rows(2 * num_nodes, 4 * num_blocks)
-            for memory, num_blocks in zip(
-                (self._of_own, self._of_others), block_starts[:, -1], strict=True
-            )
-        )
-        turn_to_axes(parts, numbers, axes, block_starts, most, of_own, of_others)
-        B = from_local_csr(A.comm.tompi4py(), of_own, of_others)
-        B.setBlockSize(2)
-        return B
-
-
-def touching_in_space(
+def touching_tangent(
     A: PETSc.Mat, near: SomeRows, motion: PETSc.Mat, equations: PETSc.Mat, axes: Array
 ) -> PETSc.Mat:
-    """R^T L A T R with three dofs per node (collective); see ``TouchingTangent.assemble``.
+    """R^T L A T R (collective).
 
     Args:
-        A: See there, as the next three.
-        near: The dofs near contact.
-        motion: T - 1.
-        equations: L^T - 1.
-        axes: R at each owned node, shape (nodes, 3, 3) [1].
+        A: Tangent of the displacements, with dim dofs per node [stress].
+        near: The dofs near contact: all entries of A in rows or columns of T - 1 and L - 1 lie
+            in their rows and columns.
+        motion: T - 1 of these dofs [1].
+        equations: L^T - 1 of these dofs [1].
+        axes: Axes of the owned nodes, in columns, shape (nodes, dim, dim) [1].
     """
-    touching = with_rows(A, _change_by_contact(A, near, motion, equations))
+    touching, dim = with_rows(A, _change_by_contact(A, near, motion, equations)), axes.shape[1]
     comm = A.comm.tompi4py()
-    if on_all_ranks(comm, bool((axes == np.eye(3)).all())):
-        touching.setBlockSize(3)
+    if on_all_ranks(comm, bool((axes == np.eye(dim)).all())):
+        touching.setBlockSize(dim)
         return touching
     own, *others = local_csr(touching)
     turned = [_turned(own, own.columns, axes, axes)]
     for part in others:
-        nodes, number = np.unique(np.asarray(part.numbers) // 3, return_inverse=True)
-        columns = (3 * number + np.asarray(part.numbers) % 3)[part.columns]
-        of_nodes = [_values_at(A, axes[:, k], nodes) for k in range(3)]
+        nodes, number = np.unique(np.asarray(part.numbers) // dim, return_inverse=True)
+        columns = (dim * number + np.asarray(part.numbers) % dim)[part.columns]
+        of_nodes = [_values_at(A, axes[:, k], nodes) for k in range(dim)]
         starts, found, values = _turned(part, columns, axes, np.stack(of_nodes, axis=1))
-        found = (3 * nodes[found // 3] + found % 3).astype(PETSc.IntType)
+        found = (dim * nodes[found // dim] + found % dim).astype(PETSc.IntType)
         turned.append((starts, found, values))
     B = from_local_csr(comm, turned[0], turned[-1])
-    B.setBlockSize(3)
+    B.setBlockSize(dim)
     touching.destroy()
     return B
 
 
-# Blocks of three rows and columns that are turned at a time [1]: copies of all would double the
-# memory.
-AT_A_TIME = 100_000
-
-
 def _turned(part: LocalRows, columns: Indices, of_rows: Array, of_columns: Array) -> CSR:
-    """Some columns of R^T B R, with three dofs per node (local).
+    """Some columns of R^T B R (local).
 
     Args:
         part: These columns of B.
-        columns: Numbers of the columns, ascending, those of node k from 3 k on, shape (entries,).
-        of_rows: R at the nodes of the rows, shape (n, 3, 3) [1].
-        of_columns: R at those of the columns, shape (m, 3, 3) [1].
+        columns: Local numbers of the columns of its entries, shape (entries,).
+        of_rows: Axes of the nodes of the rows, shape (n, dim, dim) [1].
+        of_columns: Those of the nodes of the columns, shape (m, dim, dim) [1].
     """
-    shape = 3 * len(of_rows), 3 * len(of_columns)
-    blocks = csr_array((part.values(), columns, part.starts), shape=shape).tobsr((3, 3))
+    dim = of_rows.shape[1]
+    shape = dim * len(of_rows), dim * len(of_columns)
+    blocks = csr_array((part.values(), columns, part.starts), shape=shape).tobsr((dim, dim))
     blocks.sort_indices()
-    rows = np.repeat(np.arange(len(of_rows)), np.diff(blocks.indptr))
-    for first in range(0, len(rows), AT_A_TIME):
-        some = slice(first, first + AT_A_TIME)
-        turned = np.swapaxes(of_rows[rows[some]], 1, 2) @ blocks.data[some]
-        blocks.data[some] = turned @ of_columns[blocks.indices[some]]
+    turn_blocks(blocks.indptr, blocks.indices, blocks.data, of_rows, of_columns)
     found = blocks.tocsr()
     return (
         found.indptr.astype(PETSc.IntType, copy=False),
         found.indices.astype(PETSc.IntType, copy=False),
         found.data,
     )
-
-
-class Memory:
-    """Memory for the rows of a sparse matrix, used for one matrix after the other.
-
-    New memory is slow: the system clears it page by page, in twice the time of the computation.
-    """
-
-    def __init__(self) -> None:
-        self._columns, self._values = np.empty(0, PETSc.IntType), np.empty(0)
-
-    def rows(self, num_rows: int, num_entries: int) -> CSR:
-        """Starts, columns and values of rows, not initialized (local)."""
-        if num_entries > self._columns.size:
-            size = num_entries + num_entries // 8  # contact grows
-            self._columns, self._values = np.empty(size, PETSc.IntType), np.empty(size)
-        starts = np.empty(num_rows + 1, PETSc.IntType)
-        return starts, self._columns[:num_entries], self._values[:num_entries]
-
-
-def _numbered_parts(A: PETSc.Mat, change: CSR) -> tuple[Parts, npt.NDArray]:
-    """A and its change as parts, see ``kernels.node_blocks``, and global numbers of the nodes."""
-    first, num_owned = A.getOwnershipRange()[0], A.getLocalSize()[0]
-    own, *others = local_csr(A)
-    remote = [(part, np.asarray(part.numbers)) for part in others]
-    found = np.unique(np.concatenate([change[1], *(numbers for _, numbers in remote)]) // 2)
-    of_others = found[(2 * found < first) | (2 * found >= first + num_owned)]
-
-    def local(dofs: npt.NDArray) -> npt.NDArray:
-        """Local numbers of global dofs, those of other ranks last."""
-        is_owned = (dofs >= first) & (dofs < first + num_owned)
-        last = num_owned + 2 * np.searchsorted(of_others, dofs // 2) + dofs % 2
-        return np.where(is_owned, dofs - first, last).astype(PETSc.IntType)
-
-    starts, columns, values = change
-    everything = np.arange(max(num_owned, columns.size), dtype=PETSc.IntType)
-    parts = [
-        (own.starts, own.columns, everything[:num_owned], own.values()),
-        (starts, everything[: columns.size], local(columns), values),
-    ]
-    parts += [(p.starts, p.columns, local(numbers), p.values()) for p, numbers in remote]
-    if not remote:  # so that the kernel is compiled for one number of parts
-        parts.append((np.zeros_like(starts), everything[:0], everything[:0], values[:0]))
-    numbers = np.append((first + everything[:num_owned:2]) // 2, of_others)
-    return tuple(parts), numbers.astype(PETSc.IntType)
 
 
 def _change_by_contact(

@@ -4,21 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fenics_mortar.contact.law import (
-    Array,
-    Branches,
-    Friction,
-    Law,
-    Nodal,
-    Row,
-    check_positive,
-    magnitude,
-    row_of,
-)
+from fenics_mortar.contact.law import Friction, Law, check_positive, magnitude, row_of
+
+if TYPE_CHECKING:
+    from fenics_mortar.contact.law import Array, Branches, Nodal, Row
 
 
 class Stribeck(Friction):

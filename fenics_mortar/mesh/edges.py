@@ -18,21 +18,16 @@ these.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fenics_mortar.mesh.space import KINDS, Kind, codes_of, facets_of
-from fenics_mortar.utils.arrays import (
-    MAX_STEPS,
-    ROUNDING,
-    SAME_PLACE,
-    Array,
-    Flags,
-    Indices,
-    Numbers,
-    values_at,
-)
+from fenics_mortar.utils.arrays import MAX_STEPS, ROUNDING, SAME_PLACE, cross_in_plane, values_at
 from fenics_mortar.utils.errors import MeshError, format_point
+
+if TYPE_CHECKING:
+    from fenics_mortar.utils.arrays import Array, Flags, Indices, Numbers
 
 
 def check_hanging_nodes(x: Array, cells: Indices, facets: Indices, tags: Numbers) -> None:
@@ -84,7 +79,7 @@ class _Outline:
         if second_order:
             middle = x[cells[cell, corners + once % corners]]
         inward = x[around[cell]].mean(axis=1) - x[ends[:, 0]]
-        side = np.sign(_cross(x[ends[:, 1]] - x[ends[:, 0]], inward))
+        side = np.sign(cross_in_plane(x[ends[:, 1]] - x[ends[:, 0]], inward))
         tag = values_at(codes, codes_of(facets, len(x)), tags, 0)
         self._x = x
         start, end = np.concatenate([ends, ends[:, ::-1]]).T
@@ -168,11 +163,6 @@ class _Outline:
         near = (rest**2).sum(axis=1) <= SAME_PLACE**2 * square
         inside = (t >= -SAME_PLACE) & (t <= 1.0 + SAME_PLACE)
         return np.asarray(near & inside)
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Cross product of vectors (n, 2), shape (n,)."""
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def check_hanging_nodes_in_space(x: Array, cells: Indices, facets: Indices, tags: Numbers) -> None:

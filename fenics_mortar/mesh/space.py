@@ -389,17 +389,22 @@ def set_by_input_node(space: DisplacementSpace, u: Any, nodes: Indices, values: 
     Raises:
         MortarError: On all ranks, if the nodes belong to another mesh or degree.
     """
-    mine = input_nodes(space.whole)
-    wrong = nodes.ndim != 2 or nodes.shape[1] != mine.shape[1]
-    if not wrong:
-        both, number = np.unique(np.concatenate([nodes, mine]), axis=0, return_inverse=True)
-        wrong = len(both) != len(nodes)
-    error = MortarError("the saved state belongs to another mesh or degree") if wrong else None
-    raise_together(space.V.mesh.comm, error)
-    of_name = np.empty(len(both), np.int64)
-    number = number.ravel()
-    of_name[number[: len(nodes)]] = np.arange(len(nodes))
-    u.x.array[:] = values[of_name[number[len(nodes) :]]].ravel()
+    rows = _rows_among(input_nodes(space.whole), nodes)
+    wrong = "the saved state belongs to another mesh or degree"
+    raise_together(space.V.mesh.comm, MortarError(wrong) if rows is None else None)
+    u.x.array[:] = values[rows].ravel()
+
+
+def _rows_among(mine: Indices, every: Indices) -> Indices | None:
+    """Numbers (n,) of rows ``mine`` (n, c) among different ones (m, c); ``None`` if one is not."""
+    if every.ndim != 2 or every.shape[1] != mine.shape[1]:
+        return None
+    both, number = np.unique(np.concatenate([every, mine]), axis=0, return_inverse=True)
+    if len(both) != len(every):
+        return None
+    row, number = np.empty(len(both), np.int64), number.ravel()
+    row[number[: len(every)]] = np.arange(len(every))
+    return row[number[len(every) :]]
 
 
 def by_cell(function: Any, values: Array) -> tuple[Indices, Array]:
@@ -432,14 +437,10 @@ def set_by_cell(function: Any, vertices: Indices, values: Array) -> Array:
         values: Values in them, shape (cells, values of a cell) [any unit].
     """
     V = function.function_space
-    both, number = np.unique(
-        np.concatenate([vertices, _vertices(V.mesh)]), axis=0, return_inverse=True
-    )
-    assert len(both) == len(vertices), "another mesh"
-    row, number = np.empty(len(both), np.int64), number.ravel()
-    row[number[: len(vertices)]] = np.arange(len(vertices))
+    rows = _rows_among(_vertices(V.mesh), vertices)
+    assert rows is not None, "another mesh"
     dofs, found = compat.dofmap(V), np.zeros(function.x.array.size)
-    mine = values[row[number[len(vertices) :]]]
+    mine = values[rows]
     found.reshape(-1, V.dofmap.bs)[dofs] = mine.reshape(*dofs.shape, V.dofmap.bs)
     return found
 

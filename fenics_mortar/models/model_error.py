@@ -67,6 +67,7 @@ from fenics_mortar.la.solver import factored_bulk
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.obstacles.rigid_motion import polar
 from fenics_mortar.utils.errors import (
     MeshError,
     MortarError,
@@ -125,23 +126,6 @@ def strained(problem: ContactProblem, u: Array) -> Array:
         rotation, _ = polar(comm.allreduce(dx.T @ dX))
         rest[space.owned_dofs[mine]] = dx - dX @ rotation.T
     return rest
-
-
-def polar(F: Array) -> tuple[Array, Array]:
-    """The rotations R and principal stretches of F = R U (local).
-
-    Args:
-        F: Matrices, shape (..., d, d), in the plane or in space [any unit].
-
-    Returns:
-        R, shape (..., d, d) [1], a rotation for det F < 0, too: the last one of the stretches,
-        shape (..., d) [unit of F], in descending order of their sizes, is then negative.
-    """
-    left, stretches, right = np.linalg.svd(F)
-    sign = np.where(np.linalg.det(left @ right) < 0.0, -1.0, 1.0)
-    left[..., -1] *= sign[..., None]
-    stretches[..., -1] *= sign
-    return left @ right, stretches
 
 
 def angles_of(R: Array) -> Array:

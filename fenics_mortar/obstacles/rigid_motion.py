@@ -74,9 +74,7 @@ def rotation_by(turn: Array) -> Array:
     if turn.size == 1:
         c, s = np.cos(turn[0]), np.sin(turn[0])
         return np.array([[c, -s], [s, c]])
-    a, b = _factors(turn)
-    W = crosses(turn)
-    return np.eye(3) + a * W + b * W @ W
+    return np.eye(3) + rotation_less_one(turn)
 
 
 def rotation_less_one(turn: Array) -> Array:
@@ -133,11 +131,26 @@ def _beside(least: Array, near: Array) -> Array:
     return least + full / size * axis
 
 
+def polar(F: Array) -> tuple[Array, Array]:
+    """The rotations R and principal stretches of F = R U (local).
+
+    Args:
+        F: Matrices, shape (..., d, d), in the plane or in space [any unit].
+
+    Returns:
+        R, shape (..., d, d) [1], a rotation for det F < 0, too: the last one of the stretches,
+        shape (..., d) [unit of F], in descending order of their sizes, is then negative.
+    """
+    left, stretches, right = np.linalg.svd(F)
+    sign = np.where(np.linalg.det(left @ right) < 0.0, -1.0, 1.0)
+    left[..., -1] *= sign[..., None]
+    stretches[..., -1] *= sign
+    return left @ right, stretches
+
+
 def polar_rotation(A: Array) -> Array:
     """The rotation (d, d) [1] next to a matrix (d, d), R in A = P R with symmetric P (local)."""
-    left, _, right = np.linalg.svd(A)
-    left[:, -1] *= np.sign(np.linalg.det(left) * np.linalg.det(right))
-    return np.asarray(left @ right)
+    return polar(A)[0]
 
 
 def turn_between(first: Array, last: Array, *, shortest: bool = False) -> Array:

@@ -28,6 +28,7 @@ circumference. phi_r vanishes on the axis where the surface is smooth; phi_r / r
 from __future__ import annotations
 
 from copy import deepcopy
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -41,8 +42,11 @@ from fenics_mortar.obstacles.rigid_motion import (
     check_vector,
     edges_of,
 )
-from fenics_mortar.utils.arrays import EPSILON, MAX_STEPS, ROUNDING, Array, Flags, Indices
+from fenics_mortar.utils.arrays import EPSILON, MAX_STEPS, ROUNDING, cross_in_plane
 from fenics_mortar.utils.errors import check_flag, check_kind, check_number, format_point
+
+if TYPE_CHECKING:
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 class SplineShape:
@@ -300,7 +304,7 @@ class Spline(Obstacle):
         tangent = d / speed[:, None]
         normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
         phi = np.einsum("ia,ia->i", x - c, normal)
-        curvature = (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / speed**3
+        curvature = cross_in_plane(d, dd) / speed**3
         return phi, normal, curvature, speed
 
     def _beyond_ends(self, x: Array, t: Array) -> Array:
@@ -351,7 +355,7 @@ class Polygon(Obstacle):
         check_number("rounding", rounding, "a positive length", lambda r: 0.0 < r < np.inf)
         check_simple("polygon", corners, closed=True)
         after = np.roll(corners, -1, axis=0)
-        if (corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0]).sum() < 0.0:
+        if cross_in_plane(corners, after).sum() < 0.0:
             corners = corners[::-1]
         edges = edges_of(corners)
         lengths = np.linalg.norm(edges, axis=1)[:, None]
@@ -398,7 +402,7 @@ class Polygon(Obstacle):
         start = self._corners - x[:, None]
         end = np.roll(start, -1, axis=1)
         meets = (start[..., 1] > 0.0) != (end[..., 1] > 0.0)
-        cross = start[..., 0] * end[..., 1] - start[..., 1] * end[..., 0]
+        cross = cross_in_plane(start, end)
         ahead = (cross > 0.0) == (end[..., 1] > start[..., 1])
         return (meets & ahead).sum(axis=1) % 2 == 1
 

@@ -44,11 +44,8 @@ from fenics_mortar.equations.general import State, restored_if_interrupted
 from fenics_mortar.obstacles.rigid_motion import moments_of, turned
 from fenics_mortar.path.report import (
     MAX_SCALING,
-    DynamicsReport,
     Energies,
-    Forces,
     Impulse,
-    Work,
     forces_of,
     internal_defect,
     pressure_impulse,
@@ -81,6 +78,7 @@ from fenics_mortar.utils.errors import (
 if TYPE_CHECKING:
     from fenics_mortar.mesh.space import DisplacementSpace
     from fenics_mortar.newton.loop import NewtonReport
+    from fenics_mortar.path.report import DynamicsReport, Forces, Work
     from fenics_mortar.path.stepping import SteppingOptions
 
 

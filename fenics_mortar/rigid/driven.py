@@ -55,7 +55,7 @@ from fenics_mortar.rigid.proximal import (
     tangent_stiffness,
     unresisted,
 )
-from fenics_mortar.rigid.spread import Border, BoundSpreadLoad, RemoteMotion, solve_bordered
+from fenics_mortar.rigid.spread import Border, BoundSpreadLoad, solve_bordered
 from fenics_mortar.utils.arrays import SUM_ROUNDING, Array, Flags
 from fenics_mortar.utils.errors import MortarError, format_point
 from fenics_mortar.utils.ranks import sum_over_ranks
@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
     from fenics_mortar.la.system import LinearSystem
     from fenics_mortar.obstacles.obstacle import Obstacle
+    from fenics_mortar.rigid.spread import BoundRigidBoundary, BoundSection
 
 
 class RigidMotions:
@@ -89,7 +90,7 @@ class RigidMotions:
     def __init__(
         self,
         contacts: Sequence[Any],
-        remote: Sequence[RemoteMotion] = (),
+        remote: Sequence[BoundSection | BoundRigidBoundary] = (),
         spread: Sequence[BoundSpreadLoad] = (),
     ) -> None:
         self.contacts, self.remote, self.spread = contacts, remote, spread

@@ -27,14 +27,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mpi4py import MPI
 
 import numpy as np
 
 from fenics_mortar.bulk.bodies import resistance
-from fenics_mortar.newton.loop import Equations, NewtonOptions, NewtonReport, solve, then_solve
+from fenics_mortar.newton.loop import NewtonOptions, NewtonReport, solve, then_solve
 from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, SOLVED, TINY, Array, Flags, Indices, Value
 from fenics_mortar.utils.errors import NotConvergedError
 
@@ -132,42 +132,8 @@ class Remaining(NamedTuple):
     message: str
 
 
-class AnchoredSprings(Protocol):
-    """Springs on floating bodies and driven obstacles; all methods are collective."""
-
-    def anchor(self, elongation: float) -> None:
-        """Anchor floating bodies and driven obstacles at their present positions.
-
-        The forces that drive a body now, or a small fraction of all forces on it, would elongate
-        its springs by ``elongation`` shortest facets.
-        """
-
-    def remove_springs(self) -> None:
-        """Remove the springs."""
-
-    def max_motion(self) -> float:
-        """Largest rigid motion since ``anchor`` [shortest facets]."""
-
-    def remaining(self) -> Remaining:
-        """Forces of springs relative to contact forces."""
-
-
-class WithSprings(Equations, Protocol):
-    """Equations with anchored springs on bodies and obstacles; all methods are collective."""
-
-    @property
-    def springs(self) -> AnchoredSprings:
-        """The springs."""
-
-    def state(self) -> Any:
-        """The present state, as a value."""
-
-    def restore(self, state: Any) -> None:
-        """Restore a state."""
-
-
 def solve_with_springs(
-    equations: WithSprings, options: NewtonOptions, failed: NotConvergedError
+    equations: Any, options: NewtonOptions, failed: NotConvergedError
 ) -> NewtonReport:
     """Solve with springs, and finally without springs or with weak ones (collective).
 
@@ -204,7 +170,7 @@ def solve_with_springs(
 
 
 def solve_with_weak_springs(
-    equations: WithSprings,
+    equations: Any,
     options: NewtonOptions,
     failed: NotConvergedError,
     *,
@@ -247,7 +213,7 @@ def solve_with_weak_springs(
 class _OnSprings:
     """Solves of equations after one without springs that failed; records begin with ``report``."""
 
-    equations: WithSprings
+    equations: Any
     options: NewtonOptions
     failed: NotConvergedError
 

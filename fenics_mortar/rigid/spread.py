@@ -66,7 +66,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from mpi4py import MPI
 
@@ -76,7 +76,7 @@ from scipy.linalg import block_diag
 
 from fenics_mortar.bulk.bodies import products
 from fenics_mortar.contact.pair import Pretension
-from fenics_mortar.interface.on_obstacle import outward_normals
+from fenics_mortar.interface.surfaces import outward_normals
 from fenics_mortar.interface.traces import extract_surface
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
@@ -215,39 +215,6 @@ class BoundaryMotion(RigidMotion):
     def __repr__(self) -> str:
         """The name."""
         return f"{type(self).__name__}({self.name!r})"
-
-
-class RemoteMotion(Protocol):
-    """A remote load in the space of a problem; all methods are collective.
-
-    Attributes:
-        motion: The object of the user, with place and loads.
-        arm: Length that turns angles into motions [length].
-    """
-
-    motion: Any
-    arm: float
-
-    def bind_forces(self, bulk: Bulk, contacts: Sequence[Any]) -> None:
-        """Set the source of forces: the bodies, contacts and ties."""
-
-    def force(self) -> Array:
-        """f_q at the last evaluated state, shape (3,) [stress length]."""
-
-    def constant_force(self) -> Array:
-        """The part of f_q that is not linear in the multipliers, shape (3,) [stress length]."""
-
-    def take_bulk_rows(self) -> None:
-        """Store products with the tangent of the bodies, before contact changes it."""
-
-    def linearize(self, system: LinearSystem) -> Border:
-        """C_q, [E_d, M_q] and E_q of the three motions; see ``driven``."""
-
-    def pushed_nodes(self) -> Array | float:
-        """The push as forces on nodes with its resultants, (owned dofs,) [stress length]."""
-
-    def record(self) -> str:
-        """Set the ``reaction`` of the user's object; return a sentence."""
 
 
 def refuse_remote(loads: Sequence[Any], purpose: str) -> None:
@@ -443,7 +410,7 @@ def sections_of(contacts: Sequence[Any]) -> list[BoundSection]:
 
 
 class BoundSection:
-    """A section in the space of a problem, as a ``RemoteMotion``.
+    """A section in the space of a problem, a remote load as ``BoundRigidBoundary``.
 
     Args:
         tie: The tie of its faces.
@@ -662,7 +629,7 @@ class BoundRigidBoundary:
 
     # Balance
 
-    def bind_forces(self, bulk: Bulk, contacts: list[Interface]) -> None:
+    def bind_forces(self, bulk: Bulk, contacts: Sequence[Interface]) -> None:
         """Set the source of forces: the bodies, and the contacts at nodes of this boundary.
 
         Args:

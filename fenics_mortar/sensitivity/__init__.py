@@ -24,23 +24,17 @@ from fenics_mortar.sensitivity.gradient import (
     tangent_linear,
     to_autograd,
 )
-from fenics_mortar.sensitivity.objective import (
-    Control,
-    Kink,
-    Quantity,
-    RecordedPath,
-    last,
-    least_squares,
-    total,
-)
+from fenics_mortar.sensitivity.objective import Kink, RecordedPath, last, least_squares, total
 from fenics_mortar.sensitivity.protocols import (
     ContactLength,
+    Control,
     FrictionWork,
     MeanGap,
     Moment,
     PeakPressure,
     PressureFunctional,
     PressureIntegral,
+    Quantity,
     TotalForce,
     effective_length,
 )

@@ -16,12 +16,7 @@ from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians
 from fenics_mortar.sensitivity.history import Before, OfPair, contact_of
-from fenics_mortar.sensitivity.partials.fields import (
-    Changes,
-    Matrix,
-    fields_by_shape,
-    gap_by_offset,
-)
+from fenics_mortar.sensitivity.partials.fields import Matrix, fields_by_shape, gap_by_offset
 from fenics_mortar.sensitivity.partials.history import (
     PairMemory,
     by_parameter,
@@ -41,6 +36,7 @@ from fenics_mortar.utils.errors import (
 if TYPE_CHECKING:
     from fenics_mortar.contact.fluxes import Flux
     from fenics_mortar.problem import ContactProblem
+    from fenics_mortar.sensitivity.partials.fields import Changes
     from fenics_mortar.utils.arrays import Array, Flags
 
 

@@ -43,13 +43,7 @@ from ufl.corealg.traversal import unique_pre_traversal
 
 from fenics_mortar.bulk.checks import check_subdomains
 from fenics_mortar.equations.linearized import LinearVector
-from fenics_mortar.sensitivity.history import (
-    UNKNOWNS,
-    Before,
-    PairOperator,
-    check_exact,
-    history_of,
-)
+from fenics_mortar.sensitivity.history import UNKNOWNS, PairOperator, check_exact, history_of
 from fenics_mortar.sensitivity.partials.fields import Matrix, by_positions, check_positions
 from fenics_mortar.sensitivity.protocols import Quantity, Values
 from fenics_mortar.utils import compat
@@ -59,6 +53,7 @@ if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.equations.general import ContactEquations
     from fenics_mortar.problem import ContactProblem
+    from fenics_mortar.sensitivity.history import Before
     from fenics_mortar.utils.arrays import Array
 
 

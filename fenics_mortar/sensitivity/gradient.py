@@ -41,12 +41,7 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.forms import put_owned
 from fenics_mortar.sensitivity.history import Before, Memories, StepHistory, StepMemory, added
 from fenics_mortar.sensitivity.objective import (
-    Control,
-    Kink,
-    OverSteps,
-    Quantity,
     RecordedPath,
-    Status,
     as_list,
     controls_of,
     dot,
@@ -66,6 +61,8 @@ from fenics_mortar.utils.errors import together
 from fenics_mortar.utils.ranks import agreed
 
 if TYPE_CHECKING:
+    from fenics_mortar.sensitivity.objective import Kink, OverSteps, Status
+    from fenics_mortar.sensitivity.protocols import Control, Quantity
     from fenics_mortar.utils.arrays import Array
 
 

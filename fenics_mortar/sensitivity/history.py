@@ -27,18 +27,8 @@ from fenics_mortar.contact.arcs import LEADS
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.interface.mortar import EXACT
-from fenics_mortar.sensitivity.partials.fields import (
-    Layout,
-    Matrix,
-    fields_by_state,
-    through_fields,
-)
-from fenics_mortar.sensitivity.partials.history import (
-    Earlier,
-    PairHistory,
-    history_of_pair,
-    memory_of_pair,
-)
+from fenics_mortar.sensitivity.partials.fields import Layout, fields_by_state, through_fields
+from fenics_mortar.sensitivity.partials.history import Earlier, history_of_pair, memory_of_pair
 from fenics_mortar.utils.arrays import ROUNDING, Array
 from fenics_mortar.utils.errors import MortarError, check_number
 from fenics_mortar.utils.ranks import agreed
@@ -47,6 +37,8 @@ if TYPE_CHECKING:
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.equations.general import ContactEquations, State
     from fenics_mortar.problem import ContactProblem
+    from fenics_mortar.sensitivity.partials.fields import Matrix
+    from fenics_mortar.sensitivity.partials.history import PairHistory
 
 
 @dataclass(frozen=True)

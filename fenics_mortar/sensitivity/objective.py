@@ -57,13 +57,7 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.spread import refuse_remote
 from fenics_mortar.sensitivity.controls import LawParameter
 from fenics_mortar.sensitivity.forms import FormControl, FormQuantity
-from fenics_mortar.sensitivity.protocols import (
-    Combined,
-    ContactQuantity,
-    Control,
-    Quantity,
-    Values,
-)
+from fenics_mortar.sensitivity.protocols import Combined, ContactQuantity
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import LAST_DIGITS, Array, Flags, Indices
 from fenics_mortar.utils.errors import (
@@ -78,6 +72,7 @@ from fenics_mortar.utils.errors import (
 if TYPE_CHECKING:
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.sensitivity.history import Before
+    from fenics_mortar.sensitivity.protocols import Control, Quantity, Values
 
 # Residual of a solution over that of Newton's tolerance [1]: the reference force of an iteration
 # may have been larger than that of the state.

@@ -44,8 +44,6 @@ from fenics_mortar.sensitivity.history import (
     values_of,
 )
 from fenics_mortar.sensitivity.partials.fields import (
-    Changes,
-    Matrix,
     fields_by_state,
     moment,
     moment_gradient,
@@ -58,6 +56,7 @@ from fenics_mortar.utils.errors import check_number
 if TYPE_CHECKING:
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.problem import ContactProblem
+    from fenics_mortar.sensitivity.partials.fields import Changes, Matrix
     from fenics_mortar.sensitivity.partials.history import PairMemory
 
 # Derivatives of a functional with respect to nodal fields by name, see ``partials.fields``, shape

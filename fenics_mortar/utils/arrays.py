@@ -187,8 +187,8 @@ def lines_cross(
     (a, b), (c, d) = ((start[pairs[:, i]], end[pairs[:, i]]) for i in range(2))
     first, second = b - a, d - c
     scale = tolerance * np.maximum((first**2).sum(axis=1), (second**2).sum(axis=1))
-    sides = np.stack([_cross_product(first, c - a), _cross_product(first, d - a)])
-    others = np.stack([_cross_product(second, a - c), _cross_product(second, b - c)])
+    sides = np.stack([cross_in_plane(first, c - a), cross_in_plane(first, d - a)])
+    others = np.stack([cross_in_plane(second, a - c), cross_in_plane(second, b - c)])
     if not touching:
         return ((sides.min(axis=0) < -scale) & (sides.max(axis=0) > scale)) & (
             (others.min(axis=0) < -scale) & (others.max(axis=0) > scale)
@@ -198,6 +198,11 @@ def lines_cross(
     return ~separate & boxes.all(axis=1)
 
 
-def _cross_product(a: Array, b: Array) -> Array:
-    """Cross product of vectors (n, 2), shape (n,)."""
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+def angles_between(a: Array, b: Array) -> Array:
+    """Angles from vectors ``a`` to ``b``, shapes (..., 2), shape (...) [radian] (local)."""
+    return np.arctan2(cross_in_plane(a, b), (a * b).sum(axis=-1))
+
+
+def cross_in_plane(a: Array, b: Array) -> Array:
+    """Cross products of vectors (..., 2), shape (...) [product of their units] (local)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

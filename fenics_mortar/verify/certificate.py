@@ -38,12 +38,7 @@ from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.reference import tabulate
 from fenics_mortar.interface.space_mortar import SpaceOperators
-from fenics_mortar.rigid.body_motions import (
-    BodyMotions,
-    Touching,
-    nearly_touching,
-    unresisted_motion,
-)
+from fenics_mortar.rigid.body_motions import Touching, nearly_touching, unresisted_motion
 from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices
 from fenics_mortar.utils.files import Markdown, markdown_table
@@ -59,8 +54,10 @@ from fenics_mortar.verify.finding import (
     format_value,
     paired_nodes,
 )
+from fenics_mortar.verify.obstacle_passages import directions_across
 
 if TYPE_CHECKING:
+    from fenics_mortar.rigid.body_motions import BodyMotions
     from fenics_mortar.rigid.floating import FloatingBodies
 
 
@@ -375,13 +372,6 @@ def _outward(x: Array, pair: Indices, sizes: Array) -> Array:
     return LIMITS.coarse_distance * (sizes / np.maximum(lengths, TINY))[:, None] * away
 
 
-def slips_in_space(rates: Array, n: Array) -> Array:
-    """Rates (m, p, 3) along two tangents at unit normals ``n`` (p, 3): (p, 2, m) [1] (local)."""
-    e = np.cross(n, np.eye(3)[np.abs(n).argmin(axis=1)])
-    e /= np.linalg.norm(e, axis=1)[:, None]
-    return np.stack([np.einsum("mpc,pc->pm", rates, t) for t in (e, np.cross(n, e))], axis=1)
-
-
 def tipping_bodies(
     bodies: BodyMotions, pairs: Sequence[PairCertificate], pushed: Array
 ) -> list[str]:
@@ -460,7 +450,9 @@ def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
             for body in bodies.bodies
         ]
     )
-    local = np.einsum("mpc,pc->pm", rates, n), _slips(rates, n)
+    slips = [np.einsum("mpc,pc->pm", rates, along) for along in directions_across(n)]
+    along_tangents = slips[0] if len(slips) == 1 else np.stack(slips, axis=1)
+    local = np.einsum("mpc,pc->pm", rates, n), along_tangents
     opens, slips = (np.concatenate(bodies.bulk.comm.allgather(part)) for part in local)
     weight = contact.operators.weight
     covered = float(weight[near].sum())
@@ -471,14 +463,6 @@ def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
     return Touching(
         opens, slips, largest * one, 2.0 * float((weight * shear)[near].sum()) * one, 0.0 * one
     )
-
-
-def _slips(rates: Array, n: Array) -> Array:
-    """Rates (m, p, dim) along the tangents at ``n`` (p, dim): (p, m) or (p, 2, m) (local)."""
-    if n.shape[1] == 3:
-        return slips_in_space(rates, n)
-    tangent = np.stack([-n[:, 1], n[:, 0]], axis=1)
-    return np.asarray(np.einsum("mpc,pc->pm", rates, tangent))
 
 
 def _points(

@@ -33,19 +33,12 @@ from typing import TYPE_CHECKING, Literal
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
-from fenics_mortar.contact.arcs import Carried
+from fenics_mortar.contact.arcs import Carried, rotated_by
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.obstacles.rigid_motion import (
-    TURNS,
-    RigidMotion,
-    polar_rotation,
-    rotation_by,
-    vector_of,
-)
+from fenics_mortar.obstacles.rigid_motion import TURNS, polar_rotation, rotation_by, vector_of
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, TINY, Array, Flags, Indices, norms
+from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, TINY, Array, cross_in_plane, norms
 from fenics_mortar.verify.finding import LIMITS
 
 if TYPE_CHECKING:
@@ -53,7 +46,9 @@ if TYPE_CHECKING:
     from fenics_mortar.contact.tied import Tie
     from fenics_mortar.interface.outline import Hull, Outline
     from fenics_mortar.interface.surfaces import Surface
+    from fenics_mortar.obstacles.rigid_motion import RigidMotion
     from fenics_mortar.rigid.floating import FloatingBodies
+    from fenics_mortar.utils.arrays import Flags, Indices
 
 # Turn of a body by prescribed values in a step [radian], 5 degrees, above which its sense is told
 # to be uncertain: 72 steps for a full turn are taken for what they look like.
@@ -465,7 +460,7 @@ class Motions:
     def _fit(self, weight: Array) -> Array:
         """Angles of the rotations about the centres (b,); of all nodes if one is prescribed."""
         y0, y1 = self._x0 - self._start[self.of_node], self._x1 - self._end[self.of_node]
-        products = np.stack([(y0 * y1).sum(axis=1), y0[:, 0] * y1[:, 1] - y0[:, 1] * y1[:, 0]], 1)
+        products = np.stack([(y0 * y1).sum(axis=1), cross_in_plane(y0, y1)], 1)
         sums, every = self._sums(products * weight), self._sums(products)
         is_point = np.abs(sums).max(axis=1) <= TINY
         dot, cross = np.where(is_point[:, None], every, sums).T
@@ -500,7 +495,7 @@ class Motions:
     def moved_with_own_body(self) -> Array:
         """Initial positions moved rigidly with the body of each node, shape (n, 2) [length]."""
         i = self.of_node
-        return self._end[i] + _turned(self._x0 - self._start[i], self.angles[i])
+        return self._end[i] + rotated_by(self._x0 - self._start[i], self.angles[i])
 
     def distances_to(self, x: Array) -> Array:
         """Root mean squares of the distances of nodes from ``x`` (n, 2), by body, (b,) [length]."""
@@ -511,9 +506,9 @@ class Motions:
         """Positions of the nodes at the time ``t``, 0 to 1, shape (n, 2) [length]."""
         i = self.of_node
         y0 = self._x0 - self._start[i]
-        y1 = _turned(self._x1 - self._end[i], -self.angles[i])
+        y1 = rotated_by(self._x1 - self._end[i], -self.angles[i])
         centre = self._start + t * (self._end - self._start)
-        return centre[i] + _turned(y0 + t * (y1 - y0), t * self.angles[i])
+        return centre[i] + rotated_by(y0 + t * (y1 - y0), t * self.angles[i])
 
 
 class Paths:
@@ -656,9 +651,3 @@ def _back(frame: Sequence[RigidPath], x: Array, t: float) -> Array:
     for rotation in reversed(frame):
         x = rotation.back(x, t)
     return x
-
-
-def _turned(y: Array, angle: npt.NDArray[np.float64] | float) -> Array:
-    """Vectors (n, 2), rotated by angles (n,) or one angle [radian]."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.stack([c * y[:, 0] - s * y[:, 1], s * y[:, 0] + c * y[:, 1]], axis=1)

@@ -146,13 +146,13 @@ def _trace(obstacle: Obstacle, knots: Array, far: Array, offset: Array, lengths:
 def _goes_on(obstacle: Obstacle, x: Array, normal: Array, lengths: Array, offset: Array) -> Flags:
     """Whether the obstacle extends by half a facet to both sides of points on their paths."""
     reach, sides = HALF_FACET * lengths[:, None], list[Array]()
-    for along in _across(normal):
+    for along in directions_across(normal):
         sides += [_distance(obstacle, x + sign * reach * along, offset)[0] for sign in (1.0, -1.0)]
     return np.asarray((np.array(sides) <= 0.0).all(axis=0))
 
 
-def _across(normal: Array) -> list[Array]:
-    """Unit vectors across unit normals (s, d): one in the plane, two in space, each (s, d)."""
+def directions_across(normal: Array) -> list[Array]:
+    """Unit vectors across unit normals (s, d), one in the plane, two in space, (s, d) each [1]."""
     if normal.shape[1] == 2:
         return [np.stack([-normal[:, 1], normal[:, 0]], axis=1)]
     first = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])

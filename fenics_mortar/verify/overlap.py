@@ -52,7 +52,7 @@ from fenics_mortar.interface.space_mortar import find_pairs
 from fenics_mortar.kernels.passage import depths_inside
 from fenics_mortar.kernels.space.inside import depths_inside as depths_inside_hull
 from fenics_mortar.kernels.tree import build_tree
-from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices, angles_between
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.ranks import sum_over_ranks
 from fenics_mortar.verify.finding import LIMITS
@@ -137,8 +137,7 @@ def _winding(x: Array, segments: Indices, P: Array) -> int:
     They pass straight through P, and on both sides of it contribute opposite angles.
     """
     a, b = np.moveaxis(x[segments] - P, 1, 0)
-    angles = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1))
-    return round(float(angles.sum()) / (2.0 * np.pi))
+    return round(float(angles_between(a, b).sum()) / (2.0 * np.pi))
 
 
 def depths_in_body(outline: Any, x: Array, body: int, points: Array) -> tuple[Array, Indices]:
@@ -238,18 +237,12 @@ class AdmittedDepth:
     def __init__(self, outline: Outline, contacts: Sequence[Contact | Tie]) -> None:
         self._outline = outline
         self._after, self._before = outline.neighbours()
-        self._sides = [(self._touching(c.slave), self._touching(c.master)) for c in contacts]
+        self._sides = [(outline.near(c.slave), outline.near(c.master)) for c in contacts]
         self._are_ties = [not isinstance(contact, Contact) for contact in contacts]
         self._ends = np.zeros(len(outline.X), bool)
         for surface in (side for c in contacts for side in (c.slave, c.master)):
             ends = surface.nodes[(surface.previous < 0) | (surface.following < 0)]
             self._ends[outline.indices_of(ends)] = True
-
-    def _touching(self, surface: Curve) -> Flags:
-        """Whether each segment has a node of a surface, shape (m,), bool."""
-        nodes = np.zeros(len(self._outline.X), bool)
-        nodes[self._outline.indices_of(surface.nodes)] = True
-        return np.asarray(nodes[self._outline.segments].any(axis=1))
 
     def are_paired(self, rows: Array) -> Flags:
         """Whether rows (k, 6) of ``find_crossings``, all, are between sides of pairs, (k,), bool.

@@ -45,16 +45,7 @@ from fenics_mortar.kernels.space.passage import find_edge_events, find_node_even
 from fenics_mortar.kernels.tree import build_tree
 from fenics_mortar.obstacles.obstacle import Fields, Obstacle
 from fenics_mortar.obstacles.rigid_motion import polar_rotation, vector_of
-from fenics_mortar.utils.arrays import (
-    HALF_FACET,
-    ROUNDING,
-    SMALL_ANGLE,
-    TINY,
-    Array,
-    Flags,
-    Indices,
-    norms,
-)
+from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, SMALL_ANGLE, TINY, Indices, norms
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.verify.finding import LIMITS, Crossing
 from fenics_mortar.verify.node_paths import NONE_KNOWN, RigidPath, motion_of
@@ -76,6 +67,7 @@ from fenics_mortar.verify.space_admitted import (
 if TYPE_CHECKING:
     from fenics_mortar.contact.tied import Tie
     from fenics_mortar.interface.outline import Hull
+    from fenics_mortar.utils.arrays import Array, Flags
 
 
 def motion_between(x0: Array, x1: Array) -> RigidPath:
@@ -443,20 +435,23 @@ class SpaceObstacle:
 
     def points(self, x: Array) -> Array:
         """Points of the obstacle that may be inside a body with nodes at ``x``, (k, 3) [length]."""
-        at = np.concatenate([x[self.counted], self._points_near(x)])
+        sides = self.hull.segments[self.counted[self.hull.segments].all(axis=1)]
+        at = np.concatenate([x[self.counted], self._points_near(x[sides])[0].reshape(-1, 3)])
         phi, gradient, _ = self._evaluate(at)
         nearest = at - (phi / (gradient**2).sum(axis=1))[:, None] * gradient
         own = self.obstacle.to_own_frame(x[self.counted])
         salient = self.obstacle.to_space(self.obstacle.salient_points_near(own))
         return np.concatenate([nearest, salient])
 
-    def _points_near(self, x: Array) -> Array:
-        """Points of triangles that the obstacle may cross, shape (k, 3) [length]."""
-        corners = x[self.hull.segments[self.counted[self.hull.segments].all(axis=1)]]
+    def _points_near(self, corners: Array) -> tuple[Array, Flags]:
+        """Points of triangles that the obstacle may cross, (k, q, 3) [length], and which these are.
+
+        ``corners``: of all triangles, shape (m, 3, 3) [length].
+        """
         middles = corners.mean(axis=1)
         reach = norms((corners - middles[:, None]).reshape(-1, 3)).reshape(-1, 3).max(axis=1)
         near = self._evaluate(middles)[0] <= reach
-        return np.einsum("qk,tkc->tqc", WITHIN, corners[near]).reshape(-1, 3)
+        return np.einsum("qk,tkc->tqc", WITHIN, corners[near]), near
 
     def depths_in(self, x: Array, points: Array, body: int) -> tuple[Array, Measured]:
         """Points of the obstacle in a body, (k, 3) [length], and their depths (collective).
@@ -509,12 +504,8 @@ class SpaceObstacle:
         mine = (hull.segment_bodies == body) & ~self.near_slave
         mine &= self.counted[hull.segments].all(axis=1)
         at = np.flatnonzero(mine)
-        corners = x[hull.segments[at]]
-        middles = corners.mean(axis=1)
-        reach = norms((corners - middles[:, None]).reshape(-1, 3)).reshape(-1, 3).max(axis=1)
-        near = self._evaluate(middles)[0] <= reach
+        points, near = self._points_near(x[hull.segments[at]])
         at = at[near]
-        points = np.einsum("qk,tkc->tqc", WITHIN, corners[near])
         phi, gradient, _ = self._evaluate(points.reshape(-1, 3))
         outward = np.einsum("tqc,tc->tq", gradient.reshape(points.shape), hull.normals(x)[at])
         depths = np.where(outward > AWAY, -phi.reshape(outward.shape), 0.0)

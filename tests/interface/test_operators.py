@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scenes import pressed_blocks
 
-from fenics_mortar.interface.integrals import hand_over, share_of
+from fenics_mortar.interface.integrals import share_of
+from fenics_mortar.interface.reference import hand_over
 from fenics_mortar.interface.space_mortar import inverse_of
 
 comm = MPI.COMM_WORLD

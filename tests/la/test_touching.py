@@ -11,7 +11,6 @@ from space_pairs import pressed
 
 import fenics_mortar as fm
 from fenics_mortar.la import multigrid
-from fenics_mortar.la.touching import Memory, TouchingTangent
 
 comm = MPI.COMM_WORLD
 ADD = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
@@ -31,14 +30,10 @@ def enlarged(small, near, A):
 def checked(monkeypatch, dim=2):
     """Errors of the products of all cycles that are made from now on."""
     errors = []
-    place, name = (TouchingTangent, "assemble") if dim == 2 else (multigrid, "touching_in_space")
-    compute = getattr(place, name)
+    compute = multigrid.touching_tangent
 
-    def compared(*given):
-        *_, A, near, motion, equations, axes = given
-        B = compute(*given)
-        if dim == 2:
-            axes = np.stack([axes, axes[:, ::-1] * [-1.0, 1.0]], axis=2)
+    def compared(A, near, motion, equations, axes):
+        B = compute(A, near, motion, equations, axes)
         R = PETSc.Mat().createAIJ(A.getSizes(), nnz=dim, comm=comm)
         first, end = A.getOwnershipRange()
         for i, of_node in zip(range(first, end, dim), axes, strict=True):
@@ -53,7 +48,7 @@ def checked(monkeypatch, dim=2):
         errors.append(product.norm() / size)
         return B
 
-    monkeypatch.setattr(place, name, compared)
+    monkeypatch.setattr(multigrid, "touching_tangent", compared)
     return errors
 
 
@@ -84,18 +79,6 @@ def test_tangent_in_space_is_the_product_of_its_matrices(monkeypatch, algorithm)
     scene = pressed("tetrahedron", law=fm.Coulomb(0.3), problem=problem, turn=turn)
     scene.move(0.02, 0.0, -0.04)
     assert errors and max(errors) < 1e-14
-
-
-def test_memory_serves_several_matrices():
-    memory = Memory()
-    _, columns, values = memory.rows(4, 100)
-    for size in (50, 100, 112):  # slightly more is available
-        starts, *again = memory.rows(4, size)
-        assert starts.size == 5
-        assert [array.size for array in again] == [size, size]
-        assert np.shares_memory(again[0], columns)
-        assert np.shares_memory(again[1], values)
-    assert memory.rows(4, 200)[2].size == 200
 
 
 def test_rows_and_columns_may_be_given_in_any_order():

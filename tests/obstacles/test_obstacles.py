@@ -9,9 +9,9 @@ from scenes import TIGHT, internal, linear_elastic, neo_hookean, pair_options, r
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.interface.integrals import MortarOptions, hand_over
+from fenics_mortar.interface.integrals import MortarOptions
 from fenics_mortar.interface.on_obstacle import integrate_facets, obstacle_normals
-from fenics_mortar.interface.reference import facet_rule
+from fenics_mortar.interface.reference import facet_rule, hand_over
 from meshes import two_blocks
 
 E, NU = 100.0, 0.3

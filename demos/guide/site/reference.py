@@ -12,7 +12,7 @@ from fenics_mortar.contact.view import PairSide
 from fenics_mortar.equations.residual import Reaction
 from fenics_mortar.newton.loop import Iteration
 from fenics_mortar.path.report import PathStep
-from fenics_mortar.sensitivity.objective import Control, Quantity
+from fenics_mortar.sensitivity.protocols import Control, Quantity
 from fenics_mortar.verify.finding import Finding
 from fenics_mortar.verify.tangent import OperatorMatrices
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.blocks import det, dot, grown
-from fenics_mortar.kernels.tree import build_tree, query_tree
+from fenics_mortar.kernels.tree import query_tree, swept, swept_tree
 from fenics_mortar.utils.arrays import MAX_STEPS, ROUNDING
 
 
@@ -91,24 +91,6 @@ def place_on_axes(e, f, q):
     if not size > ROUNDING * ROUNDING * ee * ff:
         return np.nan, np.nan
     return (ff * eq - ef * fq) / size, (ee * fq - ef * eq) / size
-
-
-@kernel
-def swept(x0, x1, i, j, box):
-    """Fill the box (6,) around two nodes at both ends of the step."""
-    for d in range(3):
-        box[d] = min(min(x0[i, d], x1[i, d]), min(x0[j, d], x1[j, d]))
-        box[3 + d] = max(max(x0[i, d], x1[i, d]), max(x0[j, d], x1[j, d]))
-
-
-@kernel
-def swept_tree(x0, x1, pieces):
-    """Tree of boxes around ``pieces`` (m, K) at both ends of the step."""
-    n, size = x0.shape[0], pieces.shape[1]
-    both, facets = np.empty((2 * n, 3)), np.empty((pieces.shape[0], 2 * size), np.int64)
-    both[:n], both[n:] = x0, x1
-    facets[:, :size], facets[:, size:] = pieces, pieces + n
-    return build_tree(both, facets)
 
 
 @kernel

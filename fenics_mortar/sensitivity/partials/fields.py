@@ -46,12 +46,12 @@ from fenics_mortar.contact.rows import row_by_displacements, row_by_motions
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import (
     ObstacleOperators,
-    facet_hand_over,
     facet_thickness,
     gaps_along,
     points_of,
     whole_rule,
 )
+from fenics_mortar.interface.reference import hand_over
 from fenics_mortar.utils.errors import MortarError, call_together
 from fenics_mortar.utils.ranks import sum_over_ranks
 
@@ -519,7 +519,7 @@ def _gap(contact: Contact, name: str, directions: Array) -> Array:
     o, slave, options = contact.operators, contact.slave, contact.options
     x, nodes = o.x[o.facet_nodes], o.facet_nodes
     rule = whole_rule(options, slave.degree, nodes.shape[1])
-    weights = facet_hand_over(contact.multiplier_nodes[nodes], slave.dim, options)
+    weights = hand_over(contact.multiplier_nodes[nodes], slave.dim, options.basis)
     gap = np.zeros((len(directions), slave.num_nodes))
     if len(nodes):
         at, thickness = points_of(x, rule[0]), facet_thickness(slave, o.x, nodes)

@@ -9,12 +9,12 @@ ground rises a little into a body that lies on it without a pair.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fenics_mortar.contact.view import describe_search_radius
-from fenics_mortar.utils.arrays import HALF_FACET, Flags, Indices
+from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.finding import CURVED, LIMITS, POINTS_BETWEEN, Finding, Measured
 
@@ -137,26 +137,20 @@ def _smallest_gaps(contact: Contact) -> tuple[Place, Place]:
     """
     o, s = contact.operators, contact.intersections()
     if contact.slave.dim == 3:
-        return _smallest_in_space(contact, o), (np.inf, "")
+        gaps, at = o.smallest_gaps(contact.now.offset)
+        sizes = contact.slave.facet_sizes[o.segments.facets[o.segments.owner]]
+        return _deepest(contact, gaps / sizes, at), (np.inf, "")
     ends = o.x[s.slave[:, [0, -1]]]
     gaps = o.sample_gaps(o.x + contact.now.offset[:, None] * o.n, s, POINTS_BETWEEN)
     gaps /= np.hypot(*(ends[:, 1] - ends[:, 0]).T)[:, None]
     of_segments, idle = gaps.min(axis=1), ~contact.active[s.slave].any(axis=1)
     idle &= contact.may_carry[s.slave].any(axis=1)
-    found = []
-    for depths in (of_segments, np.where(idle, of_segments, np.inf)):
-        smallest, where = np.inf, ""
-        if np.isfinite(depths).any():
-            deepest = depths.argmin()
-            smallest, where = float(depths[deepest]), format_point(0.5 * ends[deepest].sum(axis=0))
-        found.append(min(contact.slave.comm.allgather((smallest, where))))
-    return found[0], found[1]
+    middles, of_idle = ends.mean(axis=1), np.where(idle, of_segments, np.inf)
+    return _deepest(contact, of_segments, middles), _deepest(contact, of_idle, middles)
 
 
-def _smallest_in_space(contact: Contact, o: Any) -> Place:
-    """As ``_smallest_gaps`` of all facets, at corners and points of their parts (collective)."""
-    gaps, at = o.smallest_gaps(contact.now.offset)
-    gaps = gaps / contact.slave.facet_sizes[o.segments.facets[o.segments.owner]]
+def _deepest(contact: Contact, gaps: Array, at: Array) -> Place:
+    """The smallest of gaps (n,) at places (n, dim) of all ranks, inf if none is finite."""
     smallest, where = np.inf, ""
     if np.isfinite(gaps).any():
         deepest = int(gaps.argmin())

@@ -29,7 +29,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fenics_mortar.contact.arcs import quarter_turn, rotated_by
 from fenics_mortar.contact.law import STICK
+from fenics_mortar.utils.arrays import angles_between
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import agreed, any_over_ranks, sum_over_ranks
 from fenics_mortar.verify.checks.balance import positive_or_one
@@ -153,13 +155,13 @@ def _at_corners(contact: Contact, forces: Array, total: float) -> tuple[float, f
     low, high = np.minimum(before[corners], 0.0), np.maximum(after[corners], 0.0)
     around = [_master_around(contact, runs == run) for run in kept]
     normals = np.array([normal for normal, _ in around])
-    angle = np.clip(_angle(o.n[corners], -normals[labels]), low, high)
+    angle = np.clip(angles_between(o.n[corners], -normals[labels]), low, high)
     error = np.abs(np.bincount(labels, forces[corners] * np.sin(angle))).sum()
     largest, where = 0.0, ""
     for k in np.flatnonzero([is_flat for _, is_flat in around]):
         mine = labels == k
         first = np.flatnonzero(mine)[forces[corners[mine]].argmax()]
-        across = _rotated(o.n[corners[first]], angle[first])
+        across = rotated_by(o.n[corners[first]], angle[first])
         if (contact.branch[corners[mine]] == STICK).any():
             excess = _excess_shear(contact, runs == kept[k], across)
             if excess > largest:
@@ -176,7 +178,7 @@ def facet_angles(contact: Contact) -> tuple[Array, Array]:
     """
     o, slave = contact.operators, contact.slave
     before, after = (
-        np.where(beside < 0, end, _angle(o.n, _right_of(way * (o.x[beside] - o.x))))
+        np.where(beside < 0, end, angles_between(o.n, -quarter_turn(way * (o.x[beside] - o.x))))
         for beside, end, way in (
             (slave.previous, -np.pi / 2, -1.0),
             (slave.following, np.pi / 2, 1.0),
@@ -200,14 +202,8 @@ def _excess_shear(contact: Contact, run: Flags, across: Array) -> float:
     weight = contact.operators.weight
     allowed = float((weight * np.where(run & (pressure > 0.0), limit, 0.0)).sum())
     rounding = LIMITS.min_pressure * float(contact.modulus.max() * weight[run].sum())
-    shear = abs(float((weight * (contact.z @ _right_of(across[None])[0]))[run].sum()))
+    shear = abs(float((weight * (contact.z @ -quarter_turn(across)))[run].sum()))
     return shear / max(allowed, rounding) - 1.0 if allowed > 0.0 else 0.0
-
-
-def _rotated(a: Array, angle: float) -> Array:
-    """The vector ``a`` (2,), rotated to the left by ``angle`` [radian]."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([c * a[0] - s * a[1], s * a[0] + c * a[1]])
 
 
 def _master_around(contact: Contact, run: Flags) -> tuple[Array, bool]:
@@ -231,19 +227,8 @@ def _master_around(contact: Contact, run: Flags) -> tuple[Array, bool]:
     ends = o.m[master.facets[on_facet]]
     chords = ends[:, -1] - ends[:, 0]
     along = chords.sum(axis=0)
-    is_flat = bool((np.abs(_angle(chords, along)) < LIMITS.corner).all())
-    return _right_of(along[None])[0], is_flat
-
-
-def _right_of(directions: Array) -> Array:
-    """Rotate vectors (n, 2) by a quarter turn to the right."""
-    return np.stack([directions[:, 1], -directions[:, 0]], axis=1)
-
-
-def _angle(a: Array, b: Array) -> Array:
-    """Angles from vectors ``a`` to ``b``, shapes (..., 2) [radian]."""
-    cross = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return np.arctan2(cross, (a * b).sum(axis=-1))
+    is_flat = bool((np.abs(angles_between(chords, along)) < LIMITS.corner).all())
+    return -quarter_turn(along), is_flat
 
 
 def runs_of(contact: Contact) -> Indices:

@@ -47,7 +47,7 @@ from scipy.sparse.csgraph import connected_components
 from fenics_mortar.contact.interface import or_other_weights
 from fenics_mortar.interface.facing import nearest_on_master
 from fenics_mortar.interface.reference import CORNERS
-from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, TINY, Array, Flags, Indices, norms
+from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, TINY, angles_between, norms
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 from fenics_mortar.verify.checks.corners import facet_angles
@@ -56,6 +56,7 @@ from fenics_mortar.verify.finding import CURVED, LIMITS, POINTS_BETWEEN, Finding
 if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
     from fenics_mortar.interface.curve_surface import Curve
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 # Number of active nodes of a region of contact, below which it is too narrow.
 FEWEST_NODES = 3
@@ -315,9 +316,7 @@ def _is_point_support(contact: Contact, nodes: Indices, facet: float) -> bool:
 def _turns_of(surface: Curve) -> Array:
     """Angles between the undeformed facets at each node, 90 degrees at ends, (nodes,) [radian]."""
     X, before, after = surface.X, surface.previous, surface.following
-    chords = np.stack([X - X[before], X[after] - X], axis=1)
-    cross = chords[:, 0, 0] * chords[:, 1, 1] - chords[:, 0, 1] * chords[:, 1, 0]
-    turns = np.abs(np.arctan2(cross, (chords[:, 0] * chords[:, 1]).sum(axis=1)))
+    turns = np.abs(angles_between(X - X[before], X[after] - X))
     return np.where((before < 0) | (after < 0), 0.5 * np.pi, turns)
 
 

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array, eye
 
 from fenics_mortar.contact.arcs import Material, vectors_of
 from fenics_mortar.interface.integrals import evaluate_normals
-from fenics_mortar.utils.arrays import SMALL_ANGLE, TINY, Array, norms
+from fenics_mortar.utils.arrays import SMALL_ANGLE, TINY, Array, angles_between, norms
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.verify.finding import Finding, Measured
 
@@ -63,12 +63,10 @@ def rotation_since_reference(contact: Contact) -> float:
 
 def _between(first: Array, last: Array) -> Array:
     """Rotations between normals (n, dim): angles (n, 1), in space vectors (n, 3) [radian]."""
-    cosine = (first * last).sum(axis=1)
     if first.shape[1] == 2:
-        sine = first[:, 0] * last[:, 1] - first[:, 1] * last[:, 0]
-        return np.asarray(np.arctan2(sine, cosine))[:, None]
+        return angles_between(first, last)[:, None]
     across = np.cross(first, last)
-    size = norms(across)
+    size, cosine = norms(across), (first * last).sum(axis=1)
     return np.asarray((np.arctan2(size, cosine) / np.maximum(size, TINY))[:, None] * across)
 
 
