@@ -36,7 +36,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -65,9 +65,6 @@ from fenics_mortar.interface.space_mortar import SpaceOperators
 from fenics_mortar.kernels import complementarity
 from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, ROUNDING, Array, Flags
 from fenics_mortar.utils.ranks import sum_over_ranks
-
-if TYPE_CHECKING:
-    pass
 
 # Attributes of the state on which the arguments of a law and its tangential row depend.
 LAW_ATTRIBUTES = ("z", "multiplier_nodes", "partners", "c_n", "load_time", "start_instant")

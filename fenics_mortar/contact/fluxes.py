@@ -32,7 +32,9 @@ nodes count by their conductance: A has the linear values at the nodes, A_jc = 1
 Nodes that do not conduct have no part in either, and loads are the transpose of the jumps. State
 and rows are those of q_c = h_c [T]_c, h_c = sum_j A_jc w_j h_j / sum_j A_jc w_j. At the nodes it is
 q_j = sum_c B_jc q_c with B_jc = A_jc h_j / h_c. If h is infinite at a node of a carrier, its nodes
-of finite h do not count: this is the limit.
+of finite h do not count: this is the limit. Fluxes q_j alternate about a sudden change, as linear
+functions do whose integrals with hat functions are given. Shown are therefore, in place of q_c, the
+heat of a carrier over its area, sum_j A_jc w_j q_j / sum_j A_jc w_j, as without A: totals stay.
 
 Where conduction is perfect, and the slave's field is prescribed at a node, its equation is left to
 the carriers beside it, as in ``tied_rows``.
@@ -172,6 +174,10 @@ class FluxValues:
     def of_carriers(self, nodal: Array) -> Array:
         """Sums at carriers of values at covered nodes [their unit], transpose of ``at_nodes``."""
         return np.asarray(self._to_nodes.T @ np.where(self.on, nodal, 0.0))
+
+    def means(self, q: Array) -> Array:
+        """Heat of the carriers over their areas, at the nodes, for fluxes ``q`` (n,) [flux]."""
+        return self.at_nodes(self._per_weight * (self._spread.T @ (self.weight * q)))
 
     @property
     def kept(self) -> Array:
@@ -534,13 +540,13 @@ class Flux:
         """The flux at the present state (collective); filled inside of facets as the pressure."""
         self.refresh()
         now = self.at(self._contact.now)
-        weight = now.o.weight
-        slave, master = (float(weight @ of_side) for of_side in now.of_sides(now.q))
+        slave, master = (float(now.o.weight @ of_side) for of_side in now.of_sides(now.q))
         perfect = np.isinf(now.conductance)
         h = np.where(perfect, 0.0, now.conductance)
+        jump = np.divide(now.means(h * now.jump), h, out=now.jump, where=h > 0.0)
         jump, h, perfect, conduction, heating = (
             now.f.fill_inside(values.astype(float))
-            for values in (now.jump, h, perfect, now.conduction, now.friction)
+            for values in (jump, h, perfect, now.means(now.conduction), now.friction)
         )
         h[perfect > 0.0] = np.inf
         return NodalFlux(jump, h, conduction, heating, -slave, master)
@@ -557,10 +563,8 @@ class Flux:
 
     def _add_conduction(self, now: FluxValues, q: Array, target: Array) -> None:
         """Add the loads by ``q`` of carriers (slave nodes,), without sources (collective)."""
-        at_nodes = now.at_nodes(q)
-        for trace, loads in zip(
-            self.traces, self._loads_by(now.o, at_nodes, at_nodes), strict=True
-        ):
+        sides = self._loads_by(now.o, *2 * [now.at_nodes(q)])
+        for trace, loads in zip(self.traces, sides, strict=True):
             trace.scatter_add(loads, target)
 
     def add_loads(self, target: Array) -> None:

@@ -255,8 +255,9 @@ class ContactPair:
             obstacle no limit. Behind the slave the distance is also limited to half of the present
             thickness of both bodies together, so that a surface may be the whole outline of a body.
         initial_gap: Gap at set-up of all nodes within half a facet of the other surface [length]: 0
-            removes gaps and overlaps of faceted curves, a negative number is an interference.
-            ``None`` keeps the gaps of the mesh. See also ``PairView.offset``.
+            removes gaps and overlaps of faceted curves, a negative number is an interference, a
+            positive one a clearance. ``None`` keeps the gaps of the mesh. See also
+            ``PairView.offset``.
         sliding: "finite", or "small": D, M and normals of the undeformed mesh, and a gap that is
             linear in the displacement, valid for small rotations and slip that is small compared
             with a facet. With linear bulk the matrix is factorized once, see ``reduced``.

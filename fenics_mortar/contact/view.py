@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.law import Coulomb
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.surfaces import Surface, replicate
 from fenics_mortar.kernels.sight import BEHIND
@@ -365,6 +366,27 @@ def describe_overlap(contact: Interface) -> str:
         f"{describe_search_radius(contact)}: take smaller steps or, if this is not a contact, set "
         f"search_radius below {depth:.3g}"
     )
+
+
+# Coefficient of friction above which no dry surfaces are known, rubber included [1]; angles in
+# degrees and per cents are above.
+LARGE = 5.0
+# The same up to which these may be meant [1]; what lets surfaces stick, such as 1000, is above.
+PER_CENT = 100.0
+
+
+def remarks_on_friction(contacts: Sequence[Contact | Tie]) -> Iterator[str]:
+    """Name coefficients of friction that look like angles or per cents, of all pairs (local)."""
+    for contact in contacts:
+        if not (isinstance(contact, Contact) and isinstance(contact.pair.law, Coulomb)):
+            continue
+        mu = np.max(contact.parameters.get("mu", contact.pair.law.mu))
+        if LARGE < mu < PER_CENT:
+            yield (
+                f"{contact.pair!r}: the coefficient of friction is {mu:g}, the ratio of shear to "
+                f"pressure; an angle of friction in degrees is tan(radians({mu:g})) = "
+                f"{np.tan(np.radians(mu)):.3g}, {mu:g} per cent are {mu / 100:g}"
+            )
 
 
 def remarks_on_ties(contacts: Sequence[Contact | Tie], space: DisplacementSpace) -> Iterator[str]:

@@ -27,7 +27,7 @@ from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law import BUILT_IN, Law, check_names
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.contact.view import remarks_on_ties
+from fenics_mortar.contact.view import remarks_on_friction, remarks_on_ties
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.newton.loop import NewtonOptions
 from fenics_mortar.obstacles.obstacle import Obstacle
@@ -194,14 +194,14 @@ class Inputs:
 
     def __init__(self, equations: ContactEquations) -> None:
         bulk, contacts, motions = equations.bulk, equations.contacts, equations.motions
-        self._bulk, self._contacts = bulk, contacts
+        self._bulk, self._contacts, self._outline = bulk, contacts, equations.crossings.outline
         self._as_bound = [_options(contact.pair) for contact in contacts]
         self._motions = MotionInputs(bulk, motions)
         self._conflicts = Conflicts(bulk)
         self._axis = AxisConditions(bulk.space, bulk.u, bulk.bcs)
         self._begins = True
         self._first = [remark_on_radius(bulk.residual, bulk.u, bulk.space)]
-        self._first += remarks_on_ties(contacts, bulk.space)
+        self._first += [*remarks_on_ties(contacts, bulk.space), *remarks_on_friction(contacts)]
 
     def check(self, newton: Any, **flags: Any) -> list[str]:
         """Reject invalid values; return remarks on questionable ones (collective).
@@ -263,11 +263,13 @@ class Inputs:
         contacts = [contact for contact in self._contacts if isinstance(contact, Contact)]
         obstacles = [(c, c.obstacle) for c in contacts if c.obstacle is not None]
         positions = [c.slave.X + c.slave.gather(self._bulk.u.x.array) for c, _ in obstacles]
+        of_bodies = self._outline.positions(self._bulk.u.x.array)
         sums: list[tuple[float, float]] = []
         with together(comm, "the distance of an obstacle"):
             for (contact, obstacle), x in zip(obstacles, positions, strict=True):
                 phi, gradient, _ = obstacle.evaluate(x)
-                _check_side(contact, x, phi, gradient)
+                bodies = np.isin(self._outline.bodies, self._outline.bodies_of(contact.slave))
+                _check_side(contact, (x, phi, gradient), of_bodies[bodies])
                 of_all = np.concatenate([phi, contact.arm * gradient.ravel()])
                 sums.append((float(of_all.sum()), float(np.abs(of_all).sum())))
         for (_, obstacle), (total, size) in zip(obstacles, sums, strict=True):
@@ -372,18 +374,27 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
             check_no_effect(f"{pair.law!r}", pair.law, others, cure)
 
 
-def _check_side(contact: Contact, x: Array, phi: Array, gradient: Array) -> None:
+def _check_side(contact: Contact, on_slave: tuple[Array, Array, Array], bodies: Array) -> None:
     """Reject an obstacle whose solid is on the body's side of the slave surface (local).
 
-    In this case most nodes lie on or in the obstacle, and at the node next to its surface the
-    normal points out of it. The normals of a body that merely penetrates too far, or of one that
-    the solid surrounds with an interference, point towards the solid.
+    In this case most of the outline lies on or in the obstacle, and at the slave node next to its
+    surface, on either side of it, the normal points out of it. The normals of a body that merely
+    penetrates too far, or of one that the solid surrounds with an interference, point towards the
+    solid.
+
+    Args:
+        contact: The contact.
+        on_slave: Positions of the slave nodes, distances and their gradients.
+        bodies: Positions of the nodes of the outlines of its bodies, shape (n, dim) [length].
     """
+    x, phi, gradient = on_slave
     normals, _ = evaluate_normals(contact.slave, x, contact.options.weighting)
-    along = (normals * gradient).sum(axis=1) / np.linalg.norm(gradient, axis=1)
-    gap = phi - contact.offset
-    within = gap <= SAME_PLACE * contact.slave.nodal_lengths
-    if 2 * within.sum() > within.size and along[np.abs(gap).argmin()] >= contact.options.min_cosine:
+    nearest = np.abs(phi - contact.offset).argmin()
+    along = normals[nearest] @ gradient[nearest] / np.linalg.norm(gradient[nearest])
+    if contact.obstacle is None or along < contact.options.min_cosine:
+        return
+    within = contact.obstacle.evaluate(bodies)[0] <= SAME_PLACE * contact.slave.nodal_lengths.min()
+    if 2 * within.sum() > within.size:
         raise MortarError(
             f"'{contact.slave.name}' lies inside obstacle '{contact.obstacle}', on the far side of "
             "its surface: the solid is on the side of the body. The outward normal, along which "

@@ -102,6 +102,14 @@ class Solver:
         starts, self._starts = self._starts, []
         return [t for contact, t, before in starts if t and np.array_equal(contact.offset, before)]
 
+    def _blame_mesh(self, error: NotConvergedError) -> None:
+        """Add to the error of the first solve that bodies of the mesh overlap deeply."""
+        found = self._equations.crossings.wrong_at_start()
+        if found:
+            text = f"before the first solve {'; '.join(found)}: move these bodies apart in the mesh"
+            error.args = (f"{error}; {text}",)
+            error.report.notes.insert(0, text)
+
     def renew(self) -> None:
         """Create matrices and solvers again that may be incomplete after an interruption."""
         self._equations.bulk.renew_tangent()
@@ -160,7 +168,9 @@ class Solver:
             report, moved = self._move_and_solve()
             instants = instants_of(e.comm, e.contacts)
             history = e.bulk.history.new_values()
-        except Exception:  # of any type, equal on all ranks
+        except Exception as error:  # of any type, equal on all ranks
+            if self._starts and isinstance(error, NotConvergedError):
+                self._blame_mesh(error)
             e.last_converged = False
             e.crossings.leave()
             e.springs.remove_springs()

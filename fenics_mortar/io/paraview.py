@@ -17,7 +17,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import groupby
+from itertools import groupby, permutations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -252,8 +252,8 @@ def _space_of(function: fem.Function) -> tuple[fem.FunctionSpace, slice | Indice
 
 
 # Number of points per direction of the grid on which outlines of obstacles are searched: its cells
-# are narrower than the lines of a picture.
-GRID = 400
+# are narrower than the lines of a picture. In space triangles of a fortieth of the box.
+GRID, GRID_IN_SPACE = 400, 40
 
 
 def bounding_box(bulk: Bulk) -> tuple[Array, Array]:
@@ -269,51 +269,85 @@ def with_margin(low: Array, high: Array) -> tuple[Array, Array]:
     """A box with a margin of 15 % of its longer side, where obstacles are drawn (local).
 
     Args:
-        low: Lower corner of a box, shape (2,) [length].
-        high: Upper corner, shape (2,) [length].
+        low: Lower corner of a box, shape (dim,) [length].
+        high: Upper corner, shape (dim,) [length].
     """
     margin = 0.15 * (high - low).max()
     return low - margin, high + margin
 
 
 def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices, Array]:
-    """Outline phi = 0 of an obstacle in a box, as line segments (local).
+    """Outline phi = 0 of an obstacle in a box: line segments, in space triangles (local).
 
-    For an obstacle outside the box it is a line of zero length at the pivot, since files without
-    points are unreadable.
+    For an obstacle outside the box it is one of zero length or area at the pivot, since files
+    without points are unreadable.
 
     Args:
         obstacle: The obstacle.
-        low: Lower corner of the box, shape (2,) [length].
-        high: Upper corner, shape (2,) [length].
+        low: Lower corner of the box, shape (dim,) [length].
+        high: Upper corner, shape (dim,) [length].
 
     Returns:
-        Points in the obstacle's frame (n, 2) [length], ends of the segments (m, 2), and
-        displacements of the points (n, 2) [length].
+        Points in the obstacle's frame (n, dim) [length], corners of the parts (m, dim), and
+        displacements of the points (n, dim) [length].
     """
-    lines = _zeros(obstacle, low, high) or [np.tile(obstacle.pivot + obstacle.place[:2], (2, 1))]
-    points = np.concatenate(lines)
-    first = np.setdiff1d(np.arange(len(points)), np.cumsum([len(line) for line in lines]) - 1)
+    dim = len(low)
+    points, parts = (_zeros_in_space if dim == 3 else _zeros)(obstacle, low, high)
+    for _ in range(2 if len(parts) else 0):  # Newton steps from chords of the grid to the surface
+        phi, gradient, _ = obstacle.evaluate(points)
+        points = points - (phi / (gradient**2).sum(axis=1))[:, None] * gradient
+    if not len(parts):
+        points, parts = (
+            np.tile(obstacle.pivot + obstacle.place[:dim], (dim, 1)),
+            np.arange(dim)[None],
+        )
     own = obstacle.to_own_frame(points)
-    return own, np.stack([first, first + 1], axis=1), points - own
+    return own, parts, points - own
 
 
-def _zeros(obstacle: Obstacle, low: Array, high: Array) -> list[Array]:
-    """Polylines phi = 0 in a box, each (n, 2) [length] (local)."""
+def _zeros(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices]:
+    """Points of lines phi = 0 in a box, (n, 2) [length], and of their segments (m, 2) (local)."""
     from matplotlib.figure import Figure
 
     x, y, points = grid(low, high)
     phi = obstacle.evaluate(points)[0].reshape(GRID, GRID)
     if not phi.min() < 0.0 < phi.max():
-        return []
+        return np.empty((0, 2)), np.empty((0, 2), int)
     lines = Figure().add_subplot().contour(x, y, phi, [0.0]).allsegs[0]
-    for _ in range(2):  # Newton steps from the chords of the grid to the curve
-        fields = [obstacle.evaluate(line) for line in lines]
-        lines = [
-            line - (phi / (gradient**2).sum(axis=1))[:, None] * gradient
-            for line, (phi, gradient, _) in zip(lines, fields, strict=True)
-        ]
-    return lines
+    points = np.concatenate(lines)
+    first = np.setdiff1d(np.arange(len(points)), np.cumsum([len(line) for line in lines]) - 1)
+    return points, np.stack([first, first + 1], axis=1)
+
+
+# Six tetrahedra of a box with the corners 0 to 7, whose bits are the axes: the ways from 0 to 7.
+SIMPLICES = np.array([(0, a, a | b, 7) for a, b in permutations((1, 2, 4), 2)])
+# Edges of a tetrahedron with corners in the order of phi on which a triangle of phi = 0 has its
+# corners, by the number of corners with phi < 0.
+CUTS = ((1, ((0, 1), (0, 2), (0, 3))), (3, ((0, 3), (1, 3), (2, 3))),
+        (2, ((0, 2), (0, 3), (1, 3))), (2, ((0, 2), (1, 3), (1, 2))))  # fmt: skip
+
+
+def _zeros_in_space(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices]:
+    """Points of phi = 0 in a box, (n, 3) [length], and of its triangles (m, 3) (local).
+
+    phi is linear in the tetrahedra of a grid.
+    """
+    n = GRID_IN_SPACE
+    axes = np.linspace(low, high, n).T
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    phi = obstacle.evaluate(points)[0]
+    steps = np.array([n * n, n, 1])
+    first = (np.indices((n - 1,) * 3).reshape(3, -1).T @ steps)[:, None]
+    corners = first + (np.arange(8)[:, None] >> np.arange(3) & 1) @ steps
+    inside = (phi[corners] < 0.0).sum(axis=1)
+    cells = corners[(inside > 0) & (inside < 8)][:, SIMPLICES].reshape(-1, 4)
+    cells = np.take_along_axis(cells, np.argsort(phi[cells], axis=1), axis=1)
+    inside = (phi[cells] < 0.0).sum(axis=1)
+    edges = np.concatenate([cells[inside == number][:, cut] for number, cut in CUTS])
+    ends, parts = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
+    at = phi[ends[:, 0]] / (phi[ends[:, 0]] - phi[ends[:, 1]])
+    a, b = points[ends[:, 0]], points[ends[:, 1]]
+    return a + at[:, None] * (b - a), parts.reshape(-1, 3)
 
 
 def grid(low: Array, high: Array) -> tuple[Array, Array, Array]:
@@ -549,8 +583,9 @@ def _piece(
 
 def _outline_piece(obstacle: Obstacle, low: Array, high: Array) -> Any:
     """Mesh of the outline of an obstacle in a box, with its displacement (local)."""
-    points, lines, displacement = outline(obstacle, low, high)
-    return _piece(points, lines, FACETS, {"displacement": displacement})
+    points, parts, displacement = outline(obstacle, low, high)
+    kinds = FACETS if parts.shape[1] == 2 else FACES
+    return _piece(points, parts, kinds, {"displacement": displacement})
 
 
 def _step(blocks: list[_Block], step: int) -> str:

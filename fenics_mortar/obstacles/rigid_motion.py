@@ -353,6 +353,16 @@ def check_finite(name: str, value: Any) -> float:
     return float(value)
 
 
+def check_about_z(name: str, value: Any) -> float:
+    """An angle or a moment in the plane, a finite number [any unit] (local).
+
+    Raises:
+        ValueError: For other values.
+    """
+    check_number(name, value, "a finite number, in the plane the one about z", np.isfinite)
+    return float(value)
+
+
 def check_vector(name: str, value: npt.ArrayLike, *dims: int) -> Array:
     """Copy of a finite vector [any unit] (local).
 
@@ -457,7 +467,7 @@ class RigidMotion:
         for i, value in self._along_axes(x, y, z):
             self.place[i], self.load[i] = value, np.nan
         if angle is not None:
-            turn = check_finite("angle", angle) if self.dim == 2 else check_turn(angle)
+            turn = check_about_z("angle", angle) if self.dim == 2 else check_turn(angle)
             self.place[self.dim :], self.load[self.dim :] = turn, np.nan
 
     def push(
@@ -489,7 +499,7 @@ class RigidMotion:
             self.load[i] = value
         if moment is not None:
             plane = self.dim == 2
-            about = check_finite("moment", moment) if plane else check_moments(moment)
+            about = check_about_z("moment", moment) if plane else check_moments(moment)
             self.load[self.dim :] = about
 
     def _along_axes(self, *values: float | None) -> list[tuple[int, float]]:
@@ -570,11 +580,14 @@ def check_moments(moment: Any) -> Array:
         ValueError: For other values, and for moments about two axes.
     """
     if np.shape(moment) != (3,):
-        raise ValueError(f"moment={moment!r}: expected in space moments about three axes")
+        raise ValueError(
+            f"moment={moment!r}: expected in space moments about x, y and z, or about one of them "
+            "as on an axle, (None, None, 2.0), with None for those about which it does not turn"
+        )
     given = [np.nan if one is None else check_finite("moment", one) for one in moment]
     if np.isfinite(given).sum() not in DRIVEN_TURNS:
         raise ValueError(
-            f"moment={moment!r}: expected moments about all three axes, or about one of them, "
-            "which is then an axle; turns about two fixed axes alone would depend on the way"
+            f"moment={moment!r}: expected moments about all three axes, or about one of them and "
+            "None for the others, as on an axle; turns about two fixed axes would depend on the way"
         )
     return np.array(given)

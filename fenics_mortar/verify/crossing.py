@@ -153,14 +153,8 @@ class Crossings:
 
         Of two outlines up to two: one between the sides of a pair, and one elsewhere.
         """
-        x, found = self._positions(), list[Crossing]()
-        rows = self._crossings(x, self._allowed(x))
-        rows = rows[~self._are_meaningless(x, rows)]
-        paired = self._admitted.are_paired(rows)
-        limits = self._admitted.of(x, rows, paired)
-        for are_paired in (True, False):
-            mine = paired == are_paired
-            found += self._found(rows[mine], limits[mine], are_paired)
+        x = self._positions()
+        found = self._between_bodies(x)
         for pair, contact in enumerate(self._contacts):
             if isinstance(contact, Contact) and contact.obstacle is not None:
                 deepest = deepest_point(contact, self.outline, self._slaves[pair], x)
@@ -173,6 +167,22 @@ class Crossings:
                     where = format_point(deepest.point)
                     found.append(Crossing(sides, where, *deepest[:2], *admitted))
         return sorted(found, key=lambda crossing: -crossing.facets)
+
+    def wrong_at_start(self) -> list[str]:
+        """Crossings of bodies, deeper than admitted, in the last accepted state, as text."""
+        found = self._between_bodies(self.accepted.x)
+        return [str(crossing) for crossing in found if crossing.facets > crossing.admitted]
+
+    def _between_bodies(self, x: Array) -> list[Crossing]:
+        """See ``find``: crossings of outlines with nodes at ``x`` (n, 2)."""
+        rows, found = self._crossings(x, self._allowed(x)), list[Crossing]()
+        rows = rows[~self._are_meaningless(x, rows)]
+        paired = self._admitted.are_paired(rows)
+        limits = self._admitted.of(x, rows, paired)
+        for are_paired in (True, False):
+            mine = paired == are_paired
+            found += self._found(rows[mine], limits[mine], are_paired)
+        return found
 
     def _found(self, rows: Array, admitted: Array, are_paired: bool) -> Iterator[Crossing]:
         """Deepest crossing of each pair of outlines among ``rows`` (k, 6), over ``admitted`` (k,).
@@ -402,18 +412,21 @@ class SpaceCrossings(Crossings):
     def find(self) -> list[Crossing]:
         """See ``Crossings``: of two bodies up to one for each ``Kind``."""
         x = self._positions()
+        found = [*self._between_bodies(x), *self._obstacles.find(x, self._prescribed)]
+        return sorted(found, key=lambda crossing: -crossing.facets)
+
+    def _between_bodies(self, x: Array) -> list[Crossing]:
         overlaps, across = self._in_space.measured(x, self._overlaps(x))
-        kinds = self._in_space.kinds(overlaps)
+        facets = self._facets(x, overlaps, self._allowed(x))
+        kinds = self._in_space.kinds(x, overlaps, facets)
         through = (kinds == Kind.UNPAIRED) & self._in_space.are_through(x, overlaps)
         kinds[through] = Kind.THROUGH
         limits = self._in_space.of(x, overlaps, kinds)
-        facets = self._facets(x, overlaps, self._allowed(x))
         found = list[Crossing]()
         for kind in Kind:
             at = np.flatnonzero((kinds == kind) & (facets > 0.0))
             found += self._deepest_of(overlaps.select(at), facets[at], limits[at], across[at], kind)
-        found += self._obstacles.find(x, self._prescribed)
-        return sorted(found, key=lambda crossing: -crossing.facets)
+        return found
 
     def _overlaps(self, x: Array) -> Overlaps:
         """``find_overlaps`` at positions ``x`` (n, 3), kept for the next call."""

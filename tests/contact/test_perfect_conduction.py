@@ -139,7 +139,10 @@ def test_open_nodes_conduct_nothing(degrees):
 
 @pytest.mark.parametrize("h", [INF, fm.PressureConductance(1e3, 1.0)])
 def test_linear_temperatures_conduct_where_quadratic_ones_do(h):
-    """Zero at open nodes also for degree 1 beside 2; the heat flow is that of degree 2 to 2 %."""
+    """Zero at open nodes also for degree 1 beside 2; the heat flow is that of degree 2 to 2 %.
+
+    Heat flows the same way at all closed nodes. Nodal fluxes have the total in their sum.
+    """
     found = []
     for degrees in ((2, 2), (2, 1)):
         scene = humped(degrees)
@@ -148,6 +151,12 @@ def test_linear_temperatures_conduct_where_quadratic_ones_do(h):
         problem.solve()
         flux, active = problem.contacts[0].fluxes[0], problem.contacts[0].active
         assert active.any() and (flux.conduction[~active] == 0.0).all()
+        assert (flux.conduction[active] > 0.0).all()
+        weight = problem.equations.contacts[0].now.operators.weight
+        assert weight @ flux.conduction == pytest.approx(flux.into_master, rel=1e-12)
+        finite = active & np.isfinite(flux.conductance)
+        law = flux.conductance[finite] * flux.jump[finite]
+        assert flux.conduction[finite] == pytest.approx(law, rel=1e-10)
         found.append(flux.into_master)
     assert found[1] == pytest.approx(found[0], rel=0.02)
 

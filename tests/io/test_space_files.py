@@ -149,6 +149,30 @@ def test_small_sliding_keeps_its_reference_operators(shared_path):
     assert np.abs(z).max() > 0.1 and np.abs(z - w).max() < 1e-9 * np.abs(z).max()
 
 
+def test_surfaces_of_obstacles_move_with_them(shared_path):
+    """Points are on the turned ball up to rounding, its triangles have its area; another is far."""
+    ball = fm.Sphere((0.5, 0.4, 0.6), 0.25, pivot=(0.2, 0.8, 0.3), name="ball")
+    far = fm.Plane((0.0, 0.1, 9.0), (0.0, 0.0, -1.0), name="far")
+    scene = solid()
+    held(scene)
+    pairs = [fm.ContactPair(scene.data, "block/top", obstacle) for obstacle in (ball, far)]
+    problem = scene.set_up(pairs).problem
+    with fm.ResultsWriter(shared_path / "tools", problem) as results:
+        for time, x in enumerate((0.0, 0.1)):
+            ball.move(x=x, y=-0.1 * x, angle=(x, 0.1, 3 * x))
+            results.write(time)
+    for (file,) in steps(shared_path / "tools.pvd", "obstacles", "ball").values():
+        mesh = meshio.read(file)
+        corners = mesh.points[mesh.cells_dict["triangle"]]
+        assert np.allclose(np.linalg.norm(mesh.points - (0.5, 0.4, 0.6), axis=1), 0.25, atol=1e-8)
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = 0.5 * np.linalg.norm(normals, axis=1).sum()
+        assert area == pytest.approx(np.pi / 4.0, rel=0.01)
+    assert np.allclose(mesh.points + mesh.point_data["displacement"], ball.to_space(mesh.points))
+    for (file,) in steps(shared_path / "tools.pvd", "obstacles", "far").values():
+        assert np.array_equal(meshio.read(file).points, np.tile([0.0, 0.1, 9.0], (3, 1)))
+
+
 def test_moved_node_of_a_saved_mesh_is_named_with_three_coordinates(shared_path):
     scene = pressed().set_up()
     fm.save_state(scene.problem, shared_path / "state")

@@ -236,10 +236,28 @@ def test_invalid_place_load_or_pivot_is_refused(what, value, message):
     ids=["plane", "plane far off", "circle", "spline", "distance"],
 )
 def test_obstacle_that_contains_the_body_is_refused(obstacle):
-    """No facet faces it: a solve would converge without a force."""
-    problem = on_obstacle(obstacle)
-    with refused(fm.MortarError, "lies inside obstacle .*: the solid is on the side of the body"):
-        problem.solve()
+    """No facet faces it: a solve would converge without a force, also where it moved beforehand."""
+    for way in (0.0, -0.2, 0.3):
+        problem = on_obstacle(obstacle)
+        obstacle.move(y=way)
+        with refused(
+            fm.MortarError, "lies inside obstacle .*: the solid is on the side of the bod"
+        ):
+            problem.solve()
+
+
+def test_obstacle_beneath_a_body_whose_slave_is_on_top_does_not_contain_it():
+    problem = on_obstacle(fm.Plane((0.0, -0.1), (0.0, 1.0)), slave="master")
+    assert problem.solve().converged
+
+
+@pytest.mark.parametrize("mu, told", [(30.0, 1), (lambda X: 3.0 * X[:, 0], 0), (0.3, 0), (1e3, 0)])
+def test_coefficients_of_friction_like_angles_in_degrees_have_a_remark(mu, told):
+    data = blocks_of_arrays()
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    pair = fm.ContactPair(data, "slave", "master", law=fm.Coulomb(mu))
+    notes = problem_on(data, [pair], bcs=bcs_of(data, u.function_space), u=u).solve().notes
+    assert sum("tan(radians(30)) = 0.577, 30 per cent are 0.3" in note for note in notes) == told
 
 
 def test_deep_obstacle_that_faces_the_body_is_an_interference():
@@ -295,6 +313,8 @@ def test_simple_polygons_and_splines_are_accepted():
         (lambda: fm.Plane((0, 0), (0, 1), name=None), "name=None: expected a text"),
         (lambda: fm.Plane((0, 0), (0, 1)).move(y="up"), "y='up': expected a finite number"),
         (lambda: fm.Plane((0, 0), (0, 1)).push(moment=1j), "moment=1j: expected a finite number"),
+        (lambda: fm.Circle((0, 0), 1).push(moment=(0, 0, 2)), "in the plane the one about z"),
+        (lambda: fm.Sphere((0, 0, 0), 1).push(moment=2.0), r"as on an axle, \(None, None, 2.0\)"),
         (
             lambda: fm.Polygon([(0, 0), (1, 0), (1, 1)], None),
             "rounding=None: expected a positive length",

@@ -18,7 +18,8 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.verify.certificate import Certificate
 from fenics_mortar.verify.finding import Crossing
-from meshes import mapped_grids, rings
+from meshes import mapped_boxes, mapped_grids, rings
+from meshes.mapped_boxes import Box
 from meshes.mapped_grids import Grid
 
 
@@ -347,3 +348,32 @@ def test_polygons_of_one_circle_overlap_by_discretization_only(counts, beyond_me
     move_body(problem, in_shaft, lambda x: x + shift)
     (crossing,) = find()
     assert crossing.facets > crossing.admitted and not crossing.is_paired
+
+
+def overlapping(depth, in_space):
+    """Two blocks, one of which begins ``depth`` below the top of the other, and one iteration."""
+    if in_space:
+        lower = Box("lower", mapped_boxes.block((3, 3, 2)))
+        place = {"size": (0.6, 0.6, 1.0), "corner": (0.2, 0.2, 1.0 - depth)}
+        data = mapped_boxes.mesh([lower, Box("upper", mapped_boxes.block((2, 2, 2), **place))])
+    else:
+        lower = Grid("lower", mapped_grids.block(3, 2, width=1.0, height=1.0))
+        place = {"width": 0.6, "height": 1.0, "corner": (0.2, 1.0 - depth)}
+        data = mapped_grids.mesh([lower, Grid("upper", mapped_grids.block(2, 2, **place))])
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    ends = ("lower/bottom", 0.0), ("upper/top", -0.01)
+    bcs = [fm.dirichlet(u.function_space, data, n, (0.0,) * in_space + (0.0, w)) for n, w in ends]
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=fm.Coulomb(0.2))
+    return problem_of(data, [pair], bcs, u, newton=fm.NewtonOptions(max_iterations=1))
+
+
+@pytest.mark.parametrize("in_space", [False, True])
+@pytest.mark.parametrize(("depth", "told"), [(0.25, True), (0.02, False)])
+def test_overlap_of_the_mesh_is_named_where_the_first_solve_fails(depth, told, in_space):
+    with pytest.raises(fm.NotConvergedError) as refusal:
+        overlapping(depth, in_space).solve()
+    said = re.compile(
+        r"before the first solve .* cross at \(.*: move these bodies apart in the mesh"
+    )
+    assert bool(said.search(str(refusal.value))) == told
+    assert any(map(said.match, refusal.value.report.notes)) == told

@@ -280,3 +280,44 @@ def test_overlap_beyond_the_middle_of_a_thin_body_is_that_of_the_pair():
     assert not [each for each in found if "add a ContactPair" in str(each)]
     (through,) = [each for each in found if "has gone through" in str(each)]
     assert through.facets > through.admitted
+
+
+def roofs(shift, **options):
+    """Two blocks with ridges that cross at right angles, ``shift`` beside nodes of both."""
+
+    def roof(s, t, r):
+        return s - 0.5, t - 0.5 + shift, 0.4 * r - 0.7 + 0.3 * r * (1.0 - np.abs(2.0 * s - 1.0))
+
+    def turned(s, t, r):
+        x, y, z = roof(s, 1.0 - t, r)
+        return -y, x, -z
+
+    boxes = Box("lower", mapped((4, 4, 1), roof)), Box("upper", mapped((4, 4, 1), turned))
+    sides = ["lower/bottom", "upper/bottom"], [("upper/top", "lower/top")]
+    return bodies(boxes, *sides, **options)
+
+
+@pytest.mark.parametrize("cell", mapped_boxes.CELLS)
+def test_ridges_that_cross_between_nodes_are_told(cell):
+    """The force is 0, and a quarter of the right one; with a node at the crossing it is right."""
+    forces = {}
+    for shift, depth, told in ((0.0, 0.06, False), (0.125, 0.01, True), (0.125, 0.06, True)):
+        scene = roofs(shift, cell=cell).move("upper/bottom", (0, 0, -depth))
+        report = scene.solve(accept_violations=True)
+        assert bool(messages_with(report, "two edges cross there")) == told
+        assert bool(report.certificate.violations()) == told
+        forces[shift, depth] = scene.problem.contacts[0].total_force
+    found = np.array([np.linalg.norm(force) for force in forces.values()])
+    assert found[1] == 0.0 and found[2] < 0.5 * found[0]
+
+
+def test_edges_of_blocks_that_lie_on_each_other_are_no_ridges():
+    """The edge of a block over the corner of another one crosses two edges beside their faces."""
+
+    def upper(s, t, r):
+        return s + t - 1.485, t - s - 0.485, 1.0 + 0.5 * r
+
+    boxes = Box("lower", block((2, 2, 2))), Box("upper", mapped((1, 1, 1), upper))
+    sides = ["lower/bottom", "upper/top"], [("upper/bottom", "lower/top")]
+    found = crossings_of(bodies(boxes, *sides), is_above, lambda X: X - [0.0, 0.0, 0.02])
+    assert found and all(each.facets < each.admitted for each in found)

@@ -189,7 +189,7 @@ def _of_conduction(measured: Any) -> Iterator[Finding]:
     for flux in measured.contact.fluxes:
         if flux.is_separate:
             continue  # h [T] is all that its flux is
-        now = flux.nodal()
+        now = flux.at(measured.contact.now)
         h, stiffest = now.conductance, np.minimum(now.conductance, flux.cells)
         from_flux = np.where(h > 0.0, now.conduction / np.where(h > 0.0, h, 1.0), 0.0)
         wrong = np.where(h > 0.0, stiffest * (now.jump - from_flux), now.conduction)
