@@ -171,7 +171,8 @@ def check_space(V: Any, pairs: Sequence[ContactPair | TiedPair]) -> None:
         vectors = "plane vectors" if dim == 2 else "vectors"
         raise MortarError(
             f"the displacement is not in the Lagrange space of {vectors} of degree 1 or 2 (P1, "
-            "Q1, P2 or Q2): use vector_space(mesh, 1) or vector_space(mesh, 2)"
+            "Q1, P2 or Q2): use vector_space(mesh, 1) or vector_space(mesh, 2), or a mixed space "
+            "with the displacement as its first sub-space"
         )
     if compat.geometry_dofmap(mesh).shape[1] not in (corners, nodes[degrees[0]]):
         raise MeshError(

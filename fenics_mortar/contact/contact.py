@@ -305,12 +305,13 @@ class Contact(Interface):
         decided by z, the node would be open for one or two iterations.
         """
         old, o, adhesion = self.z, self.operators, self.now.adhesion[0]
+        acting = self.now.acting  # whose derivatives the linear system has
         z = old + fraction * (z - old) if fraction < 1.0 else z
         self.change(z=z, force_decided=None)
         pulls = self.active & (self.now.z_n + adhesion < 0.0)
         if pulls.any():
             sides = self.slave.gather(step), self.master.gather(step)
-            blocks = o.near(pulls).weight_derivative()
+            blocks = acting.weight_derivative()
             change = fraction * change_along(self.now, blocks, *sides)
             pulls &= change > o.weight
             force = o.weight[:, None] * z + change[:, None] * old

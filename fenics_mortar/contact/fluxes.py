@@ -61,19 +61,14 @@ from dolfinx import fem
 from fenics_mortar.contact.fields import ContactFields, change_along
 from fenics_mortar.contact.law import Row, VectorRow
 from fenics_mortar.contact.rows import row_by_displacements, row_by_motions
-from fenics_mortar.interface.mortar import (
-    Block,
-    MortarOperators,
-    NumberedColumns,
-    as_block,
-    compressed,
-)
+from fenics_mortar.interface.mortar import Block, as_block, compressed
 from fenics_mortar.interface.traces import Trace, trace_of
 from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.law_calls import Conductance, ConductanceValue
+    from fenics_mortar.interface.mortar import MortarOperators, NumberedColumns
     from fenics_mortar.mesh.space import DisplacementSpace
 
 

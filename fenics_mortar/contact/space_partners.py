@@ -27,15 +27,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import coo_array, csr_array, dia_array, eye
 
-from fenics_mortar.contact.arcs import (
-    Led,
-    Material,
-    PastObstacle,
-    Screw,
-    past_obstacle,
-    screw,
-    vectors_of,
-)
+from fenics_mortar.contact.arcs import Material, past_obstacle, screw, vectors_of
 from fenics_mortar.contact.slip import Entries, entries_of, rows_of
 from fenics_mortar.interface.facing import nearest_on_master
 from fenics_mortar.interface.mortar import Block
@@ -43,6 +35,7 @@ from fenics_mortar.obstacles.rigid_motion import inverse_jacobians, turns_betwee
 from fenics_mortar.utils.arrays import Array, Flags, Indices, norms
 
 if TYPE_CHECKING:
+    from fenics_mortar.contact.arcs import Led, PastObstacle, Screw
     from fenics_mortar.contact.pair import Measure
     from fenics_mortar.interface.on_obstacle import ObstacleOperators
     from fenics_mortar.interface.space_mortar import SpaceOperators

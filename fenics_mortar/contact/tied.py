@@ -74,21 +74,13 @@ from fenics_mortar.contact.tied_rows import (
 from fenics_mortar.interface.integrals import MortarOptions, evaluate_normals
 from fenics_mortar.interface.mortar import Block, Linearization
 from fenics_mortar.interface.surfaces import MIN_SHARE
-from fenics_mortar.utils.arrays import (
-    HALF_FACET,
-    LAST_DIGITS,
-    ROUNDING,
-    SAME_PLACE,
-    SUM_ROUNDING,
-    Array,
-    Flags,
-    Indices,
-)
+from fenics_mortar.utils.arrays import HALF_FACET, LAST_DIGITS, ROUNDING, SAME_PLACE, SUM_ROUNDING
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
 if TYPE_CHECKING:
     from fenics_mortar.interface.outline import Outline
     from fenics_mortar.mesh.space import DisplacementSpace
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 def _refuse_offset(_: Any, lengths: Any) -> None:

@@ -606,14 +606,16 @@ def _as_followed(
     return start, start + own, rotation_by(turn)
 
 
-def turn(e: ContactEquations, motions: dict[int, Motion]) -> None:
-    """Move bodies along with their prescribed nodes (local).
+def turn(e: ContactEquations, motions: dict[int, Motion], *, followed: bool) -> None:
+    """Move bodies along with their prescribed nodes (collective).
 
     Multipliers of slave nodes turn with their bodies; slip is counted from the accepted state.
 
     Args:
         e: The equations at the start of the motions; displacements and multipliers are changed.
         motions: Rigid motions by body.
+        followed: Whether bodies are among them that contact alone supports. Without, multipliers
+            vanish where contact has moved on: where gaps exceed what the pressure compresses.
     """
     bulk, dofs, x = e.bulk, e.bulk.space.dofs, e.bulk.positions()
     values = bulk.values.copy()
@@ -627,6 +629,16 @@ def turn(e: ContactEquations, motions: dict[int, Motion]) -> None:
         for body, (_, _, R) in motions.items():
             z[bodies == body] = z[bodies == body] @ R.T
         contact.change(z=z)
+    if followed:
+        return
+    weights = [contact.c_n for contact in e.contacts]
+    try:
+        for contact in e.contacts:
+            contact.change(c_n=1.0)
+        e.evaluate_contacts(start=True)
+    finally:
+        for contact, c_n in zip(e.contacts, weights, strict=True):
+            contact.change(c_n=c_n)
 
 
 def _sums(x0: Array, x1: Array, bodies: Indices, count: int) -> Array:

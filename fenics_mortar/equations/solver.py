@@ -33,7 +33,6 @@ from fenics_mortar.contact.view import describe_start
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.equations.diagnosis import describe_idle
 from fenics_mortar.equations.predictor import (
-    Motion,
     Predictor,
     turn,
     turns_of_prescribed,
@@ -341,18 +340,24 @@ class Solver:
         expansion 19 failed, all with and none without friction; a line search solves 17 of them.
         Users' laws may be steep or not monotonic, and full steps oscillate about a kink: what
         converged last is tried first. Bodies that float have the proximal point method instead.
-        Where bodies that nothing prescribes turn with others, the start is one after these turns.
+        Where prescribed values turn bodies, and others with them, the start is after these turns:
+        from far away Newton's method may end on the other side of an obstacle.
         """
         e = self._equations
         start, may_turn = e.state(), not e.newton.tentative and e.bulk.inertia is None
         turns = turns_of_prescribed(e) if may_turn else {}
-        motions = with_followers(e, turns) if may_turn and follows else {}
+        followed = with_followers(e, turns) if may_turn and follows else turns
         newton = self._newton
-        if len(motions) > len(turns):
+        for motions in (followed, turns)[len(followed) == len(turns) :]:
+            if not motions:
+                continue
             try:
-                return self._newton_after(motions)
+                turn(e, motions, followed=motions is not turns)
+                if motions is not turns:  # values tell no turns of others
+                    self._lead(e.crossings.carried_by_solution())
+                return newton()
             except NotConvergedError as error:
-                error.report.notes.append(f"{error}: bodies turn with others, then not")
+                error.report.notes.append(f"{error}: bodies turn first, then fewer of them")
                 newton = partial(then_solve, error.report, self._newton)
             e.restore(start)
         try:
@@ -361,13 +366,6 @@ class Solver:
             if e.newton.tentative:
                 raise
             failed = error
-        if turns:
-            e.restore(start)
-            failed.report.notes.append(f"{failed}: bodies turn with their prescribed nodes first")
-            try:
-                return then_solve(failed.report, partial(self._newton_after, turns))
-            except NotConvergedError as error:
-                failed = error
         floats = bool(e.floating.bodies) or e.motions.driven_obstacles.any()
         if self._has_own_law or not floats:
             try:
@@ -415,12 +413,6 @@ class Solver:
         """Whether a contact has a user's law."""
         laws = [c.pair.law for c in self._equations.contacts if isinstance(c, Contact)]
         return not all(law.is_of_package for law in laws)
-
-    def _newton_after(self, motions: dict[int, Motion]) -> NewtonReport:
-        """Newton's method after rigid motions of bodies."""
-        turn(self._equations, motions)
-        self._lead(self._equations.crossings.carried_by_solution())
-        return self._newton()
 
     def _newton(self, damped: bool | None = None) -> NewtonReport:
         """Newton's method from the present state, by default as it converged last."""

@@ -21,6 +21,7 @@ from fenics_mortar.interface.reference import (
     face_rule,
     gauss_rule,
     linear_values,
+    positive_functions,
     tabulate,
 )
 from fenics_mortar.interface.space_mortar import FacetPairs
@@ -148,13 +149,16 @@ def points_of(segments: Segments | WholeFacets, rule: Rule = GAUSS) -> Points:
     return points_between(facet, segments.slave, segments.ends, rule)
 
 
-def with_weight(points: Points) -> Points:
-    """Points with the shape functions that have weight: of triangles with six nodes linear ones.
+def with_weight(points: Points, *, at_vertices: bool) -> Points:
+    """Points with functions of positive integrals, to which multipliers are dual (local).
 
-    Those of their corners have no integral, and no multiplier is at other nodes (local).
+    Of triangles with six nodes, where shape functions of corners have none: ``positive_functions``,
+    or linear ones if multipliers are ``at_vertices`` only.
     """
     if points.slave.shape[1] != 6:
         return points
+    if not at_vertices:
+        return replace(points, shape=points.shape @ positive_functions().T)
     linear = linear_values(6)
     corners = points.slave[:, : linear.shape[1]]
     return replace(points, slave=corners, shape=points.shape @ linear)

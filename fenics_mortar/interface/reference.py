@@ -128,10 +128,9 @@ def functions_of(size: int, basis: Basis) -> Array:
     """Coefficients of multiplier functions in the shape functions, (K, K) [1] (local).
 
     The unit matrix for dual and standard functions. "linear": those of the corners. "quadratic", of
-    triangles with six nodes: with N~ = T N, N~_corner = N_corner + a (N of the two middles beside
-    it) and N~_middle = (1 - 2 a) N_middle, all integrals of N~ are positive, and diag(int N~)
-    (int N~ N~^T)^-1 N~ is dual to N~ on straight, fully covered facets (Wohlmuth, Popp, Gee & Wall
-    2012). These combinations are taken on all facets: D need not be diagonal.
+    triangles with six nodes: diag(int N~) (int N~ N~^T)^-1 N~ is dual to N~ = T N, see
+    ``positive_functions``, on straight, fully covered facets. These combinations are taken on all
+    facets: D need not be diagonal.
 
     Args:
         size: Number of nodes of a facet.
@@ -143,13 +142,22 @@ def functions_of(size: int, basis: Basis) -> Array:
         return functions
     if basis != "quadratic" or size == 3:  # linear fields of a tie with quadratic displacements
         return np.eye(size)
-    N, weights = reference_values(size)
-    T = np.diag([1.0, 1.0, 1.0, *np.full(3, 1.0 - 2.0 * OF_MIDDLES)])
-    for corner, beside in enumerate(((3, 5), (3, 4), (4, 5))):
-        T[corner, beside] = OF_MIDDLES
+    (N, weights), T = reference_values(size), positive_functions()
     given = T @ N.T
     gram = (given * weights) @ given.T
     return np.asarray(np.diag(given @ weights) @ np.linalg.solve(gram, T))
+
+
+def positive_functions() -> Array:
+    """Coefficients T of functions of triangles with six nodes, (6, 6) [1] (local).
+
+    With N~ = T N, N~_corner = N_corner + a (N of the two middles beside it) and N~_middle =
+    (1 - 2 a) N_middle, all integrals of N~ are positive (Wohlmuth, Popp, Gee & Wall 2012).
+    """
+    T = np.diag([1.0, 1.0, 1.0, *np.full(3, 1.0 - 2.0 * OF_MIDDLES)])
+    for corner, beside in enumerate(((3, 5), (3, 4), (4, 5))):
+        T[corner, beside] = OF_MIDDLES
+    return T
 
 
 def hand_over(multiplier_nodes: Flags, dim: int = 2, basis: Basis = "dual") -> Array:

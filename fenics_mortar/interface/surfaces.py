@@ -50,6 +50,7 @@ from dolfinx import mesh as dmesh
 
 from fenics_mortar.interface.reference import CORNERS, gauss_rule, rule_of_triangles, tabulate
 from fenics_mortar.kernels.sight import tabulate_masters
+from fenics_mortar.mesh.space import cells_of_facets
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import summed
 from fenics_mortar.utils.errors import SurfaceError, count_points
@@ -359,15 +360,9 @@ def outward_nodes(V: Any, facets: Numbers) -> Indices:
         V: Space of the displacement.
         facets: Local facets, shape (m,).
     """
-    topology, layout, dofmap = V.mesh.topology, V.dofmap.dof_layout, compat.dofmap(V)
-    dim = topology.dim
+    layout, dofmap, dim = V.dofmap.dof_layout, compat.dofmap(V), V.mesh.topology.dim
     x = V.tabulate_dof_coordinates()[:, :dim]
-    to_cells, to_facets = topology.connectivity(dim - 1, dim), topology.connectivity(dim, dim - 1)
-    cells = np.array([to_cells.links(facet)[0] for facet in facets], np.int64)
-    places = np.array(
-        [np.flatnonzero(to_facets.links(c) == f)[0] for f, c in zip(facets, cells, strict=True)],
-        np.int64,
-    )
+    cells, places = cells_of_facets(V.mesh, facets)
     cell = basix.topology(getattr(basix.CellType, compat.cell_name(V.mesh)))
     corners = [layout.entity_dofs(0, k)[0] for k in range(len(cell[0]))]
     size = len(layout.entity_closure_dofs(dim - 1, 0))

@@ -17,7 +17,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import groupby, permutations
+from itertools import groupby, permutations, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -93,7 +93,7 @@ def evaluated_contacts(problem: ContactProblem) -> list[Any]:
 
 
 def surface_fields(contact: Contact | Tie, u: Array) -> dict[str, Array]:
-    """Fields at the nodes of a slave surface by name, see ``ResultsWriter`` (local).
+    """Fields at the nodes of a slave surface by name, see ``ResultsWriter`` (collective).
 
     Args:
         contact: A pair of ``evaluated_contacts``.
@@ -103,14 +103,20 @@ def surface_fields(contact: Contact | Tie, u: Array) -> dict[str, Array]:
     if isinstance(contact, Contact):
         friction = {"slip": contact.slip, "sticking": contact.sticking.astype(np.int32)}
         friction |= {f"memory_{name}": v for name, v in contact.accepted_instant.memory.items()}
-    return friction | {
-        "displacement": contact.slave.gather(u),
-        "contact_pressure": contact.pressure,
-        "tangential_traction": _tangential(contact),
-        "gap": contact.gap,
-        "status": contact.active.astype(np.int32),
-        "normal": o.n,
-    }
+    fluxes = [vars(flux.nodal()) for flux in contact.all_fluxes]
+    names = product(range(len(fluxes)), ("jump", "conduction", "heating"))
+    return (
+        friction
+        | {f"{name}_{i}": fluxes[i][name] for i, name in names}
+        | {
+            "displacement": contact.slave.gather(u),
+            "contact_pressure": contact.pressure,
+            "tangential_traction": _tangential(contact),
+            "gap": contact.gap,
+            "status": contact.active.astype(np.int32),
+            "normal": o.n,
+        }
+    )
 
 
 def _tangential(contact: Contact | Tie) -> Array:
@@ -424,8 +430,10 @@ class ResultsWriter:
     their cells. A slave surface has at its nodes the displacement [length], the contact pressure
     [stress], the tangential traction tau . z, in space a vector [stress], the mean gap [length],
     nan without partner, the slip of the last step [length], the status (0 open, 1 active), whether
-    it sticks (0, 1) and the normal. Obstacles are outlines in a box around the bodies, with their
-    displacement [length]. Positions are those of the reference state: warp by displacement.
+    it sticks (0, 1) and the normal; of each of its fluxes, numbered from 0, as ``jump_0`` the jump
+    of the field, ``conduction_0`` and ``heating_0``, see ``NodalFlux``. Obstacles are
+    outlines, in space surfaces, in a box around the bodies, with their displacement [length].
+    Positions are those of the reference state: warp by displacement.
 
     Args:
         path: Path of the files, used on the first rank; missing folders are created.

@@ -33,6 +33,7 @@ from fenics_mortar.io.paraview import (
     owned_cells,
     with_margin,
 )
+from fenics_mortar.mesh.space import cells_of_facets
 from fenics_mortar.utils.errors import check_kind, check_number, together
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
 
@@ -53,11 +54,10 @@ def rings_of_skin(V: Any) -> tuple[Indices, Indices]:
     topology = V.mesh.topology
     topology.create_connectivity(2, 3)
     topology.create_connectivity(3, 2)
-    outer, to_cells = dmesh.exterior_facet_indices(topology), topology.connectivity(2, 3)
-    nodes = outward_nodes(V, outer)
+    outer = dmesh.exterior_facet_indices(topology)
+    cells, nodes = cells_of_facets(V.mesh, outer)[0], outward_nodes(V, outer)
     count = CORNERS[nodes.shape[1]]
     sides = [nodes[:, first : first + count] for first in range(0, nodes.shape[1] - 1, count)]
-    cells = np.array([to_cells.links(facet)[0] for facet in outer], np.int64)
     return cells, np.stack(sides, axis=2).reshape(len(nodes), -1)
 
 

@@ -198,6 +198,7 @@ class CondensedSystem(LinearSystem):
     def _without_pattern(self, C: list[Block]) -> PETSc.Mat:
         """The matrix beside K, with the entries of the present state only (collective)."""
         K, size = self.bulk.K, self.bulk.num_dofs
+        self._free_matrix(K)
         bounds = K.getOwnershipRanges()
         K_c = summed_rows(self.comm, bounds, [packed(self.force_derivative(), None, size)])
         of_bulk, shape = K.createSubMatrix(self._slave_rows), (self.num_z_dofs, size)
@@ -209,6 +210,7 @@ class CondensedSystem(LinearSystem):
         for matrix in (of_bulk, self._slave_K):
             if matrix is not None:
                 matrix.destroy()
+        del columns, values, of_contact
         sizes = (self.num_z_dofs, None), (self.bulk.num_owned, None)
         self._slave_K = PETSc.Mat().createAIJ(sizes, csr=csr, comm=self.comm)
         rest = packed(C, self._product(csr), size)

@@ -59,7 +59,7 @@ instead of the whole matrix.
 
 In the plane the matrix is factored without pivoting, which takes half of the time, until the
 residual of a solution shows that pivots are needed, as with rows of multipliers. In space MUMPS
-factors it without the zeros of its pattern.
+factors it without the zeros of its pattern, on all ranks together.
 """
 
 from __future__ import annotations
@@ -75,8 +75,14 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.la.options import STRIP_FACTORS, STRIP_PIVOTS, WITHOUT_PIVOTING, options_added
-from fenics_mortar.la.sparse import BlockMatrix, SomeRows, WithoutZeros, is_symmetric
+from fenics_mortar.la.options import (
+    STRIP_FACTORS,
+    STRIP_IN_SPACE,
+    STRIP_PIVOTS,
+    WITHOUT_PIVOTING,
+    options_added,
+)
+from fenics_mortar.la.sparse import BlockMatrix, SomeRows, is_symmetric, without_zeros
 from fenics_mortar.la.touching import (
     rigid_motions_along,
     tangential_axes,
@@ -84,7 +90,7 @@ from fenics_mortar.la.touching import (
     turned_axes,
 )
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices
+from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices, summed
 from fenics_mortar.utils.ranks import any_over_ranks, on_all_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
@@ -117,8 +123,8 @@ class Strip:
         self._matrix: Any = None
         self._columns: Any = None
         self._factors: Any = None
-        self._nonzeros = WithoutZeros() if bulk.space.dim == 3 else None
-        self._options = STRIP_FACTORS if self._nonzeros is None else STRIP_PIVOTS
+        self._in_plane = bulk.space.dim == 2
+        self._options = STRIP_FACTORS if self._in_plane else STRIP_IN_SPACE
         self._pattern = (0, 0.0)  # handle and number of entries of the matrix
 
     def move_to(self, dofs: Indices) -> None:
@@ -136,7 +142,7 @@ class Strip:
     def factor(self, A: PETSc.Mat) -> None:
         """Factor the strip of ``A``, whose pattern may have changed, as it always has in space."""
         pattern = A.handle, A.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]
-        same = self._nonzeros is None and pattern == self._pattern
+        same = self._in_plane and pattern == self._pattern
         if not on_all_ranks(self._comm, same):
             self.forget_pattern()
             self._pattern = pattern
@@ -144,6 +150,9 @@ class Strip:
             self._numbers_in(A, rows) for rows in (self._rows, self._solved, self._touched)
         )
         self._matrix = A.createSubMatrix(whole, whole, self._matrix)
+        if not self._in_plane:
+            whole_pattern, self._matrix = self._matrix, without_zeros(self._matrix)
+            whole_pattern.destroy()
         self._columns = A.createSubMatrix(touched, solved, self._columns)
         self._on_solved, self._on_touched = self._columns.createVecs()
         self._b, self._x = self._matrix.createVecs()
@@ -159,20 +168,17 @@ class Strip:
             if of_pattern is not None:
                 of_pattern.destroy()
         self._factors = self._matrix = self._columns = None
-        if self._nonzeros is not None:
-            self._nonzeros.forget()
 
     def _compute_factors(self) -> None:
         """Factor the matrix, without pivoting in the order of elimination of the last one."""
-        if self._factors is None or self._options is STRIP_PIVOTS:
+        if self._factors is None or self._options is not STRIP_FACTORS:
             if self._factors is not None:
                 self._factors.destroy()
             self._factors = PETSc.PC().create(self._comm)
             self._factors.setOptionsPrefix(self._prefix)
         with options_added(self._prefix, self._options):
             self._factors.setFromOptions()
-            matrix = self._matrix if self._nonzeros is None else self._nonzeros.of(self._matrix)
-            self._factors.setOperators(matrix)
+            self._factors.setOperators(self._matrix)
             self._factors.setUp()
 
     def _is_accurate(self) -> bool:
@@ -352,6 +358,11 @@ class ContactPreconditioner:
         self._bulk.free_garbage()  # vectors of the last set-up
         A, _ = pc.getOperators()
         outdated = self._is_outdated()
+        if outdated and self._cycle is not None:
+            self._cycle.destroy()
+            self._cycle = None
+        if self._bulk.space.dim == 3:
+            compat.return_free_memory()
         self._move_strip(of_cycle=not outdated)
         self._strip.factor(A)
         nodes = [self._active(contact) for contact in self._contacts]
@@ -416,9 +427,6 @@ class ContactPreconditioner:
             self._replacement.record(ksp.getIterationNumber(), digits, self._place)
 
     def _make_cycle(self, A: PETSc.Mat, nodes: list[tuple[Indices, Array, Array]]) -> None:
-        if self._cycle is not None:
-            self._cycle.destroy()
-            self._cycle = None
         first = self._bulk.first
         B = self._touching_tangent(A)
         idle = self._idle.assemble(self._idle_blocks(nodes))
@@ -436,6 +444,10 @@ class ContactPreconditioner:
             self.by = " by PETSc's gamg" + ("" if compat.petsc_has("hypre") else ", without hypre")
             B.setNearNullSpace(rigid_motions_along(self._axes, self._bulk, B))
         self._cycle.setUp()
+        if not reduced and self._cycle.getPC().getType() == "hypre":
+            self._cycle.getPC().setReusePreconditioner(True)
+            self._cycle.setOperators(self._bulk.K)  # instead of B, of which hypre has a copy
+            B.destroy()
         self._replacement = Replacement()
         self._sets = [contact.active.copy() for contact in self._contacts]
 
@@ -554,9 +566,7 @@ class ContactPreconditioner:
             entries = zip(*contact.force_entries(), strict=True)
             dofs, j, values = (np.concatenate(parts) for parts in entries)
             own = np.isin(dofs[:, 0], slave.dofs[contact.acts, 0])
-            weight = np.zeros(slave.num_nodes)
-            np.add.at(weight, j[own], values[own])
-            weight = sum_over_ranks(slave.comm, weight)
+            weight = sum_over_ranks(slave.comm, summed(values[own], j[own], slave.num_nodes))
             weight[weight < MIN_WEIGHT * contact.slave.nodal_areas] = np.inf
             dofs, j, share = dofs[~own], j[~own], -values[~own] / weight[j[~own]]
             yield slave.dofs[j], dofs, share[:, None, None], followed[j]

@@ -90,13 +90,16 @@ CYCLE = TIED | (HYPRE if compat.petsc_has("hypre") else GAMG)
 # Largest relative residual with factors without pivoting [1], in the strip without, otherwise after
 # one refinement; above it half of the digits are lost by growth of the pivots.
 WITHOUT_PIVOTING = 1e-10
-# The strip along the contact surfaces. Each rank factorizes all of it: this takes little time, and
-# a solve needs one exchange only. Without pivoting a solve takes a fifth of the time.
+# The strip along the contact surfaces in the plane. Each rank factorizes all of it: this takes
+# little time, and a solve needs one exchange only. Without pivoting a solve takes a fifth of the
+# time.
 STRIP_FACTORS, STRIP_PIVOTS = (
     {"pc_type": "redundant"}
     | {f"redundant_{name}": value for name, value in options.items() if name != "ksp_type"}
     for options in (SMALL, DIRECT)
 )
+# In space the factors, a fifth of all memory, are shared by the ranks.
+STRIP_IN_SPACE = {name: value for name, value in DIRECT.items() if name != "ksp_type"}
 # Flexible GMRES stores the preconditioned directions. GMRES forms the solution by one more
 # application of multigrid, a tenth of all.
 ITERATIVE = {

@@ -43,6 +43,7 @@ from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.solver import LinearSolver
 from fenics_mortar.la.sparse import BlockMatrix, add_blocks, packed, summed_rows, with_rows
 from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.compat import return_free_memory
 from fenics_mortar.utils.ranks import on_all_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
@@ -253,6 +254,21 @@ class LinearSystem(ABC):
         self._pattern = self.bulk.num_patterns
         return True
 
+    def _free_matrix(self, K: PETSc.Mat) -> None:
+        """Free the last matrix, and the factors of its strip, before a new one (collective).
+
+        With multigrid only: factors of a direct solver serve further matrices.
+
+        Args:
+            K: A matrix of the same layout, to which PETSc's solver refers meanwhile.
+        """
+        if self.solver.multigrid is not None:
+            self.solver.multigrid.forget_pattern()
+            self.ksp.setOperators(K)
+            self.matrix = PETSc.Mat()
+            self.bulk.free_garbage()
+            return_free_memory()
+
     def _prescribe_rows(self, matrix: PETSc.Mat, first_row: int) -> None:
         """Replace the rows of prescribed dofs by k times those of the identity (collective).
 
@@ -382,6 +398,7 @@ class SaddleSystem(LinearSystem):
             self._fill(K)
         else:
             blocks = self._numbered_blocks(self._parts())
+            self._free_matrix(K)
             rows = packed(blocks, None, K.getSize()[1])
             bounds = K.getOwnershipRanges()
             self.matrix = with_rows(K, summed_rows(self.comm, bounds, [rows]))

@@ -16,7 +16,7 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_array
+from scipy.sparse import bsr_array, csr_array
 
 from fenics_mortar.bulk.bodies import centre_and_size, label_bodies, rigid_motions
 from fenics_mortar.bulk.node_blocks import CSR, LocalRows, from_local_csr, local_csr
@@ -49,33 +49,46 @@ def touching_tangent(
         touching.setBlockSize(dim)
         return touching
     own, *others = local_csr(touching)
-    turned = [_turned(own, own.columns, axes, axes)]
+    found = [(_in_blocks(own, own.columns, axes), axes)]
     for part in others:
         nodes, number = np.unique(np.asarray(part.numbers) // dim, return_inverse=True)
         columns = (dim * number + np.asarray(part.numbers) % dim)[part.columns]
-        of_nodes = [_values_at(A, axes[:, k], nodes) for k in range(dim)]
-        starts, found, values = _turned(part, columns, axes, np.stack(of_nodes, axis=1))
-        found = (dim * nodes[found // dim] + found % dim).astype(PETSc.IntType)
-        turned.append((starts, found, values))
+        of_nodes = np.stack([_values_at(A, axes[:, k], nodes) for k in range(dim)], axis=1)
+        found.append((_in_blocks(part, columns, of_nodes), of_nodes))
+    touching.destroy()  # before another copy of the entries is made
+    turned = [_turned(blocks, axes, of_columns) for blocks, of_columns in found]
+    if others:
+        starts, columns, values = turned[1]
+        columns = dim * nodes[columns // dim] + columns % dim
+        turned[1] = starts, columns.astype(PETSc.IntType, copy=False), values
     B = from_local_csr(comm, turned[0], turned[-1])
     B.setBlockSize(dim)
-    touching.destroy()
     return B
 
 
-def _turned(part: LocalRows, columns: Indices, of_rows: Array, of_columns: Array) -> CSR:
+def _in_blocks(part: LocalRows, columns: Indices, of_columns: Array) -> bsr_array:
+    """Some columns of a matrix, as blocks of nodes (local).
+
+    Args:
+        part: These columns.
+        columns: Local numbers of the columns of its entries, shape (entries,).
+        of_columns: Axes of their nodes, shape (m, dim, dim) [1].
+    """
+    num_nodes, dim, _ = of_columns.shape
+    shape = part.starts.size - 1, dim * num_nodes
+    blocks = csr_array((part.values(), columns, part.starts), shape=shape).tobsr((dim, dim))
+    blocks.sort_indices()
+    return blocks
+
+
+def _turned(blocks: bsr_array, of_rows: Array, of_columns: Array) -> CSR:
     """Some columns of R^T B R (local).
 
     Args:
-        part: These columns of B.
-        columns: Local numbers of the columns of its entries, shape (entries,).
+        blocks: These columns of B; changed.
         of_rows: Axes of the nodes of the rows, shape (n, dim, dim) [1].
         of_columns: Those of the nodes of the columns, shape (m, dim, dim) [1].
     """
-    dim = of_rows.shape[1]
-    shape = dim * len(of_rows), dim * len(of_columns)
-    blocks = csr_array((part.values(), columns, part.starts), shape=shape).tobsr((dim, dim))
-    blocks.sort_indices()
     turn_blocks(blocks.indptr, blocks.indices, blocks.data, of_rows, of_columns)
     found = blocks.tocsr()
     return (
@@ -190,11 +203,16 @@ def _turns_in_space(contacts: Sequence[Interface], x: Array) -> Array:
     return np.asarray(turns / weights[:, None])
 
 
-def sliding_in_space(contact: Interface) -> tuple[Indices, int]:
-    """At most ``TANGENTS`` active, untied nodes, and the mesh axis nearest to their mean normal."""
+def _untied(contact: Interface) -> Indices:
+    """At most ``TANGENTS`` active nodes with one constrained direction, those of ties have all."""
     F = contact.rows.followed()
     j = np.flatnonzero(contact.active & (np.einsum("jab,jba->j", F, F) < 1.5))
-    j = j[np.linspace(0.0, max(j.size - 1, 0), min(j.size, TANGENTS)).astype(int)]
+    return j[np.linspace(0.0, max(j.size - 1, 0), min(j.size, TANGENTS)).astype(int)]
+
+
+def sliding_in_space(contact: Interface) -> tuple[Indices, int]:
+    """At most ``TANGENTS`` active, untied nodes, and the mesh axis nearest to their mean normal."""
+    j = _untied(contact)
     return j, int(np.abs(contact.operators.n[j].sum(axis=0)).argmax())
 
 
@@ -205,9 +223,7 @@ def quarter_turns(tangents: ComplexArray) -> int:
 
 def sliding_nodes(contact: Interface) -> tuple[ComplexArray, ComplexArray]:
     """Positions and tangents of at most ``TANGENTS`` active, untied nodes, complex, (n,) each."""
-    F, o = contact.rows.followed(), contact.operators
-    j = np.flatnonzero(contact.active & (np.einsum("jab,jba->j", F, F) < 1.5))
-    j = j[np.linspace(0.0, max(j.size - 1, 0), min(j.size, TANGENTS)).astype(int)]
+    o, j = contact.operators, _untied(contact)
     return o.x[j] @ [1.0, 1.0j], o.tau[j] @ [1.0, 1.0j]
 
 

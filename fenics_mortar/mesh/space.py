@@ -46,7 +46,7 @@ import numpy.typing as npt
 import basix
 
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Indices, values_at
+from fenics_mortar.utils.arrays import Array, Indices, Numbers, values_at
 from fenics_mortar.utils.errors import (
     MortarError,
     call_together,
@@ -449,6 +449,23 @@ def _vertices(mesh: Any) -> Indices:
     """Input numbers of the vertices of all local cells, shape (cells, vertices) (local)."""
     numbers = np.asarray(mesh.geometry.input_global_indices, np.int64)
     return numbers[compat.geometry_dofmap(mesh)[:, : compat.num_corners(mesh)]]
+
+
+def cells_of_facets(mesh: Any, facets: Numbers) -> tuple[Indices, Indices]:
+    """First cells of facets, and the facets' numbers in them, shape (m,) each (local).
+
+    Requires the connectivities facets -> cells and cells -> facets.
+
+    Args:
+        mesh: The mesh.
+        facets: Local facets, shape (m,).
+    """
+    topology, dim = mesh.topology, mesh.topology.dim
+    to_cells, to_facets = topology.connectivity(dim - 1, dim), topology.connectivity(dim, dim - 1)
+    cells = to_cells.array[to_cells.offsets[facets]].astype(np.int64)
+    sides = len(basix.topology(getattr(basix.CellType, compat.cell_name(mesh)))[dim - 1])
+    numbers = (to_facets.array.reshape(-1, sides)[cells] == facets[:, None]).argmax(axis=1)
+    return cells, numbers
 
 
 def input_nodes(V: Any) -> Indices:

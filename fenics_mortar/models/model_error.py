@@ -521,7 +521,7 @@ class _Touching:
         self._contact, self._obstacle, o = contact, obstacle, contact.operators
         self._points = points_of(o.segments, gauss_rule(POINTS_ON_FACET))
         self._measure = self._points.measure(o.x)
-        self._tractions = with_weight(self._points)
+        self._tractions = with_weight(self._points, at_vertices=contact.at_vertices)
         if contact.slave.thickness is not None:
             self._measure = self._measure * self._points.of(contact.slave.thickness.at(o.x))
         own = obstacle.to_own_frame(self._points.of(o.x).reshape(-1, surface.dim))
@@ -555,8 +555,8 @@ class _Touching:
     def means(self, values: Array) -> Array:
         """Weighted means of values (points,) for each slave node [their unit] (collective).
 
-        Zero at nodes without points, shape (slave nodes,). On triangles with six nodes those of the
-        corners are interpolated, since an offset is a sum over all nodes.
+        Zero at nodes without points, shape (slave nodes,). Of linear functions on triangles with
+        six nodes those of the corners are interpolated, since an offset is a sum over all nodes.
         """
         parts = self._tractions.dual_moments(self._measure, values.reshape(self._measure.shape))
         sums = np.zeros((2, self._contact.slave.num_nodes))
@@ -564,7 +564,7 @@ class _Touching:
             np.add.at(target, self._tractions.slave, part)
         sums = sum_over_ranks(self._contact.slave.comm, sums)
         means = np.asarray(sums[0] / np.where(sums[1] > 0.0, sums[1], 1.0))
-        only_at_corners = self._tractions is not self._points
+        only_at_corners = self._tractions.slave.shape != self._points.slave.shape
         return self._contact.now.fill_inside(means) if only_at_corners else means
 
     def _at_nearest(self, nodal: Array) -> Array:

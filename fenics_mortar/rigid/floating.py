@@ -144,8 +144,7 @@ class BodySettling:
 
         Returns:
             Function of a body: its motion by limit analysis at a coefficient of friction ``ROUGH``;
-            "" if it touches nothing at present or does not move, or if its loads lift it from all
-            that it touches.
+            "" if it touches nothing at present, does not move, or leaves all that it touches.
         """
         bodies = self._bodies
         touch = {
@@ -157,17 +156,17 @@ class BodySettling:
             return lambda body: ""
         loads, touching = self._limit_analysis(bulk)
         rough = touching._replace(slope=np.maximum(touching.slope, ROUGH))
-        each = [(body.label, len(body.motions)) for body in bodies.bodies]
-        labels = np.repeat(*np.transpose(each))
 
         def tipping(body: FloatingBody) -> str:
             motion = self._of_bodies(unresisted_motion(loads, rough))[body.label]
             if body.label not in touch or np.abs(motion).max() <= RIGID.resisted:
                 return ""
-            mine = labels == body.label
-            rates = touching.opening[:, mine]
-            if (rates @ loads[mine] > 0.0)[rates.any(axis=1)].all():
-                return ""
+            opening = [
+                (motion @ closing(bodies, c, body))[bodies.at_body(c, body) & _touches(c)]
+                for c in bodies.contacts
+            ]
+            if np.concatenate(opening).max(initial=-1.0) < -RIGID.resisted:
+                return ""  # pulled off
             how, name = body.describe(motion, directed=True, poles=True), bodies.name_of(body.label)
             return f"{name} tips over, which no friction can prevent: it begins to {how}. At last "
 

@@ -91,6 +91,16 @@ def free_garbage(comm: MPI.Comm, *objects: Any) -> None:
         PETSc.garbage_cleanup(each)
 
 
+def return_free_memory() -> None:
+    """Return free memory of the C library to the system; without effect but with glibc (local).
+
+    Matrices and factors of an iteration leave gaps that those of the next one do not fit into.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(ctypes.c_size_t(0))
+
+
 def free_garbage_of_earlier(comm: MPI.Comm) -> None:
     """Free unreferenced PETSc objects on communicators kept by these ranks (collective)."""
     for earlier in _kept.get(_world_ranks(comm), ()):

@@ -60,6 +60,7 @@ def bodies(
     turned=(),
     energy=energies.neo_hookean,
     poisson=0.3,
+    basis="dual",
     **options,
 ):
     """Problem of ``boxes`` with the sides ``held`` prescribed and ``pairs`` (slave, master).
@@ -73,7 +74,9 @@ def bodies(
     motions = {side: fem.Constant(data.mesh, (0.0, 0.0, 0.0)) for side in held}
     motions |= {side: fem.Function(V) for side in turned}
     bcs = [fm.dirichlet(V, data, side, value) for side, value in motions.items()]
-    given = {"law": law} if law is not None else {}
+    given = {"discretization": fm.Discretization(basis=basis)}
+    if law is not None:
+        given["law"] = law
     if radius is not None:
         given["search_radius"] = radius
     contacts = [fm.ContactPair(data, slave=s, master=m, **given) for s, m in pairs]

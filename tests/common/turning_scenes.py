@@ -93,6 +93,17 @@ def shaft_in_ring(
     return shaft
 
 
+def problem_of(grids, pairs, **given):
+    """Neo-Hookean bodies; ``pairs`` and further arguments are functions of data and space."""
+    data = mapped_grids.mesh(grids)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    return fm.ContactProblem(
+        internal(u, neo_hookean(u, E, NU)), u, pairs(data), newton=TIGHT,
+        petsc_options_prefix="turns_", **{name: each(data, V) for name, each in given.items()},
+    )  # fmt: skip
+
+
 def rollers(law, *, columns=(40, 46), radii=(0.5, 0.5), hubs=(0.2, 0.2), layers=3, degree=1):
     """Two tyres on rigid hubs, side by side: the problem and both hubs; nothing is pressed yet."""
     centres, starts = [(0.0, 0.0), (sum(radii), 0.0)], (0.02, 0.1)

@@ -3,16 +3,14 @@
 
 import numpy as np
 import pytest
-from friction_scenes import NU, E
-from scenes import TIGHT, internal, neo_hookean, rotation
-from turning_scenes import rollers, shaft_in_ring
+from scenes import rotation
+from turning_scenes import problem_of, rollers, shaft_in_ring
 
 from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.contact.arcs import Carried, way_of
 from fenics_mortar.obstacles.rigid_motion import rotation_by
-from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block, sector
 
 MU, TURN = 0.2, 2.0 * np.pi
@@ -69,6 +67,8 @@ def test_friction_does_the_work_of_its_moments(tyres, ratio, per_turn):
     rolled = MU * contact.pressure.max() * np.abs(angles).max()  # where slip is a tenth of the way
     assert contact.now.friction_work == pytest.approx(work, rel=0.01, abs=1e-4 * rolled)
     assert work > 0.0
+    if per_turn < 16:  # from tyres turned with their hubs; up to 34 otherwise
+        assert report.num_iterations <= 6
     radii = TYRES[tyres].get("radii", (0.5, 0.5))
     slip = contact.slip[contact.active]
     assert np.allclose(slip, angles @ radii, rtol=0.02, atol=0.01 * abs(angles).max()), slip
@@ -175,17 +175,6 @@ def test_creep_of_tyres_drags_them_the_right_way(ratio):
 def tyre(columns, name="tyre"):
     """A ring of radii 0.2 and 0.5 about the origin."""
     return Grid(name, sector(columns, 3, radii=(0.2, 0.5), angles=(0.02, 0.02 + TURN)), closed=True)
-
-
-def problem_of(grids, pairs, **given):
-    """Neo-Hookean bodies; ``pairs`` and further arguments are functions of data and space."""
-    data = mapped_grids.mesh(grids)
-    V = fm.vector_space(data.mesh, 1)
-    u = fem.Function(V)
-    return fm.ContactProblem(
-        internal(u, neo_hookean(u, E, NU)), u, pairs(data), newton=TIGHT,
-        petsc_options_prefix="tyres_", **{name: each(data, V) for name, each in given.items()},
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.obstacles.rigid_motion import rotation_less_one
 from meshes import mapped_grids
-from meshes.mapped_grids import Grid, block
+from meshes.mapped_grids import Grid, block, mapped
 
 
 def largest_error(problem, x, exact):
@@ -87,3 +87,31 @@ def test_rollers_in_contact_turn_on():
     assert force == pytest.approx(steps, rel=1e-3)
     assert (far.verdict, near.verdict) == ("ok", "ok")
     assert far.value < 5.0 and "before" in far.check  # degrees, without those of the hubs
+
+
+@pytest.mark.parametrize("degrees", [-192.0, -160.0])
+def test_blade_turns_past_a_post_that_it_does_not_touch(degrees):
+    """At first beyond the post, at the end beside it; the other way round it would hit the post."""
+    at, post = np.radians(133.0), {"width": 0.26, "height": 0.4, "corner": (-0.3, -1.0)}
+
+    def blade(s, t):
+        along, across = 0.17 + 1.25 * s, 0.11 * (t - 0.5)
+        c, s = np.cos(at), np.sin(at)
+        return c * along - s * across, s * along + c * across
+
+    sides = {side: "blade/sides" for side in ("bottom", "right", "top")}
+    grids = [
+        Grid("post", block(3, 2, **post), joined={"right": "post/sides", "left": "post/sides"}),
+        Grid("blade", mapped(6, 2, blade), joined=sides),
+    ]
+    data = mapped_grids.mesh(grids, cell="triangle")
+    V = fm.vector_space(data.mesh, 1)
+    u, axle = fem.Function(V), fm.RigidBoundary(data, "blade/left", pivot=(0.0, 0.0))
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 100.0, 0.3)), u,
+        [fm.ContactPair(data, "post/sides", "blade/sides")],
+        bcs=[fm.dirichlet(V, data, "post/bottom", (0.0, 0.0))],
+        remote=[axle], petsc_options_prefix="blade_",
+    )  # fmt: skip
+    axle.move(angle=np.radians(degrees))
+    assert problem.solve().num_iterations == 1

@@ -10,6 +10,7 @@ import meshio
 import numpy as np
 import pytest
 import scenes
+from heat_scenes import stacked
 from test_obstacles import block_under
 
 import ufl
@@ -229,6 +230,22 @@ def test_two_slaves_of_one_name_in_files_get_two_series(shared_path):
     for i in range(2):
         found = steps(shared_path / "series.pvd", "surfaces", f"upper/bottom {i}")[0.0]
         assert len(found) == 1 and found[0].is_file()
+
+
+def test_surfaces_have_their_fluxes(shared_path):
+    """Jump, conduction and heat of friction of each field, those of ``fluxes``."""
+    scene = stacked((2, 3))
+    heat = [fm.Conductance(1, 2.0, heating=lambda p, X: (p * X[:, 0], X[:, 0]))]
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=heat)
+    problem = scene.problem([pair])
+    scene.set(top=-0.02, hot=3.0)
+    problem.solve()
+    with ResultsWriter(shared_path / "hot", problem, {"T": scene.w.sub(1)}) as results:
+        results.write(0.0)
+    (file,) = steps(shared_path / "hot.pvd", "surfaces", "upper/bottom")[0.0]
+    found, flux = meshio.read(file).point_data, problem.contacts[0].fluxes[0]
+    for name in ("jump", "conduction", "heating"):
+        assert np.array_equal(found[f"{name}_0"], getattr(flux, name)) and found[f"{name}_0"].any()
 
 
 def test_outlines_of_obstacles_move_with_them(shared_path):

@@ -6,7 +6,9 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from scenes import pressed_blocks
+from space_pairs import pressed
 
+import fenics_mortar as fm
 from fenics_mortar.la.multigrid import Replacement
 
 comm = MPI.COMM_WORLD
@@ -81,3 +83,16 @@ def test_factors_are_updated_with_values_and_renewed_with_the_pattern():
     strip.solve(b, x)
     strip.subtract_product(x, b)
     assert np.abs(b.array_r[strip._rows]).max(initial=0.0) < 1e-10
+
+
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+def test_in_space_an_assembly_frees_what_belongs_to_the_last_matrix(algorithm):
+    problem = {"solver": "iterative", "algorithm": algorithm}
+    scene = pressed("tetrahedron", law=fm.Coulomb(0.3), problem=problem)
+    scene.move(0.02, 0.0, -0.04)
+    system = scene.problem.equations.system
+    before = system.matrix
+    system.assemble()
+    assert before.getRefCount() == 1  # that of this test
+    assert system.solver.multigrid._strip._factors is None
+    assert system.matrix.handle != before.handle

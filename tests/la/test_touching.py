@@ -11,6 +11,7 @@ from space_pairs import pressed
 
 import fenics_mortar as fm
 from fenics_mortar.la import multigrid
+from fenics_mortar.la.touching import tangential_axes
 
 comm = MPI.COMM_WORLD
 ADD = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
@@ -79,6 +80,18 @@ def test_tangent_in_space_is_the_product_of_its_matrices(monkeypatch, algorithm)
     scene = pressed("tetrahedron", law=fm.Coulomb(0.3), problem=problem, turn=turn)
     scene.move(0.02, 0.0, -0.04)
     assert errors and max(errors) < 1e-14
+
+
+def test_tangential_axes_are_those_along_the_contact():
+    """The x axis of plane blocks, x and y of those in space."""
+    scene = pressed_blocks(offset=0.0, **MESH)
+    (contact,) = scene.problem.equations.contacts
+    scene.loads["push"].value[:] = (0.0, -0.02)
+    scene.problem.solve()
+    assert tangential_axes(contact) == [0]
+    solid = pressed("tetrahedron")
+    solid.move(0.0, 0.0, -0.02)
+    assert tangential_axes(solid.problem.equations.contacts[0]) == [0, 1]
 
 
 def test_rows_and_columns_may_be_given_in_any_order():

@@ -291,8 +291,8 @@ def test_unsupported_obstacle_is_refused(loads, message):
     "load, message",
     [
         ({"z": np.nan}, "finite"),
-        ({"moment": 0.1}, "three axes"),
-        ({"moment": (0.1, 0.2, None)}, "one of them, which is then an axle"),
+        ({"moment": 0.1}, "moments about x, y and z"),
+        ({"moment": (0.1, 0.2, None)}, "one of them and None for the others"),
         ({"moment": (0.1, np.inf, 0.2)}, "finite"),
     ],
 )

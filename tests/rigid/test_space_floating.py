@@ -132,11 +132,11 @@ def test_block_tips_over_its_edge(angle):
         on_floor(0.95 * pull + DOWN, **{**narrow, "size": (0.4, 0.4, 0.3)}).problem.solve()
 
 
-@pytest.mark.parametrize("aside", [0.0, 0.3])
-def test_block_that_is_lifted_is_not_said_to_tip_over(aside):
+@pytest.mark.parametrize("load, mu", [((0, 0, 1), 0.3), ((0.3, 0, 1), 0.3), ((0.1, 0, 0.5), 0.9)])
+def test_block_that_is_lifted_is_not_said_to_tip_over(load, mu):
     """It touches the floor, on which no node stays."""
     with refused(fm.NotConvergedError, f"^{FREELY.format('move along .*')}"):
-        on_floor((aside, 0.0, 1.0)).problem.solve()
+        on_floor(np.array(load, float), mu=mu).problem.solve()
 
 
 def test_block_that_falls_onto_a_corner_and_slides_is_not_said_to_tip_over():

@@ -36,6 +36,7 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
         f"at {where}: facets reach beyond an edge of the obstacle, and the force may be several "
         "times too large; refine them until they are smaller than the rounding of the edge"
         f"{or_other_weights(contact)}",
+        limit=LIMITS.penetration,
         remark=LIMITS.coarse_distance,
         unit="facet lengths",
         where=where,
