@@ -60,9 +60,9 @@ class Discretization:
             quadratic facets also linear functions at their vertices only: "vertices", which can be
             condensed, or "linear", the standard linear functions of other codes. The two are equal
             on straight, fully covered facets. They have half as many multipliers, but the pressure
-            overshoots at the edge of contact. On triangles with six nodes all but "linear" are
-            "quadratic": combinations at all nodes with positive integrals, in a saddle point as
-            well, with pressures that scatter a third as much as those of linear functions.
+            overshoots at the edge of contact. "quadratic": as "dual", but on triangles with six
+            nodes, where all others are linear, quadratic functions at all nodes, with pressures
+            that scatter a third as much, in a saddle point as well.
         normals: Weights of the facet normals at a slave node: "opposite" (length of the other
             facet: exact on circles), "unit" (the choice of most codes) or "own" length. With
             "opposite", corners inside the slave take the normal of the facet that faces the master.

@@ -384,8 +384,8 @@ def remarks_on_friction(contacts: Sequence[Contact | Tie]) -> Iterator[str]:
         if LARGE < mu < PER_CENT:
             yield (
                 f"{contact.pair!r}: the coefficient of friction is {mu:g}, the ratio of shear to "
-                f"pressure; an angle of friction in degrees is tan(radians({mu:g})) = "
-                f"{np.tan(np.radians(mu)):.3g}, {mu:g} per cent are {mu / 100:g}"
+                f"pressure: {mu:g} per cent are {mu / 100:g}, and an angle of friction of phi "
+                "degrees is tan(radians(phi))"
             )
 
 

@@ -377,10 +377,10 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
 def _check_side(contact: Contact, on_slave: tuple[Array, Array, Array], bodies: Array) -> None:
     """Reject an obstacle whose solid is on the body's side of the slave surface (local).
 
-    In this case most of the outline lies on or in the obstacle, and at the slave node next to its
-    surface, on either side of it, the normal points out of it. The normals of a body that merely
-    penetrates too far, or of one that the solid surrounds with an interference, point towards the
-    solid.
+    In this case most of the outline, or of the slave surface, lies on or in the obstacle, and at
+    the slave node next to its surface, on either side of it, the normal points out of it. The
+    normals of a body that merely penetrates too far, or of one that the solid surrounds with an
+    interference, point towards the solid.
 
     Args:
         contact: The contact.
@@ -393,8 +393,10 @@ def _check_side(contact: Contact, on_slave: tuple[Array, Array, Array], bodies: 
     along = normals[nearest] @ gradient[nearest] / np.linalg.norm(gradient[nearest])
     if contact.obstacle is None or along < contact.options.min_cosine:
         return
-    within = contact.obstacle.evaluate(bodies)[0] <= SAME_PLACE * contact.slave.nodal_lengths.min()
-    if 2 * within.sum() > within.size:
+    level = SAME_PLACE * contact.slave.nodal_lengths.min()
+    of_outline = contact.obstacle.evaluate(bodies)[0]
+    within = [2 * (at <= level).sum() > at.size for at in (phi - contact.offset, of_outline)]
+    if any(within):
         raise MortarError(
             f"'{contact.slave.name}' lies inside obstacle '{contact.obstacle}', on the far side of "
             "its surface: the solid is on the side of the body. The outward normal, along which "

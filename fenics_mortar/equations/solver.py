@@ -33,6 +33,7 @@ from fenics_mortar.contact.view import describe_start
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.equations.diagnosis import describe_idle
 from fenics_mortar.equations.predictor import (
+    Motion,
     Predictor,
     turn,
     turns_of_prescribed,
@@ -41,7 +42,7 @@ from fenics_mortar.equations.predictor import (
 from fenics_mortar.equations.reduced import LinearBulk
 from fenics_mortar.newton.loop import Damped, NewtonReport, merge_repeated, solve, then_solve
 from fenics_mortar.rigid.proximal import RIGID, solve_with_springs, solve_with_weak_springs
-from fenics_mortar.utils.arrays import ROUNDING, Array
+from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError, NotConvergedError, as_text
 from fenics_mortar.utils.ranks import agreed, on_all_ranks, sum_over_ranks
@@ -341,31 +342,35 @@ class Solver:
         Users' laws may be steep or not monotonic, and full steps oscillate about a kink: what
         converged last is tried first. Bodies that float have the proximal point method instead.
         Where prescribed values turn bodies, and others with them, the start is after these turns:
-        from far away Newton's method may end on the other side of an obstacle.
+        from far away Newton's method may end on the other side of an obstacle. Where they would
+        turn into others, or through them, this is the last start: Newton's method would stay there.
         """
         e = self._equations
         start, may_turn = e.state(), not e.newton.tentative and e.bulk.inertia is None
         turns = turns_of_prescribed(e) if may_turn else {}
         followed = with_followers(e, turns) if may_turn and follows else turns
-        newton = self._newton
-        for motions in (followed, turns)[len(followed) == len(turns) :]:
-            if not motions:
-                continue
+        turned = [each for each in (followed, turns)[len(followed) == len(turns) :] if each]
+        met = [self._meets(each, start, followed=each is not turns) for each in turned]
+        clear, blocked = (
+            [m for m, is_met in zip(turned, met, strict=True) if is_met == last]
+            for last in (False, True)
+        )
+        newton, starts = self._newton, [*clear, {}, *blocked]
+        for motions in starts:
             try:
-                turn(e, motions, followed=motions is not turns)
-                if motions is not turns:  # values tell no turns of others
+                if motions:
+                    turn(e, motions, followed=motions is not turns)
+                if len(motions) > len(turns):  # values tell no turns of others
                     self._lead(e.crossings.carried_by_solution())
                 return newton()
             except NotConvergedError as error:
-                error.report.notes.append(f"{error}: bodies turn first, then fewer of them")
-                newton = partial(then_solve, error.report, self._newton)
-            e.restore(start)
-        try:
-            return newton()
-        except NotConvergedError as error:
-            if e.newton.tentative:
-                raise
-            failed = error
+                if e.newton.tentative:
+                    raise
+                failed = error
+            if motions is not starts[-1]:
+                e.restore(start)
+                failed.report.notes.append(f"{failed}: other bodies turn first, or none")
+                newton = partial(then_solve, failed.report, self._newton)
         floats = bool(e.floating.bodies) or e.motions.driven_obstacles.any()
         if self._has_own_law or not floats:
             try:
@@ -381,6 +386,18 @@ class Solver:
                 failed = NotConvergedError(failed.report.reason, with_springs.report)
         e.restore(start)
         return solve_with_springs(e, e.newton, failed)
+
+    def _meets(self, motions: dict[int, Motion], start: Any, *, followed: bool) -> bool:
+        """Whether bodies turn by ``motions`` into others or through them (collective).
+
+        Newton's method resolves overlaps of less than half a facet, which contact sees.
+        """
+        e = self._equations
+        turn(e, motions, followed=followed)
+        deep = any(c.facets > max(c.admitted, HALF_FACET) for c in e.crossings.find())
+        found = deep or bool(e.crossings.passages(e.motions.obstacle_places))
+        e.restore(start)
+        return agreed(e.comm, found)
 
     def _restart(self, start: Any, failed: NotConvergedError) -> NewtonReport:
         """Newton's method with damped steps after full ones, or the other way round.

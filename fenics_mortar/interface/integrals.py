@@ -270,12 +270,12 @@ WEIGHTINGS = {"opposite": projection.OPPOSITE, "unit": projection.UNIT, "own": p
 def basis_on(surface: Any, basis: Basis) -> Basis:
     """Basis of the multipliers on a surface (local).
 
-    Triangles with six nodes have the "quadratic" functions of ``reference.functions_of``, or
-    "linear" ones at their corners: there the integral of the quadratic shape function is zero, and
-    a dual one does not exist. On other facets "quadratic" is dual.
+    Triangles with six nodes have "linear" functions at their corners: there the integral of the
+    quadratic function is zero, and a dual one does not exist. With "quadratic" they have those of
+    ``reference.functions_of``; on other facets these are dual.
     """
     if surface.dim == 3 and surface.facets.shape[1] == 6:
-        return "linear" if basis == "linear" else "quadratic"
+        return basis if basis == "quadratic" else "linear"
     return "dual" if basis == "quadratic" else basis
 
 

@@ -41,10 +41,10 @@ from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, MortarOperator
 from fenics_mortar.interface.reference import AT_VERTICES, COMBINED, Basis, functions_of, hand_over
 from fenics_mortar.kernels.facets import BY_STANDARD, DUAL
 from fenics_mortar.kernels.space import integrals, pairs
-from fenics_mortar.kernels.space.integrals import listed_points
+from fenics_mortar.kernels.space.integrals import listed_points, sample_gaps
 from fenics_mortar.kernels.space.linearize import linearize_facets
 from fenics_mortar.kernels.space.shapes import triangle_rule
-from fenics_mortar.utils.arrays import Array, Flags, Indices, norms, summed
+from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.ranks import sum_over_ranks
 
@@ -424,16 +424,11 @@ class SpaceOperators(MortarOperators):
         Returns:
             Gaps, inf without a common part, (p,), and places on the slave, (p, 3), both [length].
         """
-        s, x = self.segments, self.x + offset[:, None] * self.n
-        rule = np.concatenate([np.eye(3), self.rule[0]]), np.ones(3 + len(self.rule[0]))
-        pair, (_, N, L) = listed_points((x, self.m), self.facet_nodes, s.master, s.offsets, rule)
-        sides = (N, self.n[s.slave[pair]]), (N, x[s.slave[pair]]), (L, self.m[s.master[pair]])
-        n, start, end = (np.einsum("tk,tkc->tc", shapes[:, 0], at) for shapes, at in sides)
-        gaps = ((end - start) * n).sum(axis=1) / norms(n)
-        order = np.lexsort((gaps, pair))
-        found, first = np.unique(pair[order], return_index=True)
-        smallest, where = np.full(s.num_segments, np.inf), np.zeros((s.num_segments, 3))
-        smallest[found], where[found] = gaps[order[first]], start[order[first]]
+        s, corners = self.segments, np.eye(3)
+        rule = np.concatenate([corners, self.rule[0]]), np.ones(3 + len(self.rule[0]))
+        smallest, where = np.empty(s.num_segments), np.zeros((s.num_segments, 3))
+        geometry = self.x + offset[:, None] * self.n, self.n, self.m
+        sample_gaps(geometry, self.facet_nodes, s.master, s.offsets, rule, smallest, where)
         return smallest, where
 
     def covered_corners(self, facets: Flags) -> tuple[Indices, Array]:

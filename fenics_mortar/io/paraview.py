@@ -285,8 +285,8 @@ def with_margin(low: Array, high: Array) -> tuple[Array, Array]:
 def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices, Array]:
     """Outline phi = 0 of an obstacle in a box: line segments, in space triangles (local).
 
-    For an obstacle outside the box it is one of zero length or area at the pivot, since files
-    without points are unreadable.
+    For an obstacle outside the box, or one narrower than the cells of the grid, it is one of zero
+    length or area at the pivot, since files without points are unreadable.
 
     Args:
         obstacle: The obstacle.

@@ -150,7 +150,8 @@ def turned_axes(bulk: Bulk, contacts: Sequence[Interface]) -> Array:
         turns = _turns_in_space(contacts, bulk.positions()[: len(dofs)])
         turns[bulk.prescribed[dofs].any(axis=1)] = 0.0
         axes = np.empty((bulk.num_owned, 3, 3))
-        axes[dofs[:, 0]] = Rotation.from_rotvec(turns).as_matrix()
+        if len(turns):  # none on ranks without nodes, which scipy refuses
+            axes[dofs[:, 0]] = Rotation.from_rotvec(turns).as_matrix()
         return axes
     t = _tangents(contacts, bulk.positions()[: len(dofs)])
     t[bulk.prescribed[dofs].sum(axis=1) == 1] = 1.0

@@ -8,7 +8,8 @@ sagittas of both surfaces with flat triangles: L a / 8 for facets of the size L 
 one of the sides of a pair where no facets of the pair face each other: edges that cross, a corner
 beside a face; and two ridges that cross, no faces of which face each other, where no node carries
 force, or the nodes beside do not keep them apart: the mean gaps of the nodes see nothing of the
-crossing, and measured forces are 0 to 40 % of the right ones. A node at the crossing sees it.
+crossing, and of roofs of 62 degrees forces were 0 to 95 % of the right ones. A node at the crossing
+sees it.
 
 Points of hulls in space that lie inside bodies, and their depths.
 
@@ -371,11 +372,12 @@ class SpaceAdmitted:
     def _are_edges(self, x: Array, overlaps: Overlaps) -> Flags:
         """Whether sharp edges of both sides cross, no faces of which face each other, (k,) (local).
 
-        Edges of blocks that lie on each other cross, too: beside these are faces that touch.
+        Edges of blocks that lie on each other cross, too: beside these are faces that touch. Edges
+        are sharp before deformation: contact flattens them.
         """
         hull, (nodes, triangles, depths, points) = self._hull, overlaps
         (edges, beside), normals, count = hull.edges, hull.normals(x), len(hull.X)
-        sharp = np.flatnonzero(hull.turns(x) >= LIMITS.sharp_corner)
+        sharp = np.flatnonzero(hull.turns(hull.X) >= LIMITS.sharp_corner)
         keys = edges[sharp] @ [count, 1]
         marks = np.isin(np.sort(nodes, axis=1) @ [count, 1], keys)
         for k in np.flatnonzero(marks):
@@ -437,8 +439,8 @@ class SpaceAdmitted:
     def _sagittas(self, x: Array) -> Array:
         """Sagittas of surfaces through the triangles, (m,) [facet sizes]; zero at sharp edges."""
         _, beside = self._hull.edges
-        turns = self._hull.turns(x)
-        turns = np.where(turns < LIMITS.sharp_corner, turns, 0.0)
+        turns, before = self._hull.turns(x), self._hull.turns(self._hull.X)
+        turns = np.where(np.maximum(turns, before) < LIMITS.sharp_corner, turns, 0.0)
         largest = np.zeros(len(self._hull.segments))
         np.maximum.at(largest, beside, turns[:, None])
         return largest / 8.0

@@ -323,7 +323,8 @@ def in_space(kind, folder):
         space_scenes.held(scene)
         obstacle = make()
         obstacle.move(x=0.01, y=0.01, z=-0.03, angle=(0.0, 0.0, 0.1))
-        scene.set_up([fm.ContactPair(scene.data, "block/top", obstacle, law=fm.Coulomb(MU))])
+        pair = fm.ContactPair(scene.data, "block/top", obstacle, law=fm.Coulomb(MU))
+        scene.set_up([pair], solver="iterative")
         report = scene.problem.solve()
         for what, value in results(scene.problem, report):
             yield f"{name}: {what}", value

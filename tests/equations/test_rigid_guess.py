@@ -115,3 +115,23 @@ def test_blade_turns_past_a_post_that_it_does_not_touch(degrees):
     )  # fmt: skip
     axle.move(angle=np.radians(degrees))
     assert problem.solve().num_iterations == 1
+
+
+@pytest.mark.parametrize("stop", ["block", "circle"])
+def test_arm_is_stopped_by_what_it_leans_on(stop):
+    """It bends; turned as a whole it would be inside the stop, and Newton's method stay there."""
+    grids = [Grid("arm", block(16, 2, width=1.1, height=0.12, corner=(-0.1, -0.06)))]
+    if stop == "block":
+        grids += [Grid("stop", block(3, 2, width=0.4, height=0.2, corner=(0.75, 0.06)))]
+    data = mapped_grids.mesh(grids)
+    V = fm.vector_space(data.mesh, 1)
+    u, axle = fem.Function(V), fm.RigidBoundary(data, "arm/left", pivot=(-0.1, 0.0))
+    master = "stop/bottom" if stop == "block" else fm.Circle((0.85, 0.16), 0.1)
+    bcs = [fm.dirichlet(V, data, "stop/top", (0.0, 0.0))] if stop == "block" else []
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 100.0, 0.3)), u, [fm.ContactPair(data, "arm/top", master)],
+        bcs=bcs, remote=[axle], petsc_options_prefix="arm_",
+    )  # fmt: skip
+    axle.move(angle=np.radians(10.0))
+    assert problem.solve().num_iterations < 12
+    assert problem.contacts[0].total_force[1] < 0.0

@@ -27,12 +27,11 @@ def paddle(origin=(-0.5, 0.0, 1.5)):
     return fm.Extruded(shape, axis=(0, 1, 0), first=(1, 0, 0), origin=origin)
 
 
-def scene_with(obstacle, side="block/top", *, cell="hexahedron", law=None, basis="dual", **options):
+def scene_with(obstacle, side="block/top", *, cell="hexahedron", law=None, **options):
     """A cube on its bottom, with an obstacle for one side."""
     scene = space_scenes.solid(cell, **{**CUBE, **options})
     space_scenes.held(scene)
-    given = {"law": law, "discretization": fm.Discretization(basis=basis)}
-    scene.set_up([fm.ContactPair(scene.data, side, obstacle, **given)])
+    scene.set_up([fm.ContactPair(scene.data, side, obstacle, law=law)])
     return scene.problem
 
 
@@ -156,7 +155,7 @@ def test_ball_between_nodes_tells_the_facets_that_it_needs(radius, told):
 def test_large_ball_between_nodes_of_linear_multipliers_tells_the_quadratic_ones():
     """Facets are fine beside the ball: not they are to blame, there is no tip."""
     obstacle = ball(2.0, (0.3, 0.2, 3.0))
-    problem = scene_with(obstacle, cell="tetrahedron", order=2, basis="linear")
+    problem = scene_with(obstacle, cell="tetrahedron", order=2)
     obstacle.move(z=-0.06)
     told = "for this tip or edge: refine the slave there, or take Discretization(basis='quadratic')"
     assert any(told in remark for remark in problem.solve().certificate.remarks())
@@ -164,11 +163,13 @@ def test_large_ball_between_nodes_of_linear_multipliers_tells_the_quadratic_ones
 
 def test_nodes_that_are_loaded_far_from_a_small_ball_are_refused():
     """Its depth is a third of its radius, a fifth of the facets: the force has any direction."""
-    obstacle = ball(0.2, (0.62, 0.41, 1.2))
-    problem = scene_with(obstacle, cell="tetrahedron", order=2, counts=(1, 1, 1))
+    scene = space_scenes.solid("tetrahedron", order=2, **{**CUBE, "counts": (1, 1, 1)})
+    space_scenes.held(scene)
+    obstacle, quadratic = ball(0.2, (0.62, 0.41, 1.2)), fm.Discretization(basis="quadratic")
+    scene.set_up([fm.ContactPair(scene.data, "block/top", obstacle, discretization=quadratic)])
     obstacle.move(z=-0.06)
     with refused(fm.NotConvergedError, "loaded nodes are .* facets away from the obstacle"):
-        problem.solve()
+        scene.problem.solve()
 
 
 @pytest.mark.parametrize("cell, order", [("hexahedron", 1), ("tetrahedron", 2)])

@@ -112,7 +112,10 @@ GRADIENT = np.array([[0.1, 0.0, -0.1], [0.0, 0.0, 0.0], [0.2, 0.0, -0.2]])
 
 
 def passes(scene, gradient, names, roles):
-    """Whether a homogeneous strain, prescribed on boundaries, passes a tie."""
+    """Whether a homogeneous strain, prescribed on boundaries, passes a tie.
+
+    Jiggled facets are no parallelograms: the rule of 36 points leaves 1e-10, without jiggle 2e-16.
+    """
     V = scene.u.function_space
     exact = fem.Function(V)
     turned = scene.turn @ gradient @ scene.turn.T
@@ -120,7 +123,7 @@ def passes(scene, gradient, names, roles):
     scene.bcs = [fm.dirichlet(V, scene.data, name, exact) for name in names]
     scene.u.x.array[:] = 0.9 * exact.x.array
     scene.set_up(tie=True, roles=roles, pair=EXACT).problem.solve()
-    return np.abs(scene.u.x.array - exact.x.array).max() < 1e-10
+    return np.abs(scene.u.x.array - exact.x.array).max() < 1e-9
 
 
 @pytest.mark.parametrize("cell, degree", KINDS)

@@ -121,16 +121,11 @@ def test_a_corner_on_a_face_touches_with_a_node():
 @pytest.mark.once
 def test_a_corner_with_linear_multipliers_tells_the_quadratic_ones():
     """Mean gaps over the facets around the corner are open; those of its own node are not."""
-    told = r"exchange slave and master, or .*basis='quadratic'"
-    for basis in ("linear", "dual"):
-        scene = corner_on_a_face(2, cell="tetrahedron", order=2, basis=basis)
-        for side in ("upper/top", "upper/right", "upper/back"):
-            scene.move(side, (0, 0, -0.08))
-        if basis == "linear":
-            with refused(fm.NotConvergedError, told):
-                scene.solve()
-        else:
-            assert scene.solve().certificate.violations() == []
+    scene = corner_on_a_face(2, cell="tetrahedron", order=2)
+    for side in ("upper/top", "upper/right", "upper/back"):
+        scene.move(side, (0, 0, -0.08))
+    with refused(fm.NotConvergedError, r"exchange slave and master, or .*basis='quadratic'"):
+        scene.solve()
 
 
 @pytest.mark.once

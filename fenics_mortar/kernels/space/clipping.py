@@ -19,8 +19,11 @@ import numpy as np
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.blocks import copy_row, cross2
 
-# Distance from an edge, over the length of the edge [1], that is rounding.
-ON_EDGE = 1e-12
+# Distance from an edge, over the length of the edge [1], within which a node is on it. Rounding of
+# 1e-16 decides where edges at this distance intersect, by 1e-7 of their length: errors of M of 1e-6
+# that depend on the place of vertices then keep to 1e-13. Facets on both sides of a slave's edge
+# follow that of the master instead, so that all areas are covered once.
+ON_EDGE = 1e-9
 # Distance of two vertices, over the length of the first slave edge [1], below which they are one.
 SAME_VERTEX = 1e-10
 # Area of a polygon over that of the slave piece [1], below which it is left out.

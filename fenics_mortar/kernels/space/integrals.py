@@ -288,6 +288,49 @@ def integrate_facets(geometry, slave, masters, offsets, rule, values):
 
 
 @kernel
+def sample_gaps(geometry, slave, masters, offsets, rule, smallest, where):
+    """Find the smallest gap of each pair at the points of a rule in its cells.
+
+    Args:
+        geometry: See ``integrate_facets``.
+        slave: See ``integrate_facets``.
+        masters: See ``integrate_facets``.
+        offsets: See ``integrate_facets``.
+        rule: See ``integrate_facets``; that of the corners has the points (1, 0, 0) and so on.
+        smallest: Gaps, inf without a common part, shape (p,) [length]; filled.
+        where: Their places on the slave, shape (p, 3) [length]; filled.
+    """
+    x, _, m = geometry
+    own = slave.shape[1]
+    facets, plane, polygon, table = points_work(x, (own, masters.shape[1]), rule)
+    (frame, images, heights), (_, N, L) = plane, table
+    gap, master_pieces = np.empty((3, 3), x.dtype), facets[2]
+    smallest[:] = np.inf
+    for e in range(slave.shape[0]):
+        for piece in range(facets[0].shape[0]):
+            corners = facets[0][piece]
+            area = set_plane(x, slave[e], corners, frame)
+            flatten(x, slave[e], frame, 0, images, heights)
+            for i in range(offsets[e], offsets[e + 1]):
+                flatten(m, masters[i], frame, own, images, heights)
+                for other in range(master_pieces.shape[0]):
+                    count = common_part(images, corners, master_pieces[other], area, polygon)
+                    if count == 0:
+                        continue
+                    points, _ = tabulate_points(
+                        images, count, facets, (piece, other), rule, polygon, table
+                    )
+                    for q in range(points):
+                        g, _ = gap_at(geometry, slave[e], masters[i], N[q], L[q], gap)
+                        if g < smallest[i]:
+                            smallest[i] = g
+                            for d in range(3):
+                                where[i, d] = 0.0
+                                for k in range(own):
+                                    where[i, d] += N[q, 0, k] * x[slave[e, k], d]
+
+
+@kernel
 def tabulate_pairs(geometry, slave, masters, offsets, rule, counts, table):
     """Tabulate the points of a rule in the cells of each pair; without a table count them only.
 
