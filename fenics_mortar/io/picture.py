@@ -58,7 +58,7 @@ def rings_of_skin(V: Any) -> tuple[Indices, Indices]:
     cells, nodes = cells_of_facets(V.mesh, outer)[0], outward_nodes(V, outer)
     count = CORNERS[nodes.shape[1]]
     sides = [nodes[:, first : first + count] for first in range(0, nodes.shape[1] - 1, count)]
-    return cells, np.stack(sides, axis=2).reshape(len(nodes), -1)
+    return cells, np.stack(sides, axis=2).reshape(len(nodes), count * len(sides))
 
 
 INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
