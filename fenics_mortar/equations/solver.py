@@ -44,7 +44,7 @@ from fenics_mortar.newton.loop import Damped, NewtonReport, merge_repeated, solv
 from fenics_mortar.rigid.proximal import RIGID, solve_with_springs, solve_with_weak_springs
 from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, Array
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.errors import MortarError, NotConvergedError, as_text
+from fenics_mortar.utils.errors import MortarError, NotConvergedError, NotFiniteError, as_text
 from fenics_mortar.utils.ranks import agreed, on_all_ranks, sum_over_ranks
 from fenics_mortar.verify.certificate import Certificate, certify, tipping_bodies
 
@@ -352,7 +352,7 @@ class Solver:
         turned = [each for each in (followed, turns)[len(followed) == len(turns) :] if each]
         met = [self._meets(each, start, followed=each is not turns) for each in turned]
         clear, blocked = (
-            [m for m, is_met in zip(turned, met, strict=True) if is_met == last]
+            [m for m, is_met in zip(turned, met, strict=True) if is_met is last]
             for last in (False, True)
         )
         newton, starts = self._newton, [*clear, {}, *blocked]
@@ -387,16 +387,21 @@ class Solver:
         e.restore(start)
         return solve_with_springs(e, e.newton, failed)
 
-    def _meets(self, motions: dict[int, Motion], start: Any, *, followed: bool) -> bool:
+    def _meets(self, motions: dict[int, Motion], start: Any, *, followed: bool) -> bool | None:
         """Whether bodies turn by ``motions`` into others or through them (collective).
 
-        Newton's method resolves overlaps of less than half a facet, which contact sees.
+        Newton's method resolves overlaps of less than half a facet, which contact sees. ``None`` if
+        contact is not defined there, as by a distance that is finite near its surface only.
         """
         e = self._equations
-        turn(e, motions, followed=followed)
-        deep = any(c.facets > max(c.admitted, HALF_FACET) for c in e.crossings.find())
-        found = deep or bool(e.crossings.passages(e.motions.obstacle_places))
-        e.restore(start)
+        try:
+            turn(e, motions, followed=followed)
+            deep = any(c.facets > max(c.admitted, HALF_FACET) for c in e.crossings.find())
+            found = deep or bool(e.crossings.passages(e.motions.obstacle_places))
+        except NotFiniteError:  # on all ranks
+            return None
+        finally:
+            e.restore(start)
         return agreed(e.comm, found)
 
     def _restart(self, start: Any, failed: NotConvergedError) -> NewtonReport:
