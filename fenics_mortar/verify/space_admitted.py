@@ -8,8 +8,7 @@ sagittas of both surfaces with flat triangles: L a / 8 for facets of the size L 
 one of the sides of a pair where no facets of the pair face each other: edges that cross, a corner
 beside a face; and two ridges that cross, no faces of which face each other, where no node carries
 force, or the nodes beside do not keep them apart: the mean gaps of the nodes see nothing of the
-crossing, and of roofs of 62 degrees forces were 0 to 95 % of the right ones. A node at the crossing
-sees it.
+crossing, and the force is missing in whole or in part. A node at the crossing sees it.
 
 Points of hulls in space that lie inside bodies, and their depths.
 
