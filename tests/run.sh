@@ -3,14 +3,14 @@
 #
 # Set up this machine, then run the tests:
 #
-#     bash tests/run.sh                in serial, on 2 or 3 ranks, kernels without JIT
+#     bash tests/run.sh                in serial, on 2 or 3 ranks, few cells on 3, kernels without JIT
 #     bash tests/run.sh -k patch       in serial only, with arguments for pytest
 #
 # FENICS_MORTAR_CASES     how many cases of each test function run in serial (2); 0 for all, and
 #                         tests marked long, which see on long paths or fine meshes what others see
 # FENICS_MORTAR_LONG      1: those marked long in serial, whatever the number of cases
-# FENICS_MORTAR_RUNS      which of these runs, "serial 2 3 kernels" if not set
-# FENICS_MORTAR_WITHOUT   folders that are left out in serial, as "tests/io tests/la"
+# FENICS_MORTAR_RUNS      which of these runs, "serial 2 3 few kernels" if not set; "five": few cells on 5
+# FENICS_MORTAR_WITHOUT   folders, files and functions that are left out in serial, as "tests/io tests/la"
 # FENICS_MORTAR_TIMEOUT   seconds without the end of a test after which one of these runs counts as
 #                         hanging (1200); how long the run takes does not matter, as on a slow machine
 
@@ -36,11 +36,13 @@ if "${pytest[@]}" --help | grep -q no-loadscope-reorder; then spread+=(--no-load
 # Each file runs in serial and on several ranks: on three those that partitions matter to most. Of the
 # scenes that friction holds those of test_floating and test_redundancy do.
 on_three=(tests/interface/test_{surfaces,bad_surfaces,operators}.py
-    tests/contact/test_{contact,initial_gap}.py tests/mesh/test_{mesh,dirichlet,mesh_scripts}.py
+    tests/contact/test_{contact,initial_gap,friction_history}.py tests/mesh/test_{mesh,dirichlet,mesh_scripts}.py
     tests/problem/test_{not_finite,bad_spaces,bad_options}.py tests/io/test_results.py
     tests/equations/test_{singular,no_convergence}.py tests/la/test_system.py tests/utils/test_compat.py
     tests/bulk/test_cell_blocks.py
     tests/path/test_{stepping,dead_end}.py tests/verification/test_invariance.py)
+# Every public method where most ranks have no cells.
+few=tests/problem/test_few_cells.py
 failed=0
 summary=()
 without=()
@@ -65,12 +67,12 @@ run() { # TITLE COMMAND...: run it, and note how it ended
     return $code
 }
 
-run_ranks() { # N ARGUMENTS...: pytest on N ranks; rank 0 prints, the others only if something failed
-    local ranks=$1 logs="$scratch/ranks-$1" file
-    shift
-    mkdir -p "$logs"
+run_ranks() { # TITLE N ARGUMENTS...: pytest on N ranks; rank 0 prints, the others only if something failed
+    local title="$1 on $2 ranks" ranks=$2 logs file
+    logs=$(mktemp -d "$scratch/ranks.XXXXXX")
+    shift 2
     # shellcheck disable=SC2016
-    if ! run "tests on $ranks ranks" "$FENICS_MORTAR_MPIRUN" -n "$ranks" bash -c '
+    if ! run "$title" "$FENICS_MORTAR_MPIRUN" -n "$ranks" bash -c '
         logs=$1; shift
         rank=${OMPI_COMM_WORLD_RANK:-${PMI_RANK:?not started by Open MPI or MPICH}}
         if [ "$rank" != 0 ]; then exec >"$logs/rank-$rank" 2>&1; fi
@@ -88,18 +90,25 @@ if [ $# -gt 0 ]; then
 else
     export FENICS_MORTAR_CASES="${FENICS_MORTAR_CASES:-2}"
     parallel=(-m "not serial and not demo")
-    for folder in ${FENICS_MORTAR_WITHOUT:-}; do without+=("--ignore=$folder"); done
-    for name in ${FENICS_MORTAR_RUNS:-serial 2 3 kernels}; do
+    for name in ${FENICS_MORTAR_WITHOUT:-}; do
+        case "$name" in
+            *::*) without+=("--deselect=$name") ;;
+            *) without+=("--ignore=$name") ;;
+        esac
+    done
+    for name in ${FENICS_MORTAR_RUNS:-serial 2 3 few kernels}; do
         case "$name" in
             serial) run "tests in serial" "${pytest[@]}" "${spread[@]}" --durations=15 --durations-min=4 "${without[@]}" || true ;;
-            2) run_ranks 2 "${parallel[@]}" --ignore-glob='tests/rigid/test_supported*.py' "${on_three[@]/#/--ignore=}" ;;
-            3) run_ranks 3 "${parallel[@]}" "${on_three[@]}" ;;
+            2) run_ranks tests 2 "${parallel[@]}" --ignore-glob='tests/rigid/test_supported*.py' --ignore="$few" "${on_three[@]/#/--ignore=}" ;;
+            3) run_ranks tests 3 "${parallel[@]}" "${on_three[@]}" ;;
+            few) run_ranks "few cells" 3 "${parallel[@]}" "$few" ;;
+            five) run_ranks "few cells" 5 "${parallel[@]}" "$few" ;;
             kernels)
                 run "kernel tests without numba's JIT" env NUMBA_DISABLE_JIT=1 \
                     "${pytest[@]}" "${spread[@]}" -p no:cacheprovider tests/kernels || true
                 ;;
             *)
-                echo "FENICS_MORTAR_RUNS holds '$name'; the runs are serial, 2, 3, kernels" >&2
+                echo "FENICS_MORTAR_RUNS holds '$name'; the runs are serial, 2, 3, few, five, kernels" >&2
                 exit 2
                 ;;
         esac

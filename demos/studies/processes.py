@@ -6,7 +6,9 @@ import sys
 from pathlib import Path
 
 # Variables of MPI in this process, which processes started by mpirun must not inherit.
-OF_THIS_RUN = ("OMPI_COMM", "OMPI_MCA_ess", "PMI", "HYDI_", "MPI_LOCAL")
+OF_THIS_RUN = (
+    "OMPI_COMM", "OMPI_MCA_ess", "OMPI_MCA_orte", "OMPI_MCA_pmix", "PMI", "HYDI_", "MPI_LOCAL",
+)  # fmt: skip
 
 
 def mpirun(ranks: int) -> list[str]:

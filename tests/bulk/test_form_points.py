@@ -66,6 +66,7 @@ def pad(rows, energy=with_logarithm, *, degree=2, cell="quadrilateral", push=0.0
     return problem, top
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("rows, energy", [(2, with_logarithm), (3, with_polynomial)])
 def test_a_bonded_pad_is_compressed_although_cells_are_inverted_at_corners(rows, energy):
     """Two cells at each end of a plate, where the strain is unbounded on any mesh."""

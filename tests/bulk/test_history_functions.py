@@ -127,6 +127,7 @@ def test_tangent_with_plastic_flow_is_consistent():
     assert residuals[-2] < residuals[-3] ** 1.5 < 1e-3
 
 
+@pytest.mark.serial
 def test_history_functions_are_no_loads():
     """Steps of equal length are extrapolated, while plastic strains do not grow in proportion."""
     block = Block()
@@ -203,6 +204,7 @@ def test_new_values_that_are_not_finite_are_refused_and_nothing_changes():
 # Paths
 
 
+@pytest.mark.serial
 def test_a_path_with_cuts_ends_in_the_state_of_a_loop_over_its_steps():
     block, plain = Block(newton=FEW), Block()
 

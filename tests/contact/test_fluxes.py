@@ -398,6 +398,7 @@ def test_large_conductances_do_not_lock_fields_of_degree_one(h):
     assert flow == pytest.approx(46.2, rel=0.03)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("pressed", [False, True])
 @pytest.mark.parametrize("law", [None, fm.Coulomb(0.3)], ids=str)
 def test_iterations_do_not_depend_on_a_large_conductance(law, pressed):
@@ -621,6 +622,7 @@ def staggered(scene, h, *, top, hot, sweeps=12):
     return problem.contacts[0].fluxes[0], problem
 
 
+@pytest.mark.serial
 def test_problems_solved_by_turns_have_the_solution_of_both_together():
     law = fm.PressureConductance(8.0, 1.0)
     flux, problem = staggered(stacked((4, 6), degrees=(2, 2)), law, top=-0.001, hot=10.0)

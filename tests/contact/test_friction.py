@@ -182,6 +182,7 @@ def test_invalid_numbers_are_refused(wrong):
         wrong()
 
 
+@pytest.mark.serial
 def test_peeling_edge_is_reported_with_a_remedy():
     """A circle slides on a block: when an edge node closes, its shear opens it again."""
     circle, law = fm.Circle((1.3, 2.0), 1.0), fm.Tresca(0.1 * E)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from friction_scenes import MEASURES, MESH, NU, E, blocks, drive
 from scenes import internal, neo_hookean, nodal, pressed_blocks, read
-from test_demos import run
 
 from dolfinx import fem
 
@@ -144,12 +143,3 @@ def test_ranks_agree(pair):
     for quantity in map(attrgetter, ("z", "slip", "now.friction_work")):
         one, all_ = (np.asarray(quantity(scene.contact)) for scene in (mine, ours))
         assert np.abs(all_ - one).max() < 1e-11 * np.abs(one).max()
-
-
-@pytest.mark.serial
-@pytest.mark.long
-def test_four_ranks_agree(tmp_path):
-    """The test above on more ranks than other tests use, possibly more than there are cores."""
-    test = f"{__file__}::test_ranks_agree[pair0]"
-    finished = run(tmp_path, 4, "-m", "pytest", "-q", "-p", "no:cacheprovider", test)
-    assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-2000:]

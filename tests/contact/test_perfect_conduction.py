@@ -161,6 +161,7 @@ def test_linear_temperatures_conduct_where_quadratic_ones_do(h):
     assert found[1] == pytest.approx(found[0], rel=0.02)
 
 
+@pytest.mark.serial
 def test_contact_that_opens_and_closes_converges_quadratically():
     """Sets change in each load step; then residuals fall quadratically down to rounding."""
     scene = humped((2, 1))
@@ -268,6 +269,7 @@ def test_obstacles_of_a_given_temperature(in_space, pushed):
 # Friction, large conductances
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 def test_heat_of_friction_is_shared(share):
     """Both sides together have the work of friction, to rounding."""
@@ -288,6 +290,7 @@ def test_heat_of_friction_is_shared(share):
     assert np.abs(flux.jump[view.active]).max() < 1e-7 * np.abs(scene.at(1)[0]).max()
 
 
+@pytest.mark.once
 def test_large_conductances_approach_perfect_conduction():
     """As 1 / h, in any number of iterations below ten, up to 1e13; then rounding."""
     found = {}
@@ -330,6 +333,7 @@ def test_conduction_is_part_of_the_state(shared_path):
     assert other.solve().num_iterations <= 1
 
 
+@pytest.mark.once
 def test_a_path_with_cuts_ends_where_one_solve_does():
     """A failed step leaves no trace in the conduction of the state."""
     found = []

@@ -118,6 +118,7 @@ def test_tube_pinched_until_its_inside_touches(upright):
     assert imbalance(pinched) < 1e-12
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_tube_pressed_flat_between_planes():
     """With friction: the inside touches itself over most of its length, first in the middle."""

@@ -134,6 +134,7 @@ def test_forces_of_one_body_of_a_list_do_not_load_the_others():
     assert sum(map(floating.is_loaded, floating.bodies)) == 1
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_a_honeycomb_is_compressed_through_its_folding():
     """Cells fold, then their walls meet: contact within cells, with friction, at six tenths."""
@@ -151,6 +152,7 @@ def walls(data, law):
     return [fm.ContactPair(data, "comb/walls", law=law)]
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_ten_free_bodies_are_compressed_far():
     """A corner that touches two bodies has a multiplier for each of two lists of sides."""

@@ -337,6 +337,7 @@ def test_rotations_of_bodies_differ_from_those_of_obstacles():
     assert found(1.5, 5.0).doubt > arcs.MAX_ROTATION
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("scheme", ["conserving", "generalized_alpha"])
 def test_grinding_wheel_throws_the_block_the_right_way(scheme):
     """By 5 radian in a time step; a heavy block lies on the wheel and is accelerated by mu g."""

@@ -207,6 +207,7 @@ def shaft_in_ring(around=24, *, on_axle=False, slave="shaft"):
     return scene, turn
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("steps", [4, 8])
 def test_work_of_friction_of_a_shaft_is_moment_times_angle(steps):
     scene, turn = shaft_in_ring()
@@ -265,6 +266,7 @@ def test_turn_by_values_beyond_half_a_turn_is_told(degrees):
         assert f"by {other:.0f} degrees in the step, if not by {abs(degrees):.0f}" in told
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(("turned", "known"), [(150.0, True), (-330.0, False)])
 def test_tyre_on_a_rigid_hub_in_space_is_known_to_turn(turned, known):
     """A hollow cylinder on a plane, turned about its axis by a rigid hub."""

@@ -59,6 +59,7 @@ def wheel_between(radius, depth):
     return problem, belt[0], problem.state()
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("per_turn", [16, 8])
 @pytest.mark.parametrize("radius, depth", [(0.5, 0.01), (0.7, 0.012)])
 def test_a_wheel_without_supports_rolls_between_ground_and_belt(radius, depth, per_turn):

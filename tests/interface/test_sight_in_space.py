@@ -50,6 +50,7 @@ def lowered(scene, depth):
     return np.array([scene.problem.reaction(f"lower/{side}").force for side in ("left", "right")])
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("exchanged", [False, True])
 @pytest.mark.parametrize(("cell", "order"), EACH_CELL)
 def test_thin_plates_with_outlines_are_those_with_sides(cell, order, exchanged):
@@ -109,6 +110,7 @@ def test_friction_on_outlines():
     assert forces[1] == pytest.approx(forces[0], abs=1e-8)
 
 
+@pytest.mark.once
 def test_a_sliver_of_cover_is_handed_over():
     """The corner of the master is on a facet's edge: beyond it a node has 1e-6 of its cover."""
     scene = on_a_block(np.eye(3), False, cell="tetrahedron", order=2, law=fm.Coulomb(0.3))

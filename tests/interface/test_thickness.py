@@ -216,6 +216,7 @@ def test_linear_bulk_is_factored_once(sliding):
     assert np.abs(found[0] - found[1]).max() < 1e-10 * np.abs(found[0]).max()
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_estimate_is_finite_and_falls_with_the_mesh(degree):
     totals = []

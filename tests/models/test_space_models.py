@@ -81,6 +81,7 @@ def test_frictionless_against_friction(friction):
     assert "stick requires" in found.indicator
 
 
+@pytest.mark.serial
 def test_friction_counts_the_slip_of_all_steps():
     """The last of three steps to one push makes a third of the shear."""
     push, number = np.array((0.03, 0.02, -0.08)), 0.3

@@ -64,6 +64,7 @@ def test_a_body_of_one_layer_of_cells_cannot_take_over_the_mass():
 # Impacts
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_bar_rebounds_from_a_wall_by_wave_theory():
     made, speed, length = bar(40), 0.1, 10.0
@@ -142,6 +143,7 @@ def test_two_rings_exchange_momentum_by_the_trapezoidal_rule():
     assert errors[2] < 1e-11
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("mu", [None, 0.4])
 def test_two_rings_exchange_momentum_exactly(mu):
     """Linear and angular momentum at all times, with and without friction, unequal steps."""
@@ -159,6 +161,7 @@ def test_two_rings_exchange_momentum_exactly(mu):
         assert motion.energies().total == pytest.approx(energy, rel=3e-3)
 
 
+@pytest.mark.once
 def test_steps_that_are_cut_keep_the_angular_momentum():
     """The next attempt starts from the moments of the accepted state."""
     made = rings(24)
@@ -193,6 +196,7 @@ def test_supports_and_obstacles_change_angular_momentum():
 # Exact solutions
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_an_oscillator_with_friction_comes_to_rest_where_it_sticks():
     """In each half period friction reduces the amplitude by 2 mu N / k, until it sticks."""

@@ -102,6 +102,7 @@ def test_a_velocity_set_on_the_owned_dofs_counts_on_all_ranks():
     assert np.allclose(motion.velocity.x.array, 1.0, atol=1e-8)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("scheme", ["conserving", "generalized_alpha"])
 def test_energy_added_by_contact_is_reported(scheme):
     """The trapezoidal rule multiplies the energy of an impact; the report contains a remark."""

@@ -133,6 +133,7 @@ def test_impacts_of_neo_hookean_blocks_conserve_energy(speed, step, number):
     assert record.remark() == ""
 
 
+@pytest.mark.serial
 def test_a_spinning_neo_hookean_block_conserves_everything():
     """Three radians per time and vibrations; Lobatto's rule has an error of sixth order."""
     made = free_block(cells=2)

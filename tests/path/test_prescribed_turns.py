@@ -44,6 +44,7 @@ def wheel_on_plane(*, law=None, remote=False):
     return problem, set_angle
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degrees", [150.0, 250.0, -330.0, 360.0, 700.0, 1080.0])
 def test_shaft_turns_in_steps_of_known_direction(degrees):
     """In one step of the path, cut until each part is below 135 degrees; friction opposes all."""

@@ -50,6 +50,7 @@ def disk(scheme):
     return problem, motion, hub, motion.momentum()[2]
 
 
+@pytest.mark.serial
 def test_torque_turns_a_disk():
     """Angular acceleration M / J; angular momentum of second order in the step."""
     errors = []

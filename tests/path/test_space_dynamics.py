@@ -99,6 +99,7 @@ def test_a_body_of_one_layer_of_cells_cannot_take_over_the_mass():
         flying("hexahedron", 0.0, "conserving", layers=1)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("scheme", ["conserving", "generalized_alpha"])
 def test_blocks_of_one_list_of_surfaces_collide_as_those_of_pairs(scheme):
     """Self-contact: momenta and energy remain; with all masses it is the motion of two pairs."""

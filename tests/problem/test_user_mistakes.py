@@ -295,6 +295,7 @@ def test_measured_values_of_another_number_of_steps_are_refused():
         misfit(np.zeros((3, 1)))
 
 
+@pytest.mark.serial
 def test_a_wheel_driven_beyond_its_friction_says_so_in_its_report():
     """Its last solve, with springs, converged: the whole solve did not."""
     scene = small_blocks()

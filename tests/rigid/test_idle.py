@@ -98,6 +98,7 @@ def test_nonnegative_least_squares_with_dependent_columns():
         assert np.abs(descent[x > 0.0]).max(initial=0.0) < 1e-11
 
 
+@pytest.mark.serial
 def test_a_body_that_nothing_pushes_stays_exactly():
     """It lies beside the pressed one and does not touch it, and another hovers above the ground."""
     for options in ({"gap": 0.02}, {"gap": 0.02, "hover": 0.05}):
@@ -197,6 +198,7 @@ def test_a_disk_that_touches_a_block_with_one_node_rolls_onto_two(around, mu, we
     assert contact.active.sum() == 2
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("gravity", [(0.0, 1.0), (0.5, -1.0)])
 def test_a_load_that_nothing_supports_is_refused_beside_idle_bodies(gravity):
     """Also if it pushes an idle block, which nothing stops."""
@@ -205,6 +207,7 @@ def test_a_load_that_nothing_supports_is_refused_beside_idle_bodies(gravity):
         list(scene.solve())
 
 
+@pytest.mark.once
 def test_idle_blocks_between_a_load_and_a_wall_are_pushed_to_the_wall():
     """There is a gap before each of them; all carry the force in the end."""
     scene = queue(push=0.4)

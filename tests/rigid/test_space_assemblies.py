@@ -18,6 +18,7 @@ def test_table_on_an_incline_stands_below_the_angle_of_friction():
     assert np.abs(made.place()[1]).max() < 1e-3
 
 
+@pytest.mark.once
 def test_table_slides_where_friction_is_too_small():
     with refused(fm.NotConvergedError, r"^body 'block' can move along \(0.93.*, -0.34.*\) freely"):
         table_on_an_incline(0.35, 0.2).problem.solve()
@@ -33,6 +34,7 @@ def test_table_tips_about_its_lower_legs_where_friction_is_large():
         table_on_an_incline(0.75, 1.5, height=0.9).problem.solve()
 
 
+@pytest.mark.serial
 def test_wall_of_two_leaves_stands():
     """The floor carries the weight and its inclination."""
     made = wall_of_two_leaves()

@@ -100,6 +100,7 @@ def test_tilted_block_lies_down_on_its_side():
     assert np.allclose(made.on_obstacle(), [0.0, 0.0, -0.6], atol=1e-9)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("turn", [None, TILTED], ids=["upright", "tilted"])
 @pytest.mark.parametrize("angle", [0.0, 0.4])
 def test_block_on_an_incline_sticks_up_to_the_angle_of_friction(angle, turn):
@@ -139,6 +140,7 @@ def test_block_that_is_lifted_is_not_said_to_tip_over(load, mu):
         on_floor(np.array(load, float), mu=mu).problem.solve()
 
 
+@pytest.mark.once
 def test_block_that_falls_onto_a_corner_and_slides_is_not_said_to_tip_over():
     """It turns until it lies on its bottom, where friction may hold it."""
     turn = Rotation.from_rotvec([0.15, -0.1, 0.3]).as_matrix()
@@ -153,6 +155,7 @@ def test_block_that_falls_onto_a_corner_and_slides_is_not_said_to_tip_over():
         falling(0.2).problem.solve()
 
 
+@pytest.mark.once
 def test_block_that_hovers_beside_a_touching_body_is_not_said_to_tip_over():
     """The other body rests; the block falls and slides."""
     other = Box("stay", block((3, 3, 2), size=(0.4, 0.4, 1.0), corner=(-0.2, -0.2, 0.0)))
@@ -169,6 +172,7 @@ def test_block_that_hovers_beside_a_touching_body_is_not_said_to_tip_over():
         made.problem.solve()
 
 
+@pytest.mark.once
 def test_block_without_friction_slides_away_from_a_slight_push():
     with refused(fm.NotConvergedError, r"body 'block' can move along \(.*springs carry 5.0e-02 of"):
         on_floor(0.05 * np.eye(3)[0] + DOWN, mu=0.0).problem.solve()
@@ -263,6 +267,7 @@ def test_tower_of_two_blocks(gap):
     assert np.allclose(moment, np.cross([0.0, 0.0, height], force), atol=4e-3 + 0.5 * gap)
 
 
+@pytest.mark.once
 def test_top_of_a_tower_slides_off():
     """Its pair has less friction than the load needs, the pair below has enough."""
     top = block((2, 2, 2), size=(0.6, 0.6, 0.6), corner=(-0.3, -0.3, 0.6))
@@ -311,6 +316,7 @@ def test_stiff_blocks_that_lean_on_each_other_need_few_iterations(build):
         assert np.allclose(left[2], right[2], rtol=1e-6)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("angle", [0.3, 2.0])
 def test_path_ends_where_friction_is_exceeded(angle):
     """The load on a block turns towards its base until it slides, at time 2 / 3."""

@@ -156,6 +156,7 @@ def test_random_tower_fails_beyond_the_limit_load():
     gives_way(tower(1, part=1.2))
 
 
+@pytest.mark.once
 @BASES
 def test_path_of_an_incline_ends_at_the_angle_of_friction(base):
     """The block sticks up to the critical angle; the message states why the path ends."""

@@ -121,6 +121,7 @@ def fitted(law, bend=0.0):
     return Path(problem, u, controls, move, [0.0, 0.005, 0.02, 0.05])
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("mu", [0.0, 0.2])
 def test_bodies_of_revolution(mu):
     scene = fitted(fm.Coulomb(mu) if mu else fm.Frictionless())

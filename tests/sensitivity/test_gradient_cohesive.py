@@ -13,6 +13,7 @@ from fenics_mortar.sensitivity import MeanGap, TotalForce, total
 OPENED = [(0.0, -0.01), (0.0, 0.04), (0.01, 0.09), (0.015, 0.06), (0.02, 0.08), (0.02, 0.13)]
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "law, sizes",
     [

@@ -34,6 +34,7 @@ def value(values):
     return scene.data.mesh.comm.allreduce(fem.assemble_scalar(fem.form(form)))
 
 
+@pytest.mark.once
 def test_gradient_by_conductivity_and_conductance():
     """Adjoint gradients against central differences of whole solves, and the other direction."""
     scene, problem, form = solved(START)

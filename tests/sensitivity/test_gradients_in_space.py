@@ -100,6 +100,7 @@ def test_laws_with_memory_layers_and_rates(name):
     checked(scene, FORCE + FrictionWork(0), list(sizes), list(sizes.values()))
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("law", [None, fm.Coulomb(0.3)], ids=["none", "Coulomb"])
 @pytest.mark.parametrize("kind", ["small", "linear bulk", "saddle"])
 def test_small_sliding_and_algorithms(kind, law):
@@ -117,6 +118,7 @@ def test_small_sliding_and_algorithms(kind, law):
     checked(scene, FORCE + FrictionWork(0), names, sizes)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("law", [None, fm.Coulomb(0.3), fm.Coulomb(3.0)], ids=str)
 def test_sphere(law):
     """With friction slip counts from points of the sphere, which depend on its shape."""
@@ -162,7 +164,7 @@ def test_quadratic_elements(cell, degree):
 
 
 @pytest.mark.each
-@pytest.mark.parametrize("mixed", [False, True])
+@pytest.mark.parametrize("mixed", [False, pytest.param(True, marks=pytest.mark.serial)])
 def test_several_pairs_and_mixed_functions(mixed):
     """Blocks between blocks and an obstacle, that stick, slide and hold each other."""
     scene = tower([fm.Coulomb(2.0), fm.Tresca(1.0), fm.Coulomb(0.2)], mixed=mixed)

@@ -45,6 +45,7 @@ def test_nodes_that_were_open():
     check(problem, before)
 
 
+@pytest.mark.serial
 def test_redundant_sticks():
     """They stick elastically, from the shear of the earlier state."""
     problem, before = last_step(blocks(law=fm.Coulomb(2.0)))
@@ -55,15 +56,18 @@ def test_redundant_sticks():
     check(problem, before)
 
 
+@pytest.mark.serial
 def test_small_sliding():
     problem, before = last_step(blocks(law=fm.Coulomb(0.3), pair={"sliding": "small"}))
     check(problem, before)
 
 
+@pytest.mark.serial
 def test_standard_basis():
     check(*last_step(blocks(law=fm.Coulomb(0.3), pair={"basis": "standard"})))
 
 
+@pytest.mark.serial
 def test_symmetry_planes():
     """Edges of both sides coincide on the plane, and stay there."""
     scene = blocks(law=fm.Coulomb(0.3), places=[(0.0, 0.0, -0.02), (0.0, 0.02, -0.05)], half=True)

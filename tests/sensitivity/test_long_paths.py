@@ -26,6 +26,7 @@ LAWS = {
 }
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("law", LAWS)
 def test_twenty_steps_over_facets(law):
     made, parameters = LAWS[law]
@@ -42,6 +43,7 @@ def everything():
     return scene
 
 
+@pytest.mark.once
 def test_all_objectives_by_all_controls():
     """Adjoint = tangent-linear for each pair, from one gradient by all and one direction each."""
     scene = everything()

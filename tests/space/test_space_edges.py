@@ -26,6 +26,7 @@ def test_forces_balance_beyond_an_edge(cell, degree):
     assert covers[-1] < 0.8 * covers[0]
 
 
+@pytest.mark.serial
 def test_weights_of_multiplier_nodes_are_positive():
     """A small block on quadratic facets that it covers in part, its edges at many places.
 

@@ -87,6 +87,7 @@ def test_affine_motion_has_no_error(cell, degree):
     assert estimate.relative < EXACT and estimate.size > 0.1
 
 
+@pytest.mark.once
 @EACH
 def test_estimate_is_of_the_size_of_the_error_of_one_block(cell, degree):
     """Effectivity, and rates of error and estimate, from one halving."""
@@ -97,6 +98,7 @@ def test_estimate_is_of_the_size_of_the_error_of_one_block(cell, degree):
     assert abs(np.log2(ratios[1] / ratios[0])) < 0.2  # the estimate has the same rate
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "kind, cell, degree",
     [

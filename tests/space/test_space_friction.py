@@ -31,6 +31,7 @@ def on_rigid_plane(cell="hexahedron", degree=1, *, law=None, **options):
     return scene.press().set_up(law or fm.Coulomb(MU), newton=SOLVED)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("angle", [0, 20, 45, 77])
 @pytest.mark.parametrize("cell, degree", KINDS)
 def test_friction_is_along_the_pull_and_of_one_size(cell, degree, angle):
@@ -55,6 +56,7 @@ def test_friction_is_along_the_pull_and_of_one_size(cell, degree, angle):
     assert contact.friction_work == pytest.approx(float(work), rel=1e-9)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("cell, degree", [("hexahedron", 2), ("tetrahedron", 1)])
 @pytest.mark.parametrize("c_t", [1.0, 10.0])
 def test_large_weights_of_the_slip_do_not_turn_nodes_back_for_ever(cell, degree, c_t):
@@ -233,6 +235,7 @@ def test_extruded_plane_scenes_have_the_plane_solution(sliding, degree, law, ang
 # Symmetry planes
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("law", [None, fm.Coulomb(MU)], ids=["frictionless", "Coulomb"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_quarter_with_symmetry_planes_is_a_quarter_of_the_whole(degree, law):

@@ -105,6 +105,7 @@ def test_large_slaves_of_nine_nodes_are_tied_to_small_masters(overhang, jiggle):
     assert report.num_iterations <= 3 and not report.certificate.violations()
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("roles", ROLES)
 @pytest.mark.parametrize("cell, degrees", DEGREES)
 def test_meshes_that_match_are_solved_as_others(cell, degrees, roles):
@@ -165,6 +166,7 @@ def test_two_bars_with_a_conductance_of_pressure(cell, degrees, roles):
     assert T[inside, 0] == pytest.approx(expected(X[inside]), abs=1e-9)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("open_", [True, False])
 def test_bars_that_expand_towards_each_other(open_):
     """The gap, or the pressure, of the bars' expansion makes the conductance: one equation."""
@@ -187,6 +189,7 @@ def test_bars_that_expand_towards_each_other(open_):
     assert view.fluxes[0].into_master == pytest.approx(q, rel=1e-9)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("cell, degrees", DEGREES)
 def test_perfect_conduction_does_not_lock(cell, degrees):
     """A flux that varies along the contact: as in ties, on facets that do not match; else 10 %."""
@@ -277,6 +280,7 @@ def test_tangents_with_other_multipliers(basis):
     assert balanced(problem)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("pushed", [False, True])
 @pytest.mark.parametrize("cell, degree", KINDS)
 def test_tangents_on_hot_obstacles_are_exact(cell, degree, pushed):
@@ -408,6 +412,7 @@ def test_results_turn_with_the_scene(cell, degrees, heating):
     assert_equal(*found, 1e-8)  # Newton's tolerance
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("tie", [False, True])
 def test_an_extruded_scene_has_the_results_of_the_plane(tie):
     """Partly covered surfaces, slid, with heat of friction; motions are small.

@@ -84,6 +84,7 @@ def test_other_linearizations_and_roles(options):
         assert_equal(scenes, [scene.move(*step) for scene in scenes])
 
 
+@pytest.mark.serial
 @LAWS
 def test_symmetry_planes(law):
     def make(problem):
@@ -118,6 +119,7 @@ def test_body_held_by_a_tie_alone_is_solved_on_all_dofs():
     assert "factored in every iteration: ties alone" in report.solver
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("mu", [0.0, MU])
 @pytest.mark.parametrize("sliding", ["finite", "small"])
 @pytest.mark.parametrize("kind", ["plane", "sphere"])
@@ -162,6 +164,7 @@ def test_steps_that_would_invert_cells_are_shortened_as_on_all_dofs():
     assert largest(u - w) < 1e-9 * largest(u)
 
 
+@pytest.mark.serial
 def test_choice_follows_from_the_active_nodes(monkeypatch):
     """Dense systems of up to 30 nodes are predicted to be faster; 81 nodes may become active.
 

@@ -91,6 +91,7 @@ def test_cells_of_order_2_with_straight_edges_are_those_of_order_1(cell, degree)
     assert of_u < 1e-12 and of_p < 1e-11
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("tie", [False, True], ids=["contact", "tie"])
 @pytest.mark.parametrize("cell, degree", KINDS[2:])
 def test_edges_that_bend_within_the_surface_leave_an_error(cell, degree, tie):
@@ -159,6 +160,7 @@ def test_points_without_a_rule_are_refused_by_number():
         stack(degree=2).press().set_up(pair={"discretization": fm.Discretization(points=6)})
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("tie", [False, True], ids=["contact", "tie"])
 def test_parallelograms_and_triangles_need_few_points(tie):
     """Also where all nodes coincide, and after tiny shifts."""

@@ -108,6 +108,7 @@ def test_forces_balance_and_the_gap_is_their_dual():
     assert np.abs(on_slave.sum(axis=0) + on_master.sum(axis=0)).max() < 1e-12 * total
 
 
+@pytest.mark.once
 @LAWS
 def test_differs_from_finite_sliding_in_second_order(law):
     """Flat bodies that touch: halved loads leave a quarter of the difference."""

@@ -91,6 +91,7 @@ def hanging_over(law, cell, degree, roles, **options):
     return slid(law, cell, degree, roles=roles, motion=(0.02, 0.01, -0.06), **options)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("law", ["frictionless", "Coulomb", "cohesive"])
 @pytest.mark.parametrize("cell, degree", KINDS)
 def test_tangents_of_partly_covered_facets(cell, degree, law):
@@ -100,6 +101,7 @@ def test_tangents_of_partly_covered_facets(cell, degree, law):
         assert_exact(scene)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("law", ["frictionless", "Coulomb", "cohesive"])
 def test_tangents_of_quadratic_multipliers(law):
     pair = {"discretization": fm.Discretization(basis="quadratic")}
@@ -131,6 +133,7 @@ def test_tangents_of_discretizations(options):
     assert_exact(slid(fm.Coulomb(0.3), "hexahedron", degree, turn=TILTED, pair=pair))
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("cell, degree", KINDS)
 def test_tangents_with_offsets_and_initial_gaps(cell, degree):
     pair = {"initial_gap": 0.01}

@@ -114,6 +114,7 @@ def test_a_pressure_with_an_error_is_told_by_another_frame():
     assert list(compare(one, other, 1e-9, "units")) == []
 
 
+@pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 @pytest.mark.parametrize("degree", [1, 2])

@@ -12,6 +12,7 @@ from fenics_mortar.sensitivity.controls import Interference, LawParameter
 from fenics_mortar.sensitivity.protocols import PressureIntegral, TotalForce
 
 
+@pytest.mark.serial
 def test_press_fit_by_interference():
     """Lame: the pressure is proportional to the interference, dp/dD = p / D."""
     problem = press_fit(16, revolved.linear_elastic, sliding="small")

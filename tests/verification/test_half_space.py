@@ -133,6 +133,7 @@ def test_rigid_sphere_on_a_half_space():
     assert abs(peaks[1]) < 0.012 and np.log2(peaks[0] / peaks[1]) > 0.9
 
 
+@pytest.mark.serial
 def test_rigid_sphere_with_displacements_of_degree_2():
     force, sphere = 4 / 3 * SLOPE, fm.Circle((0.0, 1 / SLOPE - SLOPE), 1 / SLOPE)
     r, p, w, _ = pressed_space(10, sphere, force, reach=1.5, degree=2)

@@ -54,6 +54,7 @@ def pressures_in_ring(columns, rows, fronts, a=1.0, b=2.0, E=200.0, nu=0.4999):
     return np.array(found)
 
 
+@pytest.mark.once
 def test_pressure_in_a_thick_ring_is_that_of_hill():
     """Hill, The Mathematical Theory of Plasticity (1950), chapter V, without hardening.
 
@@ -98,16 +99,15 @@ def punched(n, depth, E=1e3, size=5.0):
     return np.array(found)
 
 
-# Errors measured: 1.0 % with 6 cells under the punch, 0.4 % with 12; limit loads of displacements
-# are upper bounds.
-@pytest.mark.slow
-@pytest.mark.parametrize("n, largest", [pytest.param(12, 5e-3, marks=pytest.mark.long), (6, 0.015)])
-def test_limit_of_the_mean_pressure_of_a_flat_punch_is_2_plus_pi_times_the_shear_stress(n, largest):
+# Limit loads of displacements are upper bounds: by 1.0 % with 6 cells under the punch, measured; by
+# 0.4 % with 12, in ten times the time.
+@pytest.mark.once
+def test_limit_of_the_mean_pressure_of_a_flat_punch_is_2_plus_pi_times_the_shear_stress():
     """Prandtl 1920 and Hill 1950, for the perfectly plastic half-plane."""
-    pressures = punched(n, depth=0.04)
+    pressures = punched(6, depth=0.04)
     assert (np.diff(pressures) > -1e-6).all()
     assert pressures[-1] / pressures[-2] < 1.001
-    assert 0.0 < pressures[-1] / ((2.0 + np.pi) * K) - 1.0 < largest
+    assert 0.0 < pressures[-1] / ((2.0 + np.pi) * K) - 1.0 < 0.012
 
 
 # Viscoelastic indentation

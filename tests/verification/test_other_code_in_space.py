@@ -53,6 +53,7 @@ def test_a_block_slides_over_the_edge_of_another_one():
     assert np.abs(data.nodal_values(u, [node])[0] - expected).max() < 1e-12
 
 
+@pytest.mark.once
 def test_a_block_without_supports_sticks_and_slides():
     """Trapezoidal rule and Coulomb's friction; the block is pushed along both axes."""
     low, high = (

@@ -12,6 +12,7 @@ from demos.studies.space.tori import collide
 pytestmark = pytest.mark.serial
 
 
+@pytest.mark.once
 def test_the_disc_that_sticks_under_a_shear_force():
     """Radius by Mindlin's theory, for three forces; at most three facets along it."""
     coarse, fine = (mindlin.root_mean_square(mindlin.measure(KINDS[0], n)) for n in (5, 7))

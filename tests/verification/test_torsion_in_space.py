@@ -16,6 +16,7 @@ HEXAHEDRA, QUADRATIC, TETRAHEDRA = KINDS
 pytestmark = pytest.mark.serial
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("kind", [HEXAHEDRA, QUADRATIC], ids=lambda kind: kind.name)
 def test_a_ring_that_is_spun(kind):
     """M = 2/3 mu F (b^3 - a^3) / (b^2 - a^2), whatever the mesh; strains are 1e-3."""
@@ -32,6 +33,7 @@ def test_twist_of_a_bar_with_a_tied_cut_converges_as_that_of_one_bar(kind):
     assert abs(fine) < 1.6 * abs(whole)
 
 
+@pytest.mark.once
 def test_forces_across_openings_are_told():
     """The facets beside the contact have lengths of one and five contact radii."""
     problem, ball = torsion.sphere_on_half_space(HEXAHEDRA, 6)

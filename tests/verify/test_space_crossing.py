@@ -55,6 +55,7 @@ def test_pressed_and_sliding_blocks_are_sound(cell, order):
     assert 0.0 < crossing.facets < 0.05 and crossing.is_paired and not crossing.hint
 
 
+@pytest.mark.serial
 def test_ironing_with_a_cap_is_sound():
     scene = cap_on_block(law=fm.Coulomb(0.3))
     for push in ((0, 0, -0.03), (0, 0, -0.05), (0.1, 0.02, -0.05), (0.2, 0.04, -0.05)):

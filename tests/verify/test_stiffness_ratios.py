@@ -55,6 +55,7 @@ def measured(scene, unit, sign):
     return sign * pair.total_force / unit, support.force / unit, scene
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("ratio", RATIOS)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_forces_beside_a_much_stiffer_body_are_those_of_the_softer_one(ratio, degree):
@@ -75,6 +76,7 @@ def test_roles_and_friction_beside_a_much_stiffer_body(ratio, slave, degree):
     assert np.abs(force - expected).max() < 1e-3 * np.abs(expected).max()
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("ratio", [1e-10, 1e10])
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 def test_roles_beside_a_much_stiffer_body_in_space(ratio, slave):
