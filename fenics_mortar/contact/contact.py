@@ -46,7 +46,7 @@ from fenics_mortar.contact.arcs import (
     way_past,
     weighted,
 )
-from fenics_mortar.contact.fields import ContactFields, change_along, kind_of
+from fenics_mortar.contact.fields import ContactFields, SpaceFields, change_along
 from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.contact.interface import (
     NO_NODES,
@@ -69,7 +69,6 @@ from fenics_mortar.contact.law_calls import (
 from fenics_mortar.contact.rows import (
     ContactRows,
     MultiplierNodes,
-    SpaceRows,
     next_sets,
     normals_on_planes,
 )
@@ -141,7 +140,8 @@ class Contact(Interface):
                 functions of the contact over to their neighbours, if there are any.
         """
         super().__init__(pair, space, prescribed, welds)
-        self.rows = ContactRows(self) if self.slave.dim == 2 else SpaceRows(self)
+        self._kind = ContactFields if self.slave.dim == 2 else SpaceFields
+        self.rows = ContactRows(self)
         choice = pair.discretization
         normals, _ = evaluate_normals(self.slave, self.slave.X, choice.normals)
         self._multiplier_nodes = MultiplierNodes(
@@ -467,7 +467,6 @@ class Contact(Interface):
         """
         law, instant = self.pair.law, self._state.accepted_instant
         self.parameters = self._parameters.sample(law) if law.fields else {}
-        self._kind = kind_of(law, self.slave.dim)
         if instant is None or instant.begins(law):
             instant = first_instant(law, self.slave, 0.0 if instant is None else instant.time)
             self.change(accepted_instant=instant, start_instant=instant)

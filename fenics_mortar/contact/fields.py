@@ -25,9 +25,6 @@ The matrix in dz is positive definite for T < b; T / b is limited to ``MAX_RATIO
 Where a law is linear and isotropic, with stick or without friction, R = rho_u s + rho_tau z_t. On
 symmetry planes e is in the plane and the law is that of the plane. At w = 0, where e may be any
 tangent, the law resists equally in all directions.
-
-Here are also the fields, in both dimensions, of a law with a closing gap, memory, or parameters
-that vary in space.
 """
 
 from __future__ import annotations
@@ -84,20 +81,33 @@ class Gaps(NamedTuple):
     mean: Array
 
 
+class Arguments(NamedTuple):
+    """Arguments of the law with the gap that contact closes, and this gap with its derivatives.
+
+    The gap is ``None`` if it is the mean gap.
+    """
+
+    nodal: Nodal
+    closing: Row | None
+
+
 class ContactFields(InterfaceFields):
     """Fields of a contact; see ``contact`` for the complementarity function and the rows.
 
     Attributes:
-        closing: The gap that contact closes with its derivatives; ``None`` if it is the mean gap.
         covered, mean_gap: See ``Gaps``.
+        nodal, closing: See ``Arguments``.
         covered_gap: ``closing_gap``, zero at uncovered nodes, (slave nodes,) [length].
+        row_tangents: Direction of the tangential row, (slave nodes, 2), in space of two [1].
         adhesion: Adhesion a at the gaps, and a', each (slave nodes,) [stress, stress / length].
     """
 
-    closing: Row | None = None
     covered: Any = property(attrgetter("gaps.covered"))
     mean_gap: Any = property(attrgetter("gaps.mean"))
-    covered_gap: Any = property(attrgetter("gaps.mean"))
+    nodal: Any = property(attrgetter("arguments.nodal"))
+    closing: Any = property(attrgetter("arguments.closing"))
+    covered_gap: Any = property(attrgetter("nodal.gap"))
+    row_tangents: Any = property(attrgetter("operators.tau"))
     adhesion: Any = property(attrgetter("pull.residual", "pull.by_gap"))
 
     @field("multiplier_nodes")
@@ -147,7 +157,7 @@ class ContactFields(InterfaceFields):
     def friction_limit(self, pressure: Array) -> Array:
         """Friction limits at pressures (slave nodes,) and closed gaps [stress]."""
         node = replace(self.nodal, z_n=pressure, gap=np.zeros_like(pressure))
-        of_node = isinstance(self, LawFields)
+        of_node = self.interface.pair.law.needs_nodal_state
         return self.interface.law_calls.friction_limit(node, of_node=of_node)
 
     def closed_adhesion(self) -> Array:
@@ -175,22 +185,43 @@ class ContactFields(InterfaceFields):
         return self.slip
 
     @field(*LAW_ATTRIBUTES)
-    def nodal(self) -> Nodal:
-        """Arguments of the contact law, arrays (slave nodes,); see ``Nodal``."""
-        stiffness = self.interface.foundation
-        c_n = self.state.c_n * stiffness
-        needs_slip = type(self.interface.pair.law) is not Frictionless
+    def arguments(self) -> Arguments:
+        """Arguments of the law, and its closing gap: the mean gap where no node is covered."""
+        interface, time, start = self.interface, self.state.load_time, self.state.start_instant
+        law, stiffness, on = interface.pair.law, interface.foundation, self.covered
+        needs_slip = type(law) is not Frictionless
         slip = self.slip if needs_slip else np.zeros(stiffness.size)
-        X, time, start_instant = (
-            self.interface.slave.X,
-            self.state.load_time,
-            self.state.start_instant,
-        )
-        step = time - start_instant.time if time > start_instant.time else start_instant.step
-        return Nodal(
-            self.mean_gap, slip, self.z_n, self.z_tau, stiffness, c_n, X, self.operators.x, time,
-            step, start_instant.memory, self.interface.parameters,
+        node = Nodal(
+            self.mean_gap, slip, self.z_n, self.z_tau, stiffness, self.state.c_n * stiffness,
+            interface.slave.X, self.operators.x, time,
+            time - start.time if time > start.time else start.step, start.memory,
+            interface.parameters,
         )  # fmt: skip
+        if not law.has_closing_gap:
+            return Arguments(node, None)
+        row = self.without_slip_on_planes(interface.law_calls.closing_gap(node, on))
+        plain = Row(node.gap, 1.0, 0.0, 0.0, 0.0)
+        closing = Row(*(np.where(on, a, b) for a, b in zip(row, plain, strict=True)))
+        return Arguments(replace(node, gap=closing.residual), closing)
+
+    @property
+    def of_geometry(self) -> Nodal:
+        """Arguments of the law with the mean gap."""
+        return replace(self.nodal, gap=self.mean_gap)
+
+    @property
+    def closing_gap(self) -> Array:
+        """See ``InterfaceFields``."""
+        if not self.interface.pair.law.has_closing_gap:
+            return self.gap
+        return self.fill_inside(np.where(self.covered, self.nodal.gap, np.nan))
+
+    @property
+    def offset(self) -> Array:
+        """See ``InterfaceFields``; minus the thickness of the law's layer."""
+        if not self.interface.pair.law.has_closing_gap:
+            return np.asarray(self.state.offset)
+        return np.asarray(self.state.offset - (self.nodal.gap - self.mean_gap))
 
     @property
     def sticking(self) -> Flags:
@@ -224,7 +255,7 @@ class ContactFields(InterfaceFields):
             given = self.interface.law_calls.tangential(node, state.branch, follows_law)
             row = Row(*(np.where(follows_law, a, b) for a, b in zip(given, row, strict=True)))
         zero = np.zeros(len(state.z))
-        row = Row(*[part + zero for part in row])
+        row = Row(*np.broadcast_arrays(*row, zero)[:-1])
         if not state.redundant.any():
             return row
         k = node.stiffness
@@ -283,13 +314,13 @@ class ContactFields(InterfaceFields):
 
     @field(*RULED)
     def vector_rows(self) -> tuple[VectorRow, ...]:
-        """``law_rows`` with derivatives by vectors."""
-        return tuple(self.by_vectors(row) for row in self.law_rows)
+        """``law_rows`` with derivatives by vectors; in space along two tangents, then along n."""
+        return tuple([self.by_vectors(row) for row in self.law_rows])
 
     def by_vectors(self, row: Row) -> VectorRow:
         """A row with its derivatives by the vectors of multiplier and normal."""
         o, z = self.operators, self.state.z
-        residual, by_gap, by_slip, by_n, by_tau = (part + np.zeros(len(z)) for part in row)
+        residual, by_gap, by_slip, by_n, by_tau, _ = np.broadcast_arrays(*row, self.z_n)
         turned = np.stack([z[:, 1], -z[:, 0]], axis=1)  # z . dtau = turned . dn
         by_z = by_n[:, None] * o.n + by_tau[:, None] * o.tau
         return VectorRow(
@@ -406,47 +437,6 @@ def opening_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
     partners = f.state.partners
     relative = partners.D @ on_slave - partners.M @ on_master
     return -np.asarray(np.einsum("ja,ja->j", f.operators.n, relative))
-
-
-class LawFields(ContactFields):
-    """Fields for laws of more than gap, slip and multiplier; see ``Law.needs_nodal_state``.
-
-    In ``nodal`` the closing gap replaces the mean gap.
-    """
-
-    covered_gap: Any = property(attrgetter("nodal.gap"))
-
-    @field(*LAW_ATTRIBUTES)
-    def of_geometry(self) -> Nodal:
-        """Arguments of the law with the mean gap."""
-        return ContactFields.nodal.func(self)
-
-    @field(*LAW_ATTRIBUTES)
-    def closing(self) -> Row | None:
-        """See ``ContactFields``; the mean gap at uncovered nodes, no slip on symmetry planes."""
-        law, node = self.interface.pair.law, self.of_geometry
-        if not law.has_closing_gap:
-            return None
-        on = self.covered
-        row = self.without_slip_on_planes(self.interface.law_calls.closing_gap(node, on))
-        plain = Row(node.gap, 1.0, 0.0, 0.0, 0.0)
-        return Row(*(np.where(on, a, b) for a, b in zip(row, plain, strict=True)))
-
-    @field(*LAW_ATTRIBUTES)
-    def nodal(self) -> Nodal:
-        """See ``ContactFields``; with the closing gap."""
-        row = self.closing
-        return self.of_geometry if row is None else replace(self.of_geometry, gap=row.residual)
-
-    @field(*LAW_ATTRIBUTES)
-    def closing_gap(self) -> Array:
-        """See ``InterfaceFields``."""
-        return self.fill_inside(np.where(self.covered, self.nodal.gap, np.nan))
-
-    @property
-    def offset(self) -> Array:
-        """See ``InterfaceFields``; minus the thickness of the law's layer."""
-        return np.asarray(self.state.offset - (self.nodal.gap - self.of_geometry.gap))
 
 
 # Largest ratio of shear and |w| in the tangent [1], which is singular at 1: the node is about to
@@ -586,7 +576,7 @@ class SpaceFields(ContactFields):
 
     @field(*RULED)
     def vector_rows(self) -> tuple[VectorRow, ...]:
-        """Rows of the law along e and along t, then along n; see ``ContactFields.law_rows``."""
+        """See ``ContactFields``."""
         tangential, *others = self.law_rows
         return *self._tangential_rows(tangential), *(self.by_vectors(row) for row in others)
 
@@ -600,7 +590,7 @@ class SpaceFields(ContactFields):
     def _tangential_rows(self, row: Row) -> tuple[VectorRow, VectorRow]:
         """Rows along e and t, given that of the law; see the module."""
         (e, t), none = self.row_tangents, np.zeros(len(self.z_n))
-        rho, by_gap, by_u, by_n, by_tau = (part + none for part in row)
+        rho, by_gap, by_u, by_n, by_tau, _ = np.broadcast_arrays(*row, none)
         size, weight = self.directions.size, self.slip_weight
         as_law = self.is_isotropic & ~self.interface.is_guided
         per_size = np.where((size > 0.0) & ~as_law, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
@@ -647,7 +637,7 @@ class SpaceFields(ContactFields):
 
         Slip and shear along e are those of the law: d(e . a) = e . da + (t . a) t . dw / b.
         """
-        residual, by_gap, by_u, by_n, by_tau = (part + np.zeros(len(self.z_n)) for part in row)
+        residual, by_gap, by_u, by_n, by_tau, _ = np.broadcast_arrays(*row, self.z_n)
         e, t, size = self.directions
         of_turn = by_u * normal_parts(t, self.tangential_slip) + by_tau * normal_parts(t, self.z_u)
         turn = np.where(size > 0.0, of_turn / np.where(size > 0.0, size, 1.0), 0.0)
@@ -685,14 +675,3 @@ class SpaceFields(ContactFields):
             normal_slip = np.einsum("ja,ja->j", n, self.slip_vector)
             by_normal = by_normal - (factor * normal_slip)[:, None] * a
         return VectorRow(residual, by_z, of_slip, by_gap, by_normal)
-
-
-class SpaceLawFields(SpaceFields, LawFields):
-    """Fields of a contact in space with a law that depends on the nodal state."""
-
-
-def kind_of(law: Any, dim: int) -> type[ContactFields]:
-    """Class of the fields of a law in the plane or in space."""
-    if dim == 2:
-        return LawFields if law.needs_nodal_state else ContactFields
-    return SpaceLawFields if law.needs_nodal_state else SpaceFields

@@ -379,7 +379,10 @@ def raise_stored(comm: MPI.Comm, contacts: Iterable[Any]) -> None:
     Raises:
         Exception: See ``errors.leave_together``.
     """
-    users = [c for c in contacts if hasattr(c, "law_calls") and type(c.pair.law) not in BUILT_IN]
+    users = list[Any]()
+    for contact in contacts:  # a loop: this is called several times in each iteration
+        if hasattr(contact, "law_calls") and type(contact.pair.law) not in BUILT_IN:
+            users.append(contact)
     if not users:
         return
     errors = [contact.law_calls.error for contact in users]

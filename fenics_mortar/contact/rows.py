@@ -44,17 +44,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fenics_mortar.contact.interface_fields import normal_parts
 from fenics_mortar.contact.law import KINK, STICK, Branches, VectorRow
 from fenics_mortar.interface.mortar import Block, scaled
 from fenics_mortar.interface.space_mortar import SpaceOperators
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.kernels import complementarity
-from fenics_mortar.kernels.blocks import expand_rows, linearize_law
-from fenics_mortar.kernels.complementarity import choose, measure_rows, tabulate_frame
+from fenics_mortar.kernels.blocks import expand_rows
+from fenics_mortar.kernels.complementarity import choose, measure_rows
 from fenics_mortar.utils.arrays import LAST_DIGITS, Array, Flags, Indices
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.fields import ContactFields, SpaceFields
+    from fenics_mortar.contact.fields import ContactFields
 
 # Weights of the rows: n k / D of gaps, nodal areas of multipliers that do not act, tau D and n D of
 # the law; with a closing gap of the law, weights of gaps are zero, and the weight -n k of the
@@ -118,38 +119,41 @@ class InterfaceRows(ABC):
 
 
 class ContactRows(InterfaceRows):
-    """Rows of a contact: gap and contact law; the frame is that of ``Frame``."""
+    """Rows of a contact: gap and contact law."""
 
     def linearized(self) -> Rows:
         """See ``InterfaceRows``."""
         f: ContactFields = self._interface.now
-        o = f.operators
+        o, z, own = f.operators, f.z_u, f.interface.slave.owned
+        if isinstance(o, SpaceOperators):
+            f.acting.linearize_at(z)  # with the forces, which are differentiated next
         normal, idle, *weights = self.frame()
-        blocks: list[Block] = []
+        dim, j = normal.shape[1], own[f.acts[own]]
         rhs, by_gap = -normal * o.gap[:, None], np.zeros(normal.shape)
-        A_z = np.zeros((*normal.shape, 2))
-        A_z[:, 0, 0] = A_z[:, 1, 1] = -idle
-        for weight, row in zip(weights, f.law_rows, strict=True):
+        A_z, blocks = -idle[:, None, None] * np.eye(dim), list[Block]()
+        numbers, columns = dim * j[:, None] + np.arange(dim), o.normal_columns()[j]
+        for weight, row in zip(weights, f.vector_rows, strict=True):
             if not weight.any():
                 continue
-            slips, change = row.by_slip.any(), np.empty_like(o.dn)
-            rotated = f.state.partners.rotated(o) if slips else np.zeros(normal.shape)
-            linearize_law(weight, *row, o.n, o.dn, f.state.z, rotated, A_z, rhs, by_gap, change)
-            j = f.interface.slave.owned[f.acts[f.interface.slave.owned]]
-            rows = 2 * j[:, None] + np.arange(2)
-            blocks.append(Block(rows, o.normal_columns()[j], change[j]))
-            if slips:
-                along = -weight * row.by_slip[:, None]
-                blocks += [normal_rows(block, along) for block in f.state.partners.derivative(o)]
+            A_z = A_z - weight[:, :, None] * row.by_z[:, None]
+            constant = row.residual - np.einsum("ja,ja->j", row.by_z, z)
+            rhs += weight * constant[:, None]
+            by_gap += weight * row.by_gap[:, None]
+            turned = np.einsum("ja,jaq->jq", row.by_normal[j], o.dn[j])
+            blocks.append(Block(numbers, columns, -weight[j][:, :, None] * turned[:, None]))
+            if row.by_slip.any():
+                of_slip = f.slip_derivative(row.by_slip)
+                blocks += [normal_rows(block, -weight) for block in of_slip]
         return Rows([*gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
 
     def measure(self) -> tuple[float, float]:
         """See ``InterfaceRows``."""
         f: ContactFields = self._interface.now
-        tangential, opening, *_ = f.law_rows
+        tangents = f.operators.slave.dim - 1
+        *along, opening = [row.residual for row in f.vector_rows[: tangents + 1]]
         squares, gap = measure_rows(
-            f.covered_gap, f.nodal_lengths, f.interface.stiffness, f.operators.diagonal,
-            opening.residual, tangential.residual, f.state.active, f.attracted,
+            f.covered_gap, f.nodal_lengths, f.interface.stiffness, f.operators.diagonal, opening,
+            np.linalg.norm(along, axis=0), f.state.active, f.attracted,
         )  # fmt: skip
         return squares, gap
 
@@ -162,25 +166,30 @@ class ContactRows(InterfaceRows):
     def frame(self) -> Frame:
         """See ``Frame``."""
         f: ContactFields = self._interface.now
-        o = f.operators
-        count, k = len(o.n), f.interface.stiffness
-        (normal, along, opening), idle = np.empty((3, count, 2)), np.empty(count)
-        tabulate_frame(
-            o.n, o.diagonal, f.nodal_areas, k, f.state.active, f.attracted, normal, idle, along,
-            opening,
-        )  # fmt: skip
+        o, k, active, acts = f.operators, f.interface.stiffness, f.state.active, f.acts
+        per_gap = np.where(active, k / np.where(active, o.diagonal, 1.0), 0.0)[:, None]
+        of_law = np.where(acts, o.diagonal, 0.0)[:, None]
+        opening = np.where(f.attracted, o.diagonal, 0.0)[:, None] * o.n
+        along = of_law * np.reshape(f.row_tangents, (-1, *o.n.shape))
+        idle = np.where(acts, 0.0, f.nodal_areas)
         if f.closing is None:
-            return normal, idle, along, opening
-        by_law = np.where(f.state.active, k, 0.0)
-        return np.zeros_like(normal), idle, along, opening, -o.n * by_law[:, None]
+            return per_gap * o.n, idle, *along, opening
+        by_law = np.where(active, k, 0.0)[:, None]
+        return np.zeros_like(o.n), idle, *along, opening, -by_law * o.n
 
     def weighted(self, frame: Frame) -> Array:
-        """See ``InterfaceRows``."""
+        """See ``InterfaceRows``; in space the tangential rows are components of one vector."""
         f: ContactFields = self._interface.now
         normal, idle, *weights = frame
         rows = normal * f.operators.gap[:, None] - idle[:, None] * f.state.z
-        for weight, row in zip(weights, f.law_rows, strict=True):
-            rows = rows - weight * row.residual[:, None]
+        residuals = [row.residual for row in f.vector_rows]
+        if f.operators.slave.dim == 3:  # along the tangents of the frame
+            R = np.einsum("aj,ajc->jc", residuals[:2], f.row_tangents)
+            for i, weight in enumerate(weights[:2]):  # D e or D t, zero where no multiplier acts
+                size = np.linalg.norm(weight, axis=1)
+                residuals[i] = normal_parts(weight, R) / np.where(size > 0.0, size, 1.0)
+        for weight, residual in zip(weights, residuals, strict=True):
+            rows = rows - weight * residual[:, None]
         return rows
 
     def by_motions(self) -> Array:
@@ -250,77 +259,6 @@ def normal_rows(block: Block, direction: Array) -> Block:
     values = np.empty((count, dim * size, block.columns.shape[1]))
     expand_rows(direction, *map(np.ascontiguousarray, (block.rows, block.values)), rows, values)
     return Block(rows, block.columns, values)
-
-
-class SpaceRows(ContactRows):
-    """Rows of a contact in space."""
-
-    def linearized(self) -> Rows:
-        """See ``InterfaceRows``."""
-        f: SpaceFields = self._interface.now
-        o, z, own = f.operators, f.z_u, f.interface.slave.owned
-        if isinstance(o, SpaceOperators):
-            f.acting.linearize_at(z)  # with the forces, which are differentiated next
-        normal, idle, *weights = self.frame()
-        rhs, by_gap = -normal * o.gap[:, None], np.zeros(normal.shape)
-        A_z, blocks = -idle[:, None, None] * np.eye(3), list[Block]()
-        j = own[f.acts[own]]
-        numbers, columns = 3 * j[:, None] + np.arange(3), o.normal_columns()[j]
-        for weight, row in zip(weights, f.vector_rows, strict=True):
-            if not weight.any():
-                continue
-            A_z = A_z - weight[:, :, None] * row.by_z[:, None]
-            constant = row.residual - np.einsum("ja,ja->j", row.by_z, z)
-            rhs += weight * constant[:, None]
-            by_gap += weight * row.by_gap[:, None]
-            turned = np.einsum("ja,jaq->jq", row.by_normal[j], o.dn[j])
-            blocks.append(Block(numbers, columns, -weight[j][:, :, None] * turned[:, None]))
-            if row.by_slip.any():
-                of_slip = f.state.partners.derivative(o, row.by_slip)
-                blocks += [normal_rows(block, -weight) for block in of_slip]
-        return Rows([*gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
-
-    def measure(self) -> tuple[float, float]:
-        """See ``InterfaceRows``."""
-        f: SpaceFields = self._interface.now
-        along, across, opening, *_ = f.vector_rows
-        return measure_rows(
-            f.covered_gap, f.nodal_lengths, f.interface.stiffness, f.operators.diagonal,
-            opening.residual, np.hypot(along.residual, across.residual), f.state.active,
-            f.attracted,
-        )  # fmt: skip
-
-    def frame(self) -> Frame:
-        """See ``Frame``: weights of gap, idle multipliers, both tangents and open nodes."""
-        f: SpaceFields = self._interface.now
-        o, k, (e, t) = f.operators, f.interface.stiffness, f.row_tangents
-        active, acts = f.state.active, f.acts
-        per_gap = np.where(active, k / np.where(active, o.diagonal, 1.0), 0.0)
-        of_law = np.where(acts, o.diagonal, 0.0)[:, None]
-        opening = np.where(f.attracted, o.diagonal, 0.0)[:, None] * o.n
-        idle = np.where(acts, 0.0, f.nodal_areas)
-        weights = per_gap[:, None] * o.n, idle, of_law * e, of_law * t, opening
-        if f.closing is None:
-            return weights
-        by_law = np.where(active, k, 0.0)
-        return np.zeros_like(o.n), *weights[1:], -o.n * by_law[:, None]
-
-    def weighted(self, frame: Frame) -> Array:
-        """See ``InterfaceRows``; the tangential rows are components of one vector."""
-        f: SpaceFields = self._interface.now
-        normal, idle, *along, opening = frame[:5]
-        rows = normal * f.operators.gap[:, None] - idle[:, None] * f.state.z
-        tangential, others = f.vector_rows[:2], f.vector_rows[2:]
-        R = sum(
-            row.residual[:, None] * a for row, a in zip(tangential, f.row_tangents, strict=True)
-        )
-        for weight in along:  # D e or D t, zero where no multiplier acts
-            size = np.linalg.norm(weight, axis=1)
-            component = np.einsum("ja,ja->j", weight, R) / np.where(size > 0.0, size, 1.0)
-            rows = rows - weight * component[:, None]
-        for weight, row in zip((opening, *frame[5:]), others, strict=True):
-            rows = rows - weight * row.residual[:, None]
-        return rows
 
 
 def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, int]:

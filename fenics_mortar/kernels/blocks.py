@@ -62,47 +62,6 @@ def weigh_derivatives(dX, which, nodes, z, sign, values):
 
 
 @kernel
-def linearize_law(
-    scaled, rho, rho_gap, rho_slip, rho_n, rho_tau, n, dn, z, rotated, A_z, rhs, by_gap, change
-):
-    """Add a linearized row of the contact law, -``scaled`` times rho, at all slave nodes.
-
-    Derivatives with respect to gaps follow from ``by_gap``; ``change`` has those due to the
-    rotation of n and tau, with d(tau . v) = v_y dn_x - v_x dn_y.
-
-    Args:
-        scaled: Weighted directions of the row, shape (n, 2) [length].
-        rho: Residual of the law, shape (n,) [stress].
-        rho_gap: Its derivative by the gap, shape (n,).
-        rho_slip: Its derivative by the slip, shape (n,).
-        rho_n: Its derivative by z_n, shape (n,).
-        rho_tau: Its derivative by z_tau, shape (n,).
-        n: Normals, shape (n, 2).
-        dn: Their derivatives, shape (n, 2, c) [1 / length].
-        z: Multipliers, shape (n, 2) [stress].
-        rotated: Vectors v for which d(tau) . v is the change of slip by dn, shape (n, 2) [length].
-        A_z: Derivatives by z, shape (n, 2, 2); changed.
-        rhs: Right-hand sides, shape (n, 2); changed.
-        by_gap: Derivatives by the gap, with the sign of rho, shape (n, 2); changed.
-        change: Derivatives by positions, shape (n, 2, c); filled.
-    """
-    for j in range(n.shape[0]):
-        x = rho_tau[j] * -n[j, 1] + rho_n[j] * n[j, 0]
-        y = rho_tau[j] * n[j, 0] + rho_n[j] * n[j, 1]
-        constant = rho[j] - (x * z[j, 0] + y * z[j, 1])
-        along_x = rho_tau[j] * z[j, 1] + rho_n[j] * z[j, 0] + rho_slip[j] * rotated[j, 1]
-        along_y = -rho_tau[j] * z[j, 0] + rho_n[j] * z[j, 1] - rho_slip[j] * rotated[j, 0]
-        for a in range(2):
-            A_z[j, a, 0] -= scaled[j, a] * x
-            A_z[j, a, 1] -= scaled[j, a] * y
-            rhs[j, a] += scaled[j, a] * constant
-            by_gap[j, a] += scaled[j, a] * rho_gap[j]
-            for q in range(dn.shape[2]):
-                rotation = along_x * dn[j, 0, q] + along_y * dn[j, 1, q]
-                change[j, a, q] = -scaled[j, a] * rotation
-
-
-@kernel
 def gather_forces(
     D, facets, slave_rows, M, slave, master, master_rows, Z, A_z, owned, acts, dofs, i, j, v
 ):

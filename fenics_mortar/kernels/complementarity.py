@@ -129,32 +129,6 @@ def measure_rows(gap, lengths, stiffness, diagonal, opening, tangential, active,
 
 
 @kernel
-def tabulate_frame(n, diagonal, areas, stiffness, active, attracted, normal, idle, along, opening):
-    """Fill the weights of the rows of a contact, zero at nodes without such a row.
-
-    Args:
-        n: Normals, shape (n, 2).
-        diagonal: Diagonal entries of D, shape (n,) [length].
-        areas: Nodal areas, shape (n,) [length].
-        stiffness: Stiffness k of the bulk, shape (n,) [stress].
-        active: Active set, shape (n,), bool.
-        attracted: Open nodes under adhesion, shape (n,), bool.
-        normal: n k / D of gaps, shape (n, 2) [stress / length]; filled.
-        idle: Nodal areas of multipliers that do not act, shape (n,) [length]; filled.
-        along: tau D of the law, shape (n, 2) [length]; filled.
-        opening: n D of open nodes under adhesion, shape (n, 2) [length]; filled.
-    """
-    for j in range(n.shape[0]):
-        acts = diagonal[j] if active[j] or attracted[j] else 0.0
-        opens = diagonal[j] if attracted[j] else 0.0
-        closes = stiffness[j] / diagonal[j] if active[j] else 0.0
-        idle[j] = 0.0 if active[j] or attracted[j] else areas[j]
-        for a in range(2):
-            normal[j, a], opening[j, a] = closes * n[j, a], opens * n[j, a]
-        along[j, 0], along[j, 1] = -acts * n[j, 1], acts * n[j, 0]
-
-
-@kernel
 def choose(cover, possible, neighbours, share, present, changes, most, all_strong, new,
            helped):  # fmt: skip
     """Choose the multiplier nodes; return the number of changed nodes.

@@ -268,15 +268,14 @@ class CondensedSystem(LinearSystem):
 
     def _R_entries(self, pair_rows: Sequence[Rows], inverses: Sequence[Array]) -> Entries:
         """R = -B^T Z - A_z Z in rows of contact nodes; columns are numbers of components."""
-        operators = [contact.operators for contact in self.contacts]
-        dim = max((o.x.shape[1] for o in operators), default=0)
-        size = dim * (self.num_z_dofs + sum(o.D.size + o.M.size for o in operators))
+        num_entries = sum(c.operators.D.size + c.operators.M.size for c in self.contacts)
+        size = self.bulk.space.dim * (self.num_z_dofs + num_entries)
         i, j = np.empty((2, size), PETSc.IntType)
         v, end = np.empty(size), 0
-        for (contact, z_dofs, owned, _), (on_slave, on_master), o, rows, Z in zip(
-            self._numbered, self._rows_of_sides, operators, pair_rows, inverses, strict=True
+        for (contact, z_dofs, owned, _), (on_slave, on_master), rows, Z in zip(
+            self._numbered, self._rows_of_sides, pair_rows, inverses, strict=True
         ):
-            s = o.segments
+            o, s = contact.operators, contact.operators.segments
             end += gather_forces(
                 o.D, o.facet_nodes, on_slave, o.M, s.slave, s.master, on_master, Z, rows.A_z, owned,
                 contact.acts, z_dofs, i[end:], j[end:], v[end:],

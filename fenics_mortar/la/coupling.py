@@ -139,14 +139,10 @@ class Coupling:
 
     def _loads(self, flux: Flux) -> tuple[Indices, Indices]:
         """Slave nodes and the field's dofs that their fluxes may load, (p,) each (collective)."""
-        pairs = self._borne([trace.dofs for trace in flux.traces])
+        pairs = self._reached([trace.dofs for trace in flux.traces])
         gathered = self._slave.comm.allgather(np.stack(pairs))
         j, dofs = np.unique(np.concatenate(gathered, axis=1), axis=1)
         return j, dofs
-
-    def _borne(self, dofs: Sequence[Indices]) -> tuple[Indices, Indices]:
-        """As ``_reached``, with dofs that their multipliers may load."""
-        return self._reached(dofs)
 
     def _reached(self, dofs: Sequence[Indices]) -> tuple[Indices, Indices]:
         """Slave nodes, and dofs of nodes that share a facet of this rank with them, (p,) each.

@@ -292,110 +292,10 @@ def describe_motion(motion: Array) -> str:
     return "turn" if max(abs(x), abs(y)) < MINOR else f"move along {format_point((x, y))} and turn"
 
 
-def follow(motions: RigidMotions) -> Array:
-    """Moves of driven obstacles with prescribed motions, such that nodes stick (local).
-
-    Without these moves all nodes would slide by an undetermined distance. A move minimizes slip and
-    opening of the sticking nodes; slip alone would not determine a motion along their normals.
-    Operators are those of the present state.
-
-    Returns:
-        Shape (m, 3) [length], zero for remote loads.
-    """
-    moves = np.zeros(motions.scales.shape)
-    for number, driven in enumerate(motions.driven_obstacles):
-        mine = motions.contacts_of(number)
-        slip = np.concatenate([_slip(c)[c.sticking].ravel() for c in mine])
-        along = [slip_by_motions(c, c.sticking).reshape(-1, driven.size) for c in mine]
-        across = np.concatenate([gap_by_motions(c.now)[c.sticking] for c in mine])
-        rows = np.concatenate([*along, across])[:, driven]
-        sizes = np.linalg.norm(rows, axis=0)  # units of turn and translation differ
-        sizes[sizes == 0.0] = 1.0
-        desired = np.concatenate([-slip, np.zeros(len(across))])
-        moves[number, driven] = (
-            np.linalg.lstsq(rows / sizes, desired, rcond=RIGID.followed)[0] / sizes
-        )
-    return moves
-
-
 def _slip(contact: Contact) -> Array:
     """Slip of the nodes, (nodes,) [length]; in space along both tangents, (nodes, 2)."""
     now = contact.now
     return contact.slip if contact.slave.dim == 2 else now.along_tangents(now.slip_in_space)
-
-
-def settle(motions: RigidMotions, evaluate: Callable[[], object]) -> list[str]:
-    """Move driven obstacles without contact force until contact stops them (collective).
-
-    Args:
-        motions: The obstacles.
-        evaluate: Function that evaluates the contacts at the present state.
-
-    Returns:
-        A sentence for each obstacle that was moved.
-
-    Raises:
-        MortarError: On all ranks, if no contact stops an obstacle.
-    """
-    moved = dict[str, None]()
-    for _ in range(RIGID.max_moves):
-        evaluate()
-        moves = np.zeros(motions.scales.shape)
-        for i in range(len(motions.obstacles)):
-            moves[i] = _next_move(motions, i)
-        moving = np.flatnonzero(moves.any(axis=1))
-        if not moving.size:
-            return [f"{name} was moved until contact stopped it" for name in moved]
-        moved |= dict.fromkeys(f"obstacle '{motions.obstacles[i].name}'" for i in moving)
-        motions.move(moves)
-    free = moving[0]
-    raise MortarError(
-        f"obstacle '{motions.obstacles[free].name}' can {describe_motion(moves[free])} freely: its "
-        "push drives it, and no contact stops it; prescribe that motion by move()"
-    )
-
-
-def _next_move(motions: RigidMotions, number: int) -> Array:
-    """Motion of an obstacle towards contact, (3,) [length]; zero if loaded or not driven.
-
-    The motion closest to the push for which no node overlaps by more than ``RIGID.overlap`` and the
-    push does positive work. The potential of the push is linear; therefore no move is reversed
-    later.
-    """
-    contacts = motions.contacts_of(number)
-    driven, push = motions.driven[number], motions.push()[number]
-    loaded = any((c.pressure > SUM_ROUNDING * c.modulus).any() for c in contacts)
-    if loaded or not push.any():
-        return np.zeros(push.size)
-    basis = np.eye(push.size)[driven]
-    along = (basis @ push) / np.linalg.norm(push)
-    closing = [-gap_by_motions(contact.now) @ basis.T for contact in contacts]
-    desired = RIGID.largest_move * contacts[0].arm * along
-    move = closest_move(desired, closing, contacts, back=-along)
-    if move @ along > RIGID.sliver * motions.shortest_facet():
-        return move @ basis
-    return np.zeros(push.size)
-
-
-def slide_along_driven(motions: RigidMotions, start: Array) -> float:
-    """Largest slide of obstacles along driven motions, over their contact width [1] (local).
-
-    Zero for obstacles with a node that sticks or has no friction.
-
-    Args:
-        motions: The obstacles.
-        start: Places at the start of the solve, shape (m, 3) [length, radian].
-    """
-    found = np.where(motions.driven, motions.motions_since(start), 0.0)
-    widths = [0.0]
-    for number, motion in enumerate(found[: len(motions.obstacles)]):
-        mine = motions.contacts_of(number)
-        slides = np.concatenate([c.sliding[c.active] for c in mine])
-        if motion.any() and slides.size and slides.all():
-            slips = [slip_by_motions(c, c.active) @ motion for c in mine]
-            each = np.concatenate([slip.reshape(len(slip), -1) for slip in slips])
-            widths.append(float(np.linalg.norm(each, axis=1).min()) / _width(mine))
-    return max(widths)
 
 
 def _width(contacts: Sequence[Contact]) -> float:
@@ -437,24 +337,6 @@ def tangent_springs(
         relative = tangent_stiffness(loose @ residual[number], force)
         total[own, own] = stiffness * relative * (loose.T @ loose)
     return total
-
-
-def describe_loose(motions: RigidMotions, residual: Array, force: float) -> str:
-    """Description of loose motions driven by forces; "" if there are none (local).
-
-    Args:
-        motions: The rigid motions.
-        residual: Residual of the balance, shape (m, 3) [stress length].
-        force: Size of all forces [stress length].
-    """
-    found = []
-    for obstacle, loose, rest in zip(
-        motions.obstacles, loose_motions(motions), residual[: len(motions.obstacles)], strict=True
-    ):
-        drive = loose @ rest
-        if np.linalg.norm(drive) > SUM_ROUNDING * force:
-            found.append(f"obstacle '{obstacle.name}' can {describe_motion(drive @ loose)}")
-    return ", ".join(found)
 
 
 def border_of(motions: RigidMotions, system: LinearSystem) -> Border:
@@ -574,8 +456,19 @@ class DrivenMotions(RigidMotions):
         return tangent_springs(self, self.residual(), stiffness, force)
 
     def describe(self, force: float) -> str:
-        """Description of loose motions driven by forces; "" if there are none (collective)."""
-        return describe_loose(self, self.residual(), force)
+        """Description of loose motions driven by forces; "" if there are none (collective).
+
+        Args:
+            force: Size of all forces [stress length].
+        """
+        found, residual = [], self.residual()[: len(self.obstacles)]
+        for obstacle, loose, rest in zip(
+            self.obstacles, loose_motions(self), residual, strict=True
+        ):
+            drive = loose @ rest
+            if np.linalg.norm(drive) > SUM_ROUNDING * force:
+                found.append(f"obstacle '{obstacle.name}' can {describe_motion(drive @ loose)}")
+        return ", ".join(found)
 
     # Springs, see ``proximal``
 
@@ -643,25 +536,99 @@ class DrivenMotions(RigidMotions):
     # Before and after a solve
 
     def follow(self, evaluate: Callable[[], object]) -> None:
-        """Move driven obstacles along with prescribed motions (collective).
+        """Move driven obstacles with prescribed motions, such that nodes stick (collective).
+
+        Without these moves all nodes would slide by an undetermined distance. A move minimizes slip
+        and opening of the sticking nodes; slip alone would not determine a motion along their
+        normals. Remote loads stay.
 
         Args:
             evaluate: Function that evaluates the operators at the present state, not the active
                 sets.
         """
-        if self.driven_obstacles.any():
-            evaluate()
-            self.move(follow(self))
+        if not self.driven_obstacles.any():
+            return
+        evaluate()
+        moves = np.zeros(self.scales.shape)
+        for number, driven in enumerate(self.driven_obstacles):
+            mine = self.contacts_of(number)
+            slip = np.concatenate([_slip(c)[c.sticking].ravel() for c in mine])
+            along = [slip_by_motions(c, c.sticking).reshape(-1, driven.size) for c in mine]
+            across = np.concatenate([gap_by_motions(c.now)[c.sticking] for c in mine])
+            rows = np.concatenate([*along, across])[:, driven]
+            sizes = np.linalg.norm(rows, axis=0)  # units of turn and translation differ
+            sizes[sizes == 0.0] = 1.0
+            desired = np.concatenate([-slip, np.zeros(len(across))])
+            found = np.linalg.lstsq(rows / sizes, desired, rcond=RIGID.followed)[0]
+            moves[number, driven] = found / sizes
+        self.move(moves)
 
     def settle(self, evaluate: Callable[[], object]) -> list[str]:
-        """Move driven obstacles until contact stops them (collective)."""
+        """Move driven obstacles without contact force until contact stops them (collective).
+
+        Args:
+            evaluate: Function that evaluates the contacts at the present state.
+
+        Returns:
+            A sentence for each obstacle that was moved.
+
+        Raises:
+            MortarError: On all ranks, if no contact stops an obstacle.
+        """
         self._start = self.places
         if not self.driven_obstacles.any():
             return []
-        moved = settle(self, evaluate)
-        self._start = self.places
-        return moved
+        moved = dict[str, None]()
+        for _ in range(RIGID.max_moves):
+            evaluate()
+            moves = np.zeros(self.scales.shape)
+            for i in range(len(self.obstacles)):
+                moves[i] = self._next_move(i)
+            moving = np.flatnonzero(moves.any(axis=1))
+            if not moving.size:
+                self._start = self.places
+                return [f"{name} was moved until contact stopped it" for name in moved]
+            moved |= dict.fromkeys(f"obstacle '{self.obstacles[i].name}'" for i in moving)
+            self.move(moves)
+        free = moving[0]
+        raise MortarError(
+            f"obstacle '{self.obstacles[free].name}' can {describe_motion(moves[free])} freely: "
+            "its push drives it, and no contact stops it; prescribe that motion by move()"
+        )
+
+    def _next_move(self, number: int) -> Array:
+        """Motion of an obstacle towards contact, (3,) [length]; zero if loaded or not driven.
+
+        The motion closest to the push for which no node overlaps by more than ``RIGID.overlap`` and
+        the push does positive work. The potential of the push is linear; therefore no move is
+        reversed later.
+        """
+        contacts = self.contacts_of(number)
+        driven, push = self.driven[number], self.push()[number]
+        loaded = any((c.pressure > SUM_ROUNDING * c.modulus).any() for c in contacts)
+        if loaded or not push.any():
+            return np.zeros(push.size)
+        basis = np.eye(push.size)[driven]
+        along = (basis @ push) / np.linalg.norm(push)
+        closing = [-gap_by_motions(contact.now) @ basis.T for contact in contacts]
+        desired = RIGID.largest_move * contacts[0].arm * along
+        move = closest_move(desired, closing, contacts, back=-along)
+        if move @ along > RIGID.sliver * self.shortest_facet():
+            return move @ basis
+        return np.zeros(push.size)
 
     def slide_along_driven(self) -> float:
-        """Slide of obstacles along driven motions in the last solve [1]."""
-        return slide_along_driven(self, self._start)
+        """Largest slide of obstacles along driven motions, over their contact width [1] (local).
+
+        In the last solve; zero for obstacles with a node that sticks or has no friction.
+        """
+        found = np.where(self.driven, self.motions_since(self._start), 0.0)
+        widths = [0.0]
+        for number, motion in enumerate(found[: len(self.obstacles)]):
+            mine = self.contacts_of(number)
+            slides = np.concatenate([c.sliding[c.active] for c in mine])
+            if motion.any() and slides.size and slides.all():
+                slips = [slip_by_motions(c, c.active) @ motion for c in mine]
+                each = np.concatenate([slip.reshape(len(slip), -1) for slip in slips])
+                widths.append(float(np.linalg.norm(each, axis=1).min()) / _width(mine))
+        return max(widths)

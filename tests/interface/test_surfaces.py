@@ -10,12 +10,14 @@ from scenes import read
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.interface.reference import facet_rule
 from fenics_mortar.interface.traces import extract_surface
-from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.mesh.space import DisplacementSpace, thickness_of
 from meshes import mapped_grids, rings, two_blocks
 from meshes.mapped_grids import Grid, block, build, sector
 
 comm = MPI.COMM_WORLD
+AROUND = thickness_of("axisymmetric", None)
 
 
 def surface(build, name, degree=1, **options):
@@ -98,6 +100,26 @@ def test_nodal_lengths_sum_to_the_length():
     _, side = surface(two_blocks.build, "upper/bottom", width_upper=1.5)
     assert side.nodal_lengths.sum() == pytest.approx(1.5, rel=1e-14)
     assert side.nodal_lengths[0] == pytest.approx(side.nodal_lengths[1] / 2, rel=1e-12)
+
+
+def test_areas_of_nodes_by_hand():
+    """Nodes on a radius r, dr apart: 2 pi r dr, and pi (r +- dr / 2) dr of half a facet."""
+    data = read(two_blocks.build, width_upper=1.5)
+    around = DisplacementSpace(fm.vector_space(data.mesh, 1), thickness=AROUND)
+    side = extract_surface(around, data.facet_tags, data.boundary_tags("upper/bottom"), "bottom")
+    r, (size, *_) = side.X[:, 0], side.lengths
+    exact = 2.0 * np.pi * r * size
+    for end in (0, -1):
+        exact[end] = np.pi * (r[end] + np.sign(r.mean() - r[end]) * size / 2.0) * size
+    assert side.nodal_areas == pytest.approx(exact, rel=1e-10)
+
+
+@pytest.mark.parametrize("size, degree", [(2, 1), (3, 3)])
+def test_points_at_the_nodes_integrate_by_the_trapezoidal_or_simpsons_rule(size, degree):
+    points, weights = facet_rule("nodes", size, 7)
+    assert points.tolist() == [-1.0, 0.0, 1.0][:: 4 - size]
+    for power in range(degree + 1):
+        assert weights @ points**power == pytest.approx((1 + (-1) ** power) / (power + 1))
 
 
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])

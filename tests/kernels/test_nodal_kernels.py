@@ -71,18 +71,10 @@ def test_touching_nodes_are_active_at_the_start():
     assert active.tolist() == [True, False]
 
 
-def test_frame_and_size_of_rows():
+def test_size_of_rows():
     """An active node, an open one under adhesion, an idle one."""
-    n, diagonal, areas = unit_normals()[:3], np.array([2.0, 3.0, 4.0]), np.array([5.0, 6.0, 7.0])
+    diagonal = np.array([2.0, 3.0, 4.0])
     active, attracted = np.array([True, False, False]), np.array([False, True, False])
-    (normal, along, opening), idle = np.empty((3, 3, 2)), np.empty(3)
-    complementarity.tabulate_frame(
-        n, diagonal, areas, np.full(3, 8.0), active, attracted, normal, idle, along, opening
-    )
-    assert np.abs(normal - np.array([[4.0], [0.0], [0.0]]) * n).max() < 1e-14
-    assert np.abs(along - np.array([[2.0], [3.0], [0.0]]) * tangents(n)).max() < 1e-14
-    assert np.abs(opening - np.array([[0.0], [3.0], [0.0]]) * n).max() < 1e-14
-    assert idle.tolist() == [0.0, 0.0, 7.0]
     squares, largest = complementarity.measure_rows(
         np.array([-0.5, 1.0, 2.0]), np.full(3, 0.25), np.full(3, 8.0), diagonal, np.full(3, 0.1),
         np.full(3, 10.0), active, attracted,
@@ -142,34 +134,6 @@ def test_rows_are_expanded_and_derivatives_weighed():
     blocks.weigh_derivatives(dX, which, nodes, z, -2.0, weighed)
     expected = -2.0 * np.einsum("pjkq,pjc->pkcq", dX, z[nodes[which]]).reshape(3, 4, 6)
     assert np.abs(weighed - expected).max() < 1e-14
-
-
-def test_linearized_law_is_the_derivative_of_the_law():
-    """Of rho = u z_n + g z_tau + z_n z_tau, u = tau . v, by complex step in normals and in z."""
-    n, z, v, gap = unit_normals(), *RNG.normal(size=(2, N, 2)), RNG.normal(size=N)
-    dn, scaled = RNG.normal(size=(N, 2, 6)), RNG.normal(size=(N, 2))
-
-    def parts(n, z):
-        tau = np.stack([-n[:, 1], n[:, 0]], axis=1)
-        return [(a * b).sum(axis=1) for a, b in ((tau, v), (n, z), (tau, z))]
-
-    def rho(n, z):
-        u, z_n, z_tau = parts(n, z)
-        return u * z_n + gap * z_tau + z_n * z_tau
-
-    u, z_n, z_tau = parts(n, z)
-    row = rho(n, z), z_tau, z_n, u + z_tau, gap + z_n
-    A_z, rhs, by_gap, change = np.zeros((N, 2, 2)), *np.zeros((2, N, 2)), np.empty((N, 2, 6))
-    blocks.linearize_law(scaled, *row, n, dn, z, v, A_z, rhs, by_gap, change)
-    for q in range(6):
-        derivative = np.imag(rho(n + 1e-30j * dn[:, :, q], z)) / 1e-30
-        assert np.abs(change[:, :, q] + scaled * derivative[:, None]).max() < 1e-13
-    for c in range(2):
-        derivative = np.imag(rho(n, z + 1e-30j * np.eye(2)[c])) / 1e-30
-        assert np.abs(A_z[:, :, c] + scaled * derivative[:, None]).max() < 1e-13
-    at_z = scaled * row[0][:, None] + np.einsum("jac,jc->ja", A_z, z)
-    assert np.abs(rhs - at_z).max() < 1e-13
-    assert np.abs(by_gap - scaled * z_tau[:, None]).max() < 1e-14
 
 
 def test_entries_of_condensed_forces():

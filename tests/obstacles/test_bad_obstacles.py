@@ -251,13 +251,14 @@ def test_obstacle_beneath_a_body_whose_slave_is_on_top_does_not_contain_it():
     assert problem.solve().converged
 
 
-@pytest.mark.parametrize("mu, told", [(30.0, 1), (lambda X: 3.0 * X[:, 0], 0), (0.3, 0), (1e3, 0)])
+@pytest.mark.parametrize("mu, told", [(30.0, 1), (lambda X: 3.0 * X[:, 0], 0), (0.3, 0), (2e2, 0)])
 def test_coefficients_of_friction_like_angles_in_degrees_have_a_remark(mu, told):
     data = blocks_of_arrays()
     u = fem.Function(fm.vector_space(data.mesh, 1))
     pair = fm.ContactPair(data, "slave", "master", law=fm.Coulomb(mu))
     notes = problem_on(data, [pair], bcs=bcs_of(data, u.function_space), u=u).solve().notes
-    assert sum("30 per cent are 0.3, and an angle of friction" in note for note in notes) == told
+    found = [note for note in notes if "an angle of friction" in note]
+    assert len(found) == told and all("30 per cent are 0.3, and" in note for note in found)
 
 
 def test_deep_obstacle_that_faces_the_body_is_an_interference():

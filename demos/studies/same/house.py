@@ -2,16 +2,22 @@
 """Figures of the code of the package: lines, modules, functions, chains of imports.
 
     python3 -m demos.studies.same.house
+    python3 -m demos.studies.same.house run     also of a run: frames, calls, seconds of import
 
 Lines of code are those without comments, docstrings and blank lines. The longest chain of imports
-is the largest number of modules each of which imports the next one when it is imported itself.
+is the largest number of modules each of which imports the next one when it is imported itself. The
+way to the first integral over the interface is counted from ``problem.solve``, both included.
 """
 
 from __future__ import annotations
 
 import ast
 import io
+import os
 import statistics
+import subprocess
+import sys
+import tempfile
 import tokenize
 from collections import Counter
 from functools import cache
@@ -90,6 +96,40 @@ def longest_chain(modules: dict[str, Module]) -> list[str]:
     return list(max(map(chain, used), key=len))
 
 
+# CPU seconds of the import of the package, after dolfinx.
+IMPORT = """
+import time
+import dolfinx, dolfinx.fem.petsc
+begin = time.process_time()
+import fenics_mortar
+print(time.process_time() - begin)
+"""
+
+
+def import_seconds(number: int = 5) -> float:
+    """Median CPU seconds of the import of the package beyond those of dolfinx, from bytecode."""
+    found = list[float]()
+    with tempfile.TemporaryDirectory() as folder:
+        given = {**os.environ, "PYTHONPYCACHEPREFIX": folder, "PYTHONDONTWRITEBYTECODE": ""}
+        for _ in range(1 + number):  # the first one writes the bytecode
+            run = [sys.executable, "-c", IMPORT]
+            ended = subprocess.run(run, capture_output=True, text=True, check=True, env=given)
+            found.append(float(ended.stdout))
+    return statistics.median(found[1:])
+
+
+def print_run() -> None:
+    """Print the figures of a run: two blocks with 1,100 unknowns."""
+    from demos.studies.performance import trace_iteration  # sets up problems, imports dolfinx
+
+    *_, calls, crossings = trace_iteration.measure()
+    way = trace_iteration.trace_way()
+    print(f"frames to the first integral   {len(way.frames)}")
+    print(f"modules that u passes          {len(way.modules)}")
+    print(f"Python calls of an iteration   {calls}, {crossings} between modules")
+    print(f"import beyond dolfinx          {import_seconds():.2f} s of CPU time")
+
+
 def main() -> None:
     """Print the figures."""
     paths = sorted(PACKAGE.rglob("*.py"))
@@ -114,6 +154,8 @@ def main() -> None:
           f"90th percentile {functions[9 * len(functions) // 10]}")  # fmt: skip
     print(f"files of the largest folder    {files} ({most.relative_to(ROOT)})")
     print(f"longest chain of imports       {len(chain)} files: {chain[0]} ... {chain[-1]}")
+    if "run" in sys.argv[1:]:
+        print_run()
 
 
 if __name__ == "__main__":

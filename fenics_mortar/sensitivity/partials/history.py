@@ -54,7 +54,7 @@ from scipy.sparse import csr_array, eye
 
 from fenics_mortar.contact.arcs import Material, Turned, quarter_turn, spokes_of
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.fields import ELASTIC, ContactFields, LawFields, SpaceFields
+from fenics_mortar.contact.fields import ELASTIC, ContactFields, SpaceFields
 from fenics_mortar.contact.law import COMPLEX_STEP, Law, Nodal
 from fenics_mortar.contact.slip import Partners, rotation_derivative
 from fenics_mortar.interface.facing import nearest_facets, nearest_on_master
@@ -582,7 +582,7 @@ def memory_of_pair(contact: Contact) -> PairMemory:
         ValueError: On all ranks, if the law cannot be differentiated.
     """
     law, f = contact.pair.law, contact.now
-    given = _arguments(f)
+    given = f.of_geometry
 
     def by(response: Response, name: str, value: Array, at: At) -> Array:
         return response(contact, name, value, np.ones_like(value), at)
@@ -654,14 +654,9 @@ def change_of_memory(contact: Contact, name: str, value: Array, direction: Array
     return np.asarray(made).T
 
 
-def _arguments(f: ContactFields) -> Nodal:
-    """Arguments of the law with the mean gap (local)."""
-    return f.of_geometry if isinstance(f, LawFields) else f.nodal
-
-
 def _complex(f: ContactFields, law: Law, changes: Mapping[str, Any]) -> Nodal:
     """Changed complex arguments of a law, with its closing gap in place of the gap (local)."""
-    given = _arguments(f)
+    given = f.of_geometry
     numbers = {name: getattr(given, name).astype(complex) for name in NUMBERS}
     node = replace(given, **{**numbers, **changes})
     if not law.has_closing_gap:
