@@ -155,29 +155,49 @@ def _identity_but(rows: dict[int, tuple[Array, Array]], layout: PETSc.Mat) -> PE
 
 
 def _stencils(V: Any, nodes: Indices, weigh: Weigh) -> dict[int, tuple[Indices, Array]]:
-    """Neighbours inside the body and their weights for each node, equal on all ranks."""
-    cells, _ = _cells_at(V, nodes)
-    near, at = _cells_at(V, np.unique(cells))
+    """Neighbours inside the body and their weights for each node, equal on all ranks.
+
+    They are within two rings of nodes around it, or three where these are not enough, as at a
+    corner of a single tetrahedron.
+    """
+    found = _within(V, nodes, nodes, weigh, 2)
+    few = np.setdiff1d(nodes, list(found))
+    found |= _within(V, few, nodes, weigh, 3) if few.size else {}
+    few = np.setdiff1d(few, list(found))
+    if few.size:
+        numbers, positions = _cells_at(V, few[:1])
+        where = format_point(positions[numbers == few[0]][0])
+        raise MortarError(
+            f"the body at {where} has fewer than two layers of nodes behind the slave surface, "
+            "which could carry its mass: refine the body, take the other side as the slave, or use "
+            "scheme='generalized_alpha'"
+        )
+    return found
+
+
+def _within(
+    V: Any, nodes: Indices, without: Indices, weigh: Weigh, rings: int
+) -> dict[int, tuple[Indices, Array]]:
+    """See ``_stencils``: those of ``nodes`` that have enough neighbours within some rings."""
+    near = nodes
+    for _ in range(rings):
+        near, at = _cells_at(V, np.unique(near))
     where = dict(zip(near.ravel().tolist(), at.reshape(-1, at.shape[2]), strict=True))
-    ring = _neighbours(near)
-    without = set(nodes.tolist())
-    found = {}
+    ring, excluded, found = _neighbours(near), set(without.tolist()), {}
     for node in nodes.tolist():
-        first = ring[node] - without
-        both = set().union(*(ring[n] for n in ring[node])) - without
-        around = both if weigh is _extrapolating or not first else first
+        first = around = ring[node] - excluded
+        if weigh is _extrapolating or not first:
+            reached = {node}
+            for _ in range(rings):
+                reached = set().union(*(ring[n] for n in reached))
+            around = reached - excluded
         numbers = np.array(sorted(around, key=lambda n: tuple(where[n])), np.int64)
         offsets = np.array([where[n] - where[node] for n in numbers.tolist()]).reshape(
             -1, at.shape[2]
         )
         weights = weigh(offsets)
-        if weights is None:
-            raise MortarError(
-                f"the body at {format_point(where[node])} has fewer than two layers of nodes "
-                "behind the slave surface, which could carry its mass: refine the body, take the "
-                "other side as the slave, or use scheme='generalized_alpha'"
-            )
-        found[node] = numbers, weights
+        if weights is not None:
+            found[node] = numbers, weights
     return found
 
 

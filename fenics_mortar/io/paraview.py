@@ -260,6 +260,8 @@ def _space_of(function: fem.Function) -> tuple[fem.FunctionSpace, slice | Indice
 # Number of points per direction of the grid on which outlines of obstacles are searched: its cells
 # are narrower than the lines of a picture. In space triangles of a fortieth of the box.
 GRID, GRID_IN_SPACE = 400, 40
+# How often cells near an obstacle smaller than the grid are halved: to 1e-6 of the box.
+HALVINGS = 15
 
 
 def bounding_box(bulk: Bulk) -> tuple[Array, Array]:
@@ -285,8 +287,8 @@ def with_margin(low: Array, high: Array) -> tuple[Array, Array]:
 def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices, Array]:
     """Outline phi = 0 of an obstacle in a box: line segments, in space triangles (local).
 
-    For an obstacle outside the box, or one narrower than the cells of the grid, it is one of zero
-    length or area at the pivot, since files without points are unreadable.
+    For an obstacle outside the box it is one of zero length or area at the pivot, since files
+    without points are unreadable.
 
     Args:
         obstacle: The obstacle.
@@ -298,7 +300,7 @@ def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices
         displacements of the points (n, dim) [length].
     """
     dim = len(low)
-    points, parts = (_zeros_in_space if dim == 3 else _zeros)(obstacle, low, high)
+    points, parts = _zeros(obstacle, low, high)
     for _ in range(2 if len(parts) else 0):  # Newton steps from chords of the grid to the surface
         phi, gradient, _ = obstacle.evaluate(points)
         points = points - (phi / (gradient**2).sum(axis=1))[:, None] * gradient
@@ -311,49 +313,54 @@ def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices
     return own, parts, points - own
 
 
+# Edges of a simplex with corners in the order of phi on which a part of phi = 0 has its corners, by
+# the number of corners with phi < 0: segments of a triangle, triangles of a tetrahedron.
+CUTS = {
+    2: ((1, ((0, 1), (0, 2))), (2, ((0, 2), (1, 2)))),
+    3: ((1, ((0, 1), (0, 2), (0, 3))), (3, ((0, 3), (1, 3), (2, 3))),
+        (2, ((0, 2), (0, 3), (1, 3))), (2, ((0, 2), (1, 3), (1, 2)))),
+}  # fmt: skip
+
+
 def _zeros(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices]:
-    """Points of lines phi = 0 in a box, (n, 2) [length], and of their segments (m, 2) (local)."""
-    from matplotlib.figure import Figure
+    """Points of phi = 0 in a box, (n, dim) [length], and of its parts (m, dim) (local).
 
-    x, y, points = grid(low, high)
-    phi = obstacle.evaluate(points)[0].reshape(GRID, GRID)
-    if not phi.min() < 0.0 < phi.max():
-        return np.empty((0, 2)), np.empty((0, 2), int)
-    lines = Figure().add_subplot().contour(x, y, phi, [0.0]).allsegs[0]
-    points = np.concatenate(lines)
-    first = np.setdiff1d(np.arange(len(points)), np.cumsum([len(line) for line in lines]) - 1)
-    return points, np.stack([first, first + 1], axis=1)
-
-
-# Six tetrahedra of a box with the corners 0 to 7, whose bits are the axes: the ways from 0 to 7.
-SIMPLICES = np.array([(0, a, a | b, 7) for a, b in permutations((1, 2, 4), 2)])
-# Edges of a tetrahedron with corners in the order of phi on which a triangle of phi = 0 has its
-# corners, by the number of corners with phi < 0.
-CUTS = ((1, ((0, 1), (0, 2), (0, 3))), (3, ((0, 3), (1, 3), (2, 3))),
-        (2, ((0, 2), (0, 3), (1, 3))), (2, ((0, 2), (1, 3), (1, 2))))  # fmt: skip
-
-
-def _zeros_in_space(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices]:
-    """Points of phi = 0 in a box, (n, 3) [length], and of its triangles (m, 3) (local).
-
-    phi is linear in the tetrahedra of a grid.
+    phi is linear in the simplices of a grid, whose cells are halved where the obstacle is small.
     """
-    n = GRID_IN_SPACE
-    axes = np.linspace(low, high, n).T
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    phi = obstacle.evaluate(points)[0]
-    steps = np.array([n * n, n, 1])
-    first = (np.indices((n - 1,) * 3).reshape(3, -1).T @ steps)[:, None]
-    corners = first + (np.arange(8)[:, None] >> np.arange(3) & 1) @ steps
-    inside = (phi[corners] < 0.0).sum(axis=1)
-    cells = corners[(inside > 0) & (inside < 8)][:, SIMPLICES].reshape(-1, 4)
+    dim = len(low)
+    count = {2: GRID, 3: GRID_IN_SPACE}[dim] - 1
+    step, cells = (high - low) / count, np.indices((count,) * dim).reshape(dim, -1).T
+    bits = np.arange(2**dim)[:, None] >> np.arange(dim) & 1
+    for _ in range(HALVINGS):
+        points, corners, phi = _at_corners(obstacle, low, step, cells, bits)
+        lowest, highest = phi[corners].min(axis=1), phi[corners].max(axis=1)
+        cut, size = (lowest < 0.0) & (highest >= 0.0), np.linalg.norm(step)
+        near = (lowest <= size) & (highest >= -size)
+        is_fine = cut.sum() >= count ** (dim - 1)
+        if is_fine or not 0 < near.sum() << dim <= count**dim:  # no more cells than the grid has
+            break
+        step, cells = step / 2.0, (2 * cells[near][:, None] + bits).reshape(-1, dim)
+    orders = np.cumsum(list(permutations(2 ** np.arange(dim))), axis=1)
+    simplices = np.insert(orders, 0, 0, axis=1)  # ways along edges between opposite corners
+    cells = corners[cut][:, simplices].reshape(-1, dim + 1)
     cells = np.take_along_axis(cells, np.argsort(phi[cells], axis=1), axis=1)
     inside = (phi[cells] < 0.0).sum(axis=1)
-    edges = np.concatenate([cells[inside == number][:, cut] for number, cut in CUTS])
+    edges = np.concatenate([cells[inside == number][:, cut] for number, cut in CUTS[dim]])
     ends, parts = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
     at = phi[ends[:, 0]] / (phi[ends[:, 0]] - phi[ends[:, 1]])
     a, b = points[ends[:, 0]], points[ends[:, 1]]
-    return a + at[:, None] * (b - a), parts.reshape(-1, 3)
+    return a + at[:, None] * (b - a), parts.reshape(-1, dim)
+
+
+def _at_corners(
+    obstacle: Obstacle, low: Array, step: Array, cells: Indices, bits: Indices
+) -> tuple[Array, Indices, Array]:
+    """Corners (n, dim) [length] of ``cells`` of a grid, their numbers by cells, phi [length]."""
+    each = (cells[:, None] + bits).reshape(-1, cells.shape[1])
+    keys = each @ (each.max(axis=0, initial=0).max() + 1) ** np.arange(cells.shape[1])
+    _, first, numbers = np.unique(keys, return_index=True, return_inverse=True)
+    points = low + each[first] * step
+    return points, numbers.reshape(-1, len(bits)), obstacle.evaluate(points)[0]
 
 
 def grid(low: Array, high: Array) -> tuple[Array, Array, Array]:

@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.io.paraview import outline
 from fenics_mortar.io.picture import rings_of_skin
 from fenics_mortar.utils import compat
 
@@ -171,6 +172,32 @@ def test_surfaces_of_obstacles_move_with_them(shared_path):
     assert np.allclose(mesh.points + mesh.point_data["displacement"], ball.to_space(mesh.points))
     for (file,) in steps(shared_path / "tools.pvd", "obstacles", "far").values():
         assert np.array_equal(meshio.read(file).points, np.tile([0.0, 0.1, 9.0], (3, 1)))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("dim", [2, 3])
+def test_small_obstacles_are_drawn_as_well_as_large_ones(dim):
+    """Balls from a quarter to 1e-5 of the box; a thin ring, in the plane its section."""
+    low, high = -np.ones(dim), np.arange(1.0, dim + 1.0)
+    centre = np.array((0.3, 0.4, -0.2))[:dim]
+    for radius in (0.5, 0.01, 2e-5):
+        ball = fm.Sphere(centre, radius) if dim == 3 else fm.Circle(centre, radius)
+        assert measured(*outline(ball, low, high)[:2]) == pytest.approx(
+            np.pi * radius * (4.0 * radius if dim == 3 else 2.0), rel=0.01
+        )
+    if dim == 3:
+        ring = fm.Torus(centre, (0.0, 0.1, 1.0), 0.2, 0.004)
+        area = 4.0 * np.pi**2 * 0.2 * 0.004
+        assert measured(*outline(ring, low, high)[:2]) == pytest.approx(area, rel=0.03)
+
+
+def measured(points, parts):
+    """Length of segments or area of triangles."""
+    ends = points[parts]
+    if ends.shape[1] == 2:
+        return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()
+    normals = np.cross(ends[:, 1] - ends[:, 0], ends[:, 2] - ends[:, 0])
+    return 0.5 * np.linalg.norm(normals, axis=1).sum()
 
 
 def test_moved_node_of_a_saved_mesh_is_named_with_three_coordinates(shared_path):

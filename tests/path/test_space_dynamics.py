@@ -99,6 +99,23 @@ def test_a_body_of_one_layer_of_cells_cannot_take_over_the_mass():
         flying("hexahedron", 0.0, "conserving", layers=1)
 
 
+@pytest.mark.serial
+def test_corners_of_single_tetrahedra_find_nodes_that_take_over_their_mass():
+    """A surface all around; the ball that it meets is pushed away, momenta and energy remain."""
+    boxes = []
+    for name, at in (("a", (0.0, 0.0, 0.0)), ("b", (0.25, 0.15, 0.955))):
+        x = mapped((4, 4, 4), ball)
+        boxes.append(Box(name, x + np.array(at), {side: f"{name}/skin" for side in SIDES}))
+    data = mesh(boxes, cell="tetrahedron", comm=MPI.COMM_WORLD)
+    falls = {"b": lambda x: np.outer((0.0, 0.0, -1.5), np.ones_like(x[0]))}
+    problem, motion = moving(data, [("a/skin", "b/skin")], 0.0, falls, "conserving")
+    before = motion.momentum()
+    record = motion.run(0.06, STEP)
+    assert any(contact.active.any() for contact in problem.contacts)
+    np.testing.assert_allclose(motion.momentum(), before, atol=1e-12)
+    assert record.steps[-1].energies.total == pytest.approx(record.start.total, rel=1e-7)
+
+
 @pytest.mark.once
 @pytest.mark.parametrize("scheme", ["conserving", "generalized_alpha"])
 def test_blocks_of_one_list_of_surfaces_collide_as_those_of_pairs(scheme):
