@@ -59,7 +59,7 @@ from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.la.condensed import system_of
 from fenics_mortar.mesh.space import DisplacementSpace, Geometry, thickness_of
 from fenics_mortar.newton.loop import NewtonOptions, NewtonReport
-from fenics_mortar.rigid.spread import check_remote, refuse_remote, sections_of
+from fenics_mortar.rigid.spread import BoundaryMotion, check_remote, refuse_remote, sections_of
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.compat import free_garbage_of_earlier, keep_communicators
 from fenics_mortar.utils.errors import (
@@ -461,7 +461,8 @@ class ContactProblem:
             name: Name or tag of a boundary of the ``MeshData``, or a list of them.
             about: Point of reference of the moment, (2,), in space (3,) [length]; default: the
                 origin.
-            data: The ``MeshData`` with this name; default: that of the pairs.
+            data: The ``MeshData`` with this name; default: those of pairs and
+                remote loads.
 
         Raises:
             MeshError: On all ranks, if no boundary has the name, or no dof there is prescribed.
@@ -474,7 +475,10 @@ class ContactProblem:
                 print(force, problem.contacts[0].total_force)
         """
         e = self.equations
-        meshes = [c.pair.data for c in e.contacts] if data is None else [data]
+        loads = [load.motion for load in (*e.motions.remote, *e.motions.spread)]
+        meshes = [c.pair.data for c in e.contacts]
+        meshes += [load.data for load in loads if isinstance(load, BoundaryMotion)]
+        meshes = meshes if data is None else [data]
         data, point = named_boundary(e.bulk, meshes, name, about)
         bulk, contact, _ = self.forces()
         return reaction_of(e.bulk, bulk + contact, data, name, point)

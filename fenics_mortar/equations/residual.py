@@ -289,7 +289,9 @@ def named_boundary(
     with together(bulk.comm, "reaction"):
         point = _point(about, bulk.space.dim)
         if not given:
-            raise MeshError("without pairs there are no names of boundaries; expected data=")
+            raise MeshError(
+                "without pairs or remote loads there are no names of boundaries; expected data="
+            )
         if any(data.mesh is not bulk.V.mesh for data in given):
             raise MeshError("data belongs to another mesh than u")
         known = [

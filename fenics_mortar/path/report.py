@@ -532,7 +532,8 @@ class DynamicsReport(_OfSteps):
         With mass on the surfaces in contact, smaller steps do not reduce it.
         """
         if self.scheme == "generalized_alpha":
-            return "scheme='conserving'" + ", or a smaller rho_inf" * (self.rho_inf > 0.0)
+            smaller = ", or a smaller rho_inf" * (self.rho_inf > 0.0)
+            return f"scheme='conserving' ('massless' of bodies with history){smaller}"
         largest = max(step.size for step in self.steps)
         steps = f"steps of {0.9 * largest / excess**0.5:.2g}" if largest else "smaller steps"
         steps += f", for an error of {CONSERVED:g}, as it is of second order" * bool(largest)

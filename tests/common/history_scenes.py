@@ -35,9 +35,12 @@ class Material:
     shown: dict[str, Any]
 
 
-def plastic(u, degree, dt=None, *, E=200.0, nu=0.3, sigma_y=1.0, H=10.0):
-    """Von Mises plasticity, linear isotropic hardening, small strains, plane strain."""
-    mesh = u.function_space.mesh
+def plastic(u, degree, dt=None, *, mesh=None, E=200.0, nu=0.3, sigma_y=1.0, H=10.0):
+    """Von Mises plasticity, linear isotropic hardening, small strains, plane strain.
+
+    ``mesh`` has to be given for a ``u`` that is a part of a mixed function.
+    """
+    mesh = mesh or u.function_space.mesh
     old = fm.quadrature_function(mesh, degree, (3, 3))
     alpha = fm.quadrature_function(mesh, degree)
     old.name, alpha.name = "plastic_strain", "alpha"
@@ -46,7 +49,7 @@ def plastic(u, degree, dt=None, *, E=200.0, nu=0.3, sigma_y=1.0, H=10.0):
     s = 2 * mu * ufl.dev(strain - old)
     size = ufl.sqrt(ufl.inner(s, s) + (1e-12 * sigma_y) ** 2)
     f = size - np.sqrt(2 / 3) * (sigma_y + H * alpha)
-    gamma = ufl.conditional(f > 0, f / (2 * mu + 2 / 3 * H), 0.0)
+    gamma = ufl.conditional(f > 1e-9 * sigma_y, f / (2 * mu + 2 / 3 * H), 0.0)
     flow = gamma / size * s
     stress = lmbda * ufl.tr(strain) * ufl.Identity(3) + 2 * mu * (strain - old - flow)
     history = [(old, old + flow), (alpha, alpha + np.sqrt(2 / 3) * gamma)]

@@ -99,6 +99,15 @@ def test_tangent_has_slopes_of_two(rigid):
     assert min(slopes.values()) > 1.95, slopes
 
 
+def test_names_of_boundaries_are_those_of_a_remote_load():
+    """Without pairs; the outer edge has the opposite moment about the pivot."""
+    problem, hub = ring(linear_elastic)
+    hub.push(moment=1e-5 * TORSION)
+    problem.solve()
+    moment = problem.reaction("ring/bottom", about=hub.pivot).moment
+    assert moment == pytest.approx(-hub.reaction[2], rel=1e-9)
+
+
 def test_reaction_by_name_is_that_of_the_boundary():
     """About the present pivot; equilibrium of all supports."""
     problem, grip = blocks("upper/top")

@@ -11,7 +11,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from meshes.mapped_grids import Grid, arrays, mesh, sector
+from meshes.mapped_grids import Grid, arrays, block, mesh, sector
 
 # Shear stress at which bodies yield, perfectly plastic.
 K = 1.0
@@ -67,6 +67,68 @@ def test_pressure_in_a_thick_ring_is_that_of_hill():
     assert errors[1] < 0.25 * errors[0] and errors[1] < 3e-4
 
 
+def ring_by_traction(columns, rows, a, b, E=500.0, nu=0.4995):
+    """A quarter of a ring with a traction on its bore, of displacement and mean stress.
+
+    Returns:
+        The problem, the traction, and functions of positions and stresses at all points.
+    """
+    x = sector(2 * columns, 2 * rows, radii=(a, b), angles=(0.0, np.pi / 2))
+    data = mesh([Grid("ring", x)], order=2)
+    W = fm.mixed_space(data.mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
+    w, (v, q) = fem.Function(W), ufl.TestFunctions(W)
+    u, p = ufl.split(w)
+    law = plastic(u, 4, mesh=data.mesh, E=E, nu=nu, **YIELD)
+    stress = ufl.dev(law.stress) + p * ufl.Identity(3)
+    where, kept = (fm.quadrature_function(data.mesh, 4, shape) for shape in ((2,), (3, 3)))
+    traction, modulus = fem.Constant(data.mesh, 0.0), E / 3.0 / (1.0 - 2.0 * nu)
+    ds = ufl.Measure("ds", domain=data.mesh, subdomain_data=data.facet_tags)
+    residual = ufl.inner(stress, in_space(fm.energies.strain(v))) * ufl.dx(degree=4)
+    residual += (ufl.div(u) - p / modulus) * q * ufl.dx(degree=4)
+    bore = ds(data.boundary_tags("ring/top")[0], degree=4)
+    residual += traction * ufl.inner(ufl.FacetNormal(data.mesh), v) * bore
+    history = [*law.history, (where, ufl.SpatialCoordinate(data.mesh) + 0 * u), (kept, stress)]
+    sides = [("ring/left", 0.0, 1), ("ring/right", 0.0, 0)]
+    bcs = [fm.dirichlet(W.sub(0), data, *side) for side in sides]
+    problem = fm.ContactProblem(
+        residual, w, [], bcs=bcs, history=history, petsc_options_prefix="traction_"
+    )
+    return problem, traction, where, kept
+
+
+def test_stresses_in_a_thick_ring_and_after_unloading():
+    """Hill's stresses, and after an elastic unloading these minus Lame's.
+
+    Unloading starts from stresses on the yield surface: if their rounding made points plastic in
+    the first tangent, a perfectly plastic ring would not converge.
+    """
+    a, b, front = 1.3, 3.1, 2.2
+    problem, traction, where, kept = ring_by_traction(6, 8, a, b)
+
+    def pressure(c):
+        return K * (2.0 * np.log(c / a) + 1.0 - c**2 / b**2)
+
+    def error(unloaded):
+        x, stress = where.x.array.reshape(-1, 2), kept.x.array.reshape(-1, 3, 3)[:, :2, :2]
+        r = np.linalg.norm(x, axis=1)
+        radial = np.einsum("ni,nij,nj->n", x, stress, x) / r**2
+        both = np.stack([radial, np.trace(stress, axis1=1, axis2=2) - radial])
+        sign = np.array([[-1.0], [1.0]])
+        inside = K * (sign + front**2 / b**2 - 2.0 * np.log(front / r))
+        outside = K * front**2 / b**2 * (1.0 + sign * b**2 / r**2)
+        lame = unloaded * a**2 / (b**2 - a**2) * (1.0 + sign * b**2 / r**2)
+        away = np.abs(r - front) > 0.15
+        return np.abs(both - np.where(r < front, inside, outside) + lame)[:, away].max(initial=0.0)
+
+    for c in np.linspace(0.9 * a, front, 12):
+        traction.value = pressure(c)
+        problem.solve()
+    assert error(0.0) < 0.005 * K
+    traction.value = 0.0
+    assert problem.solve().num_iterations <= 2
+    assert error(pressure(front)) < 0.015 * K
+
+
 # Flat punch
 
 
@@ -108,6 +170,52 @@ def test_limit_of_the_mean_pressure_of_a_flat_punch_is_2_plus_pi_times_the_shear
     assert (np.diff(pressures) > -1e-6).all()
     assert pressures[-1] / pressures[-2] < 1.001
     assert 0.0 < pressures[-1] / ((2.0 + np.pi) * K) - 1.0 < 0.012
+
+
+# Creep
+
+
+def test_creep_by_a_power_law_over_long_times():
+    """A strip between rollers under a plane: q' = -3 mu A q^n at constant strain.
+
+    To nine digits the implicit steps of the equation in one variable; these are of first order.
+    """
+    A, n, height = 1e-7, 5, 1.6
+    data = mesh([Grid("strip", block(2, 4, width=0.7, height=height))], cell="triangle", order=2)
+    W = fm.mixed_space(data.mesh, ("Lagrange", 2, (2,)), ("DG", 1))
+    w, (v, test) = fem.Function(W), ufl.TestFunctions(W)
+    u, dp = ufl.split(w)
+    mu, lmbda = fm.energies.lame(1000.0, 0.3)
+    dt, dx = fem.Constant(data.mesh, 1.0), ufl.dx(degree=2)
+    old, kept = (fm.quadrature_function(data.mesh, 2, shape) for shape in ((3, 3), ()))
+    strain = in_space(fm.energies.strain(u))
+    s = 2 * mu * ufl.dev(strain - old)
+    q = ufl.sqrt(1.5 * ufl.inner(s, s) + 1e-20)
+    flow = 1.5 * dp / q * s
+    stress = s - 2 * mu * flow + (lmbda + 2 * mu / 3) * ufl.tr(strain) * ufl.Identity(3)
+    residual = ufl.inner(stress, in_space(fm.energies.strain(v))) * dx
+    rate = A * ufl.max_value(q - 3 * mu * dp, 0.0) ** n
+    residual += 3 * mu * (dp - dt * rate) * test * dx
+    plane = fm.Plane((0.0, height), (0.0, -1.0))
+    sides = [("strip/left", 0), ("strip/right", 0), ("strip/bottom", 1)]
+    bcs = [fm.dirichlet(W.sub(0), data, name, 0.0, component) for name, component in sides]
+    problem = fm.ContactProblem(
+        residual, w, [fm.ContactPair(data, "strip/top", plane)], bcs=bcs,
+        history=[(old, old + flow), (kept, q - 3 * mu * dp)], petsc_options_prefix="creep_",
+    )  # fmt: skip
+    strained = 0.02
+    plane.move(y=-strained * height)
+    times = np.geomspace(1e-3, 1e5, 60)
+    first = expected = 2 * mu * strained
+    for length in np.diff(times, prepend=0.0):
+        dt.value = length
+        problem.solve()
+        before, factor = expected, 3 * mu * A * length
+        roots = np.roots([factor, 0, 0, 0, 1, -before])
+        expected = float(roots[np.abs(roots.imag) < 1e-12].real[0])
+    assert kept.x.array == pytest.approx(expected, rel=1e-9)
+    exact = (first ** (1 - n) + (n - 1) * 3 * mu * A * times[-1]) ** (1 / (1 - n))
+    assert expected == pytest.approx(exact, rel=0.05)
 
 
 # Viscoelastic indentation
