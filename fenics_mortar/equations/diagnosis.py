@@ -154,10 +154,8 @@ class Remedies:
         Contact forces act along averaged normals of facets. Their error drives smooth bodies
         without friction, which may have no equilibrium nearby.
         """
-        if (
-            self._floating.anchored
-            or self._set_record.residuals[-1] > RIGID.slight * self._residual.force
-        ):
+        slight = self._set_record.residuals[-1] <= RIGID.slight * self._residual.force  # not nan
+        if self._floating.anchored or not slight:
             return ""
         names = self._floating.names(self._floating.loose() or self._floating.bodies)
         return f"the remaining force is slight and moves {names}" if names else ""

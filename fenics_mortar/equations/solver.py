@@ -405,14 +405,16 @@ class Solver:
         return agreed(e.comm, found)
 
     def _restart(self, start: Any, failed: NotConvergedError) -> NewtonReport:
-        """Newton's method with damped steps after full ones, or the other way round.
+        """Newton's method with damped steps after full ones, with a user's law also reversely.
 
         Raises:
-            NotConvergedError: If this fails as well, or nothing rubs, or the step may be cut.
+            NotConvergedError: If this fails as well, steps were damped, nothing rubs, or the step
+                may be cut.
         """
         e = self._equations
         rubs = any(isinstance(c, Contact) and c.pair.law.has_friction for c in e.contacts)
-        if e.newton.damped or not (self._has_own_law or (rubs and not self._may_cut)):
+        again = rubs and not (self._damps or self._may_cut)
+        if e.newton.damped or not (self._has_own_law or again):
             raise failed
         e.restore(start)
         damped = not self._damps
@@ -427,8 +429,14 @@ class Solver:
 
     @property
     def _damps(self) -> bool:
-        """Whether damped steps are tried first: those of a user's law that converged last."""
-        return self._damps_first and self._has_own_law and not self._equations.newton.tentative
+        """Whether damped steps are tried first: for bodies with history, which may yield.
+
+        With a user's law those that converged last. Full steps from elastic strains far beyond
+        yield diverge; in smaller steps damped ones are full.
+        """
+        e = self._equations
+        of_law = self._damps_first and self._has_own_law and not e.newton.tentative
+        return of_law or bool(e.bulk.history.functions)
 
     @property
     def _has_own_law(self) -> bool:
@@ -441,7 +449,7 @@ class Solver:
         e = self._equations
         options = e.newton
         if (self._damps if damped is None else damped) and not options.damped:
-            most = 2 * options.max_iterations
+            most = options.max_iterations * (1 if damped is None else 2)
             options = replace(options, line_search=True, max_iterations=most)
         return solve(Damped(e, options) if options.damped else e, options)
 

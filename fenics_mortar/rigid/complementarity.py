@@ -150,16 +150,18 @@ def lemke(M: Array, q: Array) -> Flags | None:
         left, rows[row], columns[column] = rows[row], columns[column], rows[row]
         if left == z_0:
             return np.isin(np.arange(n, 2 * n), rows)
-        column = int(np.flatnonzero(columns == (left + n) % z_0)[0])
+        last = int(np.flatnonzero(rows == z_0)[0])
+        pair = np.flatnonzero(np.isin(columns, (left, (left + n) % z_0)))
+        if table[last, -1] <= SUM_ROUNDING:  # either of the pair replaces z_0: the larger pivot
+            rows[last] = columns[pair[np.argmax(np.abs(table[last, pair]))]]
+            return np.isin(np.arange(n, 2 * n), rows)
+        column = int(pair[columns[pair] != left][0])
         falls = table[:, column]
         falling = np.flatnonzero(falls < -SUM_ROUNDING * np.abs(falls).max())
         if not falling.size:
             return None
         ways = np.maximum(table[falling, -1], 0.0) / -falls[falling]
-        first = int(np.argmin(ways))
-        row, last = int(falling[first]), int(np.flatnonzero(rows == z_0)[0])
-        if table[last, -1] + falls[last] * ways[first] <= SUM_ROUNDING:
-            row = last
+        row = int(falling[np.argmin(ways)])
     return None
 
 

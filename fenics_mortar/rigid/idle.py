@@ -285,18 +285,20 @@ class IdleBodies:
         rates.append(np.zeros((0, sum(len(body.motions) for body in idle))))
         for contact in bodies.contacts:
             on = contact.set_aside & contact.now.covered
-            rate = np.vstack([closing(bodies, contact, body) for body in idle]).T
-            gaps.append(contact.now.closing_gap[on])
-            rates.append(rate[on])
+            if on.any():
+                rate = np.vstack([closing(bodies, contact, body) for body in idle]).T
+                gaps.append(contact.now.closing_gap[on])
+                rates.append(rate[on])
         return np.concatenate(gaps), np.concatenate(rates)
 
     def _farthest(self, overlaps: Array) -> float:
         """Largest motion of bodies that give way, for overlaps (n,) where they were [length]."""
         slope = RIGID.narrowest
         for c in self._bodies.contacts:
-            smallest = RIGID.weakest_spring * float(c.modulus.min())
-            slopes, _, _ = c.now.strength(smallest)
-            slope = max(slope, float(slopes[c.set_aside].max(initial=0.0)))
+            if c.pair.law.has_friction and c.set_aside.any():
+                smallest = RIGID.weakest_spring * float(c.modulus.min())
+                slopes, _, _ = c.now.strength(smallest)
+                slope = max(slope, float(slopes[c.set_aside].max()))
         largest = float(np.hypot(1.0, 1.0 / slope)) * float(overlaps.max(initial=0.0))
         return (1.0 + SOLVED) * largest + self._digits()
 

@@ -127,6 +127,15 @@ def test_tangent_with_plastic_flow_is_consistent():
     assert residuals[-2] < residuals[-3] ** 1.5 < 1e-3
 
 
+def test_one_step_far_beyond_yield_takes_few_iterations():
+    """Full steps diverge, and would be followed by damped ones at best."""
+    law = partial(plastic, sigma_y=0.3, H=0.0)
+    block = Block(law, degree=2, columns=6, obstacle=fm.Circle((0.0, 2.0), 1.0))
+    report = block.press(0.03)
+    assert report.num_iterations <= 15
+    assert block.material.shown["alpha"].x.array.max() > 20 * 0.3 / 200.0
+
+
 @pytest.mark.serial
 def test_history_functions_are_no_loads():
     """Steps of equal length are extrapolated, while plastic strains do not grow in proportion."""

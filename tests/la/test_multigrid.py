@@ -39,8 +39,11 @@ def largest(values):
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize(
     "degree, pair",
-    [(1, {}), (2, {}), (1, {"basis": "standard"}), (2, {"basis": "standard"}), (1, ROUGH)],
-)
+    [
+        (1, {}), (2, {}), (1, {"basis": "standard"}), (2, {"basis": "standard"}), (1, ROUGH),
+        (2, {"law": fm.Coulomb(0.3)}),
+    ],
+)  # fmt: skip
 def test_results_are_those_of_the_direct_solver(slave, degree, pair):
     """A corner of the upper block lies beyond the edge of the lower one."""
     u, z, iterations = [], [], []

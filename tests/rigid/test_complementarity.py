@@ -61,3 +61,10 @@ def test_one_node_sticks_up_to_its_limit_and_slides_beyond(push, branch):
 def test_problem_without_solution_is_reported():
     assert lemke(np.array([[0.0]]), np.array([-1.0])) is None
     assert not lemke(np.eye(2), np.ones(2)).any()
+
+
+def test_basis_is_regular_where_the_relaxation_vanishes_by_rounding():
+    """The gap of the first node is rounding, and no pressure changes it."""
+    M = np.array([[0.0, 1.0], [-1.0, 1.0]])
+    basic = lemke(M, np.array([-1e-14, 1.0]))
+    assert np.linalg.cond(np.where(basic, -M, np.eye(2))) < 10.0

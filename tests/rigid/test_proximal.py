@@ -9,6 +9,7 @@ from small_scenes import pushed_block
 
 import fenics_mortar as fm
 from fenics_mortar.equations import solver
+from fenics_mortar.equations.diagnosis import Remedies
 from fenics_mortar.rigid import proximal
 from fenics_mortar.rigid.proximal import over_contact, slides
 
@@ -116,3 +117,13 @@ def test_a_body_slides_if_no_node_of_its_own_sticks(own, expected):
         sliding=np.array([True, False, True, False]), sticking=np.arange(4) == 1
     )
     assert slides([(contact, np.isin(np.arange(4), own))]) == expected
+
+
+def test_a_residual_that_is_not_finite_is_no_slight_force():
+    """Weak springs would start from the state of a failed iteration, five times."""
+    floating = SimpleNamespace(anchored=False, loose=list, bodies=[0], names=lambda bodies: "disk")
+    record = SimpleNamespace(residuals=[1.0, 0.0])
+    remedies = Remedies(floating, SimpleNamespace(force=1.0), record, lambda snap: False)
+    assert "disk" in remedies.drifts()
+    record.residuals[-1] = float("nan")
+    assert not remedies.drifts()
