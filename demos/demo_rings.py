@@ -78,7 +78,7 @@ for number, until in enumerate((0.0, 0.45, 1.2)):
 change = np.abs(motion.momentum() - before)
 steps = [step for record in records for step in record.steps]
 start, energies = records[0].start, [step.energies for step in steps]
-rubbed = np.cumsum([step.work.dissipated for step in steps])
+rubbed = np.cumsum([step.work.shear for step in steps])
 parts = [e.kinetic for e in energies], [e.strain for e in energies], rubbed
 if comm.rank == 0:
     print(f"largest change of momentum and angular momentum {change.max():.0e}")

@@ -170,6 +170,13 @@ class FloatingBody:
             return f"rotate about {format_point(pole)}"
         return f"move along {format_point((x + 0.0, y + 0.0))}"
 
+    def describe_all(self) -> str:
+        """Describe all free motions (local)."""
+        dim, count = len(self.centre), len(self.motions)
+        if not self.sections and count == dim * (dim + 1) // 2:
+            return "move and turn in any direction"
+        return ", ".join(map(self.describe, np.eye(count)))
+
 
 def describe_in_space(translation: Array, rotation: Array, *, verb: str = "rotate") -> str:
     """Describe a motion of size one in space by its larger parts (local)."""

@@ -282,6 +282,23 @@ def rotation_past_obstacle(body: Array, angle: float) -> Rotations:
     return Rotations(np.where(rides, nearest, theta), body, doubt)
 
 
+def doubt_beside_known(relative: Array, apart: Array, kept: Flags) -> Array:
+    """Doubt about a relative rotation beside a body whose turn is known, (n,) [radian].
+
+    The other body is at rest or turns by less than half a turn, unless it turns along as in
+    ``rotation_past_obstacle``: then nodes remain in contact, but those of rollers do not.
+
+    Args:
+        relative: Sizes of the relative rotations, at most half a turn, shape (n,) [radian].
+        apart: Their distances from the rotations that are known, shape (n,) [radian].
+        kept: Nodes with pressure at both ends of the step, shape (n,), bool.
+    """
+    own = np.abs(_wrapped(apart))
+    rides = (own > TILTED) & (relative < 0.5 * own)
+    along = (rides & kept).any() & (kept | (relative < TILTED))
+    return np.where(rides & along, relative, apart)
+
+
 def surface_rotation(surface: Curve, x_0: Array, x: Array) -> Array:
     """Rotations of the averaged normals of nodes moved from ``x_0`` to ``x``, (n,) [radian]."""
     ends = (evaluate_normals(surface, positions, "opposite")[0] for positions in (x_0, x))

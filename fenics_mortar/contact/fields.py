@@ -236,8 +236,8 @@ class ContactFields(InterfaceFields):
 
     @property
     def friction_work(self) -> float:
-        """Work of friction in the step, with the shear at its end [stress length^2]."""
-        return float(self.shear_force @ np.where(self.state.active, self.slip, 0.0))
+        """See ``InterfaceFields``."""
+        return float(self.shear_force @ self.slip)
 
     @field(*RULED)
     def tangential_row(self) -> Row:

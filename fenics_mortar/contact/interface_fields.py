@@ -248,7 +248,7 @@ class InterfaceFields:
 
     @property
     def friction_work(self) -> float:
-        """Work of friction in the step [stress length^2]."""
+        """Work of the shear at the end of the step along the slip in it [stress length^2]."""
         return 0.0
 
     @property

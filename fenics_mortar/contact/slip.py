@@ -67,6 +67,7 @@ from fenics_mortar.contact.arcs import (
     Orientation,
     Rotations,
     arc,
+    doubt_beside_known,
     orientation,
     quarter_turn,
     rotated_by,
@@ -262,7 +263,7 @@ class Partners:
         """Rotations and slip since that state, without ``counted`` (local)."""
         return self.pairing.at(o, self._evaluate)
 
-    def doubt(self, o: MortarOperators, turns: tuple[Array, ...]) -> Array:
+    def doubt(self, o: MortarOperators, turns: tuple[Array, ...], active: Flags) -> Array:
         """Difference between the rotations of ``arc`` and those that are known, (n,) [radian].
 
         Local. ``Rotations.doubt`` where no rigid boundary tells by how much a body has turned.
@@ -270,6 +271,7 @@ class Partners:
         Args:
             o: Operators.
             turns: ``Contact.turns`` at their positions.
+            active: Nodes in contact, shape (n,), bool.
         """
         theta = self.relative_turn(o)
         ends = zip(turns, self.turns, strict=True)
@@ -283,7 +285,8 @@ class Partners:
         if not turns:
             return rotation_of_surfaces(theta, np.zeros_like(theta)).doubt
         slave, master = map(np.nan_to_num, known)
-        return np.abs(theta - (self.M @ master - slave))
+        apart = np.abs(theta - (self.M @ master - slave))
+        return doubt_beside_known(np.abs(theta), apart, active & (self.pressure != 0.0))
 
     def relative_turn(self, o: MortarOperators) -> Array:
         """Rotation of the master relative to the slave since that state, (n,) [radian] (local)."""

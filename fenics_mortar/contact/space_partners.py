@@ -27,7 +27,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import coo_array, csr_array, dia_array, eye
 
-from fenics_mortar.contact.arcs import Material, past_obstacle, screw, vectors_of
+from fenics_mortar.contact.arcs import (
+    Material,
+    doubt_beside_known,
+    past_obstacle,
+    screw,
+    vectors_of,
+)
 from fenics_mortar.contact.slip import Entries, entries_of, rows_of
 from fenics_mortar.interface.facing import nearest_on_master
 from fenics_mortar.interface.mortar import Block
@@ -165,7 +171,7 @@ class SpacePartners(_Accepted):
         """Vectors from partners to nodes at positions of ``o``, (slave nodes, 3) [length]."""
         return np.asarray(self.D @ o.x - self.M @ o.m)
 
-    def doubt(self, o: SpaceOperators, turns: tuple[Array, ...]) -> Array:
+    def doubt(self, o: SpaceOperators, turns: tuple[Array, ...], active: Flags) -> Array:
         """See ``slip.Partners`` (n,) [radian].
 
         Collective at the first access to ``o.vectors``.
@@ -175,7 +181,9 @@ class SpacePartners(_Accepted):
         if not turns:
             return found.doubt if led is None else norms(L - led.turn)
         doubt = norms(L - self._known(self.turns, turns))
-        return doubt if led is None else led.origin(doubt, norms(L - self._known(led.turns, turns)))
+        if led is not None:
+            doubt = led.origin(doubt, norms(L - self._known(led.turns, turns)))
+        return doubt_beside_known(norms(L), doubt, active & (self.pressure != 0.0))
 
     def _known(self, before: tuple[Array, ...], now: tuple[Array, ...]) -> Array:
         """Turns of the partners past the nodes between two results of ``Contact.turns`` (local)."""
@@ -251,7 +259,7 @@ class ObstaclePartners(_Accepted):
         """See ``SpacePartners`` [length]."""
         return np.asarray(o.x - o.obstacle.to_space(self.feet))
 
-    def doubt(self, o: ObstacleOperators, turns: tuple[Array, ...]) -> Array:
+    def doubt(self, o: ObstacleOperators, turns: tuple[Array, ...], active: Flags) -> Array:
         """See ``slip.Partners`` (n,) [radian] (local)."""
         start = self if self.led is None else replace(self, led=None, found=Evaluations())
         found = start.at(o)

@@ -233,7 +233,11 @@ class PairView:
 
     @property
     def friction_work(self) -> float:
-        """Work of friction in the last step, by the shear at its end [stress length^2]."""
+        """Work of friction in the last step [stress length^2].
+
+        By the shear at its end along the slip in it, as the law dissipates it; without an elastic
+        part of slip this is not negative. ``PathReport.friction_work`` is its sum over a path.
+        """
         return self._interface.now.friction_work
 
     @property

@@ -29,7 +29,7 @@ from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.newton.loop import UNSETTLED, decreased
 from fenics_mortar.rigid.proximal import RIGID, Remaining
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, ROUNDING, SMALL_ANGLE, Flags
+from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Flags
 from fenics_mortar.utils.errors import MortarError, NotFiniteError, format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 
@@ -436,28 +436,6 @@ def _describe_twice(contacts: Sequence[Interface]) -> str:
                     "of these pairs there"
                 )
     return ""
-
-
-def describe_idle(bulk: Bulk, floating: FloatingBodies, force: float) -> str:
-    """Describe bodies that nothing supports, strains or touches; "" otherwise.
-
-    Args:
-        bulk: The bodies.
-        floating: Those that Dirichlet conditions leave free to move rigidly.
-        force: Size of contact forces and reactions in the state that was found [stress length].
-    """
-    size = max((body.size for body in floating.bodies), default=0.0)
-    if not size or force > ASSEMBLY_ROUNDING * bulk.stiffness * size:
-        return ""
-    F = bulk.cells.deformation_gradients(bulk.positions())
-    strain = np.abs(np.einsum("cki,ckj->cij", F, F) - np.eye(bulk.space.dim)).max(initial=0.0)
-    if bulk.comm.allreduce(bool(bulk.prescribed.any() or strain > ROUNDING), MPI.LOR):
-        return ""
-    return (
-        f"no Dirichlet condition supports {floating.names(floating.bodies)}, and no load or "
-        "contact acts: any rigid motion would be a solution, and the initial one is returned; "
-        "check bcs and the loads"
-    )
 
 
 def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]) -> str:

@@ -31,7 +31,6 @@ from fenics_mortar.contact.pair import Pretension
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.view import describe_start
 from fenics_mortar.equations.arguments import EQUATIONS
-from fenics_mortar.equations.diagnosis import describe_idle
 from fenics_mortar.equations.predictor import (
     Motion,
     Predictor,
@@ -166,6 +165,7 @@ class Solver:
         e.bulk.history.start_step()
         try:
             report, moved = self._move_and_solve()
+            unsupported = e.idle.end()
             instants = instants_of(e.comm, e.contacts)
             history = e.bulk.history.new_values()
         except Exception as error:  # of any type, equal on all ranks
@@ -189,8 +189,7 @@ class Solver:
             drift=e.motions.slide_along_driven(), passages=passages, possible_passages=possible
         )
         turns = e.crossings.uncertain_turns(places, certificate.pairs_with("rotation"))
-        idle = describe_idle(e.bulk, e.floating, e.residual.force)
-        certificate = replace(certificate, uncertain_turns=turns, unsupported=idle)
+        certificate = replace(certificate, uncertain_turns=turns, unsupported=unsupported)
         report.certificate = certificate
         violations = certificate.violations()
         messages = [f"VIOLATED: {violation}" for violation in violations]
@@ -245,7 +244,6 @@ class Solver:
         e.idle.find(e.evaluate_forces)
         report = self._lead_by_solution(self._solve())
         moved += e.floating.settling.check(e.idle.reach())
-        moved += e.idle.end()
         return report, moved
 
     def _lead(self, carried: Carried | None) -> None:

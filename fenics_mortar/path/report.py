@@ -51,14 +51,12 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.contact.arcs import surface_rotation
 from fenics_mortar.contact.contact import Contact, needing_time
 from fenics_mortar.obstacles.rigid_motion import motion_between
 from fenics_mortar.utils.arrays import TINY, Array
 from fenics_mortar.utils.errors import as_text
 from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.utils.ranks import on_any_rank
-from fenics_mortar.verify.checks.friction_work import work_along_arcs
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.inertia import Inertia
@@ -71,26 +69,25 @@ Forces = tuple[Array, Array, Array, Array, Array]
 
 
 class Work(NamedTuple):
-    """Work done in a step, by the trapezoidal rule [stress length^2] (local).
+    """Work done in a step [stress length^2], but for ``friction`` by the trapezoidal rule (local).
 
     Attributes:
         bulk: Energy stored in the bodies, minus the work of applied loads.
         supports: Work of the reactions.
         contact: Work of the contact forces.
-        friction: Work of their tangential parts: the energy dissipated by friction. On nodes, these
-            forces turn with the surface, see ``verify.checks.friction_work``.
+        shear: Work of their tangential parts: energy that bodies lose to friction in a time step.
         largest: Upper bound of the work of contact forces: sum of the norms of forces times those
             of the motions of their nodes and obstacles.
-        rotated: Work included in ``friction`` that the trapezoidal rule misses on turning surfaces;
-            zero in space.
+        friction: Energy that the laws dissipate, see ``PairView.friction_work``; the sum of all
+            pairs.
     """
 
     bulk: float
     supports: float
     contact: float
-    friction: float = 0.0
+    shear: float = 0.0
     largest: float = 0.0
-    rotated: float = 0.0
+    friction: float = 0.0
 
     @property
     def pressure(self) -> float:
@@ -100,7 +97,7 @@ class Work(NamedTuple):
         with the size of facets and steps, but slowly below a sliding corner, where the pressure is
         unbounded.
         """
-        return self.contact - self.dissipated
+        return self.contact - self.shear
 
     @property
     def imbalance(self) -> float:
@@ -111,14 +108,6 @@ class Work(NamedTuple):
         return self.bulk + self.contact - self.supports
 
     @property
-    def dissipated(self) -> float:
-        """Work of friction by the trapezoidal rule alone [stress length^2].
-
-        Bodies lose this energy in a time step, whose equations are those of straight paths.
-        """
-        return self.friction - self.rotated
-
-    @property
     def defect(self) -> float:
         """Work of the pressures over the largest of all contributions [1].
 
@@ -126,7 +115,7 @@ class Work(NamedTuple):
         contact alone. Therefore ``largest`` is included in the comparison: in sliding the ratio
         measures the friction added by the facets.
         """
-        return abs(self.pressure) / max(*map(abs, self[:-1]), TINY)
+        return abs(self.pressure) / max(*map(abs, self), TINY)
 
 
 def forces_of(problem: ContactProblem) -> Forces:
@@ -157,38 +146,19 @@ def work_of(
     """
     means = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
     r, contact, on_obstacles, shear, shear_on_obstacles = means
-    du, prescribed = (end.u - start.u)[: r.size], problem.equations.bulk.prescribed_dofs
+    equations, du = problem.equations, (end.u - start.u)[: r.size]
+    prescribed, dofs = equations.bulk.prescribed_dofs, equations.bulk.space.owned_dofs
     supports = (r + contact)[prescribed] @ du[prescribed]
-    dofs = problem.equations.bulk.space.owned_dofs
-    friction = shear @ du  # in space that of arcs is not known yet
-    if problem.equations.bulk.space.dim == 2:
-        angles = _rotations(problem, start, end)
-        friction = work_along_arcs(before[3][dofs], after[3][dofs], du[dofs], angles).sum()
-    work = np.array([r @ du, supports, contact @ du, friction, friction - shear @ du])
-    work = problem.equations.comm.allreduce(work)
+    sizes = np.linalg.norm(contact[dofs], axis=1) @ np.linalg.norm(du[dofs], axis=1)
+    work = np.array([r @ du, supports, contact @ du, shear @ du, sizes, 0.0])
+    work = equations.comm.allreduce(work)
     places = zip(start.places[: len(on_obstacles)], end.places, strict=False)
     moved = np.reshape([motion_between(*ends, 1.0) for ends in places], on_obstacles.shape)
     work[1:3] += (on_obstacles * moved).sum()
     work[3] += (shear_on_obstacles * moved).sum()
-    sizes = np.linalg.norm(contact[dofs], axis=1) @ np.linalg.norm(du[dofs], axis=1)
-    largest = problem.equations.comm.allreduce(float(sizes)) + np.abs(on_obstacles * moved).sum()
-    of_bulk, of_supports, of_contact, of_friction, rotated = map(float, work)
-    return Work(of_bulk, of_supports, of_contact, of_friction, float(largest), rotated)
-
-
-def _rotations(problem: ContactProblem, start: State, end: State) -> Array:
-    """Rotations in a step of the surfaces at owned nodes, zero elsewhere, (nodes,) (collective).
-
-    The mean of all surfaces of a node, as on both sides of a corner.
-    """
-    sums = np.zeros(problem.equations.bulk.num_owned)
-    for contact in problem.equations.contacts:
-        for surface in (contact.slave, contact.master):
-            x_0, x = (surface.X + surface.gather(state.u) for state in (start, end))
-            angles = surface_rotation(surface, x_0, x) if len(x) else np.zeros(0)
-            surface.scatter_add(np.stack([angles, np.ones_like(angles)], axis=1), sums)
-    angle, count = sums[problem.equations.bulk.space.owned_dofs].T
-    return np.asarray(angle / np.maximum(count, 1.0))
+    work[4] += np.abs(on_obstacles * moved).sum()
+    work[5] = sum(pair.now.friction_work for pair in equations.contacts)
+    return Work(*map(float, work))
 
 
 # Largest relative change of the velocity of deformation and impact in a step, to return energy [1].
@@ -363,6 +333,11 @@ class PathReport(_OfSteps):
     dead_end: str = ""
     notes: list[str] = field(default_factory=list)
 
+    @property
+    def friction_work(self) -> float:
+        """Energy dissipated by friction on the path, see ``Work.friction`` [stress length^2]."""
+        return sum(step.work.friction for step in self.steps)
+
     def table(self) -> str:
         """Markdown table, one row per accepted step, reasons of failures, and remarks.
 
@@ -468,7 +443,7 @@ class DynamicsReport(_OfSteps):
         "generalized_alpha" for contact of nodes with mass: their shear and slip alternate from step
         to step. The shear at the end of a step always opposes the slip in it.
         """
-        return sum(step.work.dissipated for step in self.steps)
+        return sum(step.work.shear for step in self.steps)
 
     @property
     def contact_energy(self) -> float:
@@ -544,7 +519,7 @@ class DynamicsReport(_OfSteps):
         head = ["step", "time", "iterations", "active", "cuts", "error", "kinetic energy"]
         rows, friction = [], 0.0
         for number, step in enumerate(self.steps, start=1):
-            friction += step.work.dissipated
+            friction += step.work.shear
             cells = [f"{number}", f"{step.time:.6g}", f"{step.report.num_iterations}"]
             cells += [f"{step.report.iterations[-1].num_active}", f"{len(step.failures)}"]
             cells += [f"{step.error:.1e}", f"{step.energies.kinetic:.5g}"]

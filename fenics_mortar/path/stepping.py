@@ -350,7 +350,8 @@ class SteppingOptions:
         smallest: Smallest step size [time]: failure of such a step ends the path.
         largest: Largest step size [time]; ``step`` if ``None``.
         easy: Number of Newton iterations up to which the next step grows.
-        growth: Factor by which the next step grows [1].
+        growth: Factor by which the next step grows [1]; to a length that failed after 1, 2, 4, ...
+            more steps if it fails again.
         cut: Factor by which a failed step is reduced [1].
         predict: Whether initial guesses are extrapolated, see ``predictor``.
 
@@ -381,6 +382,33 @@ class SteppingOptions:
         check_number("easy", self.easy, "a number of iterations", lambda easy: easy >= 0)
         check_flag("predict", self.predict)
         object.__setattr__(self, "step", min(self.step, largest))
+
+
+class StepLengths:
+    """Growth of steps: a length that failed is tried again after 0, 1, 2, 4, ... accepted steps.
+
+    Where all steps of some length fail, as those in which a body turns too far, few are tried. All
+    methods are local.
+    """
+
+    def __init__(self) -> None:
+        self._failed, self._wait, self._left, self._cut = np.inf, 0, 0, False
+
+    def cut(self, step: float) -> None:
+        """Note that a step of this length [time] failed; of several in turn the last one counts."""
+        if not self._cut:
+            self._wait = max(2 * self._wait, 1) if np.isfinite(self._failed) else 0
+        self._failed, self._left, self._cut = step, self._wait, True
+
+    def following(self, step: float, longest: float) -> float:
+        """Length [time] of the step after an accepted one, which may grow to ``longest``."""
+        self._cut = False
+        if step >= self._failed:
+            self._failed, self._wait, self._left = np.inf, 0, 0
+        if longest < self._failed or not self._left:
+            return longest
+        self._left -= 1
+        return step
 
 
 # Hint used if the reason for the end of a path is not certain.
@@ -447,7 +475,7 @@ def follow_path(
     check_same_texts(problem.equations.comm, "follow_path", given)
     path, time, step = PathReport(), start, options.step
     start_clock(problem.equations.contacts, start)
-    largest = options.largest or options.step
+    largest, lengths = options.largest or options.step, StepLengths()
     predictor = Predictor(problem.equations, start)
     forces, last = forces_of(problem), [(start, Snapshot(problem.equations))]
     idle = IdleLoads(problem)
@@ -481,6 +509,7 @@ def follow_path(
                     load(time)
                     message = _end_of_path(time, step, path.dead_end, failure)
                     raise NotConvergedError(message, path) from failure
+                lengths.cut(step)
                 step = max(options.cut * step, options.smallest)
                 continue
             before_forces, forces = forces, forces_of(problem)
@@ -493,8 +522,8 @@ def follow_path(
             shown.accept(time, report)
             if on_step is not None:
                 call_together(problem.equations.comm, "on_step", partial(on_step, time, report))
-            if report.num_iterations <= options.easy:
-                step = min(options.growth * step, largest)
+            growth = options.growth if report.num_iterations <= options.easy else 1.0
+            step = lengths.following(step, min(growth * step, largest))
     path.finished, path.notes = True, idle.remarks(len(path.steps))
     return path
 

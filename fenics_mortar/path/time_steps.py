@@ -45,7 +45,7 @@ from fenics_mortar.bulk.inertia import Inertia, Origin, Rates, Velocity
 from fenics_mortar.equations.general import Snapshot, State, raise_cause
 from fenics_mortar.newton.loop import NewtonReport
 from fenics_mortar.path.report import DynamicsReport, Forces, Progress, TimeStep, Work, forces_of
-from fenics_mortar.path.stepping import PrescribedTurns, SteppingOptions
+from fenics_mortar.path.stepping import PrescribedTurns, StepLengths, SteppingOptions
 from fenics_mortar.utils.arrays import EPSILON, ROUNDING, TINY, Array, Flags
 from fenics_mortar.utils.errors import (
     MortarError,
@@ -199,7 +199,7 @@ class Motion:
         """Advance to the time ``stop``; see ``Dynamics.run``."""
         bodies, problem, options = self._bodies, self._bodies.problem, self._options
         report = DynamicsReport(bodies.energies(), scheme=bodies.scheme, rho_inf=bodies.rho_inf)
-        size, forces = options.step, forces_of(problem)
+        size, lengths, forces = options.step, StepLengths(), forces_of(problem)
         shown = Progress(problem.equations.comm)
         turns = None if set_loads is None else PrescribedTurns(problem, self._together(set_loads))
         # the sum of many steps is rounded
@@ -223,6 +223,7 @@ class Motion:
                     message = f"the motion ends at time {start:.6g}: a step of {dt:.1e} fails"
                     message = f"{message}; {failure}{_other_reasons(report.failures)}"
                     raise NotConvergedError(message, report) from failure
+                lengths.cut(dt)
                 size = max(options.cut * dt, options.smallest)
                 continue
             except BaseException as interruption:
@@ -234,7 +235,7 @@ class Motion:
             report.steps.append(done)
             shown.accept(bodies.time, newton)
             report.failures = []
-            size = self._next_size(size, error)
+            size = lengths.following(size, self._next_size(size, error))
             if on_step is not None:
                 call_together(
                     problem.equations.comm, "on_step", partial(on_step, bodies.time, newton)

@@ -177,25 +177,28 @@ class IdleBodies:
         return self._farthest(np.array([bulk.comm.allreduce(largest, MPI.MAX)]))
 
     def end(self) -> list[str]:
-        """End the solve; return sentences on the idle bodies."""
-        bodies = self._bodies
-        idle = [body for body in self._unloaded if body.label in bodies.aside]
+        """End the solve; return remarks on bodies that nothing holds, with their free motions.
+
+        Neither do contact forces: a gap may be closed without any. Adhesion holds without a force.
+        """
+        bodies, found = self._bodies, dict[str, list[FloatingBody]]()
         if bodies.springs is not None:
             bodies.springs = bodies.acting_springs
-        self._unloaded, self._first = [], set()
+        aside, self._unloaded, self._first = bodies.aside, [], set()
         self._set_aside(())
-        moved = [body for body in idle if np.linalg.norm(self._motion(body)) > SOLVED * body.size]
-        stay = [body for body in idle if body not in moved]
-        where = ("it stays where it was", "they stay where they were"), (
-            "it gave way to other bodies", "they gave way to other bodies"
-        )  # fmt: skip
-        apart, many = bodies.without_pair(), len(bodies.without_pair()) > 1
-        why = ("is in no pair, and no load drives it", "are in no pair, and no load drives them")
+        for body in bodies.bodies:
+            laws = [contact.pair.law for contact in bodies.contacts_of(body)]
+            adheres = any(law.has_adhesion or law.bridges_gap for law in laws)
+            if adheres or bodies.is_loaded(body, self._before.get(body.label, 0.0)):
+                continue
+            moved = body.label in aside and np.linalg.norm(self._motion(body)) > SOLVED * body.size
+            where = "moved out of the way of other bodies" if moved else "left in place"
+            found.setdefault(f"{body.describe_all()}: {where}", []).append(body)
         return [
-            f"no force acts on {bodies.names(group)}: {messages[len(group) > 1]}"
-            for group, messages in zip((stay, moved), where, strict=True)
-            if group
-        ] + [f"{bodies.names(apart)} {why[many]}: {where[0][many]}"] * bool(apart)
+            f"no force acts on {bodies.names(group)}, which nothing holds, free to {how}; if loads "
+            "or supports were forgotten, check the residual and bcs"
+            for how, group in found.items()
+        ]
 
     # An iteration
 

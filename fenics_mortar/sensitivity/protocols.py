@@ -597,7 +597,7 @@ class MeanGap(PairQuantity):
 class FrictionWork(PairQuantity):
     """Work of friction in the step, by the shear at its end [stress length^2].
 
-    The sum of w_j z_tau u_j over active nodes with the slip u_j; see ``PairView.friction_work``.
+    The sum of w_j z_tau u_j with the slip u_j; see ``PairView.friction_work``.
 
     Args:
         pair: Number of the pair.
@@ -609,15 +609,10 @@ class FrictionWork(PairQuantity):
 
     def _by_fields(self, contact: Contact) -> ByFields:
         """See ``PairQuantity``."""
-        w, z_tau, on = contact.operators.weight, contact.z_tau, contact.active
-        slip, f = np.where(on, contact.slip, 0.0), contact.now
-        gap = np.where(on, z_tau * f.slip_by_gap, 0.0)
-        return {
-            "weight": z_tau * slip - gap * f.mean_gap,
-            "gap": gap,
-            "z_tau": w * slip,
-            "slip": np.where(on, w * z_tau, 0.0),
-        }
+        w, z_tau, slip, f = contact.operators.weight, contact.z_tau, contact.slip, contact.now
+        gap = z_tau * f.slip_by_gap
+        weight = z_tau * slip - gap * f.mean_gap
+        return {"weight": weight, "gap": gap, "z_tau": w * slip, "slip": w * z_tau}
 
 
 class ContactLength(PairQuantity):

@@ -125,7 +125,7 @@ class Certificate(Markdown):
         possible_passages: Passages on motions that the ends of the step do not tell, as messages.
         uncertain_turns: Turns by prescribed values that the ends of the step do not tell, likewise.
         tipping: Bodies that pressures on the covered surfaces cannot balance, as messages.
-        unsupported: Remark on bodies without supports, loads and contact, whose place is arbitrary.
+        unsupported: Bodies that nothing holds and their free motions, as messages.
         inverted_nodes: Remark on cells inverted at nodes alone, or with linear strains.
         dim: Dimension of the bodies.
     """
@@ -140,8 +140,8 @@ class Certificate(Markdown):
     possible_passages: list[str] = field(default_factory=list)
     uncertain_turns: list[str] = field(default_factory=list)
     tipping: list[str] = field(default_factory=list)
+    unsupported: list[str] = field(default_factory=list)
     inverted_nodes: str = ""
-    unsupported: str = ""
     dim: int = 2
 
     @property
@@ -205,8 +205,7 @@ class Certificate(Markdown):
         )
         at_nodes = [self.inverted_nodes] * (self.inverted_nodes != "")
         yield from _counted("inverted_nodes", "cells inverted at nodes alone", at_nodes, remark=0)
-        loose = [self.unsupported] * (self.unsupported != "")
-        yield from _counted("unsupported", "problems without supports and loads", loose, remark=0)
+        yield from _counted("unsupported", "bodies that nothing holds", self.unsupported, remark=0)
         for crossing in self.crossings:
             limits = crossing.admitted, crossing.remark
             yield _crossed(crossing.facets, f"{crossing}", *limits, advised=crossing.hint != "")

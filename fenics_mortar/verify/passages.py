@@ -192,6 +192,9 @@ class Passages:
         at = np.linspace(0.0, far[-1], count + 1)
         points = np.stack([np.interp(at, far, column) for column in knots.T], axis=1)
         segments, body = self.outline.segments, int(self._segment_bodies[entry])
+        few = points[:: max(int(np.sqrt(count)), 1)]  # most paths are deep inside almost anywhere
+        if depths_in_body(self.outline, x, body, few)[0].max() > HALF_FACET * lengths[entry]:
+            return True
         depths, nearest = depths_in_body(self.outline, x, body, points)
         inside = np.flatnonzero(depths > 0.0)
         if inside.size <= FEW_POINTS:

@@ -74,7 +74,7 @@ def test_shaft_in_a_ring_dissipates_the_work_of_its_moment(per_turn, slave):
     assert contact.now.friction_work == pytest.approx(-sign * shaft.moment * step, rel=1e-3)
     assert contact.now.friction_work > 0.0
     work = work_of(problem, before, problem.state(), forces, forces_of(problem))
-    assert work.friction == pytest.approx(contact.now.friction_work, rel=1e-3)
+    assert work.friction == contact.now.friction_work
     assert report.certificate.pairs[0]["friction_work"].value < 1e-3
 
 
@@ -178,7 +178,8 @@ def test_path_takes_smaller_steps_than_half_a_turn():
     contact = shaft.problem.equations.contacts[0]
     work = contact.now.friction_work
     assert work == pytest.approx(abs(shaft.moment) * path.steps[-1].step, rel=1e-3)
-    assert path.steps[-1].work.friction == pytest.approx(work, rel=1e-3)
+    turned = abs(shaft.moment) * 3.0  # but for the turn that strains the bodies before they slide
+    assert 0.95 * turned < path.friction_work < turned
 
 
 @pytest.mark.parametrize("angle", [1.0, 3.0, 4.0])

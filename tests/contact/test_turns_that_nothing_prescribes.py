@@ -13,9 +13,10 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact.arcs import Carried, Place, way_past
+from fenics_mortar.contact.arcs import Carried, Place, doubt_beside_known, way_past
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.obstacles.rigid_motion import rotation_by
+from fenics_mortar.verify.checks.friction_work import uncertain_rotation
 from fenics_mortar.verify.node_paths import turn_of
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block, mapped, sector
@@ -171,6 +172,26 @@ def test_a_block_that_rides_on_one_that_turns_does_not_slip(slave, about, turned
     """Its weight grows meanwhile, and presses further nodes into contact."""
     found = loaded_lens(slave, turned_by, about, 0.2)
     assert np.abs(found - lens_that_does_not_turn(slave)).max() < 0.02
+
+
+@pytest.mark.parametrize("angle", [1.3, -2.6])
+def test_the_turn_of_a_block_that_rides_on_an_axle_of_known_angle_is_known(angle):
+    """By 75 and 149 degrees in one step, while further nodes come into contact."""
+    load = lens_on_block("table", "axle", (0.0, 0.0))
+    num_active = load(1.0, 0.0).active.sum()
+    contact = load(8.0, angle)
+    assert contact.active.sum() > num_active
+    assert uncertain_rotation(contact)[0] < np.radians(20.0)
+
+
+def test_bodies_beside_an_axle_ride_or_roll():
+    """Turns by 70 degrees, and by 200 degrees the other way round, beside one of 70 degrees."""
+    relative, apart = np.radians([[0.0, 1.0, 90.0], [70.0, 71.0, 160.0]])
+    for kept, doubt in (([True, False, False], [0.0, 1.0, 160.0]), ([False] * 3, [70, 71, 160])):
+        found = doubt_beside_known(relative, apart, np.array(kept))
+        assert np.degrees(found) == pytest.approx(doubt)
+    rests = doubt_beside_known(np.zeros(1), np.full(1, TURN), np.ones(1, bool))
+    assert rests == pytest.approx(TURN)  # not known from a shaft that turns fully
 
 
 def carried(x, turn, start, end, straight=0.0):

@@ -138,11 +138,11 @@ def test_a_ring_too_coarse_for_its_contact_is_reported(columns, modulus, resolve
 
 def test_energy_added_by_friction_is_reported():
     energies = Energies(1.0, 0.0, np.zeros(3))
-    work = Work(bulk=0.0, supports=0.0, contact=-0.2, friction=-0.2)
+    work = Work(bulk=0.0, supports=0.0, contact=-0.2, shear=-0.2)
     report = NewtonReport([Iteration(0.0, 0.0, 0.0, 1.0, 0, 0, {})])
     step = TimeStep(0.1, report, [], 0.0, work, energies)
     assert "friction added 0.2 of" in DynamicsReport(energies, [step]).remark()
-    lost = replace(step, work=work._replace(contact=0.2, friction=0.2))
+    lost = replace(step, work=work._replace(contact=0.2, shear=0.2))
     assert not DynamicsReport(energies, [lost]).remark()
 
 

@@ -143,7 +143,7 @@ def test_energy_and_work_balance():
     change = steps[-1].energies.total - first.energies.total
     supports, pressures, friction = (
         sum(getattr(step.work, name) for step in steps)
-        for name in ("supports", "pressure", "dissipated")
+        for name in ("supports", "pressure", "shear")
     )
     assert friction > 0.05
     assert change == pytest.approx(supports - pressures - friction, abs=1e-10)

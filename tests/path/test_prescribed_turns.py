@@ -51,7 +51,7 @@ def test_shaft_turns_in_steps_of_known_direction(degrees):
     shaft, angle = shaft_in_ring(fm.Coulomb(0.3)), np.radians(degrees)
     path = fm.follow_path(shaft.problem, lambda t: shaft.set_angle(t * angle), STEP)
     assert all(step.step * abs(degrees) < 135.1 for step in path.steps)
-    assert path.num_cuts > 0
+    assert 0 < path.num_cuts < max(5, len(path.steps))  # a length that fails is seldom tried again
     assert sum(step.work.friction for step in path.steps) > 0.0
     assert shaft.moment * degrees > 0.0  # that of the reaction to friction
 

@@ -12,6 +12,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.contact.law import Row
+from fenics_mortar.path.stepping import StepLengths
 from meshes import indenter_on_block
 
 comm = MPI.COMM_WORLD
@@ -304,6 +305,25 @@ def test_steep_law_of_the_user_is_solved_by_damped_steps(law, most):
     assert not scene.problem.equations.newton.line_search
     force = scene.contact.total_force
     assert 0.9 * law.kinetic < abs(force[0] / force[1]) < 1.02 * law.static
+
+
+@pytest.mark.parametrize("start", [1.0, 0.9])
+def test_a_length_that_fails_again_and_again_is_seldom_tried(start):
+    """Steps of 0.3 fail up to the time 10, then none: one attempt in twenty, and then 1 again."""
+    lengths, time, step, tried, cuts = StepLengths(), 0.0, start, [], 0
+    while time < 20.0:
+        tried.append(step)
+        if step > 0.3 and time < 10.0:
+            lengths.cut(step)
+            step, cuts = 0.5 * step, cuts + 1
+        else:
+            time += step
+            step = lengths.following(step, min(2.0 * step, 1.0))
+    assert cuts < 9
+    assert tried[1:3] == [0.5 * start, 0.25 * start]
+    assert tried[3:5] == [0.5 * start, 0.25 * start]  # once more without a pause
+    assert tried[5] == 0.25 * start
+    assert tried[-1] == 1.0
 
 
 def test_step_that_ends_in_a_wrong_state_is_not_accepted():

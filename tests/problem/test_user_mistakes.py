@@ -115,19 +115,43 @@ def test_tables_have_no_negative_zero():
     assert format_point((-0.0, 1.0)) == "(0, 1)"
 
 
-@pytest.mark.parametrize("supported", [False, True])
-def test_bodies_without_supports_and_loads_are_reported(supported):
+@pytest.mark.parametrize(
+    "held, names",
+    [
+        ("nothing", "body 'lower' and body 'upper'"),
+        ("lower", "body 'upper'"),
+        ("lower and hub", ""),
+        ("lower, hub driven by no force", "body 'upper'"),
+        ("lower, upper by adhesion", ""),
+        ("lower along y", "body 'lower'"),
+    ],
+)
+def test_bodies_without_supports_and_loads_are_reported(held, names):
     """A zero state is returned with a remark: supports were probably forgotten."""
     data = small_blocks().data
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
-    bcs = [fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0))] if supported else []
-    pair = fm.ContactPair(data, "upper/bottom", "lower/top")
-    residual = internal(u, linear_elastic(u, 100.0, 0.3))
-    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="idle_")
+    bcs, remote, law = [], [], None
+    if held != "nothing":
+        value = 0.0 if "along" in held else (0.0, 0.0)
+        component = 1 if "along" in held else None
+        bcs.append(fm.dirichlet(V, data, "lower/bottom", value, component))
+    if "hub" in held:
+        remote.append(fm.RigidBoundary(data, "upper/top", pivot=(0.5, 1.0)))
+    if "driven" in held:
+        remote[0].push(x=0.0, y=0.0, moment=0.0)
+    if "adhesion" in held:
+        law = fm.laws.Cohesive(strength=1.0, reach=0.1)
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law)
+    problem = fm.ContactProblem(
+        internal(u, linear_elastic(u, 100.0, 0.3)), u, [pair],
+        bcs=bcs, remote=remote, petsc_options_prefix="idle_",
+    )  # fmt: skip
     report = problem.solve()
     for texts in (report.notes, report.certificate.remarks()):
-        assert sum("no Dirichlet condition supports" in text for text in texts) == (not supported)
+        free = "move along (1, 0)" if "along" in held else "move and turn in any direction"
+        expected = f"on {names}, which nothing holds, free to {free}: left in place"
+        assert sum(expected in text for text in texts) == bool(names)
 
 
 @pytest.mark.parametrize("start", [0.0, 0.3])
@@ -146,7 +170,9 @@ def test_a_squeezed_body_without_supports_and_loads_is_not_reported(start):
     bcs = [fm.dirichlet(V, data, "upper/top", (start, 0.0))] if start else []
     residual = internal(u, linear_elastic(u, 100.0, 0.3))
     problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="idle_")
-    assert not [note for note in problem.solve().notes if "no Dirichlet condition" in note]
+    report = problem.solve()
+    found = [note for note in report.notes if "no force acts on" in note]
+    assert len(found) == (not start) and not any("'lower'" in note for note in found)
 
 
 SIGNS = {"both": (-1.0, -1.0), "distance": (-1.0, 1.0), "gradient": (1.0, -1.0)}

@@ -175,7 +175,7 @@ def draw(scene, steps):
     path = fm.follow_path(problem, move, fm.SteppingOptions(1.0 / steps), on_step=keep)
     assert len(path.steps) == steps
     assert 0 < contact.sticking.sum() < contact.active.sum()
-    names = "supports", "friction", "pressure"
+    names = "supports", "shear", "pressure"
     supports, friction, pressure = (sum(getattr(s.work, k) for s in path.steps) for k in names)
     by_slip = sum(0.5 * (a + b) @ slip for a, b, slip in zip(shears, shears[1:], slips))
     return supports - (energy() - start) - friction - pressure, by_slip - friction, friction

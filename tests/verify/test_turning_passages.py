@@ -6,12 +6,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from crossing_scenes import DX, move_body, problem_of, turned
-from scenes import read, rectangles, rotation
+from refusal import refused
+from scenes import internal, neo_hookean, read, rectangles, rotation
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+import fenics_mortar.verify.passages as module_of_passages
+from fenics_mortar.verify.overlap import depths_in_body
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, block
 
 AROUND = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
 
@@ -273,3 +278,35 @@ def test_body_that_turns_with_an_obstacle_is_carried_by_it(pivot, is_free):
         crossings, places = problem.equations.crossings, problem.equations.motions.places
         assert crossings.passages_of_step(places) == ([], [])
         move_body(problem, lambda x: x[:, 1] > -9.0, turned(np.array(pivot), -degrees))
+
+
+def test_paths_deep_inside_a_body_are_judged_by_few_of_their_points(monkeypatch):
+    """A block moves through another one, by seven times its width: 1120 points a node."""
+    grids = [
+        Grid("wall", block(8, 8, width=1.0, height=1.0)),
+        Grid("block", block(8, 8, width=1.0, height=1.0, corner=(-1.5, 0.0))),
+    ]
+    data = mapped_grids.mesh(grids)
+    V = fm.vector_space(data.mesh, 1)
+    u, moved = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 100.0, 0.3)), u,
+        [fm.ContactPair(data, "block/right", "wall/left")],
+        bcs=[
+            fm.dirichlet(V, data, "wall/bottom", (0.0, 0.0)),
+            fm.dirichlet(V, data, "block/left", moved),
+        ],
+        petsc_options_prefix="through_",
+    )  # fmt: skip
+    problem.solve()
+    counts = []
+
+    def counted(outline, x, body, points):
+        counts.append(len(points))
+        return depths_in_body(outline, x, body, points)
+
+    monkeypatch.setattr(module_of_passages, "depths_in_body", counted)
+    moved.value[:] = (7.0, 0.01)
+    with refused(fm.NotConvergedError, "went through body"):
+        problem.solve()
+    assert len(counts) >= 8 and max(counts) < 50

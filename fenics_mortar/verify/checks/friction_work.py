@@ -277,7 +277,7 @@ def uncertain_rotation(contact: Contact) -> tuple[float, str]:
     Returns:
         ``Partners.doubt`` of an active node [radian], and its position.
     """
-    found = contact.partners.doubt(contact.operators, contact.turns())
+    found = contact.partners.doubt(contact.operators, contact.turns(), contact.active)
     doubt = np.where(contact.active, found, 0.0)
     at = contact.operators.x[doubt.argmax()]
     return float(doubt.max()), format_point(at)
