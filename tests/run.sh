@@ -10,7 +10,7 @@
 #                         tests marked long, which see on long paths or fine meshes what others see
 # FENICS_MORTAR_LONG      1: those marked long in serial, whatever the number of cases
 # FENICS_MORTAR_RUNS      which of these runs, "serial 2 3 few kernels" if not set; "five": few cells on 5
-# FENICS_MORTAR_WITHOUT   folders, files and functions that are left out in serial, as "tests/io tests/la"
+# FENICS_MORTAR_WITHOUT   what is left out in serial, named as pytest does: "tests/io tests/la/test_a.py::test_b"
 # FENICS_MORTAR_TIMEOUT   seconds without the end of a test after which one of these runs counts as
 #                         hanging (1200); how long the run takes does not matter, as on a slow machine
 

@@ -175,7 +175,25 @@ class FloatingBody:
         dim, count = len(self.centre), len(self.motions)
         if not self.sections and count == dim * (dim + 1) // 2:
             return "move and turn in any direction"
-        return ", ".join(map(self.describe, np.eye(count)))
+        plain = _echelon(self.motions) @ self.motions.T
+        return ", ".join(dict.fromkeys(map(self.describe, plain)))
+
+
+def _echelon(rows: Array) -> Array:
+    """Reduced row echelon form of ``rows`` (n, m), of which any basis has the same [1] (local)."""
+    found, top = rows.copy(), 0
+    for column in range(rows.shape[1]):
+        if top == len(rows):
+            break
+        pivot = top + int(np.abs(found[top:, column]).argmax())
+        if abs(found[pivot, column]) < MINOR**2:
+            continue
+        found[[top, pivot]] = found[[pivot, top]]
+        found[top] /= found[top, column]
+        others = np.arange(len(rows)) != top
+        found[others] -= np.outer(found[others, column], found[top])
+        top += 1
+    return found
 
 
 def describe_in_space(translation: Array, rotation: Array, *, verb: str = "rotate") -> str:

@@ -293,8 +293,7 @@ def doubt_beside_known(relative: Array, apart: Array, kept: Flags) -> Array:
         apart: Their distances from the rotations that are known, shape (n,) [radian].
         kept: Nodes with pressure at both ends of the step, shape (n,), bool.
     """
-    own = np.abs(_wrapped(apart))
-    rides = (own > TILTED) & (relative < 0.5 * own)
+    rides = (apart > TILTED) & (apart < np.pi) & (relative < 0.5 * apart)
     along = (rides & kept).any() & (kept | (relative < TILTED))
     return np.where(rides & along, relative, apart)
 

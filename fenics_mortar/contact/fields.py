@@ -319,13 +319,13 @@ class ContactFields(InterfaceFields):
 
     def by_vectors(self, row: Row) -> VectorRow:
         """A row with its derivatives by the vectors of multiplier and normal."""
-        o, z = self.operators, self.state.z
-        residual, by_gap, by_slip, by_n, by_tau, _ = np.broadcast_arrays(*row, self.z_n)
-        turned = np.stack([z[:, 1], -z[:, 0]], axis=1)  # z . dtau = turned . dn
-        by_z = by_n[:, None] * o.n + by_tau[:, None] * o.tau
+        o, z, none = self.operators, self.state.z, np.zeros(len(self.z_n))
+        by_n, by_tau = (np.reshape(part, (-1, 1)) for part in (row.by_z_n, row.by_z_tau))
+        turned = z[:, ::-1] * (1.0, -1.0)  # z . dtau = turned . dn
         return VectorRow(
-            residual, by_z, by_slip, by_gap, by_n[:, None] * z + by_tau[:, None] * turned
-        )
+            row.residual + none, by_n * o.n + by_tau * o.tau, row.by_slip + none, row.by_gap + none,
+            by_n * z + by_tau * turned,
+        )  # fmt: skip
 
     def slip_derivative(self, along: Array) -> Iterator[Block]:
         """Blocks of along_j times the slip's derivative of this rank at constant mean gaps.

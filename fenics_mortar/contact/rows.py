@@ -40,6 +40,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -149,11 +150,12 @@ class ContactRows(InterfaceRows):
     def measure(self) -> tuple[float, float]:
         """See ``InterfaceRows``."""
         f: ContactFields = self._interface.now
-        tangents = f.operators.slave.dim - 1
-        *along, opening = [row.residual for row in f.vector_rows[: tangents + 1]]
+        dim = f.operators.slave.dim
+        rows = f.law_rows if dim == 2 else f.vector_rows  # derivatives are not needed
+        *along, opening = [row.residual for row in rows[:dim]]
         squares, gap = measure_rows(
             f.covered_gap, f.nodal_lengths, f.interface.stiffness, f.operators.diagonal, opening,
-            np.linalg.norm(along, axis=0), f.state.active, f.attracted,
+            reduce(np.hypot, along), f.state.active, f.attracted,
         )  # fmt: skip
         return squares, gap
 

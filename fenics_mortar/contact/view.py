@@ -235,8 +235,9 @@ class PairView:
     def friction_work(self) -> float:
         """Work of friction in the last step [stress length^2].
 
-        By the shear at its end along the slip in it, as the law dissipates it; without an elastic
-        part of slip this is not negative. ``PathReport.friction_work`` is its sum over a path.
+        By the shear at its end along the slip in it, as the law dissipates it: not negative. Of
+        laws whose slip is elastic in part, as bonds, it includes stored energy.
+        ``PathReport.friction_work`` is its sum over a path.
         """
         return self._interface.now.friction_work
 

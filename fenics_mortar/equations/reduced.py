@@ -254,9 +254,9 @@ class LinearBulk:
     Args:
         general: The general equations.
         requested: Whether to reduce. ``None``: if the residual is linear and the predicted cost of
-            the compliance is below the past and future cost of factorizations, with no more memory,
-            see ``la.options``. In space that of the dense systems counts as well, which the active
-            nodes determine: all nodes, until they are known.
+            the compliance is below the past and future cost of iterations with all dofs, with no
+            more memory, see ``la.options``. In space that of the dense systems counts as well,
+            which the active nodes determine: all nodes, until they are known.
         prefix: Prefix of PETSc's options.
 
     Attributes:
@@ -354,8 +354,10 @@ class LinearBulk:
         iterations = self._num_iterations + costs.expected
         compliance = costs.compliance(unknowns, dofs)
         compliance += costs.dense_solves(self._dense_size, costs.expected)
-        factors, fits = costs.factors(unknowns, iterations), costs.fits(unknowns, dofs)
-        cheaper = compliance < factors and self._iterates_faster()
+        others, fits = costs.factors(unknowns, iterations), costs.fits(unknowns, dofs)
+        if self._general.system.solver.multigrid is not None:
+            others = min(others, costs.multigrid(unknowns, iterations))
+        cheaper = compliance < others and self._iterates_faster()
         pays = bool(self._requested) or (fits and cheaper)
         if pays:
             self.choice = f"linear bulk factored once, Newton's method on {dofs} contact dofs"
@@ -367,8 +369,8 @@ class LinearBulk:
         else:
             memory = "" if fits else ", and its matrices would need more memory than factors"
             self.choice += (
-                f" (predicted: once {compliance:.2g} s, {iterations} factorizations "
-                f"{factors:.2g} s{memory})"
+                f" (predicted: once {compliance:.2g} s, {iterations} iterations with "
+                f"all {others:.2g} s{memory})"
             )
         return pays
 

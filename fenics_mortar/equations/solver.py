@@ -165,7 +165,8 @@ class Solver:
         e.bulk.history.start_step()
         try:
             report, moved = self._move_and_solve()
-            unsupported = e.idle.end()
+            unsupported = e.idle.describe_unsupported()
+            e.idle.end()
             instants = instants_of(e.comm, e.contacts)
             history = e.bulk.history.new_values()
         except Exception as error:  # of any type, equal on all ranks
@@ -193,7 +194,7 @@ class Solver:
         report.certificate = certificate
         violations = certificate.violations()
         messages = [f"VIOLATED: {violation}" for violation in violations]
-        judged = messages or certificate.remarks()
+        judged = [*unsupported, *messages] if messages else certificate.remarks()
         reactions = e.motions.record()
         begun = [*remarks, *self._describe_starts(), *e.crossings.taken_turns()]
         report.notes[:] = merge_repeated([*begun, *moved, *judged, *reactions, *report.notes])

@@ -21,6 +21,7 @@ and 147.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -187,6 +188,8 @@ class Costs:
             grows faster, per unknown [us].
         per_solve: Dense system in each iteration of a factored bulk, per cube of its size [us]; not
             counted in the plane, where few nodes of long surfaces are active.
+        by_multigrid: Iteration by multigrid, per unknown [us]; not used for a linear bulk in the
+            plane.
     """
 
     iteration: float = 5.0
@@ -201,11 +204,16 @@ class Costs:
     long_rows: int = 120
     per_unknown: float = 0.0
     per_solve: float = 0.0
+    by_multigrid: float = math.inf
 
     def factors(self, unknowns: int, iterations: int) -> float:
         """Time of ``iterations`` iterations with a factorization in each [s] (local)."""
         work = self._work(unknowns) * (self.first + iterations * self.iteration)
         return 1e-6 * (work + iterations * self.per_unknown * unknowns)
+
+    def multigrid(self, unknowns: int, iterations: int) -> float:
+        """Time of ``iterations`` iterations by multigrid [s] (local)."""
+        return 1e-6 * iterations * self.by_multigrid * unknowns
 
     def compliance(self, unknowns: int, contact_dofs: int) -> float:
         """Time to compute the compliance of the contact dofs [s] (local)."""
@@ -244,11 +252,14 @@ COSTS = Costs()
 # one or two factorize, a third of a factorization in each; the others use earlier factors. Surfaces
 # of flat blocks may be in contact everywhere, so that dense systems count. With 4,400, 13,200 and
 # 20,300 unknowns the linear algebra of an iteration took 0.08, 0.4 and 0.6 s.
+# Inverses of 1,950 to 8,583 contact dofs took 2.6e-5 to 4.2e-5 us per cube. Multigrid took 14 us
+# per unknown on tetrahedra (24,000 to 152,000 unknowns), 50 on hexahedra stretched by 60, 120 if
+# these are quadratic, where factors of the constant bulk are four to eight times as fast.
 # CPU time of a solve, direct over iterative, of a half ball on a block: 0.9 with 11,000 unknowns,
 # 2.9 with 50,000 (demos.studies.space.waits).
 SPACE_COSTS = SpaceCosts(
-    iteration=1e-3, first=0.0, once=3e-3, dense=2e-4, per_factor=250.0, per_unknown=13.0,
-    per_solve=6e-5, many=15_000,
+    iteration=1e-3, first=0.0, once=3e-3, dense=4e-5, per_factor=250.0, per_unknown=13.0,
+    per_solve=6e-5, many=15_000, by_multigrid=50.0,
 )  # fmt: skip
 
 

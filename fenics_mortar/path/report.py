@@ -335,7 +335,7 @@ class PathReport(_OfSteps):
 
     @property
     def friction_work(self) -> float:
-        """Energy dissipated by friction on the path, see ``Work.friction`` [stress length^2]."""
+        """Work of friction on the path, see ``PairView.friction_work`` [stress length^2]."""
         return sum(step.work.friction for step in self.steps)
 
     def table(self) -> str:

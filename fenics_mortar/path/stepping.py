@@ -384,11 +384,18 @@ class SteppingOptions:
         object.__setattr__(self, "step", min(self.step, largest))
 
 
+# Steps nearly as long as one that failed, over its length, which fail for the same reason [1].
+SAME_LENGTH = 0.9
+# Accepted steps after which a length that failed is tried again: a path that could take longer
+# steps has at most so many short ones. One attempt in seventeen is little beside its steps.
+LONGEST_PAUSE = 16
+
+
 class StepLengths:
     """Growth of steps: a length that failed is tried again after 0, 1, 2, 4, ... accepted steps.
 
-    Where all steps of some length fail, as those in which a body turns too far, few are tried. All
-    methods are local.
+    Where all steps of some length fail, as those in which a body turns too far, few are tried. A
+    failure of a shorter step has another reason: it begins anew. All methods are local.
     """
 
     def __init__(self) -> None:
@@ -396,8 +403,10 @@ class StepLengths:
 
     def cut(self, step: float) -> None:
         """Note that a step of this length [time] failed; of several in turn the last one counts."""
-        if not self._cut:
-            self._wait = max(2 * self._wait, 1) if np.isfinite(self._failed) else 0
+        if not self._failed * SAME_LENGTH < step < np.inf:
+            self._wait = 0
+        elif not self._cut:
+            self._wait = min(max(2 * self._wait, 1), LONGEST_PAUSE)
         self._failed, self._left, self._cut = step, self._wait, True
 
     def following(self, step: float, longest: float) -> float:

@@ -345,6 +345,15 @@ class BodyMotions:
             paired |= set(self.labels_of(surface).tolist())
         return [body for body in self.bodies if body.label not in paired]
 
+    def repeats(self, body: FloatingBody) -> bool:
+        """Whether ties make a body periodic in all directions: its place is free (local)."""
+        moved = [
+            tie.pair.translation
+            for tie in self._periodic
+            if int(self.labels_of(tie.slave)[0]) == body.label
+        ]
+        return bool(moved) and bool(np.linalg.matrix_rank(moved) == self.bulk.space.dim)
+
     def at_body(self, contact: Contact, body: FloatingBody) -> Flags:
         """Whether the force of a slave node may act on a body, shape (slave nodes,).
 

@@ -51,6 +51,7 @@ class IdleBodies:
         self._readmissions = Counter[int]()
         self._home: Array = bodies.bulk.values
         self._before: dict[int, float] = {}
+        self._driven: set[int] = set()
 
     # A solve
 
@@ -74,12 +75,15 @@ class IdleBodies:
         self._set_aside(())
         bulk, contact = evaluate()
         force = bodies.bulk.comm.allreduce(float(np.abs(bulk).sum() + np.abs(contact).sum()))
+        self._driven = {
+            body.label
+            for body in bodies.bodies
+            if np.linalg.norm(bodies.resultant(body, bulk)) > bodies.rounding(body, force)
+        }
         self._unloaded = [
             body
             for body in bodies.bodies
-            if self._may_be_aside
-            and self._may_be_idle(body)
-            and np.linalg.norm(bodies.resultant(body, bulk)) <= bodies.rounding(body, force)
+            if self._may_be_aside and body.label not in self._driven and self._may_be_idle(body)
         ]
         self._set_aside(body.label for body in self._unloaded if not bodies.is_loaded(body))
         if not bodies.aside:
@@ -176,29 +180,35 @@ class IdleBodies:
             )
         return self._farthest(np.array([bulk.comm.allreduce(largest, MPI.MAX)]))
 
-    def end(self) -> list[str]:
-        """End the solve; return remarks on bodies that nothing holds, with their free motions.
+    def describe_unsupported(self) -> list[str]:
+        """Remarks, before ``end``, on bodies that nothing holds, with their free motions.
 
         Neither do contact forces: a gap may be closed without any. Adhesion holds without a force.
         """
         bodies, found = self._bodies, dict[str, list[FloatingBody]]()
-        if bodies.springs is not None:
-            bodies.springs = bodies.acting_springs
-        aside, self._unloaded, self._first = bodies.aside, [], set()
-        self._set_aside(())
         for body in bodies.bodies:
             laws = [contact.pair.law for contact in bodies.contacts_of(body)]
             adheres = any(law.has_adhesion or law.bridges_gap for law in laws)
-            if adheres or bodies.is_loaded(body, self._before.get(body.label, 0.0)):
+            pressed = bodies.is_loaded(body, self._before.get(body.label, 0.0))
+            if adheres or pressed or body.label in self._driven or bodies.repeats(body):
                 continue
-            moved = body.label in aside and np.linalg.norm(self._motion(body)) > SOLVED * body.size
+            aside = body.label in bodies.aside
+            moved = aside and np.linalg.norm(self._motion(body)) > SOLVED * body.size
             where = "moved out of the way of other bodies" if moved else "left in place"
             found.setdefault(f"{body.describe_all()}: {where}", []).append(body)
         return [
-            f"no force acts on {bodies.names(group)}, which nothing holds, free to {how}; if loads "
-            "or supports were forgotten, check the residual and bcs"
+            f"nothing holds {bodies.names(group)}, and no contact force acts there; free to {how}; "
+            "if supports or loads were forgotten, check bcs and the residual"
             for how, group in found.items()
         ]
+
+    def end(self) -> None:
+        """End the solve."""
+        bodies = self._bodies
+        if bodies.springs is not None:
+            bodies.springs = bodies.acting_springs
+        self._unloaded, self._first, self._driven = [], set(), set()
+        self._set_aside(())
 
     # An iteration
 

@@ -157,6 +157,7 @@ def paths(kind, folder):
 
     report = fm.follow_path(problem, load, fm.SteppingOptions(0.5), on_step=path.record)
     yield "cuts", report.num_cuts
+    yield "friction work", report.friction_work
     assert report.num_iterations and report.table() and str(report)
     yield from results(problem)
     mu, force = sensitivity.LawParameter(0, "mu"), quantities()["force"]

@@ -17,7 +17,6 @@ from fenics_mortar.contact import arcs
 from fenics_mortar.contact.arcs import rotation_past_obstacle
 from fenics_mortar.contact.slip import Partners
 from fenics_mortar.laws import Worn
-from fenics_mortar.path.report import forces_of, work_of
 from fenics_mortar.verify.node_paths import STRETCHED, turn_of
 from meshes.mapped_grids import Grid, build, sector
 
@@ -65,16 +64,13 @@ def test_wear_over_a_turn_does_not_depend_on_the_steps(steps):
 @pytest.mark.parametrize("per_turn", [8, 4, 3])
 def test_shaft_in_a_ring_dissipates_the_work_of_its_moment(per_turn, slave):
     shaft = shaft_in_ring(fm.Coulomb(MU), slave=slave)
-    problem, contact = shaft.problem, shaft.problem.equations.contacts[0]
+    contact = shaft.problem.equations.contacts[0]
     step = TURN / per_turn
     shaft.turn(step)
-    before, forces = problem.state(), forces_of(problem)
     report = shaft.turn(2.0 * step)
     sign = -1.0 if slave == "shaft" else 1.0
     assert contact.now.friction_work == pytest.approx(-sign * shaft.moment * step, rel=1e-3)
     assert contact.now.friction_work > 0.0
-    work = work_of(problem, before, problem.state(), forces, forces_of(problem))
-    assert work.friction == contact.now.friction_work
     assert report.certificate.pairs[0]["friction_work"].value < 1e-3
 
 

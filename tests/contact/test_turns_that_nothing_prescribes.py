@@ -192,6 +192,8 @@ def test_bodies_beside_an_axle_ride_or_roll():
         assert np.degrees(found) == pytest.approx(doubt)
     rests = doubt_beside_known(np.zeros(1), np.full(1, TURN), np.ones(1, bool))
     assert rests == pytest.approx(TURN)  # not known from a shaft that turns fully
+    against = np.radians([200.0, 280.0, 330.0])  # nor from one that turns the other way
+    assert doubt_beside_known(np.zeros(3), against, np.ones(3, bool)) == pytest.approx(against)
 
 
 def carried(x, turn, start, end, straight=0.0):

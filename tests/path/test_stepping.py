@@ -326,6 +326,19 @@ def test_a_length_that_fails_again_and_again_is_seldom_tried(start):
     assert tried[-1] == 1.0
 
 
+def test_a_snap_does_not_make_the_steps_after_it_short():
+    """Steps of 0.6 fail, and once, after many of them, those above a thousandth."""
+    lengths, time, step, accepted = StepLengths(), 0.0, 1.0, 0
+    while time < 40.0:
+        if step > (0.6 if abs(time - 25.0) > 1e-3 else 1e-3):
+            lengths.cut(step)
+            step = 0.5 * step
+        else:
+            time, accepted = time + step, accepted + 1
+            step = lengths.following(step, min(2.0 * step, 1.0))
+    assert accepted < 120
+
+
 def test_step_that_ends_in_a_wrong_state_is_not_accepted():
     """A tool that jumps into the block, with a search radius too short to find its surface."""
     data = read(

@@ -32,7 +32,7 @@ def assert_idle(scene, report, names, size=1.0):
             assert not contact.z.any()
             assert overlap(contact) <= ROUNDING * size
         remarks = report.certificate.remarks()
-        assert any("no force acts on" in text and f"'{name}'" in text for text in remarks)
+        assert any("nothing holds" in text and f"'{name}'" in text for text in remarks)
     assert report.certificate.violations() == []
 
 
@@ -62,7 +62,7 @@ def test_blocks_in_no_pair_stay(idle, hover, material):
         assert not scene.moved[scene.nodes(f"idle{k}")].any()
     names = " and ".join(f"body 'idle{k}'" for k in range(idle))
     remarks = report.certificate.remarks()
-    assert sum(f"no force acts on {names}, which nothing holds" in text for text in remarks) == 1
+    assert sum(f"nothing holds {names}, and no contact force" in text for text in remarks) == 1
     springs = [note for note in report.notes if "spring" in note]
     assert not any("springs carry" in note or "idle" in note for note in springs), springs
 
@@ -148,7 +148,7 @@ def test_a_block_squeezed_and_released_carries_force_and_then_none(mu):
         report = scene.problem.solve()
         assert report.certificate.violations() == []
         assert not any(c.z.any() for c in contacts)
-        assert any("no force acts on body 'block'" in note for note in report.notes)
+        assert any("nothing holds body 'block'" in note for note in report.notes)
         # It expands by 2e-3 and does not follow the jaw.
         assert np.abs(scene.motion("block") - before).max() < 2e-3
 
@@ -166,7 +166,7 @@ def test_a_particle_comes_loose_and_is_heated_again(mu, order, finite):
         assert contact.z.any() == (value > 0.0)
         # Clearance, offset and thermal strains are below 0.02.
         assert np.abs(problem.equations.bulk.u.x.array).max() < 0.02
-        idle = any("no force acts on" in note for note in report.notes)
+        idle = any("nothing holds" in note for note in report.notes)
         assert idle == (value <= 0.0)
 
 
@@ -200,7 +200,6 @@ def test_a_disk_that_touches_a_block_with_one_node_rolls_onto_two(around, mu, we
     assert contact.active.sum() == 2
 
 
-@pytest.mark.once
 @pytest.mark.parametrize("gravity", [(0.0, 1.0), (0.5, -1.0)])
 def test_a_load_that_nothing_supports_is_refused_beside_idle_bodies(gravity):
     """Also if it pushes an idle block, which nothing stops."""

@@ -26,28 +26,29 @@ from fenics_mortar.energies import lame
 from fenics_mortar.utils import compat
 
 # Nodes of a cell in the order of most codes, by dimension and number of nodes: corners
-# counterclockwise, then the middles of the sides
+# counterclockwise, below and above in space, then the middles of the sides
 AROUND = {
     (2, 3): [0, 1, 2],
     (2, 4): [0, 1, 3, 2],
     (2, 6): [0, 1, 2, 5, 3, 4],
     (2, 9): [0, 1, 3, 2, 4, 6, 7, 5, 8],
     (3, 4): [0, 1, 2, 3],
+    (3, 8): [0, 1, 3, 2, 4, 5, 7, 6],
 }
 
 
 @dataclass
 class Given:
-    """The problem as arrays, in the plane or of tetrahedra with four nodes (d = 2 or 3).
+    """The problem as arrays, in the plane or of solids of degree 1 (d = 2 or 3).
 
     Attributes:
         x: Nodes, shape (n, d) [length].
         cells: Nodes of the cells, counterclockwise, shape (m, nodes of a cell).
         upper: Whether a cell is of the upper body, which has the slave surface, shape (m,).
         slave: Nodes of the slave surface, shape (k,).
-        facets: Nodes of its facets, by their numbers in ``slave``, middle last in the plane, shape
-            (f, 2 or 3).
-        master: Nodes of the facets of the master surface, middle last, shape (g, 2 or 3).
+        facets: Nodes of its facets, by their numbers in ``slave``, middle last in the plane, around
+            the facet in space, shape (f, 2, 3 or 4).
+        master: Nodes of the facets of the master surface, likewise, shape (g, 2, 3 or 4).
         prescribed: Whether a component is prescribed, shape (n, d).
         values: Prescribed values, shape (n, d) [length].
         load: Nodal loads, shape (n, d) [stress length^(d - 1)].
@@ -119,12 +120,14 @@ def given(problem: Any, body: np.ndarray, E: float, nu: float, **options: Any) -
     dim = bulk.space.dim
     cells = cells[:, AROUND[dim, cells.shape[1]]]
     x = bulk.V.tabulate_dof_coordinates()[:, :dim].copy()
-    edges = x[cells[:, 1 : dim + 1]] - x[cells[:, :1]]
+    corners = [1, 3, 4] if cells.shape[1] == 8 else range(1, dim + 1)
+    edges = x[cells[:, corners]] - x[cells[:, :1]]
     assert np.all(np.linalg.det(edges) > 0.0), "cells must be counterclockwise"
     bulk.assemble_residual()
     upper = np.zeros(len(cells), bool)
     upper[body] = True
-    order = [0, -1, 1][: contact.slave.degree + 1] if dim == 2 else [0, 1, 2]
+    across = contact.slave.facets.shape[1]
+    order = [0, -1, 1][: contact.slave.degree + 1] if dim == 2 else range(across)
     return Given(
         x=x,
         cells=cells,

@@ -20,13 +20,20 @@ from scipy.spatial import cKDTree
 
 from demos.studies.accuracy.peer import Answer, Given, Solve, run
 
-SIDES, CONTACT, PRESCRIBED = 1, 2, 3
+SIDES, CONTACT, PRESCRIBED, HELD = 1, 2, 3, 4
+PENALTY = 1e6  # of symmetry planes, over Young's modulus [1 / length]
 SYMMETRIC = 2
 # Release distance of contact by ray tracing over the longest facet [1]
 RELEASE = 3.0
 # By dimension and number of nodes of a cell: geometry, and our nodes in GetFEM's order
 SHAPES = {
     (3, 4): ("GT_PK(3,1)", "FEM_PK(3,1)", "IM_TETRAHEDRON(2)", [0, 1, 2, 3]),
+    (3, 8): (
+        "GT_QK(3,1)",
+        "FEM_QK(3,1)",
+        "IM_GAUSS_PARALLELEPIPED(3,3)",
+        [0, 1, 3, 2, 4, 5, 7, 6],
+    ),
     (2, 3): ("GT_PK(2,1)", "FEM_PK(2,1)", "IM_TRIANGLE(2)", [0, 1, 2]),
     (2, 4): ("GT_QK(2,1)", "FEM_QK(2,1)", "IM_GAUSS_PARALLELEPIPED(2,3)", [0, 1, 3, 2]),
     (2, 6): ("GT_PK(2,2)", "FEM_PK(2,2)", "IM_TRIANGLE(4)", [0, 3, 1, 5, 4, 2]),
@@ -111,10 +118,9 @@ def add_body(model: gf.Model, problem: Given, number: int) -> Body:
     used = np.unique(cells)
     nodes = used[cKDTree(problem.x[used]).query(places)[1]]
     surface = problem.slave if number == 1 else np.unique(problem.master)
-    for region, on in (
-        (CONTACT, surface),
-        (PRESCRIBED, np.flatnonzero(problem.prescribed.any(axis=1))),
-    ):
+    whole = problem.prescribed.all(axis=1)
+    held = np.flatnonzero(whole if dim == 3 else problem.prescribed.any(axis=1))
+    for region, on in ((CONTACT, surface), (PRESCRIBED, held)):
         points = mesh.pid_from_coords(problem.x[np.intersect1d(on, used)].T, 1e-9)
         mesh.set_region(region, mesh.faces_from_pid(points))
     u, mu, lmbda = (f"{name}{number}" for name in ("u", "mu", "lmbda"))
@@ -130,7 +136,28 @@ def add_body(model: gf.Model, problem: Given, number: int) -> Body:
     model.add_initialized_fem_data(f"prescribed{number}", space, problem.values[nodes].ravel())
     model.add_Dirichlet_condition_with_simplification(u, PRESCRIBED, f"prescribed{number}")
     model.add_explicit_rhs(u, problem.load[nodes].ravel())
+    for component in range(dim if dim == 3 else 0):
+        on = np.flatnonzero(problem.prescribed[:, component] & ~whole)
+        slide(model, integration, u, mesh, problem.x[np.intersect1d(on, used)], component)
     return Body(mesh, integration, nodes)
+
+
+def slide(
+    model: gf.Model, integration: gf.MeshIm, u: str, mesh: gf.Mesh, x: np.ndarray, component: int
+) -> None:
+    """Hold one component on the symmetry plane on which nodes are at ``x``, by a penalty."""
+    if len(x) == 0:
+        return
+    plane = np.isclose(mesh.pts()[component], x[0, component])
+    region, name = HELD + component, f"H{component}{u}"
+    mesh.set_region(region, mesh.faces_from_pid(np.flatnonzero(plane)))
+    only = np.diag(np.eye(mesh.dim())[component])
+    model.add_initialized_data(name, only.ravel(), only.shape)
+    model.add_initialized_data(f"r{name}", np.zeros(mesh.dim()))
+    stiffness = PENALTY * model.variable("r")[0]
+    model.add_generalized_Dirichlet_condition_with_penalization(
+        integration, u, stiffness, region, f"r{name}", name
+    )
 
 
 def pressure(model: gf.Model, multipliers: gf.MeshFem, problem: Given) -> np.ndarray:
@@ -141,11 +168,10 @@ def pressure(model: gf.Model, multipliers: gf.MeshFem, problem: Given) -> np.nda
     if problem.deformed:  # a vector at each node
         dim = problem.x.shape[1]
         values, places = np.linalg.norm(values.reshape(-1, dim), axis=1), places[::dim]
-    ends = problem.facets[:, :2]
     nearest = cKDTree(places).query(problem.x[problem.slave])[1]
     found = values[nearest]
-    if problem.facets.shape[1] > problem.x.shape[1]:
-        found[problem.facets[:, 2]] = found[ends].mean(axis=1)
+    if problem.x.shape[1] == 2 and problem.facets.shape[1] == 3:
+        found[problem.facets[:, 2]] = found[problem.facets[:, :2]].mean(axis=1)
     return found
 
 

@@ -89,8 +89,20 @@ def exact(scene: Scene, force: float) -> Hertz:
     return Hertz(a, q * a, p0, force, p0 * q * a * ellipk(1.0 - q**2) / E_STAR)
 
 
-def measure(scene: Scene, kind: Kind, n: int) -> tuple[np.ndarray, list[int], int]:
-    """Relative errors (five), iterations of three loads and number of dofs."""
+class Posed(NamedTuple):
+    """The problem, and the displacement far away by body."""
+
+    problem: fm.ContactProblem
+    far: dict[str, fem.Function]
+
+    def press(self, hertz: Hertz) -> None:
+        """Prescribe the displacement of a solution."""
+        self.far["lower"].interpolate(partial(boussinesq, hertz.force, -1.0, 0.0))
+        self.far["upper"].interpolate(partial(boussinesq, hertz.force, 1.0, -hertz.approach))
+
+
+def pose(scene: Scene, kind: Kind, n: int) -> Posed:
+    """The problem on a mesh, without displacements."""
     data = two_boxes(kind, n, (scene.upper, scene.lower))
     V = fm.vector_space(data.mesh, kind.degree)
     u, far = fem.Function(V), {"upper": fem.Function(V), "lower": fem.Function(V)}
@@ -99,17 +111,26 @@ def measure(scene: Scene, kind: Kind, n: int) -> tuple[np.ndarray, list[int], in
         outside = [f"{name}/{side}" for side in ("right", "back", OUTER[name])]
         bcs.append(fm.dirichlet(V, data, outside, value))
     pair = fm.ContactPair(data, "upper/bottom", "lower/top")
-    problem = fm.ContactProblem(
-        elastic_residual(u, kind), u, [pair], bcs=bcs, petsc_options_prefix="hertz_"
-    )
-    rows, iterations = [], []
-    for force in 4.0 / 3.0 * E_STAR / R * np.array([0.8, 1.0, 1.2]):
-        hertz = exact(scene, force)
-        far["lower"].interpolate(partial(boussinesq, hertz.force, -1.0, 0.0))
-        far["upper"].interpolate(partial(boussinesq, hertz.force, 1.0, -hertz.approach))
+    residual = elastic_residual(u, kind)
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="hertz_")
+    return Posed(problem, far)
+
+
+def loads(scene: Scene) -> list[Hertz]:
+    """Solutions for three loads, the contact's radius is about 1."""
+    return [exact(scene, 4.0 / 3.0 * E_STAR / R * factor) for factor in (0.8, 1.0, 1.2)]
+
+
+def measure(scene: Scene, kind: Kind, n: int) -> tuple[np.ndarray, list[int], int]:
+    """Relative errors (five), iterations of three loads and number of dofs."""
+    posed, rows, iterations = pose(scene, kind, n), [], []
+    problem = posed.problem
+    for hertz in loads(scene):
+        posed.press(hertz)
         iterations.append(problem.solve().num_iterations)
         rows.append(errors(problem.contacts[0], scene, hertz))
-    return np.sqrt(np.mean(np.square(rows), axis=0)), iterations, V.dofmap.index_map.size_global * 3
+    dofs = problem.equations.bulk.r.getSize()
+    return np.sqrt(np.mean(np.square(rows), axis=0)), iterations, dofs
 
 
 def errors(contact: fm.PairView, scene: Scene, expected: Hertz) -> list[float]:

@@ -4,6 +4,7 @@
     python3 -m demos.studies.space.waits 0.036 0.018 0.010
     python3 -m demos.studies.space.waits --solver iterative 0.018
     kratos/bin/python -m demos.studies.space.waits --peer kratos 0.036
+    kratos/bin/python -m demos.studies.space.waits --peer kratos --solver iterative 0.036
     python3 -m demos.studies.space.waits --peer getfem 0.036
 
 Both bodies are linear elastic, of the same material; the flat side of the ball is moved by a
@@ -86,7 +87,7 @@ def measure(h: float, solver: str, peer: str | None) -> str:
         start = time.process_time()
         pose = import_module(f"demos.studies.accuracy.peer_{peer}").pose
         try:
-            answer = pose(posed)(posed.values)
+            answer = (pose(posed, solver) if solver != "auto" else pose(posed))(posed.values)
         except (RuntimeError, NotImplementedError) as error:
             return f"| {name} | {size} {6 * '| - '}| {error} |"
         problem.equations.bulk.u.x.array[:] = answer.u.ravel()
