@@ -93,8 +93,7 @@ def follow(set_depth, stop):
 
 
 under = follow(lambda time: roller.move(y=-deepest * time**2), 1.0)
-hardness = forces[-1] / (2 * top.positions[top.active, 0].max() * sigma_y)
-largest = lengths[-1]
+hardness, largest = forces[-1] / (2 * top.positions[top.active, 0].max() * sigma_y), lengths[-1]
 free = follow(lambda time: roller.move(y=-deepest * (1 - time)), 0.55)
 figure = Figure((8, 6), layout="constrained")
 above, below = figure.subplots(2, height_ratios=(1, 2), sharex=True)

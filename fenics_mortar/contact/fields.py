@@ -320,7 +320,7 @@ class ContactFields(InterfaceFields):
     def by_vectors(self, row: Row) -> VectorRow:
         """A row with its derivatives by the vectors of multiplier and normal."""
         o, z, none = self.operators, self.state.z, np.zeros(len(self.z_n))
-        by_n, by_tau = (np.reshape(part, (-1, 1)) for part in (row.by_z_n, row.by_z_tau))
+        by_n, by_tau = np.reshape(row.by_z_n, (-1, 1)), np.reshape(row.by_z_tau, (-1, 1))
         turned = z[:, ::-1] * (1.0, -1.0)  # z . dtau = turned . dn
         return VectorRow(
             row.residual + none, by_n * o.n + by_tau * o.tau, row.by_slip + none, row.by_gap + none,

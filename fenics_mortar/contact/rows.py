@@ -152,7 +152,7 @@ class ContactRows(InterfaceRows):
         f: ContactFields = self._interface.now
         dim = f.operators.slave.dim
         rows = f.law_rows if dim == 2 else f.vector_rows  # derivatives are not needed
-        *along, opening = [row.residual for row in rows[:dim]]
+        *along, opening = [row.residual + 0.0 for row in rows[:dim]]  # arrays of their own
         squares, gap = measure_rows(
             f.covered_gap, f.nodal_lengths, f.interface.stiffness, f.operators.diagonal, opening,
             reduce(np.hypot, along), f.state.active, f.attracted,

@@ -160,8 +160,8 @@ class IdleBodies:
         """Largest motion of a body that gives way to deformation in this solve [length].
 
         A body that other bodies push along in a prescribed rigid motion is pushed away; the
-        displacement of floating bodies, and that of others without their rigid motion, is not
-        prescribed.
+        displacement of loaded floating bodies, and that of others without their rigid motion, is
+        not prescribed.
         """
         bodies, largest = self._bodies, 0.0
         if not bodies.aside:
@@ -173,11 +173,9 @@ class IdleBodies:
         for label in range(bodies.num_bodies):
             mine = bodies.labels[:count] == label
             moved, X = change[bulk.space.owned_dofs[mine]], bulk.cells.X[:count][mine]
-            if label not in floating:
+            if label not in floating or label in bodies.aside:
                 moved = _deformation(X, moved, bulk.comm)
-            largest = max(
-                largest, float(np.abs(moved).max(initial=0.0)) * (label not in bodies.aside)
-            )
+            largest = max(largest, float(np.abs(moved).max(initial=0.0)))
         return self._farthest(np.array([bulk.comm.allreduce(largest, MPI.MAX)]))
 
     def describe_unsupported(self) -> list[str]:

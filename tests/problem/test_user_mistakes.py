@@ -176,6 +176,26 @@ def test_a_squeezed_body_without_supports_and_loads_is_not_reported(start):
     assert len(found) == (not start) and not any("'lower'" in note for note in found)
 
 
+@pytest.mark.parametrize("pull", [3.0, -3.0])
+def test_a_body_under_balanced_loads_makes_room_for_its_own_strains(pull):
+    """It touches another one, and nothing holds it."""
+    data = small_blocks().data
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    ds = ufl.ds(subdomain_data=data.facet_tags)
+    residual = internal(u, linear_elastic(u, 100.0, 0.3))
+    for side, sign in (("top", 1.0), ("bottom", -1.0)):
+        t = fem.Constant(data.mesh, (0.0, sign * pull))
+        residual -= ufl.inner(t, v) * ds(data.boundaries[f"upper/{side}"])
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top")
+    bcs = [fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0))]
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="idle_")
+    assert problem.solve().certificate.violations() == []
+    contact = problem.equations.contacts[0]
+    assert not contact.z.any() and contact.now.mean_gap[contact.now.covered].min() > -1e-12
+    assert np.ptp(contact.operators.x[:, 1]) < 1e-12
+
+
 SIGNS = {"both": (-1.0, -1.0), "distance": (-1.0, 1.0), "gradient": (1.0, -1.0)}
 
 
