@@ -403,7 +403,7 @@ class StepLengths:
 
     def cut(self, step: float) -> None:
         """Note that a step of this length [time] failed; of several in turn the last one counts."""
-        if not self._failed * SAME_LENGTH < step < np.inf:
+        if step <= SAME_LENGTH * self._failed:
             self._wait = 0
         elif not self._cut:
             self._wait = min(max(2 * self._wait, 1), LONGEST_PAUSE)
