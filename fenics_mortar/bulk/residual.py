@@ -206,7 +206,9 @@ def find_units(K: PETSc.Mat, space: DisplacementSpace, stiffness: float) -> tupl
 
     Returns:
         Amount of each unknown that is equivalent to a displacement of one, and factor that turns
-        the residual of each equation into a force, each (owned dofs,); one for displacements.
+        the residual of each equation into a force, each (owned dofs,); one for displacements. An
+        equation that contains no displacement, nor any field of an equation that does, keeps its
+        residual, as an equal force.
     """
     units, to_force = np.zeros((2, space.num_owned))
     units[space.owned_dofs] = to_force[space.owned_dofs] = 1.0
@@ -216,9 +218,11 @@ def find_units(K: PETSc.Mat, space: DisplacementSpace, stiffness: float) -> tupl
         for known, size in zip((units, to_force), sizes, strict=True):
             reached = (known == 0.0) & (size > 0.0)
             known[reached] = stiffness / size[reached]
+    to_force = np.where(to_force > 0.0, to_force, 1.0)
+    size = _row_sizes(transpose, to_force)
     transpose.destroy()
-    units, to_force = (np.where(a > 0.0, a, 1.0) for a in (units, to_force))
-    return units, to_force
+    own = stiffness / np.where(size > 0.0, size, stiffness)
+    return np.where(units > 0.0, units, own), to_force
 
 
 def _row_sizes(matrix: PETSc.Mat, columns: Array) -> Array:

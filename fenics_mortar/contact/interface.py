@@ -43,6 +43,7 @@ from fenics_mortar.interface.surfaces import POINTS, Surface
 from fenics_mortar.interface.traces import extract_surface
 from fenics_mortar.kernels.space.shapes import ALLOWED, FINE, FINE_QUADRATIC, LINEAR, QUADRATIC
 from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
 if TYPE_CHECKING:
@@ -54,6 +55,9 @@ if TYPE_CHECKING:
 # 7 points are too few: where edges of both sides almost coincide their common point moves fast, the
 # error of the quadrature with it, and Newton's method does not settle below that error.
 DISTORTED = 0.05
+
+# Phase of the clock for ``integrals``.
+INTEGRALS = clock("integrals")
 
 
 def surfaces_of(pair: Any, space: DisplacementSpace, welds: Indices) -> tuple[Any, Any]:
@@ -613,7 +617,7 @@ class OperatorEvaluation:
         """
         behind, x, m = self._positions_at(u)
         if not self.small:
-            return self._at(x, m, state.multiplier_nodes, linearization, behind), None
+            return self._integrate(x, m, state.multiplier_nodes, linearization, behind), None
         kept = state.reference
         if kept is not None and kept.operators is None:
             kept = self.reference_at(kept.place, state.multiplier_nodes)
@@ -623,25 +627,6 @@ class OperatorEvaluation:
         moved = kept.operators.after_small_motion(x, m, *place)
         exact = replace(moved.linearization, exact=linearization.exact)
         return replace(moved, linearization=exact), kept
-
-    def _at(
-        self, x: Array, m: Array, multiplier_nodes: Flags, linearization: Linearization,
-        behind: BodiesBehind | None,
-    ) -> MortarOperators:  # fmt: skip
-        """As ``_integrate``, or a recent result for the same arguments (collective)."""
-        if self.obstacle is not None:
-            return self._integrate(x, m, multiplier_nodes, linearization, behind)
-        points = (np.concatenate([x, m]) if behind is None else behind.outline[0]).tobytes()
-        nodes, searched = multiplier_nodes.tobytes(), None
-        for at, of_nodes, terms, operators in self._recent:
-            same = at == points and terms == linearization
-            if same and of_nodes == nodes:
-                self.behind = behind
-                return operators
-            searched = operators if same else searched
-        operators = self._integrate(x, m, multiplier_nodes, linearization, behind, searched)
-        self._recent.appendleft((points, nodes, linearization, operators))
-        return operators
 
     def evaluate_reference(self, multiplier_nodes: Flags) -> Reference:
         """Evaluate the operators of the undeformed mesh (collective).
@@ -715,29 +700,36 @@ class OperatorEvaluation:
         return behind, x, m
 
     def _integrate(
-        self,
-        x: Array,
-        m: Array,
-        multiplier_nodes: Flags,
-        linearization: Linearization,
+        self, x: Array, m: Array, multiplier_nodes: Flags, linearization: Linearization,
         behind: BodiesBehind | None,
-        searched: Any = None,
-    ) -> MortarOperators:
+    ) -> MortarOperators:  # fmt: skip
         """Operators with slave nodes at ``x`` and master nodes at ``m`` (collective).
 
-        ``searched``: see ``evaluate_mortar``.
+        Without an obstacle a recent result for the same arguments, see ``evaluate``, or with the
+        search of one for other multiplier nodes.
         """
         self.behind = behind
-        if self.obstacle is None:
-            evaluate: Any = evaluate_mortar if self.slave.dim == 2 else evaluate_space
-            return evaluate(
+        if self.obstacle is not None:
+            with INTEGRALS:
+                return evaluate_obstacle(
+                    self.slave, self.master, self.obstacle, self.arm, x, multiplier_nodes,
+                    self.planes, self.options, linearization,
+                )  # fmt: skip
+        points = (np.concatenate([x, m]) if behind is None else behind.outline[0]).tobytes()
+        nodes, searched = multiplier_nodes.tobytes(), None
+        for at, of_nodes, terms, operators in self._recent:
+            same = at == points and terms == linearization
+            if same and of_nodes == nodes:
+                return operators
+            searched = operators if same else searched
+        evaluate: Any = evaluate_mortar if self.slave.dim == 2 else evaluate_space
+        with INTEGRALS:
+            operators = evaluate(
                 self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,
                 linearization, behind, searched,
             )  # fmt: skip
-        return evaluate_obstacle(
-            self.slave, self.master, self.obstacle, self.arm, x, multiplier_nodes, self.planes,
-            self.options, linearization,
-        )  # fmt: skip
+        self._recent.appendleft((points, nodes, linearization, operators))
+        return operators
 
 
 def or_other_weights(contact: Interface) -> str:

@@ -225,23 +225,25 @@ class ContactEquations:
 
     # Evaluation
 
-    def evaluate(self, *, start: bool) -> Status:
-        """Evaluate residual, operators and active sets at the present state."""
-        if start and self.evaluated is not None:
-            (_, status), self.evaluated = self.evaluated, None
-            return status
+    def evaluate(self, *, start: bool, by_contact: bool = False) -> Status:
+        """Evaluate residual, operators and active sets at the present state.
+
+        Args:
+            start: Whether a solve starts here.
+            by_contact: Whether the bulk residual follows from the forces of contact and is known.
+        """
+        guessed, self.evaluated = self.evaluated if start else None, None
+        if guessed is not None and not by_contact:
+            return guessed[1]
+        if guessed is not None:  # evaluated with the bulk
+            self.put(guessed[0])
+            self.start_step()
         if self.floating.bodies and not start:
             self.idle.place(self._evaluate_flat)
-        self.bulk.assemble_residual()
+        if not by_contact:
+            self.bulk.assemble_residual()
         if self.floating.bodies:
             self.floating.add_spring_forces()
-        return self.evaluate_without_bulk(start=start)
-
-    def evaluate_without_bulk(self, *, start: bool) -> Status:
-        """Evaluate operators and active sets, with the bulk residual already assembled."""
-        if self.evaluated is not None:  # by equations that are reduced
-            self.put(self.evaluated[0])
-            self.start_step()
         if start:
             self._set_record.begin()
             self._redundancy.begin()

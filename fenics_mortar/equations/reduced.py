@@ -72,7 +72,7 @@ class ReducedEquations:
         if start:
             self._force = None
             self._bulk.assemble_residual()
-        return self._general.evaluate_without_bulk(start=start)
+        return self._general.evaluate(start=start, by_contact=True)
 
     def advance(self) -> Step:
         """Solve the small system; move the surfaces and the prescribed dofs."""

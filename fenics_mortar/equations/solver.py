@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from operator import call
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -214,26 +215,27 @@ class Solver:
         If this fails after idle bodies were set aside, all of them take part in contact: those that
         other bodies squeeze may stay where they are by symmetry only, as without friction.
         """
-        e = self._equations
+        e, failed = self._equations, None
         start = e.state()
-        e.idle.reset(may_be_aside=True)
-        try:
-            return self._attempt()
-        except MortarError as error:
-            if not e.idle.were_aside or e.newton.tentative:
-                raise
-            failed = error
-        e.idle.end()
-        e.springs.remove_springs()
-        e.restore(start)
-        e.idle.reset(may_be_aside=False)
-        try:
-            return self._attempt()
-        except MortarError as error:
-            raise failed from error
+        for may_be_aside in (True, False):
+            e.idle.reset(may_be_aside=may_be_aside)
+            try:
+                moved = self._move()
+                report = self._lead_by_solution(self._solve())
+                return report, moved + e.floating.settling.check(e.idle.reach())
+            except MortarError as error:
+                if failed is not None:
+                    raise failed from error
+                if not e.idle.were_aside or e.newton.tentative:
+                    raise
+                failed = error
+            e.idle.end()
+            e.springs.remove_springs()
+            e.restore(start)
+        raise AssertionError
 
-    def _attempt(self) -> tuple[NewtonReport, list[str]]:
-        """See ``_move_and_solve``: one attempt."""
+    def _move(self) -> list[str]:
+        """Rigid moves before a solve; sentences on moved bodies."""
         e = self._equations
         e.motions.follow(e.evaluate_operators)
         moved = e.motions.settle(partial(e.evaluate_contacts, start=True))
@@ -243,9 +245,7 @@ class Solver:
             self._accept_moved()
         self._lead(e.crossings.carried() if self._may_be_led() else None)
         e.idle.find(e.evaluate_forces)
-        report = self._lead_by_solution(self._solve())
-        moved += e.floating.settling.check(e.idle.reach())
-        return report, moved
+        return moved
 
     def _lead(self, carried: Carried | None) -> None:
         """Count slip of nodes without force from where motions carry them, see ``arcs``."""
@@ -354,7 +354,7 @@ class Solver:
             [m for m, is_met in zip(turned, met, strict=True) if is_met is last]
             for last in (False, True)
         )
-        newton, starts = self._newton, [*clear, {}, *blocked]
+        newton, starts = self._newton(), [*clear, {}, *blocked]
         for motions in starts:
             try:
                 if motions:
@@ -369,7 +369,7 @@ class Solver:
             if motions is not starts[-1]:
                 e.restore(start)
                 failed.report.notes.append(f"{failed}: other bodies turn first, or none")
-                newton = partial(then_solve, failed.report, self._newton)
+                newton = partial(then_solve, failed.report, self._newton())
         floats = bool(e.floating.bodies) or e.motions.driven_obstacles.any()
         if self._has_own_law or not floats:
             try:
@@ -420,7 +420,7 @@ class Solver:
         how = "damped" if damped else "full"
         failed.report.notes.append(f"restarted with {how} steps: {failed}")
         try:
-            report = then_solve(failed.report, partial(self._newton, damped))
+            report = then_solve(failed.report, self._newton(damped))
         except NotConvergedError as error:
             raise NotConvergedError(str(failed), error.report) from None
         self._damps_first = damped
@@ -443,14 +443,14 @@ class Solver:
         laws = [c.pair.law for c in self._equations.contacts if isinstance(c, Contact)]
         return not all(law.is_of_package for law in laws)
 
-    def _newton(self, damped: bool | None = None) -> NewtonReport:
-        """Newton's method from the present state, by default as it converged last."""
+    def _newton(self, damped: bool | None = None) -> Callable[[], NewtonReport]:
+        """Newton's method, by default as it converged last; to be called at a state."""
         e = self._equations
         options = e.newton
         if (self._damps if damped is None else damped) and not options.damped:
             most = options.max_iterations * (1 if damped is None else 2)
             options = replace(options, line_search=True, max_iterations=most)
-        return solve(Damped(e, options) if options.damped else e, options)
+        return partial(solve, Damped(e, options) if options.damped else e, options)
 
     def _accept_moved(self) -> None:
         """Count slip from the positions after rigid moves, except for nodes that slid.
@@ -506,36 +506,41 @@ class Continuation:
         self._equations = equations
         self._predictor: Predictor | None = None
         self._past: list[_Loads] = []
+        self._next: tuple[_Loads, float] | None = None
         self._step = 1.0
 
-    def solve(self, solve: Callable[[], NewtonReport], *, guess: bool) -> NewtonReport:
-        """Solve from a guess if loads continue, else from the present state (collective).
+    def begin(self, *, guess: bool) -> Callable[[Callable[[], NewtonReport]], NewtonReport]:
+        """How to solve: from a guess if loads continue, else from the present state (collective).
 
         Args:
-            solve: Function that solves from the present state.
             guess: Whether to guess; never for bodies in motion, which have forces beyond the forms.
 
-        Raises:
-            NotConvergedError: On all ranks, if the solve fails; after a guess, if the solve from
-                the present state fails as well.
+        Returns:
+            Function of one that solves from the present state; see ``Predictor.solve``.
         """
+        self._next = None
+        is_last = bool(self._past) and guess and self._equations.bulk.inertia is None
+        if not (is_last and self._is_last_state()):
+            self._past = []
         if not guess or self._equations.bulk.inertia is not None:
-            self._past = []
-            return solve()
-        if self._past and not self._is_last_state():
-            self._past = []
+            return call
         loads = self._loads()
         ratio = self._ratio(loads) if len(self._past) == 2 else 0.0
-        step = self._step * ratio if ratio else 1.0
+        self._next = loads, self._step * ratio if ratio else 1.0
         if self._predictor is None or not self._past:
-            report = solve()
+            return call
+        time = self._predictor.time + self._next[1]
+        return partial(self._predictor.solve, time, guesses=ratio > 0.0)
+
+    def accept(self) -> None:
+        """Continue from the present state, the result of a solve (local)."""
+        if self._next is None:
+            return
+        loads, self._step = self._next
+        if not self._past:
             self._predictor = self._predictor or Predictor(self._equations, 0.0)
             self._predictor.begin(0.0)
-        else:
-            time = self._predictor.time + step
-            report = self._predictor.solve(time, solve, guesses=ratio > 0.0)
-        self._past, self._step = [*self._past[-1:], loads], step
-        return report
+        self._past = [*self._past[-1:], loads]
 
     def _is_last_state(self) -> bool:
         """Whether the present state is the result of the last solve (collective)."""

@@ -476,7 +476,6 @@ def share_of(items: Indices, comm: MPI.Comm) -> Indices:
     return items[bounds[0] : bounds[1]]
 
 
-@clock("integrals")
 def evaluate_mortar(
     slave: Curve,
     master: Curve,
@@ -524,10 +523,15 @@ def evaluate_mortar(
         if not linearization.normals:
             dn = np.zeros_like(dn)
         s = find_segments(slave, master, x, n, m, share, options, behind)
-    D, dD, M, dM, gap, dgap, cover = _integrate(
-        slave, s, (x, n, dn, m), multiplier_nodes, options, linearization.segments
+    nodes = slave.facets[share]
+    thickness = slave.thickness.for_kernels if slave.thickness else None
+    weights = _hand_over(slave, s, x, multiplier_nodes, thickness)
+    D, dD, M, dM, gap, dgap, cover = integrate_segments(
+        s, nodes, (x, n, dn, m), weights, (*options.kinds, linearization.segments), thickness
     )
-    diagonal, gap, cover, weight = sum_over_facets(slave, slave.facets[share], D, gap, cover)
+    if options.integration == "nodes":
+        D[weights == 0.0] = 0.0  # remove rounding
+    diagonal, gap, cover, weight = sum_over_facets(slave, nodes, D, gap, cover)
     count = len(s.slave)
     num_segments = count if slave.comm.size == 1 else slave.comm.allreduce(count)
     return PlaneOperators(
@@ -597,32 +601,24 @@ def integrate_segments(
     return D, dD.reshape(-1, *shape), M, dM.reshape(-1, *shape), g, dg, cover
 
 
-def _integrate(
+def _hand_over(
     slave: Curve,
     s: Segments,
-    geometry: tuple[Array, Array, Array, Array],
+    x: Array,
     multiplier_nodes: Flags,
-    options: MortarOptions,
-    move_ends: bool,
-) -> tuple[Array, ...]:
-    """D, dD, M, dM, g, dg and cover of the facets of this share (collective).
+    thickness: tuple[Array, float] | None,
+) -> Array:
+    """Hand-over H of the facets of this share, shape (f, K, K) (collective).
 
     If the cover ends inside a quadratic facet, the integral of the shape function of the far node
     can be negative. Such a node carries no multiplier: its function is handed over to its
     neighbour, without a jump.
     """
     nodes = slave.facets[s.facets]
-    thickness = slave.thickness.for_kernels if slave.thickness else None
     if nodes.shape[1] > 2:
         cover = np.empty(nodes.shape)
-        point_kernels.tabulate_covers(
-            geometry[0], nodes, s.ends, s.offsets, s.rule, cover, thickness
-        )
+        point_kernels.tabulate_covers(x, nodes, s.ends, s.offsets, s.rule, cover, thickness)
         nodal = summed(cover.ravel(), nodes.ravel(), slave.num_nodes)
         nodal = sum_over_ranks(slave.comm, nodal)
         multiplier_nodes = multiplier_nodes & (nodal > 0.0)
-    weights = hand_over(multiplier_nodes[nodes])
-    found = integrate_segments(s, nodes, geometry, weights, (*options.kinds, move_ends), thickness)
-    if options.integration == "nodes":
-        found[0][weights == 0.0] = 0.0  # remove rounding
-    return found
+    return hand_over(multiplier_nodes[nodes])

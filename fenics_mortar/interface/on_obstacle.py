@@ -48,7 +48,6 @@ from fenics_mortar.interface.reference import (
 from fenics_mortar.interface.surfaces import outward_normals
 from fenics_mortar.kernels import facets
 from fenics_mortar.obstacles.rigid_motion import TURNS, by_further_motion, motion_between
-from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.ranks import sum_over_ranks
 
@@ -390,7 +389,6 @@ class ObstacleOperators(PlaneOperators):
         return gaps[deepest], points_of(x[s.slave], points)[deepest]
 
 
-@clock("integrals")
 def evaluate_obstacle(
     slave: Curve | Faces,
     master: Curve | Faces,

@@ -45,7 +45,6 @@ from fenics_mortar.kernels.space.integrals import listed_points, sample_gaps
 from fenics_mortar.kernels.space.linearize import linearize_facets
 from fenics_mortar.kernels.space.shapes import triangle_rule
 from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
-from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
@@ -505,7 +504,6 @@ def merge(owner: Indices, master: Indices, count: int) -> tuple[Indices, Indices
 LEAST_WEIGHT = 0.5
 
 
-@clock("integrals")
 def evaluate_space(
     slave: Faces,
     master: Faces,

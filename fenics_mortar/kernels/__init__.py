@@ -13,10 +13,12 @@ import os
 import sys
 import time
 from collections import Counter
+from functools import cache, cached_property
 from pathlib import Path
 
 import numba
 from numba import types
+from numba.core.caching import FunctionCache
 from numba.core.compiler import Compiler
 
 # Time of compilation between two messages on standard error [s].
@@ -120,8 +122,29 @@ def _digest():
 # kernels that it calls: after a change of these in another file it would keep the old code.
 DIGEST = _digest()
 _options = {"error_model": "numpy", "no_cfunc_wrapper": True}
-_compiled = numba.njit(cache=True, pipeline_class=_NamingCompiler, **_options)
+_compiled = numba.njit(pipeline_class=_NamingCompiler, **_options)
 _part = numba.njit(no_cpython_wrapper=True, pipeline_class=_PartCompiler, **_options)
+
+
+class _Cache:
+    """Numba's cache of a kernel, made where the kernel is used: it tries whether files can be made.
+
+    Few of the kernels are used in one problem.
+    """
+
+    def __init__(self, function):
+        self._function = function
+
+    @cached_property
+    def _made(self):
+        made = FunctionCache(self._function)
+        index = made._cache_file
+        index._source_stamp = index._source_stamp, DIGEST
+        return made
+
+    def __getattr__(self, name):
+        """An attribute of numba's cache."""
+        return getattr(self._made, name)
 
 
 def kernel(function):
@@ -134,14 +157,18 @@ def kernel(function):
     _progress.defined[_package(function)] += 1
     compiled = _compiled(function)
     if compiled is not function:  # NUMBA_DISABLE_JIT
-        index = compiled._cache._cache_file
-        index._source_stamp = index._source_stamp, DIGEST
-        part = _part(function)
-        part.add_overload = lambda result: part.overloads.__setitem__(
-            tuple(result.signature.args), result
-        )
-        compiled.get_call_template = lambda args, kws: part.get_call_template(
+        compiled._cache = _Cache(function)
+
+        @cache
+        def part():  # of kernels that are compiled: not where they are loaded from the cache
+            made = _part(function)
+            made.add_overload = lambda result: made.overloads.__setitem__(
+                tuple(result.signature.args), result
+            )
+            return made
+
+        compiled.get_call_template = lambda args, kws: part().get_call_template(
             tuple(map(types.unliteral, args)), {k: types.unliteral(v) for k, v in kws.items()}
         )
-        compiled.get_overload = part.get_overload
+        compiled.get_overload = lambda signature: part().get_overload(signature)
     return compiled

@@ -96,14 +96,14 @@ def test_node_with_growing_cover_stays_active(monkeypatch):
         scene.problem.solve()
     edge = contact.active_nodes[0]
     before = contact.operators.cover[edge]
-    look, active = scene.problem.equations.evaluate_without_bulk, []
+    look, active = scene.problem.equations.evaluate, []
 
     def note(*, start):
         status = look(start=start)
         active.append(contact.active[edge])
         return status
 
-    monkeypatch.setattr(scene.problem.equations, "evaluate_without_bulk", note)
+    monkeypatch.setattr(scene.problem.equations, "evaluate", note)
     scene.loads["push"].value[:] = (0.04 + 0.9 * facet, -0.1)
     scene.problem.solve()
     assert contact.operators.cover[edge] > 3.0 * before

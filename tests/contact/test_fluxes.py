@@ -14,7 +14,7 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.contact.law_calls import SMALL_PRESSURE
 from fenics_mortar.utils import compat
-from meshes.mapped_grids import Grid, block
+from meshes.mapped_grids import Grid, block, mesh
 
 MIXED = [fm.PressureConductance(3.0, 5.0), fm.GapConductance(0.02, 0.01)]
 
@@ -460,6 +460,32 @@ def test_heated_bodies_without_a_level_of_temperature_are_named(case, names):
     scene.set(top=0.03 if case == "open" else -0.03)
     with pytest.raises(fm.NotConvergedError, match=f"level of field 1 of {names}: neither"):
         problem.solve()
+
+
+def test_a_field_without_part_in_the_stress_leaves_its_accuracy():
+    """Rubber on steel at 300 K everywhere: T has no displacement that is equivalent to it."""
+    lower, upper = block(4, 2, width=0.02, height=0.01), block(3, 2, width=0.01, height=0.01)
+    bodies = [Grid("lower", lower), Grid("upper", upper + np.array([0.003, 0.01]))]
+    moduli = {"lower": 2e11, "upper": 2e4}
+    data = mesh(bodies)
+    W = fm.mixed_space(data.mesh, ("Lagrange", 1, (2,)), ("Lagrange", 1))
+    w, q = fem.Function(W), ufl.TestFunctions(W)[1]
+    u, T = ufl.split(w)
+    dx = ufl.Measure("dx", domain=data.mesh, subdomain_data=data.cell_tags)
+    residual = 50.0 * ufl.inner(ufl.grad(T), ufl.grad(q)) * ufl.dx(degree=3)
+    for name, E in moduli.items():
+        psi = fm.energies.neo_hookean(u, *fm.energies.lame(E, 0.3)) * dx(
+            data.bodies[name], degree=3
+        )
+        residual += ufl.derivative(psi, w, ufl.TestFunction(W))
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", fluxes=[fm.Conductance(1, 2000.0)])
+    sides = [(0, "lower/bottom", 0.0, 0), (0, "lower/bottom", 0.0, 1)]
+    sides += [(0, "upper/top", 2e-4, 0), (0, "upper/top", -1.5e-3, 1)]
+    sides += [(1, "lower/bottom", 300.0), (1, "upper/top", 300.0)]
+    bcs = [fm.dirichlet(W.sub(part), data, *side) for part, *side in sides]
+    problem = fm.ContactProblem(residual, w, [pair], bcs=bcs, petsc_options_prefix="apart_")
+    report = problem.solve()
+    assert report.allowed < 1e-5 * report.force and report.certificate.balance < 1e-6
 
 
 # Bad input

@@ -57,7 +57,7 @@ def numbers(value, name="", seen=None):
 
 def everything(problem):
     """Status, state, operators, fields and rows of a problem, evaluated at its present state."""
-    status = problem.equations.evaluate_without_bulk(start=False)
+    status = problem.equations.evaluate(start=False, by_contact=True)
     found = dict(numbers(status, "status")) | dict(numbers(problem.state(), "state"))
     for contact in problem.equations.contacts:
         rows, f = contact.rows.linearized(), contact.now
