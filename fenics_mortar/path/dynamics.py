@@ -387,7 +387,8 @@ class Dynamics:
             constants or functions have changed since.
         scheme: "conserving" (slave nodes without mass, no gain of energy in impacts, momentum and
             angular momentum exact), "massless" (without these corrections of the velocity) or
-            "generalized_alpha" (all nodes have mass). Bodies with history: one of the last two.
+            "generalized_alpha" (all nodes have mass, and rates of prescribed motions are the
+            method's, as in other codes). Bodies with history: one of the last two.
         rho_inf: Spectral radius at infinite frequency, from 0 (most dissipation) to 1 (none) [1].
             Default: 0.8 for "generalized_alpha", else 1.
         velocity: The ``Velocity`` in the residual, for damping.
@@ -398,7 +399,7 @@ class Dynamics:
         scheme: The time scheme.
         rho_inf: Its spectral radius at infinite frequency [1].
         velocity: Velocity, a function of the space of ``u`` [length / time]; set it before the
-            first step.
+            first step, with "generalized_alpha" also that of prescribed motions.
 
     Raises:
         ValueError: If an argument is not allowed.
@@ -497,7 +498,9 @@ class Dynamics:
         problem.time = rates.time + dt
         bulk, end = problem.equations.bulk, before.u.copy()
         compat.set_prescribed(end, bulk.bcs)
-        known = bulk.prescribed & ~self._driven_dofs()
+        known = np.zeros_like(bulk.prescribed)
+        if self.scheme != "generalized_alpha":
+            known = bulk.prescribed & ~self._driven_dofs()
         lines = self._scheme.lines(before.u, rates, dt, known, end)
         inertia.factor, inertia.origin = lines[1]
         if inertia.rate is not None:

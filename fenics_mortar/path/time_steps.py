@@ -121,17 +121,18 @@ class GeneralizedAlpha:
     ) -> tuple[Line, Line, Line]:
         """Velocity, acceleration and its average at the end of the step.
 
-        Rates of prescribed motions follow from these motions alone, by the method for rho = 0,
+        Rates of ``prescribed`` motions follow from these motions alone, by the method for rho = 0,
         which is of second order as well. With rho = 1 they would alternate permanently after a jump
         of the velocity or for inconsistent initial rates; with rho = 0 such errors vanish in three
-        steps. If prescribed motions accelerate, energies balance up to terms of second order.
+        steps. If prescribed motions accelerate, energies balance up to terms of second order. The
+        scheme "generalized_alpha" marks none: other codes have the rates of the method itself.
 
         Args:
             u: Displacement at the start of the step, shape (dofs,) [length].
             rates: Rates at the start of the step.
             dt: The step [time].
-            prescribed: Marks of the prescribed dofs, shape (dofs,), bool.
-            end: Displacement of the prescribed dofs at the end of the step [length].
+            prescribed: Marks of such dofs, shape (dofs,), bool.
+            end: Displacement of these dofs at the end of the step [length].
         """
         damped = GeneralizedAlpha(0.0)
         of_all, of_prescribed = (
