@@ -1,10 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The contact problem: UFL residual, Dirichlet conditions, contact pairs.
-
-Set-up of a problem: check of arguments, binding of pairs to the mesh (collective).
-
-Outlines of the bodies that limit the search of each pair (local).
-"""
+"""The contact problem: UFL residual, Dirichlet conditions, contact pairs."""
 
 from __future__ import annotations
 

@@ -6,6 +6,7 @@ numbers, so that each derivative can be checked by a complex step. There is no `
 may drop the inf and nan that indicate a failed projection.
 """
 
+import fcntl
 import gc
 import hashlib
 import logging
@@ -13,7 +14,8 @@ import os
 import sys
 import time
 from collections import Counter
-from functools import cache, cached_property
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 import numba
@@ -89,6 +91,9 @@ class _NamingCompiler(Compiler):
         _progress.begin(func)
         try:
             return super().compile_extra(func)
+        except BaseException:
+            _lock.release()
+            raise
         finally:
             _progress.end()
 
@@ -112,39 +117,95 @@ class _PartCompiler(_NamingCompiler):
         return result
 
 
-def _digest():
-    """Digest of the sources of all kernels of the package."""
-    sources = sorted(Path(__file__).parent.rglob("*.py"))
+class _Lock:
+    """Lock on a file, which the process has from a look for machine code until it is saved."""
+
+    def __init__(self) -> None:
+        self._file: int | None = None
+
+    def take(self, path):
+        """Wait for other processes; a file system without locks lets all of them go on."""
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT, 0o666)
+        with suppress(OSError):
+            fcntl.flock(self._file, fcntl.LOCK_EX)
+
+    def release(self):
+        """Let another process go on, if this one has the lock."""
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+
+_lock = _Lock()
+
+
+@cache
+def _digest(*paths):
+    """Digest of the contents of files, by default those of all kernels of the package."""
+    sources = paths or sorted(Path(__file__).parent.rglob("*.py"))
     return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
 
 
 # Numba compares the time of a kernel's own file with that of its machine code, which contains the
 # kernels that it calls: after a change of these in another file it would keep the old code.
 DIGEST = _digest()
-_options = {"error_model": "numpy", "no_cfunc_wrapper": True}
-_compiled = numba.njit(pipeline_class=_NamingCompiler, **_options)
-_part = numba.njit(no_cpython_wrapper=True, pipeline_class=_PartCompiler, **_options)
 
 
-class _Cache:
-    """Numba's cache of a kernel, made where the kernel is used: it tries whether files can be made.
+class _ByContents(FunctionCache._impl_class._locator_classes[0]):
+    """Folder in NUMBA_CACHE_DIR: that of these kernels instead of that of this clone."""
 
-    Few of the kernels are used in one problem.
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file):
+        """Name of the folder, for which numba takes the path of the file."""
+        return f"{Path(py_file).parent.name}-{DIGEST[:12]}"
+
+
+class _Implementation(FunctionCache._impl_class):
+    _locator_classes = (_ByContents, *FunctionCache._impl_class._locator_classes[1:])
+
+
+class _Cache(FunctionCache):
+    """Cache of the machine code of a kernel, known by the contents of files instead of times.
+
+    Of processes that need it at the same time, such as all ranks in the first run, one compiles it.
+    Made when the kernel is used, as few of them are in one problem: numba tries whether a file can be
+    made.
     """
+
+    _impl_class = _Implementation
 
     def __init__(self, function):
         self._function = function
 
-    @cached_property
-    def _made(self):
-        made = FunctionCache(self._function)
-        index = made._cache_file
-        index._source_stamp = index._source_stamp, DIGEST
-        return made
-
     def __getattr__(self, name):
-        """An attribute of numba's cache."""
-        return getattr(self._made, name)
+        """An attribute of numba's cache, which is made now."""
+        super().__init__(self._function)
+        path = Path(self._function.__code__.co_filename)
+        self._cache_file._source_stamp = DIGEST, _digest(path)
+        return super().__getattribute__(name)
+
+    def load_overload(self, sig, target_context):
+        """Load the machine code, and wait for it if another process compiles it now."""
+        found = super().load_overload(sig, target_context)
+        if found is None:
+            self._impl.locator.ensure_cache_path()
+            _lock.take(os.path.join(self.cache_path, f"{self._impl.filename_base}.lock"))
+            found = super().load_overload(sig, target_context)
+            if found is not None:
+                _lock.release()
+        return found
+
+    def save_overload(self, sig, data):
+        """Save the machine code, and let processes go on that wait for it."""
+        try:
+            super().save_overload(sig, data)
+        finally:
+            _lock.release()
+
+
+_options = {"error_model": "numpy", "no_cfunc_wrapper": True}
+_compiled = numba.njit(pipeline_class=_NamingCompiler, **_options)
+_part = numba.njit(no_cpython_wrapper=True, pipeline_class=_PartCompiler, **_options)
 
 
 def kernel(function):

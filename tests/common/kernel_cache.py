@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Folder of numba's cache for the present kernels of this checkout."""
+"""Folder of numba's cache for the present kernels, shared by checkouts in which they are equal."""
 
 import hashlib
 import os
@@ -18,22 +18,17 @@ def digest(*parts):
 
 
 def folder_of_kernels(root=ROOT):
-    """The folder, named by the path of the checkout and the contents of all kernels.
-
-    numba does not detect changes of a helper in another file: if any kernel changes, another folder
-    is used. If the user's cache is not writable, the folder is a temporary one.
-    """
+    """The folder, named by the contents of all kernels; a temporary one if none can be written."""
     kernels = sorted((root / "fenics_mortar" / "kernels").rglob("*.py"))
     contents = digest(*(kernel.name.encode() + kernel.read_bytes() for kernel in kernels))
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fenics_mortar"
-    place = f"numba-{digest(str(root).encode())}"
-    folder = home / f"{place}-{contents}"
+    folder = home / f"numba-{contents}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         os.utime(folder)
     except OSError:
         return tempfile.mkdtemp(prefix="fenics_mortar-numba-")
-    for other in home.glob(f"{place}-*"):
+    for other in home.glob("numba-*"):
         if other != folder and time.time() - other.stat().st_mtime > KEPT:
             shutil.rmtree(other, ignore_errors=True)
     return str(folder)

@@ -29,16 +29,15 @@ def test_cache_is_another_folder_when_any_kernel_has_changed(checkout):
 
 def test_only_old_unused_caches_are_deleted(checkout):
     folder = Path(folder_of_kernels(checkout))
-    place = folder.name.rsplit("-", 1)[0]
-    old, recent, of_another = (folder.with_name(f"{place}{end}") for end in ("-0", "-1", "0-0"))
-    for each in (old, recent, of_another):
+    old, recent, of_others = map(folder.with_name, ("numba-0", "numba-1", "lint-venv"))
+    for each in (old, recent, of_others):
         each.mkdir()
-    for each in (old, of_another, folder):
+    for each in (old, of_others, folder):
         past = folder.stat().st_mtime - 2 * KEPT
         os.utime(each, (past, past))
     assert folder_of_kernels(checkout) == str(folder)
     assert not old.exists()
-    assert recent.exists() and of_another.exists() and folder.exists()
+    assert recent.exists() and of_others.exists() and folder.exists()
 
 
 def test_cache_that_cannot_be_written_is_a_temporary_one(checkout, tmp_path):

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: MIT
 """The log names what is compiled, not what comes from a cache."""
 
+import fcntl
 import gc
 import importlib.util
 import logging
+import os
 import subprocess
 import sys
+import time
 import uuid
 from pathlib import Path
 
@@ -22,6 +25,7 @@ from fenics_mortar import kernels
 from fenics_mortar.utils import compat
 
 pytestmark = pytest.mark.serial
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_a_form_is_named_when_it_is_compiled(caplog):
@@ -114,6 +118,53 @@ def test_kernels_are_compiled_again_when_any_kernel_of_the_package_has_changed(
     for digest, count in (("old", 2), ("old", 2), ("new", 4), ("new", 4)):
         monkeypatch.setattr(kernels, "DIGEST", digest)
         assert imported(path).fourfold(1.0) == 4.0 and len(caplog.records) == count
+
+
+COMPILING = """
+import logging, sys, time
+sys.path.insert(0, sys.argv[1])
+logging.basicConfig(format="%(message)s", stream=sys.stdout)
+logging.getLogger("fenics_mortar").setLevel(logging.INFO)
+module = __import__(sys.argv[2])
+print("ready", flush=True)
+time.sleep(max(0.0, float(sys.stdin.readline()) - time.time()))
+assert module.fourfold(1.0) == 4.0
+"""
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_one_of_several_processes_compiles_a_kernel(tmp_path):
+    """Also if they are of clones in other folders, whose files are of another time."""
+    first = source_of(KERNELS, tmp_path)
+    clone = tmp_path / "clone" / tmp_path.name / first.name
+    clone.parent.mkdir(parents=True)
+    clone.write_text(first.read_text())
+    os.utime(clone, (0, 0))
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "numba"), "PYTHONPATH": str(ROOT)}
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-c", COMPILING, path.parent, path.stem],
+            env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        )
+        for path in (first, clone)
+    ]  # fmt: skip
+    assert [process.stdout.readline() for process in started] == ["ready\n"] * 2
+    both = time.time() + 0.1
+    for process in started:
+        process.stdin.write(f"{both}\n")
+        process.stdin.flush()
+    said = "".join(process.communicate(timeout=60)[0] for process in started)
+    assert said.count("compiling the kernel fourfold") == 1
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_a_kernel_that_cannot_be_compiled_lets_other_processes_go_on(tmp_path):
+    module = imported(source_of(FAILING, tmp_path))
+    with pytest.raises(numba.TypingError, match="nothing"):
+        module.fail(1)
+    (lock,) = Path(module.fail.stats.cache_path).glob(f"{module.__name__}.*.lock")
+    with lock.open() as file:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
