@@ -32,6 +32,9 @@ CASES = int(os.environ.get("FENICS_MORTAR_CASES", "0"))
 LONG = os.environ.get("FENICS_MORTAR_LONG", "0") == "1"
 # Number of cases on several ranks, where only the partition matters: the first and the last one.
 CASES_ON_RANKS = 2
+# Number of cases of a kernel test with one case of the others and without long tests, as in the
+# chroots: another release of numba compiles all kernels, and all cases run elsewhere.
+CASES_OF_KERNELS = 8
 # One half of all kernels each: two processes compile them, others load them from the cache.
 COMPILING = ("test_crossing_kernels", "test_mortar_kernels")
 FAILURES = RankFailures(MPI.COMM_WORLD)
@@ -96,10 +99,12 @@ def by_function(items):
 def count_of(cases):
     """Number of cases of a test function to be run, 0 for all.
 
-    All cases run of kernel tests, which are fast, of tests for each file or demo, and of tests for
-    several ranks only.
+    All cases run of kernel tests, which are fast (eight in the chroots), of tests for each file or
+    demo, and of tests for several ranks only.
     """
     first = cases[0]
+    if of_kernels(first) and CASES == 1 and not LONG:
+        return CASES_OF_KERNELS
     if "ranks" in marks(first) or folder(first) in ("kernels", "repository"):
         return 0
     each = "each" in marks(first)

@@ -426,7 +426,27 @@ def bind(
 
     bound = all_bound()
     (drop_contact_nodes if chains else drop_shared_multipliers)(every_tie, bound)
-    return all_bound() if close_gaps(every_tie, space) else bound
+    if close_gaps(every_tie, space):
+        bound = all_bound()
+    for contact in bound:
+        if isinstance(contact, Contact):
+            _show_across_ties(contact, every_tie)
+    return bound
+
+
+def _show_across_ties(contact: Contact, ties: Sequence[Tie]) -> None:
+    """Show at slave nodes of ties without multiplier the fields of the node across (local).
+
+    Contact on both sides of the tie belongs to the multiplier of that node.
+    """
+    slave, nodes = contact.slave, contact.slave.nodes
+    for tie in ties:
+        alone = np.flatnonzero(~contact.may_carry & np.isin(nodes, tie.slave.nodes))
+        across = np.flatnonzero(contact.may_carry & np.isin(nodes, tie.master.nodes))
+        ways = slave.X[alone, None] - slave.X[across] - tie.pair.translation
+        i, j = np.nonzero((ways**2).sum(axis=2) <= (SAME_PLACE * slave.extent) ** 2)
+        pairs = zip(contact.substitutes, (alone[i], across[j]), strict=True)
+        contact.substitutes = tuple(np.concatenate(both) for both in pairs)
 
 
 def close_gaps(ties: Sequence[Tie], space: DisplacementSpace) -> bool:

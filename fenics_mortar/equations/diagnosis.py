@@ -188,7 +188,8 @@ def _reason(carried: Iterable[tuple[str, float, bool]]) -> str:
         )
     return (
         "the resistance of contact to the motion is below the force from the corners of the "
-        "facets; prescribe the motion, or refine"
+        "facets, which act along normals of the slave; prescribe the motion, refine, or take the "
+        "smoother side of a pair as slave"
     )
 
 

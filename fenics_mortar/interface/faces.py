@@ -102,11 +102,6 @@ class Faces(Surface):
         return self.on_nodes(covers(self.shape_integrals))
 
     @cached_property
-    def traction_weights(self) -> Array:
-        """See ``Surface``: zero at corners of triangles with six nodes."""
-        return self.on_nodes(self.shape_integrals)
-
-    @cached_property
     def weightless(self) -> Flags:
         """See ``Surface``: none, since corners without weight carry linear functions."""
         return np.zeros(self.num_nodes, bool)

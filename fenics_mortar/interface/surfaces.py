@@ -44,6 +44,7 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import coo_array, csr_array
 
 import basix
 from dolfinx import mesh as dmesh
@@ -172,10 +173,14 @@ class Surface:
         """Integral of each nodal shape function, undeformed, shape (n,) [area]."""
         raise NotImplementedError
 
-    @property
-    def traction_weights(self) -> Array:
-        """Nodal forces of a uniform traction of one, undeformed, shape (n,) [area]."""
-        return self.full_cover
+    @cached_property
+    def mass(self) -> csr_array:
+        """Integrals of products of two shape functions, undeformed, shape (n, n) [area]."""
+        facets, size = self.facets, self.facets.shape[1]
+        thickness = None if self.thickness is None else self.thickness.at(self.X)[facets]
+        at = np.repeat(facets, size, axis=1).ravel(), np.tile(facets, size).ravel()
+        values, shape = shape_products(self.X[facets], thickness), (self.num_nodes, self.num_nodes)
+        return coo_array((values.ravel(), at), shape=shape).tocsr()
 
     @property
     def mean_thickness(self) -> Array | float:
@@ -298,19 +303,24 @@ POINTS = 5
 
 
 def shape_integrals(x: Array, thickness: Array | None = None) -> Array:
-    """Integrals of the shape functions over facets at ``x`` (m, K, dim), (m, K) [area] (local).
+    """Integrals of the shape functions, see ``shape_products``, shape (m, K) [area] (local)."""
+    return shape_products(x, thickness).sum(axis=2)
 
-    With ``thickness`` (m, K) [length], integrals of the shape functions times the thickness.
+
+def shape_products(x: Array, thickness: Array | None = None) -> Array:
+    """Integrals of products of two shape functions over facets at ``x`` (m, K, dim) (local).
+
+    Shape (m, K, K) [area]. With ``thickness`` (m, K) [length] they are those times the thickness.
     """
     in_plane = x.shape[2] == 2
     points, weights = gauss_rule(POINTS) if in_plane else rule_of_triangles(x.shape[1])
-    total = np.zeros(x.shape[:2])
+    total = np.zeros((*x.shape[:2], x.shape[1]))
     for T, weight in zip(tabulate(points, x.shape[1]), weights, strict=True):
         tangents = np.einsum("ak,mkc->amc", T[1:], x)
         J = np.linalg.norm(tangents[0] if in_plane else np.cross(*tangents), axis=1)
         if thickness is not None:
             J = J * (thickness @ T[0])
-        total += weight * J[:, None] * T[0]
+        total += weight * J[:, None, None] * np.outer(T[0], T[0])
     return total
 
 

@@ -156,7 +156,7 @@ class _Outline:
         for _ in range(MAX_STEPS if curve.any() else 0):
             slope = 1.0 + (2.0 * t - 1.0) * curve
             step = (t + t * (t - 1.0) * curve - along) / np.where(slope > 0.0, slope, 1.0)
-            t -= step
+            t = np.clip(t - step, -1.0, 2.0)  # not farther beyond the ends
             if np.abs(step).max(initial=0.0) < ROUNDING:
                 break
         rest = a + t[:, None] * chord + (t * (t - 1.0))[:, None] * bend - x

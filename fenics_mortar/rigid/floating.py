@@ -38,7 +38,7 @@ from fenics_mortar.rigid.body_motions import (
     slipping,
     unresisted_motion,
 )
-from fenics_mortar.rigid.complementarity import closest_move
+from fenics_mortar.rigid.complementarity import closest_move, nearest_below
 from fenics_mortar.rigid.proximal import (
     RIGID,
     Springs,
@@ -108,13 +108,16 @@ class BodySettling:
         bodies, self._give_way = self._bodies, give_way
         self._unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
         moved, creeping, extent = dict[int, float](), 0, bodies.extent()
+        begins = dict[int, list[Callable[[], str]]]()
         for number in range(RIGID.max_moves):
             forces = evaluate()
             if number == 0:
                 self.touched = [contact.active.copy() for contact in bodies.contacts]
             moves = self._next_moves(*forces, min_drive, begun=number > 0)
-            if number == 0 and moves:
-                tipping = self._tipping(forces[0])
+            for body, _ in moves:
+                if self._touches_others(body):
+                    found = self._beginning(body.label, forces[0], may_tip=number == 0)
+                    begins.setdefault(body.label, []).append(found)
             creeping = creeping + 1 if self._creeps(moves) else 0
             if not moves or creeping > RIGID.max_creeping:
                 self._start = bodies.bulk.u.x.array.copy()
@@ -130,47 +133,62 @@ class BodySettling:
                 break
         body, move = moves[0]
         name, how = bodies.name_of(body.label), body.describe(move, directed=True)
+        told = (begun() for begun in begins.get(body.label, []))
+        first = next((text for text in told if text), "")
         message = (
-            f"{tipping(body)}{name} can {how} freely: it is driven by loads, and "
+            f"{first}{name} can {how} freely: it is driven by loads, and "
             f"neither Dirichlet conditions nor contact stop it"
         )
         raise NotConvergedError(message, NewtonReport(reason=message))
 
-    def _tipping(self, bulk: Array) -> Callable[[FloatingBody], str]:
-        """How bodies that touch others at present begin to tip over (collective).
+    def _touches_others(self, body: FloatingBody) -> bool:
+        """Whether a body touches anything at present (local)."""
+        bodies = self._bodies
+        return any((bodies.at_body(c, body) & _touches(c)).any() for c in bodies.contacts)
+
+    def _beginning(self, label: int, bulk: Array, *, may_tip: bool) -> Callable[[], str]:
+        """Function that tells how a body that touches others begins to tip over or to slide.
+
+        A body tips over, or is pulled off, if limit analysis of the present state moves it at a
+        coefficient of friction ``ROUGH``. Others slide, in the direction in which loads accelerate
+        them without friction: the nearest one to the loads that no contact stops.
 
         Args:
+            label: Of the body.
             bulk: Forces of the bulk, the negative loads, shape (owned dofs,) [stress length].
+            may_tip: Whether to tell of tipping. A body that falls rolls until it lies on a side.
 
         Returns:
-            Function of a body: its motion by limit analysis at a coefficient of friction ``ROUGH``;
-            "" if it touches nothing at present, does not move, or leaves all that it touches.
+            Function without arguments; "" if the body does not move, or leaves all that it touches.
         """
-        bodies = self._bodies
-        touch = {
-            body.label
-            for body in bodies.bodies
-            if any((bodies.at_body(c, body) & _touches(c)).any() for c in bodies.contacts)
-        }
-        if not touch:
-            return lambda body: ""
+        bodies, name = self._bodies, self._bodies.name_of(label)
         loads, touching = self._limit_analysis(bulk)
-        rough = touching._replace(slope=np.maximum(touching.slope, ROUGH))
-
-        def tipping(body: FloatingBody) -> str:
-            motion = self._of_bodies(unresisted_motion(loads, rough))[body.label]
-            if body.label not in touch or np.abs(motion).max() <= RIGID.resisted:
-                return ""
-            opening = [
-                (motion @ closing(bodies, c, body))[bodies.at_body(c, body) & _touches(c)]
+        (body,) = (each for each in bodies.bodies if each.label == label)
+        closes = np.hstack(
+            [
+                closing(bodies, c, body)[:, bodies.at_body(c, body) & _touches(c)]
                 for c in bodies.contacts
             ]
-            if np.concatenate(opening).max(initial=-1.0) < -RIGID.resisted:
-                return ""  # pulled off
-            how, name = body.describe(motion, directed=True, poles=True), bodies.name_of(body.label)
-            return f"{name} tips over, which no friction can prevent: it begins to {how}. At last "
+        )
 
-        return tipping
+        def begins() -> str:
+            rough = touching._replace(slope=np.maximum(touching.slope, ROUGH))
+            motion = self._of_bodies(unresisted_motion(loads, rough))[label]
+            what = "tips over, which no friction can prevent"
+            if np.abs(motion).max() <= RIGID.resisted:
+                free, _ = nearest_below(loads, -touching.opening, np.zeros(len(touching.opening)))
+                if free is None:
+                    return ""
+                motion = self._of_bodies(free)[label]
+                rubs = touching.slope.any() or touching.shear.any()
+                what = "its friction is too small to hold it" if rubs else "no friction holds it"
+                what = f"slides, and {what}"
+            elif not may_tip or (motion @ closes).max() < -RIGID.resisted:
+                return ""  # pulled off
+            how = body.describe(motion, directed=True, poles=True)
+            return f"{name} {what}: it begins to {how}. At last "
+
+        return begins
 
     def check(self, reach: float) -> list[str]:
         """Check bodies without contact force before and after the solve.

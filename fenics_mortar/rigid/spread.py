@@ -1,27 +1,27 @@
 # SPDX-License-Identifier: MIT
 """Loads and motions given at a point: what users give, and what the equations need of them.
 
-**Spread loads**, over a boundary that stays free to deform. The mean motion of the nodes k with
-areas a_k is the rigid one next to their displacements,
+**Spread loads**, over a boundary that stays free to deform. Its mean motion is the rigid one next
+to the displacements,
 
-    minimize  sum_k a_k |x_k - x_P - R (X_k - P)|^2.
+    minimize  int |x - x_P - R (X - P)|^2 dA.
 
-With means X_0 and x_0, R is the polar rotation of sum_k a_k x_k X'_k^T with X'_k = X_k - X_0, and
-x_P = x_0 + R (P - X_0). In plane and space e_i are the axes of rotation. With v_k = R X'_k, the
-spin t of R follows from
+With means X_0 and x_0, R is the polar rotation of int x X'^T dA with X' = X - X_0, and
+x_P = x_0 + R (P - X_0). In plane and space e_i are the axes of rotation. With v = R X' and its
+moments v_k = int N_k v dA at the nodes, the mass matrix times v, the spin t of R follows from
 
-    S t = sum_k a_k (e_i x v_k) . dx_k,    S_ij = sum_k a_k (e_i x v_k) . (e_j x x_k).
+    S t = sum_k (e_i x v_k) . dx_k,    S_ij = sum_k (e_i x v_k) . (e_j x x_k).
 
 The nodal forces are work-conjugate to the mean motion, f_k = F . dx_P/dx_k + M . dt/dx_k, that is
 
-    f_k = a_k (F / sum(a) + w x v_k),    S w = m = M + l x F,    l = R (P - X_0):
+    f_k = a_k F / sum(a) + w x v_k,    S w = m = M + l x F,    l = R (P - X_0),
 
-a traction c + A x with the resultants F and M about the moved pivot. They depend on t and S. With
-q = sum_k a_k (e_i x v_k) . (w x dx_k), the part of dS w at constant v,
+with a_k = int N_k dA: a traction c + A x with the resultants F and M about the moved pivot. They
+depend on t and S. With q = sum_k (e_i x v_k) . (w x dx_k), the part of dS w at constant v,
 
-    df_k = a_k (dw x v_k + w x (t x v_k)),    S dw = (L - N) t - q,
+    df_k = dw x v_k + w x (t x v_k),    S dw = (L - N) t - q,
 
-    L_ij = (e_i x (e_j x l)) . F,    N_ij = sum_k a_k (e_i x (e_j x v_k)) . (w x x_k):
+    L_ij = (e_i x (e_j x l)) . F,    N_ij = sum_k (e_i x (e_j x v_k)) . (w x x_k):
 
 columns and rows of the border, with t and q as unknowns, two in the plane and six in space.
 
@@ -243,10 +243,9 @@ def check_remote(remote: Any) -> None:
 class SpreadLoad(BoundaryMotion):
     """Force and moment at a point, spread over a boundary that stays free to deform.
 
-    Nodal forces are those of a traction c + A x, weighted by nodal areas, with the given force and
-    the given moment about the pivot, which follows the mean motion of the boundary. Forces keep
-    their directions. All loads are zero at first. Methods are local; set loads equally on all
-    ranks.
+    Nodal forces are those of a traction c + A x, with the given force and the given moment about
+    the pivot, which follows the mean motion of the boundary. Forces keep their directions. All
+    loads are zero at first. Methods are local; set loads equally on all ranks.
 
     Args:
         data: Mesh with names.
@@ -296,7 +295,7 @@ class SpreadLoad(BoundaryMotion):
         )
 
     def bind(self, space: DisplacementSpace) -> BoundSpreadLoad:
-        """The load on the nodes of a space, weighted by their areas (collective).
+        """The load on the nodes of a space (collective).
 
         Args:
             space: Nodes and dofs of the displacement.
@@ -320,7 +319,7 @@ class BoundSpreadLoad:
     """
 
     def __init__(self, motion: SpreadLoad, space: DisplacementSpace) -> None:
-        """Find the boundary and its nodal areas (collective)."""
+        """Find the boundary (collective)."""
         self.motion, self._space, self._axes = motion, space, TURNS[motion.dim]
         self.num_unknowns = 2 * len(self._axes)
         tags = motion.data.facet_tags, motion.tags
@@ -328,9 +327,10 @@ class BoundSpreadLoad:
         self.update_reference()
 
     def update_reference(self) -> None:
-        """Read positions and areas, which ties may change; begin without turn (collective)."""
+        """Read positions, which ties may change; begin without turn (collective)."""
         self._X = self._surface.gather(self._space.positions())
-        self._areas = self._surface.traction_weights
+        self._mass = self._surface.mass
+        self._areas = self._mass.sum(axis=1)
         self._mean = self._areas @ self._X / self._areas.sum()
         self._turn = np.zeros(len(self._axes))
 
@@ -340,13 +340,13 @@ class BoundSpreadLoad:
         areas, dim, total = self._areas, self.motion.dim, self._areas.sum()
         self._x = self._X + here
         is_axial = self._space.is_axisymmetric  # nothing turns
-        R = np.eye(dim) if is_axial else polar_rotation((areas * self._x.T) @ arms)
+        R = np.eye(dim) if is_axial else polar_rotation(self._x.T @ (self._mass @ arms))
         self._turn = vector_beside(R, self._turn)
         self._v = arms @ R.T
-        around = self._around(self._v)
-        S = np.einsum("k,kia,kja->ij", areas, around, self._around(self._x))
+        around = self._around(self._mass @ self._v)
+        S = np.einsum("kia,kja->ij", around, self._around(self._x))
         self._per_moment = np.zeros(S.shape) if is_axial else np.linalg.inv(S)
-        self._g = np.einsum("ij,k,kja->kia", self._per_moment, areas, around)
+        self._g = np.einsum("ij,kja->kia", self._per_moment, around)
         self._lever = R @ (self.motion.pivot - self._mean)
         moved = (R - np.eye(dim)) @ (self.motion.pivot - self._mean)
         self._place = np.array([*(areas @ here / total + moved), *self._turn])
@@ -355,7 +355,7 @@ class BoundSpreadLoad:
         force, moment = np.split(self.motion.load, [dim])
         w = self._per_moment @ (moment + self._around(self._lever[None])[0] @ force)
         self._W = np.tensordot(w, self._axes, 1)
-        self._forces = areas[:, None] * (force / total + self._v @ self._W.T)
+        self._forces = areas[:, None] * (force / total) + self._mass @ self._v @ self._W.T
 
     def _around(self, vectors: Array) -> Array:
         """Products e_i x of vectors (n, 2), shape (n, 1, 2); in space (n, 3, 3) (local)."""
@@ -374,17 +374,18 @@ class BoundSpreadLoad:
 
     def linearize(self, system: LinearSystem) -> Border:
         """Columns and rows of t and q, at the last evaluated state (local)."""
-        force, around = self.motion.load[: self.motion.dim], self._around(self._v)
+        v = self._mass @ self._v
+        force, around = self.motion.load[: self.motion.dim], self._around(v)
         twice = self._axes[:, None] @ self._axes
-        W, areas, count = self._W, self._areas, self.num_unknowns
+        W, count = self._W, self.num_unknowns
         L = np.einsum("ijab,b,a->ij", twice, self._lever, force)
-        N = np.einsum("ijab,kb,k,ka->ij", twice, self._v, areas, self._x @ W.T)
+        N = np.einsum("ijab,kb,ka->ij", twice, v, self._x @ W.T)
         dw = self._per_moment @ (L - N)
         by_t = np.einsum("ij,kia->kja", dw, around) + around @ W.T
         columns, rows = np.zeros((2, count, system.bulk.num_owned + system.num_z_dofs))
         for target, fields in (
-            (columns, (-areas[:, None, None] * by_t, self._g)),
-            (rows, (self._g, areas[:, None, None] * (around @ W))),
+            (columns, (-by_t, self._g)),
+            (rows, (self._g, around @ W)),
         ):
             nodal = np.concatenate(fields, axis=1)
             for number in range(count):

@@ -314,9 +314,13 @@ def test_a_periodic_rough_layer_is_a_part_of_a_wide_symmetric_one():
     # equal meshes: equal to rounding
     assert one.total_force[1] == pytest.approx(wide.total_force[1] / 3.0, rel=1e-10)
     assert one.pressure.max() == pytest.approx(wide.pressure.max(), rel=1e-10)
-    # contact across the seam: equal but for the pressure at the last two nodes
+    # contact across the seam: equal but for the pressure at the seam, once for both sides
     seam = rough_layer(16, 0.0, "periodic")
     assert seam.total_force[1] == pytest.approx(one.total_force[1], rel=1e-3)
+    first, last = np.argsort(seam.slave.X[:, 0])[[0, -1]]
+    assert seam.pressure[first] == seam.pressure[last] > 1.0
+    assert seam.gap[first] == seam.gap[last]
+    assert np.abs(seam.gap[last]) < 1e-12
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,8 @@ from refusal import COMM, refused
 
 import fenics_mortar as fm
 from fenics_mortar.mesh.edges import check_hanging_nodes
+from meshes.mapped_grids import Grid, mapped
+from meshes.mapped_grids import mesh as made
 
 # The first hanging node, as text of a message, by the number of fine cells beside a coarse one.
 ALONG_1 = {2: r"\(1, 0.25\)", 3: r"\(1, 0.1667\)"}
@@ -100,6 +102,18 @@ def test_bodies_that_touch_with_other_nodes_are_accepted():
     (lower, x), (upper, y) = grid(2, 2), grid(3, 3, (0.0, 1.0))
     cells = np.concatenate([lower, len(x) + upper])[:, [0, 1, 3, 2]]
     assert mesh_of(np.concatenate([x, y]), cells).mesh.topology.index_map(2).size_global == 13
+
+
+def test_nodes_far_from_curved_edges_are_found_without_overflow():
+    """The foot of such a node on a parabola is nowhere; the iterates for it grew without bound."""
+
+    def wheel(s, t):
+        angle, r = np.pi / 2 * (s**1.5 - 1.0), 1.0 - 0.7 * t
+        return r * np.cos(angle), 1.0 + r * np.sin(angle)
+
+    ground = mapped(14, 8, lambda s, t: (1.2 * s**1.5, -0.8 + 0.8 * t))
+    with np.errstate(over="raise", invalid="raise"):
+        made([Grid("wheel", mapped(12, 6, wheel)), Grid("ground", ground)], order=2)
 
 
 @pytest.mark.parametrize("columns", [(2, 3, 4), (4, 5, 6)], ids=["inside", "to the outside"])

@@ -99,7 +99,7 @@ def test_the_trapezoidal_rule_with_massive_contact_gains_energy():
 
 @pytest.mark.serial
 @pytest.mark.long
-def test_a_bouncing_block_keeps_its_energy_over_ten_impacts():
+def test_a_bouncing_block_keeps_its_energy_over_six_impacts():
     made = free_block(gap=0.05, is_linear=True)
     made.gravity.value[:] = (0.0, -4.0)
     potential = fem.form(-RHO * ufl.inner(made.gravity, made.u) * ufl.dx)
@@ -110,10 +110,10 @@ def test_a_bouncing_block_keeps_its_energy_over_ten_impacts():
         active.append(report.iterations[-1].num_active > 0)
 
     velocities = {"block": (0.0, -0.5, 0.0)}
-    _, record = run(made, 6.0, 0.02, velocities=velocities, on_step=note)
+    _, record = run(made, 3.6, 0.02, velocities=velocities, on_step=note)
     total = (totals(record)[1:] + levels) / record.start.total
     impacts = np.count_nonzero(np.diff(np.array(active, int)) > 0)
-    assert impacts >= 10
+    assert impacts >= 6
     assert np.abs(total - total[0]).max() < 0.03
     in_flight = np.convolve(active, np.ones(9), "same") == 0.0
     assert np.median(np.abs(total - total[0])[in_flight]) < 1e-10  # the energy deficit is returned

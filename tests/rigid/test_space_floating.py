@@ -28,6 +28,7 @@ from meshes.mapped_boxes import Box, block
 
 TILTED = Rotation.from_rotvec([0.4, -0.7, 0.5]).as_matrix()
 FREELY = r"body 'block' can {} freely: it is driven by loads"
+SLIDES = "^body 'block' slides, and its friction is too small to hold it: it begins to move along"
 
 # One block
 
@@ -129,7 +130,7 @@ def test_block_tips_over_its_edge(angle):
     tips = "body 'block' tips over, which no friction can prevent: it begins to rotate about the"
     with refused(fm.NotConvergedError, tips, FREELY.format(r"move along .*")):
         on_floor(0.44 * pull + DOWN, **narrow).problem.solve()
-    with refused(fm.NotConvergedError, f"^{FREELY.format('move along .*')}"):
+    with refused(fm.NotConvergedError, SLIDES, FREELY.format("move along .*")):
         on_floor(0.95 * pull + DOWN, **{**narrow, "size": (0.4, 0.4, 0.3)}).problem.solve()
 
 
@@ -151,7 +152,7 @@ def test_block_that_falls_onto_a_corner_and_slides_is_not_said_to_tip_over():
         return made.touch(("block/bottom", fm.Plane(*FLOOR)), mu=mu)
 
     falling(0.4).rests()
-    with refused(fm.NotConvergedError, f"^{FREELY.format('move along .*')}"):
+    with refused(fm.NotConvergedError, SLIDES, FREELY.format("move along .*")):
         falling(0.2).problem.solve()
 
 
@@ -168,7 +169,7 @@ def test_block_that_hovers_beside_a_touching_body_is_not_said_to_tip_over():
          for name, mu in (("stay", 0.9), ("block", 0.2))],
         petsc_options_prefix="space_beside_",
     )  # fmt: skip
-    with refused(fm.NotConvergedError, f"^{FREELY.format('move along .*')}"):
+    with refused(fm.NotConvergedError, SLIDES, FREELY.format("move along .*")):
         made.problem.solve()
 
 

@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: MIT
 """Loads at a point in space that are spread over a boundary free to deform."""
 
+from petsc4py import PETSc
+
 import numpy as np
 import pytest
 from refusal import refused
 from space_scenes import SIZE, YOUNG, held, of, solid
 from test_space_contact import TIGHT, law_of
 from test_space_rigid_boundary import SIDES
+
+import ufl
+from dolfinx import fem
+from dolfinx.fem.petsc import assemble_vector
 
 import fenics_mortar as fm
 from fenics_mortar import energies
@@ -43,6 +49,26 @@ def test_force_through_the_middle_is_a_uniform_traction(cell, order):
     area = SIZE[0] * SIZE[1]
     assert load.place[2] == pytest.approx(0.3 * SIZE[2] / (YOUNG * area), rel=1e-9)
     assert np.abs(load.place[3:]).max() < 1e-12
+
+
+@pytest.mark.parametrize("cell, order", [("hexahedron", 1), ("tetrahedron", 2), ("tetrahedron", 1)])
+def test_forces_are_those_of_a_linear_traction(cell, order):
+    """F / A + w x (X - X_0) of the rectangle, with its second moments, against the form in UFL."""
+    scene, load, bound = pulled(cell, order, jiggle=0.0)
+    force, moment = np.array((0.6, -0.4, 0.5)), np.array((0.5, 0.3, -0.6))
+    load.push(x=force[0], y=force[1], z=force[2], moment=moment)
+    bound.evaluate(np.zeros_like(scene.u.x.array))
+    middle, area = SIZE * (0.5, 0.5, 1.0), SIZE[0] * SIZE[1]
+    second = np.array([SIZE[1] ** 2, SIZE[0] ** 2, SIZE[0] ** 2 + SIZE[1] ** 2]) * area / 12.0
+    w = (moment + np.cross(load.pivot - middle, force)) / second
+    X = ufl.SpatialCoordinate(scene.data.mesh)
+    traction = ufl.as_vector(force / area) + ufl.cross(ufl.as_vector(w), X - ufl.as_vector(middle))
+    ds = ufl.ds(subdomain_data=scene.data.facet_tags)(scene.data.boundaries["block/top"], degree=4)
+    v = ufl.TestFunction(scene.u.function_space)
+    expected = assemble_vector(fem.form(ufl.inner(traction, v) * ds))
+    expected.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+    found = bound.forces(scene.problem.equations.bulk.num_owned)
+    assert np.abs(found - expected.array).max(initial=0.0) < 1e-12
 
 
 def test_resultants_act_about_the_moved_pivot():

@@ -158,6 +158,16 @@ def test_random_tower_fails_beyond_the_limit_load():
 
 @pytest.mark.once
 @BASES
+def test_block_on_a_steep_incline_is_said_to_slide(base):
+    """Down the incline, whatever follows after its lower end."""
+    slides = (
+        r"body 'block' slides, .* to move along \(0\.6967, -0\.7174\)\. At last body 'block' can"
+    )
+    with pytest.raises(fm.NotConvergedError, match=slides):
+        list(incline(0.8, 0.5, base).solve())
+
+
+@BASES
 def test_path_of_an_incline_ends_at_the_angle_of_friction(base):
     """The block sticks up to the critical angle; the message states why the path ends."""
     mu = 0.5

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scenes import internal, neo_hookean, pressed_blocks, read, rectangles, rotation
+from turning_scenes import shaft_in_ring
 
 from dolfinx import fem
 
@@ -248,6 +249,18 @@ def test_pressing_corner_is_reported(slave):
     )  # it rotates slightly
     assert len(remarks) == 1 and certificate["surface_angle"].where in remarks[0]
     assert remarks[0] in str(report.certificate)
+
+
+@pytest.mark.parametrize("slave", ["shaft", "ring"])
+@pytest.mark.parametrize("degree, least, most", [(1, 0.08, 0.2), (2, 0.0, 0.02)])
+def test_quadratic_curves_face_each_other(degree, least, most, slave):
+    """A round shaft of 16 facets without friction in a ring of 20: no corner presses."""
+    shaft = shaft_in_ring(
+        fm.Frictionless(), degree=degree, columns=16, slave=slave, interference=0.1
+    )
+    (certificate,) = shaft.problem.certificate().pairs
+    assert least <= certificate["surface_angle"].value < most
+    assert degree == 1 or not certificate.remarks()
 
 
 def dragged_wedge(slave, half, tilt, mu):

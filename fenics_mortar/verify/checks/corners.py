@@ -31,6 +31,7 @@ import numpy as np
 
 from fenics_mortar.contact.arcs import quarter_turn, rotated_by
 from fenics_mortar.contact.law import STICK
+from fenics_mortar.kernels.projection import lagrange
 from fenics_mortar.utils.arrays import angles_between
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import agreed, any_over_ranks, sum_over_ranks
@@ -63,7 +64,8 @@ def _of_surfaces(measured: Measured) -> Iterator[Finding]:
 
     Yields:
         ``surface_angle``: fraction of the forces along the slave normals that acts along the facets
-        of the master, of first order in the facet length where both surfaces are smooth;
+        of the master, of first order in the facet length where both surfaces are smooth, of second
+        order on quadratic facets;
         ``corner_shear``: fraction of the normal forces that acts along the surface because corners
         of the slave have averaged normals, an error of the ratio of shear and normal force, with
         contributions of neighbouring active nodes added with their signs; ``excess_shear``: where
@@ -121,10 +123,14 @@ def _forces_along_master(contact: Contact, pressure: Array) -> tuple[Array, Arra
         Two arrays of norms, each (slave nodes,) [stress length].
     """
     o, s = contact.operators, contact.operators.segments
-    chords = o.m[s.master[:, -1]] - o.m[s.master[:, 0]]
-    chords /= np.hypot(*chords.T)[:, None]
+    m, x = o.m[s.master], o.x[s.slave]
+    chords = m[:, -1] - m[:, 0]
+    part = np.einsum("sjc,sc->sj", x - m[:, :1], chords) / (chords**2).sum(axis=1)[:, None]
+    slopes = lagrange(2.0 * np.clip(part, 0.0, 1.0) - 1.0, contact.master.degree)[1]
+    tangents = np.einsum("sjk,skc->sjc", slopes, m)  # where facets are nearest to the nodes
+    tangents /= np.hypot(tangents[..., 0], tangents[..., 1])[..., None]
     forces = np.abs(o.M.sum(axis=2) * pressure[s.slave])
-    along = forces * np.abs(np.einsum("sjc,sc->sj", o.n[s.slave], chords))
+    along = forces * np.abs(np.einsum("sjc,sjc->sj", o.n[s.slave], tangents))
     size = contact.slave.num_nodes
     nodal = np.stack([np.bincount(s.slave.ravel(), v.ravel(), size) for v in (forces, along)])
     forces, along = sum_over_ranks(contact.slave.comm, nodal)
