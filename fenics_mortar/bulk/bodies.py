@@ -548,7 +548,7 @@ def _check_outline(outline: Outline, contacts: Sequence[Interface]) -> None:
         where = middles[pairs[np.argmax(crosses), 0]]
         raise MeshError(
             f"a body overlaps itself: its outline crosses itself at {format_point(where)}; correct "
-            "the mesh"
+            "the mesh (a node that hangs on an edge there leaves a slit)"
         )
     inside = middles + BESIDE * np.stack([-along[:, 1], along[:, 0]], axis=1)
     _check_nested(start, end, inside, body)

@@ -237,11 +237,8 @@ def _integrands(residual: Any) -> tuple[dict[Subdomain, Any], dict[Subdomain, An
     """Integrands over the cells and over the boundary, by subdomain: number and tags."""
     found: dict[str, dict[Subdomain, Any]] = {"cell": {}, "exterior_facet": {}}
     for integral in residual.integrals():
-        kind, number, tags = (
-            integral.integral_type(),
-            integral.subdomain_id(),
-            integral.subdomain_data(),
-        )
+        kind, number = integral.integral_type(), integral.subdomain_id()
+        tags = integral.subdomain_data()
         if kind not in found or number == "otherwise":
             raise MortarError(
                 f"the error cannot be estimated: the residual has an integral of kind {kind!r} "

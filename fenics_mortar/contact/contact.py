@@ -46,7 +46,7 @@ from fenics_mortar.contact.arcs import (
     way_past,
     weighted,
 )
-from fenics_mortar.contact.fields import ContactFields, SpaceFields, change_along
+from fenics_mortar.contact.fields import MAX_SOFTENING, ContactFields, SpaceFields, change_along
 from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.contact.interface import (
     NO_NODES,
@@ -151,9 +151,9 @@ class Contact(Interface):
         on_master, _ = evaluate_normals(self.master, self.master.X, "opposite")
         self.master_planes: Array = normals_on_planes(on_master, self.master_free)
         self._multiplier_nodes.possible &= ~(self.slave.weightless | self.shared)
-        free_of_ties = ~np.isin(self.slave.nodes, tied)
-        if (self._multiplier_nodes.possible & free_of_ties).any():
-            self._multiplier_nodes.possible &= free_of_ties
+        self.tied: Flags = np.isin(self.slave.nodes, tied)
+        if (self._multiplier_nodes.possible & ~self.tied).any():
+            self._multiplier_nodes.possible &= ~self.tied
         self.may_carry = self._multiplier_nodes.possible
         self.plane_normals = self._multiplier_nodes.plane_normals
         self._find_guides()
@@ -163,6 +163,7 @@ class Contact(Interface):
             self.slave = self.master = in_contact_with_itself(self.slave, self.may_carry)
         if not self.may_carry.any():
             raise SurfaceError(f"all nodes of slave surface '{pair.slave_name}' are prescribed")
+        self.max_softening = MAX_SOFTENING  # 0 in a second attempt
         self.set_aside: Flags = np.zeros(self.slave.num_nodes, bool)
         self.turns: Callable[[], tuple[Array, ...]] = lambda: ()
         self.arm = self.slave.extent
@@ -222,6 +223,14 @@ class Contact(Interface):
         """Leave slave nodes (slave nodes,), bool, out of contact, see ``set_aside`` (local)."""
         self.set_aside = nodes
 
+    def lead_by(self, turns: Callable[[], tuple[Array, ...]]) -> None:
+        """Set ``turns``: rigid boundaries lead the bodies of some nodes (local)."""
+        self.turns = turns
+
+    def soften(self, *, with_derivative: bool) -> None:
+        """Whether bonds that soften have their derivative, up to a limit (local)."""
+        self.max_softening = MAX_SOFTENING if with_derivative else 0.0
+
     def limit_sight(self, outline: Outline) -> Outline:
         """See ``Interface``; the outline limits the distance of partners behind the slave."""
         self.evaluation.limit_sight(outline)
@@ -229,6 +238,8 @@ class Contact(Interface):
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, shape (local dofs,) (collective)."""
+        if self._law is not self.pair.law or self._state.start_instant.begins(self.pair.law):
+            self._read_law(self._state.start_instant)
         operators, reference = self.evaluation.evaluate(u, self._state, linearization)
         if reference is not self._state.reference:
             self.change(reference=reference)
@@ -325,36 +336,24 @@ class Contact(Interface):
         Args:
             slid: Nodes that keep their present slip, shape (slave nodes,), bool.
         """
-        accepted_partners = self.partners_at(self.now)
-        slip = accepted_partners.counted
-        if slid is not None:
-            slip = np.zeros_like(slip)
-            slip[slid] = self.now.counted_slip[slid]
         now = self.now
-        shear = now.counted_shear.copy()
+        found = self.partners_at(now)
+        slip, shear = found.counted, now.counted_shear.copy()
         shear[~self.active] = 0.0
-        accepted_partners = replace(
-            accepted_partners,
-            counted=slip,
-            shear=shear,
-            pressure=np.where(self.active, now.z_n, 0.0),
-            gap=np.where(self.covered, now.mean_gap, np.inf),
-        )
-        # rigid moves before a solve leave prescribed nodes behind
         turns = self.turns() if slid is None else self.partners.turns
-        accepted_partners = replace(accepted_partners, turns=turns)
-        self.change(accepted_partners=accepted_partners)
-
-    def lead_by(self, turns: Callable[[], tuple[Array, ...]]) -> None:
-        """Set ``turns``: rigid boundaries lead the bodies of some nodes (local)."""
-        self.turns = turns
+        if slid is not None:  # rigid moves before a solve leave prescribed nodes behind
+            slip = np.zeros_like(slip)
+            slip[slid] = now.counted_slip[slid]
+        found = replace(
+            found, counted=slip, shear=shear, pressure=np.where(self.active, now.z_n, 0.0),
+            gap=np.where(self.covered, now.mean_gap, np.inf), turns=turns,
+        )  # fmt: skip
+        self.change(accepted_partners=found)
 
     def partners_at(self, fields: Any) -> Any:
         """Partners at the accepted state of some fields (collective)."""
-        o, least = (
-            fields.operators,
-            (self.slave.nodal_areas * (np.inf if self.pair.law.bridges_gap else ROUNDING)),
-        )
+        o = fields.operators
+        least = self.slave.nodal_areas * (np.inf if self.pair.law.bridges_gap else ROUNDING)
         mirrored = None if self.pair.sliding == "small" else self._mirrored
         if self.slave.dim == 3 and self.obstacle is not None:
             return find_obstacle_partners(o, least, mirrored=mirrored)
@@ -465,11 +464,28 @@ class Contact(Interface):
         Parameters that vary in space are evaluated. If the names in memory differ from those of the
         last law, memory starts from its initial values.
         """
-        law, instant = self.pair.law, self._state.accepted_instant
+        before = self._state.accepted_instant
+        if self._read_law(before) is not before:
+            self.change(accepted_instant=self._state.start_instant)
+
+    def _read_law(self, before: Instant | None) -> Instant:
+        """Read parameters and memory of the present law; results may be asked before a solve.
+
+        Collective.
+
+        Args:
+            before: Time and memory to start from, if the names are those of the law.
+
+        Returns:
+            These, or the first ones of the law, which are then those of the start of the step.
+        """
+        law = self._law = self.pair.law
         self.parameters = self._parameters.sample(law) if law.fields else {}
-        if instant is None or instant.begins(law):
-            instant = first_instant(law, self.slave, 0.0 if instant is None else instant.time)
-            self.change(accepted_instant=instant, start_instant=instant)
+        if before is not None and not before.begins(law):
+            return before
+        first = first_instant(law, self.slave, 0.0 if before is None else before.time)
+        self.change(start_instant=first)
+        return first
 
     def coupled_by_slip(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""

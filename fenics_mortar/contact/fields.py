@@ -146,8 +146,12 @@ class ContactFields(InterfaceFields):
 
     @field(*LAW_ATTRIBUTES, "active")
     def attracted(self) -> Flags:
-        """Open nodes under adhesion, shape (slave nodes,), bool."""
-        return (self.adhesion[0] > 0.0) & ~self.state.active
+        """Open nodes under adhesion, shape (slave nodes,), bool.
+
+        An elastic bond does not pull yet at a closed gap, but its row has the derivative.
+        """
+        pull, by_gap = self.adhesion
+        return ((pull > 0.0) | (by_gap > 0.0)) & ~self.state.active
 
     @field(*LAW_ATTRIBUTES, "active")
     def acts(self) -> Flags:
@@ -160,10 +164,25 @@ class ContactFields(InterfaceFields):
         of_node = self.interface.pair.law.needs_nodal_state
         return self.interface.law_calls.friction_limit(node, of_node=of_node)
 
-    def closed_adhesion(self) -> Array:
-        """Adhesion of closed gaps, shape (slave nodes,) [stress]."""
-        node = replace(self.nodal, gap=np.zeros(len(self.state.z)))
+    def adhesion_at_gap(self, gap: Array) -> Array:
+        """Adhesion at gaps (slave nodes,) [length], likewise [stress]."""
+        node = replace(self.nodal, gap=gap)
         return self.interface.law_calls.adhesion_at(node, self.covered).residual
+
+    def largest_adhesion(self) -> Array:
+        """Largest adhesion at gaps of up to a facet, shape (slave nodes,) [stress].
+
+        Elastic bonds pull as they open. The gap is found to a per cent, if there is one maximum.
+        """
+        sizes = self.interface.slave.nodal_lengths
+        gap, largest = 0.0 * sizes, self.adhesion_at_gap(0.0 * sizes)
+        for ratio in 2.0 ** np.arange(-40.0, 1.0):
+            pull = self.adhesion_at_gap(ratio * sizes)
+            gap, largest = np.where(pull > largest, ratio * sizes, gap), np.maximum(pull, largest)
+        for ratio in 2.0 ** np.outer(0.5 ** np.arange(1.0, 8.0), [1.0, -1.0]).ravel():
+            pull = self.adhesion_at_gap(ratio * gap)
+            gap, largest = np.where(pull > largest, ratio * gap, gap), np.maximum(pull, largest)
+        return largest
 
     @property
     def tension(self) -> Array:
@@ -348,8 +367,8 @@ class ContactFields(InterfaceFields):
     @property
     def decreases_fast(self) -> Flags:
         """Nodes where adhesion drops faster than elastic forces grow, (slave nodes,), bool."""
-        slope = self.operators.diagonal * np.abs(self.adhesion[1])
-        return slope > MAX_SOFTENING * self.interface.stiffness
+        slope = -self.operators.diagonal * self.adhesion[1]
+        return slope > self.interface.max_softening * self.interface.stiffness
 
     @property
     def steepness(self) -> float:
@@ -365,13 +384,13 @@ class ContactFields(InterfaceFields):
         assert isinstance(self.operators, ObstacleOperators)
         return self.operators
 
-    def strength(self, pressure: float) -> tuple[Array, Array, Array]:
+    def strength(self, pressure: float) -> tuple[Array, Array]:
         """Admissible contact tractions near a pressure p [stress], each (slave nodes,).
 
         Returns:
             Slope mu and shear s_0 of the line |z_tau| <= s_0 + mu z_n through the friction limits
             at p and 2 p, an upper bound of a concave limit outside of [p, 2 p]; mu is inf without a
-            limit. The third array is the adhesion of a closed gap [stress].
+            limit.
         """
         interface = self.interface
         follows_law = interface.follows_law
@@ -383,7 +402,7 @@ class ContactFields(InterfaceFields):
         shear = np.maximum(at - slope * pressure, 0.0)
         shear = np.where(follows_law & (shear > KINK * at), shear, 0.0)
         slope = np.where(follows_law, np.where(unlimited, np.inf, slope), 0.0)
-        return slope, shear, self.closed_adhesion()
+        return slope, shear
 
 
 def change_along(

@@ -106,6 +106,9 @@ class PairView:
             np.savetxt("pressure.txt", np.column_stack([contact.positions, contact.pressure]))
     """
 
+    # A law set here instead of in the pair is an error, not a new attribute without effect.
+    __slots__ = ("_interface", "_space")
+
     def __init__(self, interface: Interface, space: DisplacementSpace) -> None:
         self._interface, self._space = interface, space
 
@@ -418,7 +421,8 @@ def _other_fields(tie: Tie, space: DisplacementSpace) -> str:
     numbers = " and ".join(map(str, others))
     return (
         f"{tie.pair!r} does not tie sub-space {numbers} of the mixed function u, which may jump "
-        f"there: nothing flows across; with fields={[*tie.pair.fields, *others]} it would"
+        f"there. A pressure of incompressible bodies need not be tied; of a temperature nothing "
+        f"flows across, with fields={[*tie.pair.fields, *others]} it would"
     )
 
 

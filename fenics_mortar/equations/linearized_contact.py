@@ -250,11 +250,8 @@ class LinearizedContact:
         ):
             active, branch, z_n, z_tau = sets
             o, j = contact.operators, j[active]
-            all_active, z, branches = (
-                np.zeros_like(contact.active),
-                np.zeros_like(contact.z),
-                contact.branch,
-            )
+            all_active, z = np.zeros_like(contact.active), np.zeros_like(contact.z)
+            branches = contact.branch
             all_active[j] = True
             force = z_n[active, None] * o.n[j] + z_tau[active, None] * o.tau[j]
             z[j] = self._system.scale(contact)[j] * force
@@ -370,11 +367,8 @@ class LinearizedContact:
             if not isinstance(contact, Contact) or contact.obstacle is None:
                 continue
             number = motions.obstacles.index(contact.obstacle)
-            rows, (_, M_q, _) = (
-                contact.rows.by_motions(),
-                contact.on_obstacle.motion_force_derivatives(contact.z),
-            )
-            by_motion[number][:, columns] = np.moveaxis(rows, 2, 0)
+            _, M_q, _ = contact.on_obstacle.motion_force_derivatives(contact.z)
+            by_motion[number][:, columns] = np.moveaxis(contact.rows.by_motions(), 2, 0)
             by_pressure[number][:, columns] = M_q * system.scale(contact)
         by_motion = by_motion[driven][:, used] / weak
         V -= by_motion.T @ by_pressure[driven][:, used]

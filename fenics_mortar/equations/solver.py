@@ -283,12 +283,10 @@ class Solver:
                 break
             report = then_solve(report, partial(self._solve, follows=False))
         if change > LED_WRONG:
-            report.converged, report.reason = (
-                False,
-                (
-                    f"slip of bodies that turn still changes by {change:.2g} of their way after "
-                    f"{LED_SOLVES} more solves from their motions; take smaller steps"
-                ),
+            report.converged = False
+            report.reason = (
+                f"slip of bodies that turn still changes by {change:.2g} of their way after "
+                f"{LED_SOLVES} more solves from their motions; take smaller steps"
             )
             raise NotConvergedError(report.reason, report)
         return report
@@ -406,6 +404,9 @@ class Solver:
     def _restart(self, start: Any, failed: NotConvergedError) -> NewtonReport:
         """Newton's method with damped steps after full ones, with a user's law also reversely.
 
+        Bonds that soften have no derivative then: gaps grow up to the next equilibrium, also where
+        a whole body is more compliant than its nodes, by which slow softening is told.
+
         Raises:
             NotConvergedError: If this fails as well, steps were damped, nothing rubs, or the step
                 may be cut.
@@ -419,10 +420,16 @@ class Solver:
         damped = not self._damps
         how = "damped" if damped else "full"
         failed.report.notes.append(f"restarted with {how} steps: {failed}")
+        contacts = [c for c in e.contacts if isinstance(c, Contact)]
         try:
+            for c in contacts:
+                c.soften(with_derivative=False)
             report = then_solve(failed.report, self._newton(damped))
         except NotConvergedError as error:
             raise NotConvergedError(str(failed), error.report) from None
+        finally:
+            for c in contacts:
+                c.soften(with_derivative=True)
         self._damps_first = damped
         return report
 
@@ -488,11 +495,21 @@ COMPARED = (
 )  # fmt: skip
 
 
-class _Loads(NamedTuple):
+class Loads(NamedTuple):
     """Values of all loads, distributed ones on this rank; laws as text."""
 
     values: list[Array]
     laws: list[str]
+
+
+def loads_of(e: ContactEquations) -> Loads:
+    """The present loads, in a fixed order (local)."""
+    values = [*e.bulk.input_data.loads(), *e.motions.loads]
+    values += [load.motion.load.copy() for load in e.motions.spread]
+    values += [np.array(contact.offset, float).ravel() for contact in e.contacts]
+    ties = [contact.pair for contact in e.contacts if isinstance(contact, Tie)]
+    values += [pair.present_jump() for pair in ties if not isinstance(pair, Pretension)]
+    return Loads(values, [as_text(c.pair.law) for c in e.contacts if isinstance(c, Contact)])
 
 
 class Continuation:
@@ -505,8 +522,8 @@ class Continuation:
     def __init__(self, equations: ContactEquations) -> None:
         self._equations = equations
         self._predictor: Predictor | None = None
-        self._past: list[_Loads] = []
-        self._next: tuple[_Loads, float] | None = None
+        self._past: list[Loads] = []
+        self._next: tuple[Loads, float] | None = None
         self._step = 1.0
 
     def begin(self, *, guess: bool) -> Callable[[Callable[[], NewtonReport]], NewtonReport]:
@@ -524,7 +541,7 @@ class Continuation:
             self._past = []
         if not guess or self._equations.bulk.inertia is not None:
             return call
-        loads = self._loads()
+        loads = loads_of(self._equations)
         ratio = self._ratio(loads) if len(self._past) == 2 else 0.0
         self._next = loads, self._step * ratio if ratio else 1.0
         if self._predictor is None or not self._past:
@@ -557,18 +574,7 @@ class Continuation:
         same &= np.array_equal(equations.motions.places[found], last.places[found])
         return on_all_ranks(equations.comm, same)
 
-    def _loads(self) -> _Loads:
-        """The present loads (local)."""
-        motions, contacts = self._equations.motions, self._equations.contacts
-        values = [*self._equations.bulk.input_data.loads(), *motions.loads]
-        values += [load.motion.load.copy() for load in motions.spread]
-        values += [np.array(contact.offset, float).ravel() for contact in contacts]
-        ties = [contact.pair for contact in contacts if isinstance(contact, Tie)]
-        values += [pair.present_jump() for pair in ties if not isinstance(pair, Pretension)]
-        laws = [as_text(c.pair.law) for c in contacts if isinstance(c, Contact)]
-        return _Loads(values, laws)
-
-    def _ratio(self, loads: _Loads) -> float:
+    def _ratio(self, loads: Loads) -> float:
         """Length of the next load step over that of the last [1]; 0.0 if loads do not continue.
 
         Collective.

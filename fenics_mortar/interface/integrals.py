@@ -165,10 +165,8 @@ def find_segments(
     """
     geometry, nodes = (x, n, m), slave.facets[facets]
     behind = nothing_behind(facets.size) if behind is None else behind.of(facets)
-    search_for, limits = (
-        (geometry, nodes, master.facets, options.radius),
-        (options.min_cosine, ROUNDING),
-    )
+    search_for = geometry, nodes, master.facets, options.radius
+    limits = options.min_cosine, ROUNDING
     integration, points = options.integration, options.points
     if integration == "segments":
         roles = slave.roles.of(facets) if slave.roles else None

@@ -41,7 +41,7 @@ from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, MortarOperator
 from fenics_mortar.interface.reference import AT_VERTICES, COMBINED, Basis, functions_of, hand_over
 from fenics_mortar.kernels.facets import BY_STANDARD, DUAL
 from fenics_mortar.kernels.space import integrals, pairs
-from fenics_mortar.kernels.space.integrals import listed_points, sample_gaps
+from fenics_mortar.kernels.space.integrals import listed_points
 from fenics_mortar.kernels.space.linearize import linearize_facets
 from fenics_mortar.kernels.space.shapes import triangle_rule
 from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
@@ -427,7 +427,7 @@ class SpaceOperators(MortarOperators):
         rule = np.concatenate([corners, self.rule[0]]), np.ones(3 + len(self.rule[0]))
         smallest, where = np.empty(s.num_segments), np.zeros((s.num_segments, 3))
         geometry = self.x + offset[:, None] * self.n, self.n, self.m
-        sample_gaps(geometry, self.facet_nodes, s.master, s.offsets, rule, smallest, where)
+        _integrate(geometry, self.facet_nodes, s, rule, (smallest, where))
         return smallest, where
 
     def covered_corners(self, facets: Flags) -> tuple[Indices, Array]:
@@ -535,7 +535,8 @@ def evaluate_space(
             dn = np.zeros_like(dn)
         s = find_pairs(slave, master, x, m, share, options, behind)
     nodes, rule = slave.facets[share], triangle_rule(options.points)
-    moments = _integrate((x, n, m), nodes, s, rule)
+    De, Me, G, B, complete = _integrate((x, n, m), nodes, s, rule)
+    moments = Moments(De, Me, G, B, inverse_of(Me), complete)
     is_dual = options.kinds[0] == DUAL
     H = _hand_over(slave, nodes, moments, multiplier_nodes, options.basis)
     A = moments.De[:, :, None] * moments.inverse
@@ -634,9 +635,12 @@ def find_pairs(
 
 
 def _integrate(
-    geometry: tuple[Array, Array, Array], nodes: Indices, s: FacetPairs, rule: tuple[Array, Array]
-) -> Moments:
-    """Moments of the slave facets with ``nodes`` (f, K) (local).
+    geometry: tuple[Array, Array, Array], nodes: Indices, s: FacetPairs, rule: tuple[Array, Array],
+    deepest: tuple[Array, Array] | None = None,
+) -> tuple[Array, Array, Array, Array, Flags]:  # fmt: skip
+    """Integrals De, Me, G, B of the slave facets with ``nodes`` (f, K); whether complete (local).
+
+    With ``deepest`` this is filled instead, see ``kernels.space.integrals``.
 
     The gap is nan on facets that are folded over their own plane, as in some Newton iterates: the
     residual is not finite then, and the step is cut.
@@ -645,8 +649,7 @@ def _integrate(
     De, Me, G = np.zeros((count, size)), np.zeros((count, size, size)), np.zeros((count, size))
     B = np.zeros((s.num_segments, size, s.master.shape[1]))
     complete, folded = np.zeros((2, count), bool)
-    integrals.integrate_facets(
-        geometry, nodes, s.master, s.offsets, rule, (De, Me, G, B, complete, folded)
-    )
+    values = De, Me, G, B, complete, folded
+    integrals.integrate_facets(geometry, nodes, s.master, s.offsets, rule, values, deepest)
     G[folded] = np.nan
-    return Moments(De, Me, G, B, inverse_of(Me), complete)
+    return De, Me, G, B, complete

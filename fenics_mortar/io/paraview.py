@@ -305,10 +305,8 @@ def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices
         phi, gradient, _ = obstacle.evaluate(points)
         points = points - (phi / (gradient**2).sum(axis=1))[:, None] * gradient
     if not len(parts):
-        points, parts = (
-            np.tile(obstacle.pivot + obstacle.place[:dim], (dim, 1)),
-            np.arange(dim)[None],
-        )
+        points = np.tile(obstacle.pivot + obstacle.place[:dim], (dim, 1))
+        parts = np.arange(dim)[None]
     own = obstacle.to_own_frame(points)
     return own, parts, points - own
 

@@ -168,8 +168,7 @@ class _Cache(FunctionCache):
     """Cache of the machine code of a kernel, known by the contents of files instead of times.
 
     Of processes that need it at the same time, such as all ranks in the first run, one compiles it.
-    Made when the kernel is used, as few of them are in one problem: numba tries whether a file can be
-    made.
+    Made when the kernel is used: numba tries whether files can be made, and few kernels are used.
     """
 
     _impl_class = _Implementation

@@ -461,10 +461,8 @@ def system_of(
     else:
         why = f"algorithm='{algorithm}'"
     form: Callable[..., LinearSystem] = SYSTEMS[algorithm]
-    automatic, with_itself = (
-        solver == "auto",
-        next((c.slave.name for c in contacts if c.slave is c.master), ""),
-    )
+    automatic = solver == "auto"
+    with_itself = next((c.slave.name for c in contacts if c.slave is c.master), "")
     if with_itself and solver == "iterative":
         raise ValueError(
             f"solver='iterative': multigrid needs separate slave and master surfaces, but "

@@ -27,6 +27,9 @@ from fenics_mortar.utils.errors import check_number
 class Worn(Coulomb):
     """Archard's wear with Coulomb's friction: the depth h grows by h' = wear z_n |u'|.
 
+    At nodes without slip, as those that stick, |u'| has a kink: ``check_tangent`` shows slopes
+    between 1 and 2 there.
+
     ``ResultsWriter`` writes the depth h [length] as ``memory_depth``; pair i has it as
     ``problem.contacts[i].memory["depth"]``.
 
@@ -190,7 +193,7 @@ class MixedCohesive(Law):
 
     def jump(self, node: Nodal) -> tuple[Any, Any, Any]:
         """Opening, slip and the largest jump [length]."""
-        gap = np.where(np.real(node.gap) > 0.0, node.gap, 0.0)
+        gap = np.where(np.real(node.gap) >= 0.0, node.gap, 0.0)
         slid, before = node.memory["slid"] + node.slip, node.memory["jump"]
         square = gap**2 + slid**2
         grows = np.real(square) > np.real(before) ** 2

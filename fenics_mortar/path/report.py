@@ -52,9 +52,9 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact, needing_time
+from fenics_mortar.equations.solver import loads_of
 from fenics_mortar.obstacles.rigid_motion import motion_between
 from fenics_mortar.utils.arrays import TINY, Array
-from fenics_mortar.utils.errors import as_text
 from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.utils.ranks import on_any_rank
 
@@ -596,9 +596,6 @@ class IdleLoads:
 
     def _loads(self) -> list[Any]:
         """Values that ``set_loads`` may set, in a fixed order (local)."""
-        equations, motions = self._problem.equations, self._problem.equations.motions
-        found: list[Any] = [*equations.bulk.input_data.loads(), *motions.loads]
-        found += [value for o in self._problem.obstacles for value in o.shape().values()]
-        found += [np.array(contact.offset, float) for contact in equations.contacts]
-        found += [as_text(c.pair.law) for c in equations.contacts if isinstance(c, Contact)]
-        return found
+        loads, obstacles = loads_of(self._problem.equations), self._problem.obstacles
+        shapes = [value for obstacle in obstacles for value in obstacle.shape().values()]
+        return [*loads.values, *loads.laws, *shapes]

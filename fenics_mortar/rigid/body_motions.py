@@ -52,6 +52,7 @@ from fenics_mortar.bulk.bodies import (
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ContactFields, gap_rate, opening_rate, slip_rate
+from fenics_mortar.contact.law import KINK
 from fenics_mortar.obstacles.rigid_motion import TURNS, RigidMotion, place_after, rotation_by
 from fenics_mortar.rigid.proximal import RIGID, unresisted
 from fenics_mortar.utils import compat
@@ -576,14 +577,9 @@ def opening(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
     return _responses(bodies, contact, body, one_by_one(opening_rate))
 
 
-def is_ahead(
-    bodies: BodyMotions, contact: Contact, body: FloatingBody, motion: Array, *, idle: bool = True
-) -> bool:
-    """Whether a motion (motions,) of the body closes the gap of a node (collective).
-
-    Without ``idle``, nodes of bodies that are set aside do not count.
-    """
-    rates = (motion @ closing(bodies, contact, body))[idle | ~contact.set_aside]
+def is_ahead(bodies: BodyMotions, contact: Contact, body: FloatingBody, motion: Array) -> bool:
+    """Whether a motion (motions,) of the body closes the gap of a node (collective)."""
+    rates = motion @ closing(bodies, contact, body)
     return bool((rates > RIGID.resisted * np.linalg.norm(motion)).any())
 
 
@@ -615,6 +611,46 @@ def loose_bodies(bodies: BodyMotions, *, sticking: bool = True) -> list[Floating
         if len(free):
             found.append(replace(body, motions=free @ body.motions))
     return found
+
+
+def bonded_motions(bodies: BodyMotions, some: Sequence[FloatingBody]) -> list[FloatingBody]:
+    """Bodies with the motions that are left to them, moving together, by adhesion at closed gaps.
+
+    A bond without friction lets its sides slide on each other; a broken one does not hold.
+
+    Args:
+        bodies: The floating bodies.
+        some: Those that may move; others are at rest. Bodies without such a motion are left out.
+    """
+    if not some:
+        return []
+    responses = [np.zeros((sum(len(body.motions) for body in some), 0))]
+    for contact in bodies.contacts:
+        if contact.pair.law.has_adhesion:
+            on, holds = _bonds(contact)
+            for rate, nodes in ((opening, on), (slipping, on & holds)):
+                rates = np.vstack([rate(bodies, contact, body) for body in some])
+                responses.append(rates[:, nodes].reshape(len(rates), -1))
+    ends = np.cumsum([len(body.motions) for body in some])[:-1]
+    parts = np.split(unresisted(np.hstack(responses)), ends, axis=1)
+    moving = []
+    for body, part in zip(some, parts, strict=True):
+        _, sizes, ways = np.linalg.svd(part, full_matrices=False)
+        free = ways[sizes > RIGID.resisted]
+        if len(free):
+            moving.append(replace(body, motions=free @ body.motions))
+    return moving
+
+
+def _bonds(contact: Contact) -> tuple[Flags, Flags]:
+    """Closed nodes with adhesion, and those whose bond resists slip, (slave nodes,) each (local).
+
+    A bond that is partly damaged pulls as it opens.
+    """
+    touches = contact.active | nearly_touching(contact)
+    pull = contact.now.adhesion_at_gap(KINK * contact.slave.nodal_lengths)
+    slope, shear = contact.now.strength(float(pull.max(initial=0.0)))
+    return touches & (pull > 0.0), contact.pair.law.bridges_gap | (slope > 0.0) | (shear > 0.0)
 
 
 def _responses(

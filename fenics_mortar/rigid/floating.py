@@ -127,9 +127,7 @@ class BodySettling:
             for body, move in moves:
                 bodies.move(body, move)
                 moved[body.label] = moved.get(body.label, 0.0) + _length(body, move)
-            if all(
-                moved[body.label] > extent and self._has_left(body, move) for body, move in moves
-            ):
+            if all(moved[body.label] > extent for body, _ in moves) and self._part(moves):
                 break
         body, move = moves[0]
         name, how = bodies.name_of(body.label), body.describe(move, directed=True)
@@ -368,15 +366,17 @@ class BodySettling:
             for rate in (opening, slipping)
         ]
         opens, slips = (np.moveaxis(rate, 0, -1)[on] for rate in rates)
-        slope, shear, adhesion = contact.now.strength(pressure)
+        (slope, shear), adhesion = contact.now.strength(pressure), contact.now.largest_adhesion()
         return Touching(opens, slips, slope[on], (weight * shear)[on], (weight * adhesion)[on])
 
-    def _has_left(self, body: FloatingBody, move: Array) -> bool:
-        """Whether no surface of another body is ahead of a moving body (collective)."""
-        bodies = self._bodies
-        return not any(
-            is_ahead(bodies, c, body, move, idle=False) for c in bodies.contacts_of(body)
-        )
+    def _part(self, moves: Moves) -> bool:
+        """Whether bodies that move together approach no surface, nor one another (collective)."""
+        bodies, longest = self._bodies, max(_length(body, move) for body, move in moves)
+        for c in bodies.contacts:
+            rates = np.sum([move @ closing(bodies, c, body) for body, move in moves], axis=0)
+            if (rates[~c.set_aside] > RIGID.resisted * longest).any():
+                return False
+        return True
 
     def _creeps(self, moves: Moves) -> bool:
         """Whether all moves are shorter than the admitted overlap."""

@@ -24,7 +24,7 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.bulk.bodies import FloatingBody, centre_and_size, rigid_motions
-from fenics_mortar.rigid.body_motions import closing, nearly_touching
+from fenics_mortar.rigid.body_motions import bonded_motions, closing, nearly_touching
 from fenics_mortar.rigid.complementarity import nearest_below
 from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import LAST_DIGITS, SOLVED, Array, Indices
@@ -184,12 +184,14 @@ class IdleBodies:
         Neither do contact forces: a gap may be closed without any. Adhesion holds without a force.
         """
         bodies, found = self._bodies, dict[str, list[FloatingBody]]()
-        for body in bodies.bodies:
-            laws = [contact.pair.law for contact in bodies.contacts_of(body)]
-            adheres = any(law.has_adhesion or law.bridges_gap for law in laws)
-            pressed = bodies.is_loaded(body, self._before.get(body.label, 0.0))
-            if adheres or pressed or body.label in self._driven or bodies.repeats(body):
-                continue
+        idle = [
+            body
+            for body in bodies.bodies
+            if body.label not in self._driven
+            and not bodies.repeats(body)
+            and not bodies.is_loaded(body, self._before.get(body.label, 0.0))
+        ]
+        for body in bonded_motions(bodies, idle):
             aside = body.label in bodies.aside
             moved = aside and np.linalg.norm(self._motion(body)) > SOLVED * body.size
             where = "moved out of the way of other bodies" if moved else "left in place"
@@ -308,7 +310,7 @@ class IdleBodies:
         for c in self._bodies.contacts:
             if c.pair.law.has_friction and c.set_aside.any():
                 smallest = RIGID.weakest_spring * float(c.modulus.min())
-                slopes, _, _ = c.now.strength(smallest)
+                slopes, _ = c.now.strength(smallest)
                 slope = max(slope, float(slopes[c.set_aside].max()))
         largest = float(np.hypot(1.0, 1.0 / slope)) * float(overlaps.max(initial=0.0))
         return (1.0 + SOLVED) * largest + self._digits()

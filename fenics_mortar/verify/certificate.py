@@ -456,7 +456,7 @@ def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
     weight = contact.operators.weight
     covered = float(weight[near].sum())
     pressure = float(np.abs(loads).sum()) / covered if covered > 0.0 else 0.0
-    slope, shear, _ = contact.now.strength(pressure)
+    slope, shear = contact.now.strength(pressure)
     one = np.ones(len(opens))
     largest = 2.0 * float(slope[near].max(initial=0.0)) + LIMITS.negligible
     return Touching(

@@ -348,10 +348,8 @@ class SpaceAdmitted:
             overlaps: The overlaps.
             facets: Their depths, shape (k,) [facet sizes].
         """
-        kinds, edges = (
-            np.full(len(overlaps.depths), int(Kind.UNPAIRED)),
-            self._are_edges(x, overlaps),
-        )
+        kinds = np.full(len(overlaps.depths), int(Kind.UNPAIRED))
+        edges = self._are_edges(x, overlaps)
         for number, contact in enumerate(self._contacts):
             between = self._between(number, overlaps)
             nodes = np.zeros(len(self._hull.X), bool)

@@ -308,6 +308,22 @@ def rough_layer(columns, phase, sides, periods=1):
     return problem.contacts[0]
 
 
+@pytest.mark.parametrize("phase", [0.0, 0.05, 1.0])
+def test_contact_across_a_seam_is_one_region(phase):
+    """As resolved as in the middle of the cell, with two or three nodes on each side."""
+    data = read(build, grids=[Grid("layer", mapped(16, 4, lambda s, t: wavy(2.0 * s, t, phase)))])
+    pairs = [
+        fm.ContactPair(data, "layer/top", fm.Plane((0.0, 1.01), (0.0, -1.0))),
+        fm.TiedPair(data, "layer/right", "layer/left", translation=(2.0, 0.0)),
+    ]
+    report = problem_of(data, pairs, [("layer/bottom", np.zeros(2))]).solve()
+    assert not any("does not resolve" in text for text in report.certificate.remarks())
+
+
+def wavy(x, t, phase):
+    return x, t * (1.0 + 0.05 * np.cos(np.pi * (x - phase)))
+
+
 def test_a_periodic_rough_layer_is_a_part_of_a_wide_symmetric_one():
     wide = rough_layer(16, 1.0, "symmetric", periods=3)
     one = rough_layer(16, 1.0, "periodic")

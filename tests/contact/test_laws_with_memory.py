@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from law_scenes import HEIGHT, E, block_on_plane
 from refusal import refused
-from scenes import linear_elastic, pressed_blocks
+from scenes import internal, linear_elastic, pressed_blocks
 
+import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
@@ -208,3 +209,46 @@ def test_a_bond_is_damaged_by_opening_and_slip_together():
     push.value[:] = 0.09, 0.08
     problem.solve()
     assert np.abs([contact.pressure, contact.shear]).max() == 0.0
+
+
+@pytest.mark.parametrize("stiffness", [200.0, 2e3, 1e6])
+def test_an_elastic_bond_and_a_block_are_springs_in_series(stiffness):
+    """Whether the bond is softer or stiffer than the block."""
+    law = MixedCohesive(stiffness, strength=5.0, reach=1.0)
+    problem, push, _ = block_on_plane(law)
+    push.value[1] = 0.01
+    report = problem.solve()
+    traction = 0.01 / (1.0 / stiffness + HEIGHT / E)
+    assert problem.contacts[0].pressure == pytest.approx(-traction, rel=1e-9)
+    assert report.num_iterations < 10
+
+
+def test_an_elastic_bond_carries_a_body_without_other_supports():
+    """A closed bond has no force yet, but one that opens does."""
+    scene = pressed_blocks(
+        material=linear_elastic, nu=0.0, **SMALL, width_upper=1.0, width_lower=1.0
+    )
+    data, u = scene.data, scene.u
+    V = u.function_space
+    law = MixedCohesive(1e3, strength=5.0, reach=0.1)
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law)
+    ds = ufl.ds(subdomain_data=data.facet_tags)(data.boundary_tag("upper/top"))
+    residual = internal(u, linear_elastic(u, 100.0, 0.0)) - 2.0 * ufl.TestFunction(V)[1] * ds
+    bcs = [fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0))]
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="hung_")
+    assert problem.solve().certificate.violations() == []
+    assert problem.contacts[0].pressure == pytest.approx(-2.0, rel=1e-9)
+    assert problem.contacts[0].gap == pytest.approx(2e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("new", ["wear", "cohesive", "mixed cohesive", "field"])
+def test_a_new_law_may_be_asked_for_results_before_the_next_solve(new):
+    scene = pressed_blocks(pair={"law": fm.Coulomb(0.3)}, **SMALL)
+    problem = scene.problem
+    scene.loads["push"].value[:] = (0.01, -0.02)
+    problem.solve()
+    problem.contacts[0].pair.law = LAWS[new]
+    assert problem.certificate().pairs
+    assert problem.contacts[0].memory == {}  # that of the accepted state is kept
+    problem.solve()
+    assert tuple(problem.contacts[0].memory) == LAWS[new].memory

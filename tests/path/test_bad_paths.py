@@ -4,6 +4,8 @@
 import numpy as np
 import pytest
 from refusal import refused
+from remote_scenes import ring
+from scenes import linear_elastic
 from small_scenes import small_blocks
 
 from dolfinx import fem
@@ -62,3 +64,11 @@ def test_loads_that_never_change_are_remarked(in_place):
     remarks = [note for note in path.notes if "set_loads changed no constant" in note]
     assert len(remarks) == (0 if in_place else 1)
     assert all(note in str(path) for note in path.notes)
+
+
+@pytest.mark.parametrize("kind", [fm.RigidBoundary, fm.SpreadLoad])
+def test_loads_at_a_point_are_loads(kind):
+    problem, hub = ring(linear_elastic, columns=8, rows=1, load=kind)
+    options = fm.SteppingOptions(step=0.5)
+    path = fm.follow_path(problem, lambda time: hub.push(moment=0.01 * time), options)
+    assert path.finished and not path.notes

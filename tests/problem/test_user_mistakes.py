@@ -6,7 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
-from scenes import TIGHT, internal, linear_elastic, pressed_blocks, rotation
+from scenes import TIGHT, internal, linear_elastic, neo_hookean, pressed_blocks, rotation
 from small_scenes import small_blocks
 
 import ufl
@@ -115,6 +115,13 @@ def test_tables_have_no_negative_zero():
     assert format_point((-0.0, 1.0)) == "(0, 1)"
 
 
+class Sticky(fm.Coulomb):
+    """Friction, and an adhesion that ends at a gap of 0.1."""
+
+    def adhesion(self, gap):
+        return np.where(gap < 0.1, 1.0 - 10.0 * gap, 0.0), np.where(gap < 0.1, -10.0, 0.0 * gap)
+
+
 @pytest.mark.parametrize(
     "held, names",
     [
@@ -122,7 +129,10 @@ def test_tables_have_no_negative_zero():
         ("lower", "body 'upper'"),
         ("lower and hub", ""),
         ("lower, hub driven by no force", "body 'upper'"),
-        ("lower, upper by adhesion", ""),
+        ("lower, upper by adhesion", "body 'upper'"),
+        ("lower, upper by adhesion and friction", ""),
+        ("lower along y, upper by adhesion", "body 'lower' and body 'upper'"),
+        ("nothing, by adhesion", "body 'lower' and body 'upper'"),
         ("lower along y", "body 'lower'"),
     ],
 )
@@ -132,7 +142,7 @@ def test_bodies_without_supports_and_loads_are_reported(held, names):
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
     bcs, remote, law = [], [], None
-    if held != "nothing":
+    if "lower" in held:
         value = 0.0 if "along" in held else (0.0, 0.0)
         component = 1 if "along" in held else None
         bcs.append(fm.dirichlet(V, data, "lower/bottom", value, component))
@@ -141,7 +151,7 @@ def test_bodies_without_supports_and_loads_are_reported(held, names):
     if "driven" in held:
         remote[0].push(x=0.0, y=0.0, moment=0.0)
     if "adhesion" in held:
-        law = fm.laws.Cohesive(strength=1.0, reach=0.1)
+        law = Sticky(0.3) if "friction" in held else fm.laws.Cohesive(strength=1.0, reach=0.1)
     pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law)
     problem = fm.ContactProblem(
         internal(u, linear_elastic(u, 100.0, 0.3)), u, [pair],
@@ -149,10 +159,50 @@ def test_bodies_without_supports_and_loads_are_reported(held, names):
     )  # fmt: skip
     report = problem.solve()
     for texts in (report.notes, report.certificate.remarks()):
-        free = "move along (1, 0)" if "along" in held else "move and turn in any direction"
+        slides = "along" in held or held == "lower, upper by adhesion"
+        free = "move along (1, 0)" if slides else "move and turn in any direction"
         expected = f"holds {names}, and no contact force acts there; free to {free}: left in place"
         assert sum(expected in text for text in texts) == bool(names)
         assert any("nothing holds" in text for text in texts) == bool(names)
+
+
+def test_a_body_whose_bond_broke_is_reported():
+    data = small_blocks().data
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    grip = fm.RigidBoundary(data, "upper/top", pivot=(0.5, 1.0))
+    law = fm.laws.MixedCohesive(1e3, strength=0.1, reach=1e-3)
+    problem = fm.ContactProblem(
+        internal(u, linear_elastic(u, 100.0, 0.3)), u,
+        [fm.ContactPair(data, "upper/bottom", "lower/top", law=law)],
+        bcs=[fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0))], remote=[grip],
+        petsc_options_prefix="broken_",
+    )  # fmt: skip
+    grip.move(y=1e-3 + 2e-3)
+    problem.solve()
+    grip.push(x=0.0, y=0.0, moment=0.0)
+    (note,) = [note for note in problem.solve().notes if "nothing holds" in note]
+    assert "holds body 'upper'," in note and "free to move and turn in any direction" in note
+
+
+def test_bodies_that_fall_together_are_told_to_fall():
+    data = small_blocks().data
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    weight = 0.1 * v[1] * ufl.dx
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top")
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 100.0, 0.3)) + weight, u, [pair], petsc_options_prefix="fall_"
+    )
+    with pytest.raises(fm.NotConvergedError, match=r"can move along \(0, -1\) freely"):
+        problem.solve()
+
+
+def test_a_law_set_at_results_instead_of_the_pair_is_refused():
+    contact = small_blocks().problem.contacts[0]
+    with pytest.raises(AttributeError, match="law"):
+        contact.law = fm.Coulomb(0.3)
+    contact.pair.law = fm.Coulomb(0.3)
 
 
 @pytest.mark.parametrize("start", [0.0, 0.3])

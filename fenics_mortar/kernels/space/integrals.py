@@ -154,16 +154,6 @@ def combine(values, N, out):
 
 
 @kernel
-def combine_scalar(values, N, out):
-    """Fill ``out`` (3,) with sum_k N[., k] ``values`` (K,)."""
-    for a in range(3):
-        total = 0.0 * N[0, 0]
-        for k in range(values.size):
-            total += N[a, k] * values[k]
-        out[a] = total
-
-
-@kernel
 def weigh_weight(W, N, first, by):
     """F_j = N_j."""
     for j in range(N.shape[1]):
@@ -225,6 +215,15 @@ def weigh_vector(W, N, Phi, q, v, y, first, by):
 
 
 @kernel
+def lift(x, nodes, N, point):
+    """Fill ``point`` (3,) with the place on a facet at which shape functions are ``N`` (3, K)."""
+    for d in range(3):
+        point[d] = 0.0
+        for k in range(nodes.size):
+            point[d] += N[0, k] * x[nodes[k], d]
+
+
+@kernel
 def add_point(W, N, L, g, De, Me, G, B):
     """Add the contributions of a point to the integrals of one facet and of one pair."""
     for k in range(De.size):
@@ -238,8 +237,8 @@ def add_point(W, N, L, g, De, Me, G, B):
 
 
 @kernel
-def integrate_facets(geometry, slave, masters, offsets, rule, values):
-    """Integrate over slave facets and their pairs.
+def integrate_facets(geometry, slave, masters, offsets, rule, values, deepest=None):
+    """Integrate over slave facets and their pairs, or find the smallest gap of each pair.
 
     Args:
         geometry: (x (n, 3), n (n, 3), m (k, 3)): slave positions, normals, master positions.
@@ -252,12 +251,16 @@ def integrate_facets(geometry, slave, masters, offsets, rule, values):
             has partners, within ``SAME_PLACE``, bool; ``folded``: whether the facet is
             folded over its plane at a corner of a piece, or it or a master at a point, bool: the
             other values of the facet are meaningless then.
+        deepest: Instead of De, Me, G and B the smallest gaps at the points, inf without a common
+            part, shape (p,), and their places on the slave, shape (p, 3) [length]; filled.
     """
     x, _, m = geometry
     De, Me, G, B, complete, folded = values
     for array in (De, G):
         array[:] = 0.0
     Me[:], B[:] = 0.0, 0.0
+    if deepest is not None:
+        deepest[0][:] = np.inf
     own = slave.shape[1]
     facets, plane, polygon, table = points_work(x, (own, masters.shape[1]), rule)
     (frame, images, heights), (W, N, L) = plane, table
@@ -283,51 +286,12 @@ def integrate_facets(geometry, slave, masters, offsets, rule, values):
                     cover += signed_area(polygon[1], count).real
                     for q in range(points):
                         g, _ = gap_at(geometry, slave[e], masters[i], N[q], L[q], gap)
-                        add_point(W[q], N[q], L[q], g, De[e], Me[e], G[e], B[i])
+                        if deepest is None:
+                            add_point(W[q], N[q], L[q], g, De[e], Me[e], G[e], B[i])
+                        elif g < deepest[0][i]:
+                            deepest[0][i] = g
+                            lift(x, slave[e], N[q], deepest[1][i])
         complete[e] = abs(cover - whole) <= SAME_PLACE * whole
-
-
-@kernel
-def sample_gaps(geometry, slave, masters, offsets, rule, smallest, where):
-    """Find the smallest gap of each pair at the points of a rule in its cells.
-
-    Args:
-        geometry: See ``integrate_facets``.
-        slave: See ``integrate_facets``.
-        masters: See ``integrate_facets``.
-        offsets: See ``integrate_facets``.
-        rule: See ``integrate_facets``; that of the corners has the points (1, 0, 0) and so on.
-        smallest: Gaps, inf without a common part, shape (p,) [length]; filled.
-        where: Their places on the slave, shape (p, 3) [length]; filled.
-    """
-    x, _, m = geometry
-    own = slave.shape[1]
-    facets, plane, polygon, table = points_work(x, (own, masters.shape[1]), rule)
-    (frame, images, heights), (_, N, L) = plane, table
-    gap, master_pieces = np.empty((3, 3), x.dtype), facets[2]
-    smallest[:] = np.inf
-    for e in range(slave.shape[0]):
-        for piece in range(facets[0].shape[0]):
-            corners = facets[0][piece]
-            area = set_plane(x, slave[e], corners, frame)
-            flatten(x, slave[e], frame, 0, images, heights)
-            for i in range(offsets[e], offsets[e + 1]):
-                flatten(m, masters[i], frame, own, images, heights)
-                for other in range(master_pieces.shape[0]):
-                    count = common_part(images, corners, master_pieces[other], area, polygon)
-                    if count == 0:
-                        continue
-                    points, _ = tabulate_points(
-                        images, count, facets, (piece, other), rule, polygon, table
-                    )
-                    for q in range(points):
-                        g, _ = gap_at(geometry, slave[e], masters[i], N[q], L[q], gap)
-                        if g < smallest[i]:
-                            smallest[i] = g
-                            for d in range(3):
-                                where[i, d] = 0.0
-                                for k in range(own):
-                                    where[i, d] += N[q, 0, k] * x[slave[e, k], d]
 
 
 @kernel

@@ -34,7 +34,6 @@ from fenics_mortar.kernels.facets import add_row
 from fenics_mortar.kernels.space.clipping import chain_vertices
 from fenics_mortar.kernels.space.integrals import (
     combine,
-    combine_scalar,
     common_part,
     gap_at,
     points_work,
@@ -217,7 +216,7 @@ def weigh_point(geometry, nodes, W, N, L, coefficients, e, y, starts, wanted, wo
     if wanted[1]:
         weigh_slave_force(W, N, s[e], fields[0], starts[1], by)
     if wanted[2]:
-        combine_scalar(gamma[e], N, level)
+        combine(gamma[e].reshape((-1, 1)), N, level.reshape((3, 1)))
         g = differentiate_gap(geometry, nodes[0], nodes[1], N, L, gap, slopes)
         weigh_gap(W, N, Phi, g, slopes, gamma[e], level, starts[2], by)
         add_direct(W, N, L, Phi, gap, direct)

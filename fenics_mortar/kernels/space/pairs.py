@@ -23,6 +23,7 @@ from fenics_mortar.kernels.blocks import copy_row, copy_rows, grown, sort_rows
 from fenics_mortar.kernels.sight import reach_behind
 from fenics_mortar.kernels.space.clipping import clip, clipping_work, signed_area
 from fenics_mortar.kernels.space.inside import bulge, is_hidden, is_nearer_elsewhere
+from fenics_mortar.kernels.space.integrals import lift
 from fenics_mortar.kernels.space.normals import find_point, flatten, set_plane
 from fenics_mortar.kernels.space.shapes import piece_centres, pieces_of, triangles_of
 from fenics_mortar.kernels.tree import build_tree, query_tree, spatial_order
@@ -98,15 +99,6 @@ def distance_at(images, heights, V, count, centres, N, L):
     for l in range(L.shape[1]):
         distance += L[0, l] * heights[N.shape[1] + l]
     return distance
-
-
-@kernel
-def lift(x, nodes, N, point):
-    """Fill ``point`` (3,) with the place on a facet at which shape functions are ``N`` (3, K)."""
-    for d in range(3):
-        point[d] = 0.0
-        for k in range(nodes.size):
-            point[d] += N[0, k] * x[nodes[k], d]
 
 
 @kernel

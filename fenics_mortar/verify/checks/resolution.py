@@ -11,13 +11,15 @@ Regions with a corner or an end of the slave in them are left out, for these det
 a block that rests on its whole side, of any number of nodes, a punch, an edge that presses. So are
 regions between two ends of the master that are a facet apart or more, and below an obstacle with a
 radius of less than half a facet, a point support. There the pressure is singular, or does not
-matter, on each mesh; ``corners`` judges its direction. A symmetry plane is no
-end: the region continues beyond. In space a node at the rim has neighbours on one side only:
-regions most of whose nodes are at the rim, at a corner or at a sharp edge of the slave are left
-out, since their extent is that of the edge. A single node is not: a corner on a face, or two edges
-that cross, touch at a point, whose size under a force is that of the facets alone. The force at a
-given approach falls with their size until more nodes are active: measured on a cube's corner, by
-a factor of 7 from 2 to 8 cells a side, on crossed edges by 5 from 4 to 12.
+matter, on each mesh; ``corners`` judges its direction. A node that leaves its multiplier to a tie
+belongs to the region beside it; at the seam of a periodic cell it is an end of the slave, beyond
+which the region goes on across the seam. A symmetry plane is no end: the region continues beyond.
+In space a node at the rim has neighbours on one side only: regions most of whose nodes are at the
+rim, at a corner or at a sharp edge of the slave are left out, since their extent is that of the
+edge. A single node is not: a corner on a face, or two edges that cross, touch at a point, whose
+size under a force is that of the facets alone. The force at a given approach falls with their size
+until more nodes are active: measured on a cube's corner, by a factor of 7 from 2 to 8 cells a side,
+on crossed edges by 5 from 4 to 12.
 
 **Curves that do not fit.** Between nodes of two conforming curves with different straight facets
 there are gaps and overlaps of their sagitta, h^2 / (8 R). If the bodies approach each other by
@@ -143,6 +145,7 @@ def _narrow_regions(contact: Contact, pressure: Array) -> tuple[float, str]:
     if slave.dim == 2 and contact.at_vertices:  # inner nodes of facets have no multiplier
         active = active | (slave.inner & active[slave.previous] & active[slave.following])
     edges, facets = _edges_between_nodes(contact), _largest_facets(contact)
+    active = active | (contact.tied & ~contact.may_carry & _beside(active, edges))
     measure = partial(_on_curve, contact, facets)
     if slave.dim == 3:
         measure = partial(_on_faces, contact, facets, _surrounded(active, edges), _on_edge(contact))
@@ -180,10 +183,15 @@ def _edges_between_nodes(contact: Contact) -> Indices:
 
 def _surrounded(active: Flags, edges: Indices) -> Flags:
     """Active nodes whose neighbours are all active, shape (n,), bool."""
-    inside = active.copy()
-    inside[edges[~active[edges[:, 1]], 0]] = False
-    inside[edges[~active[edges[:, 0]], 1]] = False
-    return inside
+    return active & ~_beside(~active, edges)
+
+
+def _beside(nodes: Flags, edges: Indices) -> Flags:
+    """Nodes with a neighbour among ``nodes`` (n,), bool, likewise."""
+    found = np.zeros_like(nodes)
+    found[edges[nodes[edges[:, 1]], 0]] = True
+    found[edges[nodes[edges[:, 0]], 1]] = True
+    return found
 
 
 def _regions(active: Flags, edges: Indices) -> list[Indices]:
