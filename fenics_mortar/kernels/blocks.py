@@ -178,18 +178,31 @@ def pack_product(i, j, v, offsets, columns, values, numbers, num_columns, counts
         by_row[ends[i[e]]] = e
         ends[i[e]] += 1
     places = np.full(num_columns, -1)  # of columns among the packed ones of the row
+    factors, begins = np.empty(offsets.size - 1), np.full(offsets.size - 1, -1)
     begin, (row, entry) = 0, counts
     for r in range(numbers.size):
+        distinct = begin
         for p in range(begin, ends[r]):
-            e = by_row[p]
-            for q in range(offsets[j[e]], offsets[j[e] + 1]):
+            k, factor = j[by_row[p]], v[by_row[p]]
+            if begins[k] == begin:
+                factors[k] += factor
+            else:
+                begins[k], factors[k] = begin, factor
+                by_row[distinct] = k  # instead of an entry that was read
+                distinct += 1
+        for p in range(begin, distinct):
+            k = by_row[p]
+            for q in range(offsets[k], offsets[k + 1]):
                 column = columns[q]
                 if values[q] != 0.0:
-                    if places[column] < starts[row]:
+                    place = places[column]
+                    if place >= starts[row]:
+                        packed_values[place] += factors[k] * values[q]
+                    else:
                         places[column] = entry
-                        packed_columns[entry], packed_values[entry] = column, 0.0
+                        packed_columns[entry] = column
+                        packed_values[entry] = factors[k] * values[q]
                         entry += 1
-                    packed_values[places[column]] += v[e] * values[q]
         begin = ends[r]
         if entry > starts[row]:
             packed_rows[row] = numbers[r]
@@ -234,16 +247,49 @@ def sum_rows(rows, starts, columns, values, first, num_columns, sum_starts, sum_
             entry += 1
         for k in range(begin, ends[r]):
             for e in range(starts[by_row[k]], starts[by_row[k] + 1]):
-                if places[columns[e]] < start:
+                place = places[columns[e]]
+                if place >= start:
+                    sum_values[place] += values[e]
+                else:
                     places[columns[e]] = entry
-                    sum_columns[entry], sum_values[entry] = columns[e], 0.0
+                    sum_columns[entry], sum_values[entry] = columns[e], values[e]
                     entry += 1
-                sum_values[places[columns[e]]] += values[e]
         begin = ends[r]
-        order = np.argsort(sum_columns[start:entry])
-        sum_columns[start:entry] = sum_columns[start:entry][order]
-        sum_values[start:entry] = sum_values[start:entry][order]
         sum_starts[r + 1] = entry
+    sort_columns(sum_starts, sum_columns, sum_values, places)
+
+
+@kernel
+def sort_columns(starts, columns, values, ends):
+    """Sort the entries of rows by their columns, in time proportional to their number.
+
+    They are distributed to columns, row by row, and from these back to rows.
+
+    Args:
+        starts: Entries of row r are starts[r]:starts[r + 1].
+        columns: Their columns; sorted.
+        values: Their values; sorted likewise.
+        ends: Shape (number of columns,); overwritten.
+    """
+    ends[:] = 0
+    for e in range(starts[-1]):
+        ends[columns[e]] += 1
+    total = 0
+    for c in range(ends.size):
+        total, ends[c] = total + ends[c], total
+    rows, sorted_values = np.empty(total, np.int32), np.empty(total)
+    for r in range(starts.size - 1):
+        for e in range(starts[r], starts[r + 1]):
+            place = ends[columns[e]]
+            rows[place], sorted_values[place] = r, values[e]
+            ends[columns[e]] = place + 1
+    nexts, begin = starts[:-1].copy(), 0
+    for c in range(ends.size):
+        for e in range(begin, ends[c]):
+            place = nexts[rows[e]]
+            columns[place], values[place] = c, sorted_values[e]
+            nexts[rows[e]] = place + 1
+        begin = ends[c]
 
 
 @kernel

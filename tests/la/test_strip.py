@@ -9,7 +9,7 @@ from scenes import pressed_blocks
 from space_pairs import pressed
 
 import fenics_mortar as fm
-from fenics_mortar.la.multigrid import Replacement
+from fenics_mortar.la.multigrid import ContactPreconditioner, Replacement, Strip
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 12, "n_lower": 20, "layers_upper": 12, "layers_lower": 12}
@@ -49,7 +49,7 @@ def test_cycle_is_kept_while_a_small_share_of_the_active_nodes_changes():
     multigrid, _, scene = solved()
     active = scene.problem.equations.contacts[0].active
     assert active.sum() >= 10
-    multigrid._replacement, multigrid._sets = Replacement(), [active.copy()]
+    multigrid._replacement, multigrid._sets = Replacement(2), [active.copy()]
     multigrid._sets[0][np.flatnonzero(active)[:2]] = False
     assert not multigrid._is_outdated()
     multigrid._sets[0][:] = False
@@ -87,12 +87,34 @@ def test_factors_are_updated_with_values_and_renewed_with_the_pattern():
 
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_in_space_an_assembly_frees_what_belongs_to_the_last_matrix(algorithm):
+    """Factors only if the sets have changed."""
     problem = {"solver": "iterative", "algorithm": algorithm}
     scene = pressed("tetrahedron", law=fm.Coulomb(0.3), problem=problem)
     scene.move(0.02, 0.0, -0.04)
-    system = scene.problem.equations.system
-    before = system.matrix
+    system, (contact,) = scene.problem.equations.system, scene.problem.equations.contacts
+    before, strip = system.matrix, system.solver.multigrid._strip
     system.assemble()
     assert before.getRefCount() == 1  # that of this test
-    assert system.solver.multigrid._strip._factors is None
     assert system.matrix.handle != before.handle
+    assert strip._factors is not None
+    contact.change(active=contact.active & (np.arange(contact.active.size) % 3 > 0))
+    system.assemble()
+    assert strip._factors is None
+
+
+def test_in_space_the_strip_is_factored_while_sets_change(monkeypatch):
+    """Of a load step; with the factors of the iteration before, the solution is the same."""
+    made, states = [], []
+    compute = Strip._compute_factors
+    monkeypatch.setattr(Strip, "_compute_factors", lambda strip: made.append(compute(strip)))
+    for keeps in (True, False):
+        if not keeps:
+            monkeypatch.setattr(ContactPreconditioner, "_keeps_factors", lambda multigrid: False)
+        made.clear()
+        scene = pressed("tetrahedron", law=fm.Coulomb(0.3), problem={"solver": "iterative"})
+        report = scene.move(0.02, 0.0, -0.04)
+        changed = [it.num_changed > 0 for it in report.iterations[:-1]]
+        assert len(made) == (1 + sum(changed[1:]) if keeps else len(changed))
+        assert not keeps or len(made) < len(changed)
+        states.append(scene.problem.equations.bulk.values.copy())
+    assert np.abs(states[0] - states[1]).max() < 1e-9 * np.abs(states[1]).max()

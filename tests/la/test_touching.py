@@ -10,7 +10,7 @@ from scenes import pressed_blocks
 from space_pairs import pressed
 
 import fenics_mortar as fm
-from fenics_mortar.la import multigrid
+from fenics_mortar.la import multigrid, touching
 from fenics_mortar.la.touching import tangential_axes
 
 comm = MPI.COMM_WORLD
@@ -28,13 +28,14 @@ def enlarged(small, near, A):
     return large
 
 
-def checked(monkeypatch, dim=2):
+def checked(monkeypatch, dim=2, negligible=0.0):
     """Errors of the products of all cycles that are made from now on."""
     errors = []
+    monkeypatch.setattr(touching, "MIN_BLOCK", negligible)
     compute = multigrid.touching_tangent
 
-    def compared(A, near, motion, equations, axes):
-        B = compute(A, near, motion, equations, axes)
+    def compared(A, near, motion, equations, axes, stiffness):
+        B = compute(A, near, motion, equations, axes, stiffness)
         R = PETSc.Mat().createAIJ(A.getSizes(), nnz=dim, comm=comm)
         first, end = A.getOwnershipRange()
         for i, of_node in zip(range(first, end, dim), axes, strict=True):
@@ -80,6 +81,28 @@ def test_tangent_in_space_is_the_product_of_its_matrices(monkeypatch, algorithm)
     scene = pressed("tetrahedron", law=fm.Coulomb(0.3), problem=problem, turn=turn)
     scene.move(0.02, 0.0, -0.04)
     assert errors and max(errors) < 1e-14
+
+
+def test_negligible_blocks_are_left_out(monkeypatch):
+    entries, dropped, compute = [], [], multigrid.touching_tangent
+
+    def compared(*given):
+        few = compute(*given)
+        with monkeypatch.context() as context:
+            context.setattr(touching, "MIN_BLOCK", 0.0)
+            all_of_them = compute(*given)
+        entries.append([matrix.getInfo(True)["nz_used"] for matrix in (few, all_of_them)])
+        all_of_them.axpy(-1.0, few, ADD)
+        dropped.append(all_of_them.norm() / few.norm())
+        return few
+
+    c, s = np.cos(0.3), np.sin(0.3)
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    scene = pressed("tetrahedron", problem={"solver": "iterative"}, turn=turn)
+    monkeypatch.setattr(multigrid, "touching_tangent", compared)
+    scene.move(0.02, 0.0, -0.04)
+    assert entries and all(few < 0.95 * many for few, many in entries)
+    assert max(dropped) < 1e-3
 
 
 def test_tangential_axes_are_those_along_the_contact():
