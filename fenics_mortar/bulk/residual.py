@@ -31,11 +31,11 @@ from fenics_mortar.bulk.history import History
 from fenics_mortar.bulk.node_blocks import CellBlocks, come_in_pairs
 from fenics_mortar.mesh.space import DisplacementSpace, by_input_node, set_by_input_node
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices, Numbers
+from fenics_mortar.utils.arrays import EPSILON, ROUNDING, TINY, Array, Flags, Indices, Numbers
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.compat import free_garbage
 from fenics_mortar.utils.errors import MortarError, call_together, check_same, count_points
-from fenics_mortar.utils.ranks import on_all_ranks, on_any_rank
+from fenics_mortar.utils.ranks import largest_over_ranks, on_all_ranks, on_any_rank
 
 
 class InputData:
@@ -233,9 +233,9 @@ def _row_sizes(matrix: PETSc.Mat, columns: Array) -> Array:
     scaled.diagonalScale(None, scale)
     starts, _, values = scaled.getValuesCSR()
     scaled.destroy()
-    rows = np.repeat(np.arange(columns.size), np.diff(starts))
-    sizes = np.zeros(columns.size)
-    np.maximum.at(sizes, rows, np.abs(values))
+    sizes, filled = np.zeros(columns.size), np.diff(starts) > 0
+    if filled.any():
+        sizes[filled] = np.maximum.reduceat(np.abs(values), starts[:-1][filled])
     return sizes
 
 
@@ -515,6 +515,39 @@ class Bulk:
             sizes /= self.units
         mine = float(sizes.max(initial=0.0))
         return mine if self.comm.size == 1 else float(self.comm.allreduce(mine, MPI.MAX))
+
+    @cached_property
+    def _fields(self) -> list[Indices]:
+        """Owned dofs of the parts of a mixed function other than the displacement (collective)."""
+        whole, count = self.space.whole, self.space.whole.num_sub_spaces
+        others = [whole.sub(part) for part in range(count) if part != self.space.part]
+        dofs = [compat.collapsed(other)[1] for other in others]
+        return [some[some < self.num_owned] for some in dofs]
+
+    def field_change(self, step: Array, force: float) -> float:
+        """Largest change of a field but the displacement over its largest value [1] (collective).
+
+        A coupling with the displacement may be so weak that the field's equation has no part in
+        the residual. Changes by rounding do not count: of the terms of the equation, or of flows as
+        large, in the units of the user, as the forces.
+
+        Args:
+            step: Changes of the unknowns, owned ones first, shape (num_owned,) or longer.
+            force: Reference force [stress length].
+        """
+        if not self._is_mixed:
+            return 0.0
+        mine, x, diagonal = [], self.values[: self.num_owned], np.abs(self.K.getDiagonal().array_r)
+        rounded = 4.0 * EPSILON * np.sqrt(self.num_dofs) * (_row_sizes(self.K, x) + force)
+        for dofs in self._fields:
+            has_own = diagonal[dofs] > 0.0
+            own = np.where(has_own, diagonal[dofs], 1.0)
+            noise = np.where(has_own, rounded[dofs] / own, np.inf)
+            of_field = np.abs(step[dofs]), np.abs(x[dofs]), noise
+            mine.append([values.max(initial=0.0) for values in of_field])
+        sizes = largest_over_ranks(self.comm, np.array(mine).reshape(-1, 3))
+        counts = (change / max(value, TINY) for change, value, noise in sizes if change > noise)
+        return max(counts, default=0.0)
 
     def by_input_node(self) -> tuple[Indices, Array]:
         """Identifiers (n, k) and values (n, dim) of all nodes, see ``mesh.space`` (collective)."""

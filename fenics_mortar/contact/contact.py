@@ -223,10 +223,6 @@ class Contact(Interface):
         """Leave slave nodes (slave nodes,), bool, out of contact, see ``set_aside`` (local)."""
         self.set_aside = nodes
 
-    def lead_by(self, turns: Callable[[], tuple[Array, ...]]) -> None:
-        """Set ``turns``: rigid boundaries lead the bodies of some nodes (local)."""
-        self.turns = turns
-
     def soften(self, *, with_derivative: bool) -> None:
         """Whether bonds that soften have their derivative, up to a limit (local)."""
         self.max_softening = MAX_SOFTENING if with_derivative else 0.0
@@ -349,6 +345,10 @@ class Contact(Interface):
             gap=np.where(self.covered, now.mean_gap, np.inf), turns=turns,
         )  # fmt: skip
         self.change(accepted_partners=found)
+
+    def lead_by(self, turns: Callable[[], tuple[Array, ...]]) -> None:
+        """Set ``turns``: rigid boundaries lead the bodies of some nodes (local)."""
+        self.turns = turns
 
     def partners_at(self, fields: Any) -> Any:
         """Partners at the accepted state of some fields (collective)."""

@@ -373,11 +373,11 @@ class ContactEquations:
             for flux in contact.fluxes:
                 flux.move(z, fraction, step, self.motions.of_obstacle(contact, increment.motion))
             contact.move(z, fraction, step)
-        size = self.bulk.largest(step)
+        size = 0.0
         if increment.motion.size:
             self.motions.move(fraction * increment.motion)
-            size = max(size, float(np.abs(increment.motion).max()))
-        return self.step(size, fraction, increment.remark)
+            size = float(np.abs(increment.motion).max())
+        return self.step(step, size, fraction, increment.remark)
 
     def _adopt_linearized_sets(self, snap: bool) -> bool:
         """Adopt the sets of the linearized problem; return whether they were found."""
@@ -388,18 +388,23 @@ class ContactEquations:
         self.bulk.assemble_tangent()
         return linearized.choose_sets(self._redundancy.mark, snap=snap)
 
-    def step(self, increment: float, fraction: float = 1.0, note: str = "") -> Step:
+    def step(
+        self, change: Array, motion: float = 0.0, fraction: float = 1.0, note: str = ""
+    ) -> Step:
         """Record of a step.
 
         Args:
-            increment: Largest increment [length].
+            change: Change of the unknowns of the bulk, owned ones first, shape (owned dofs,).
+            motion: Largest motion of obstacles and remote loads [length].
             fraction: Fraction of the increment that was applied [1].
             note: Remark.
         """
         moved = self.motions.largest() if self.motions.movers else 0.0
         displacement = max(self.bulk.largest(self.bulk.values), moved)
         size = max(displacement, EQUATIONS.at_rest * self._shortest_facet, TINY)
-        return Step(increment / size, fraction, note)
+        relative = max(self.bulk.largest(change), motion) / size
+        of_fields = self.bulk.field_change(change, self.residual.force)
+        return Step(max(relative, of_fields), fraction, note)
 
     # States
 

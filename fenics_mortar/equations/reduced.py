@@ -97,7 +97,7 @@ class ReducedEquations:
         for contact, z_dofs in self._system.numbered():
             z = zeta[z_dofs] * self._system.scale(contact)
             contact.move(z, fraction, moved[: self._bulk.num_owned])
-        return self._general.step(self._bulk.largest(moved), fraction)
+        return self._general.step(moved, fraction=fraction)
 
     def _distorts(self, step: Array) -> bool:
         """Whether a step may invert cells, by the relative motion of corners.

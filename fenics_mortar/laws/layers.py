@@ -115,9 +115,6 @@ class SoftLayer(Coulomb):
 class Cohesive(Frictionless):
     """Cohesive zone with linear softening; it unloads to the origin, and damage is irreversible.
 
-    After unloading from a small opening the line to the origin is steep, and Newton's method may
-    alternate between both lines: take steps with larger openings.
-
     Args:
         strength: Largest adhesion [stress].
         reach: Gap at which the adhesion vanishes [length]; the energy is strength * reach / 2.

@@ -197,7 +197,8 @@ class NewtonOptions:
         max_iterations: Largest number of linear systems, of each attempt; twice as many in a line
             search that follows full steps without success, with friction.
         residual_tolerance: Residual over the largest force so far [1].
-        increment_tolerance: Largest displacement increment over the largest displacement [1].
+        increment_tolerance: Largest displacement increment over the largest displacement, and that
+            of each other field of a mixed function over its largest value [1].
         line_search: Halve steps that raise the residual; see ``Damped``.
         max_motion: Largest motion of a surface in one iteration over its shortest facet [1].
         tentative: Fail at once instead of trying fallbacks; the caller has another initial guess.

@@ -219,6 +219,7 @@ class IdleBodies:
             evaluate: Function that evaluates the operators at the present state.
         """
         bodies, creeping = self._bodies, 0
+        self._bring_home()
         while idle := [body for body in self._unloaded if body.label in bodies.aside]:
             evaluate()
             desired = -np.concatenate([self._motion(body) for body in idle])
@@ -238,6 +239,20 @@ class IdleBodies:
                 creeping += fraction == 1.0
                 for body, coefficients in zip(idle, np.split(move, ends), strict=True):
                     bodies.move(body, fraction * coefficients)
+
+    def _bring_home(self) -> None:
+        """Put bodies set aside back that are farther away than one move: Newton steps throw them.
+
+        They are not held in the tangent where they were in contact before.
+        """
+        bodies, bulk = self._bodies, self._bodies.bulk
+        for body in self._unloaded:
+            motion = self._motion(body)
+            is_far = np.linalg.norm(motion) > RIGID.largest_move * body.size
+            if body.label in bodies.aside and is_far:
+                dofs = bulk.space.dofs[bodies.labels == body.label]
+                bulk.u.x.array[dofs] = self._home[dofs]
+                bodies.held.move(body, -motion)
 
     def review(self) -> int:
         """Set bodies aside that no contact force acts on any more; return their number.

@@ -488,6 +488,24 @@ def test_a_field_without_part_in_the_stress_leaves_its_accuracy():
     assert report.allowed < 1e-5 * report.force and report.certificate.balance < 1e-6
 
 
+@pytest.mark.parametrize("alpha", [1e-9, 1e-15])
+def test_a_field_of_little_part_in_the_stress_converges(alpha):
+    """Of nonlinear conduction: as residuals are measured as forces, that of T hardly counts."""
+    flows = []
+    for expansion in (alpha, 1e-3):
+        scene = stacked((5, 7), alpha=expansion)
+        more = 0.5 * scene.T**2 * ufl.inner(ufl.grad(scene.T), ufl.grad(scene.test))
+        scene.residual = scene.residual + more * scene.dx
+        heat = fm.Conductance(1, 2.0)
+        problem = scene.problem(
+            [fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[heat])]
+        )
+        scene.set(top=-0.02, hot=20.0)
+        problem.solve()
+        flows.append(problem.contacts[0].fluxes[0].into_master)
+    assert flows[0] == pytest.approx(flows[1], rel=1e-10)
+
+
 # Bad input
 
 

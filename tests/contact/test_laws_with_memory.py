@@ -252,3 +252,19 @@ def test_a_new_law_may_be_asked_for_results_before_the_next_solve(new):
     assert problem.contacts[0].memory == {}  # that of the accepted state is kept
     problem.solve()
     assert tuple(problem.contacts[0].memory) == LAWS[new].memory
+
+
+@pytest.mark.parametrize("law", [Cohesive(1.0, 0.2), MixedCohesive(1e5, 1.0, 0.2)], ids=repr)
+def test_bonds_unload_and_load_again_along_a_steep_line(law):
+    """The line to the origin is three times as steep as the elastic line of a surface node."""
+    scene = pressed_blocks(pair={"law": law}, material=linear_elastic, **SMALL)
+    scene.loads["push"].value[1] = 0.0165
+    scene.problem.solve()
+    forces = {}
+    for motion in (0.008, 0.0, 0.004, 0.008, 0.0165):
+        scene.loads["push"].value[1] = motion
+        report = scene.problem.solve()
+        assert report.num_iterations <= 8 and report.certificate.violations() == []
+        force = scene.contact.total_force[1]
+        assert force == pytest.approx(forces.setdefault(motion, force), rel=1e-6)
+    assert forces[0.004] == pytest.approx(0.5 * forces[0.008], rel=1e-3)

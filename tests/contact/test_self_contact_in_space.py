@@ -218,7 +218,6 @@ VARIANTS = {
 }  # fmt: skip
 
 
-@pytest.mark.once
 @pytest.mark.parametrize("name", VARIANTS)
 def test_other_elements_and_equations_agree_with_chosen_sides(name):
     options, of_pair = VARIANTS[name]

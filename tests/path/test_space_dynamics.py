@@ -116,7 +116,6 @@ def test_corners_of_single_tetrahedra_find_nodes_that_take_over_their_mass():
     assert record.steps[-1].energies.total == pytest.approx(record.start.total, rel=1e-7)
 
 
-@pytest.mark.once
 @pytest.mark.parametrize("scheme", ["conserving", "generalized_alpha"])
 def test_blocks_of_one_list_of_surfaces_collide_as_those_of_pairs(scheme):
     """Self-contact: momenta and energy remain; with all masses it is the motion of two pairs."""

@@ -9,6 +9,7 @@ from scenes import linear_elastic, neo_hookean
 import fenics_mortar as fm
 from fenics_mortar.newton.loop import solve
 from fenics_mortar.rigid.complementarity import nonnegative_least_squares
+from fenics_mortar.rigid.idle import IdleBodies
 
 # Rounding of gaps over the size of the scene [1]: of sums over the nodes of a facet.
 ROUNDING = 1e-13
@@ -266,3 +267,24 @@ def test_an_idle_body_does_not_stay_pressed_on_its_spring():
     carried = {name: fraction for name, fraction, _ in equations.springs.fractions()}
     assert carried["body 'idle0'"] == 0.0
     assert not any(contact.z.any() for contact in pairs_of(scene, "idle0"))
+
+
+def test_a_body_set_aside_that_a_step_throws_far_is_brought_home_at_once(monkeypatch):
+    """Newton steps from wrong contacts throw idle bodies by many times their size."""
+    scene, place, rounds = row(0.3, loads=(1.0,)), IdleBodies.place, []
+
+    def thrown(self, evaluate):
+        aside = [body for body in self._unloaded if body.label in self._bodies.aside]
+        for body in aside if not rounds else ():
+            self._bodies.move(body, 40.0 * body.size * np.eye(len(body.motions))[1])
+
+        def counted():
+            rounds.append(1)
+            return evaluate()
+
+        return place(self, counted)
+
+    monkeypatch.setattr(IdleBodies, "place", thrown)
+    list(scene.solve())
+    assert rounds and len(rounds) < 20
+    assert np.abs(scene.motion("idle0")).max() < 1e-2
