@@ -163,7 +163,7 @@ class Contact(Interface):
             self.slave = self.master = in_contact_with_itself(self.slave, self.may_carry)
         if not self.may_carry.any():
             raise SurfaceError(f"all nodes of slave surface '{pair.slave_name}' are prescribed")
-        self.max_softening = MAX_SOFTENING  # 0 in a second attempt
+        self.omit_softening(always=False)
         self.set_aside: Flags = np.zeros(self.slave.num_nodes, bool)
         self.turns: Callable[[], tuple[Array, ...]] = lambda: ()
         self.arm = self.slave.extent
@@ -222,10 +222,6 @@ class Contact(Interface):
     def leave_out(self, nodes: Flags) -> None:
         """Leave slave nodes (slave nodes,), bool, out of contact, see ``set_aside`` (local)."""
         self.set_aside = nodes
-
-    def soften(self, *, with_derivative: bool) -> None:
-        """Whether bonds that soften have their derivative, up to a limit (local)."""
-        self.max_softening = MAX_SOFTENING if with_derivative else 0.0
 
     def limit_sight(self, outline: Outline) -> Outline:
         """See ``Interface``; the outline limits the distance of partners behind the slave."""
@@ -458,6 +454,10 @@ class Contact(Interface):
         ]  # fmt: skip
         return place_between(*ends)
 
+    def omit_softening(self, *, always: bool) -> None:
+        """Leave the derivative of softening adhesion out, always or of fast softening (local)."""
+        self.max_softening = 0.0 if always else MAX_SOFTENING
+
     def adopt_law(self) -> None:
         """Adopt the present law of the pair (collective).
 
@@ -469,7 +469,7 @@ class Contact(Interface):
             self.change(accepted_instant=self._state.start_instant)
 
     def _read_law(self, before: Instant | None) -> Instant:
-        """Read parameters and memory of the present law; results may be asked before a solve.
+        """Read parameters and memory of the present law; results may be asked for at any time.
 
         Collective.
 

@@ -41,7 +41,14 @@ from fenics_mortar.interface.reference import AT_VERTICES, Basis
 from fenics_mortar.interface.space_mortar import evaluate_space
 from fenics_mortar.interface.surfaces import POINTS, Surface
 from fenics_mortar.interface.traces import extract_surface
-from fenics_mortar.kernels.space.shapes import ALLOWED, FINE, FINE_QUADRATIC, LINEAR, QUADRATIC
+from fenics_mortar.kernels.space.shapes import (
+    ALLOWED,
+    FINE,
+    FINE_QUADRATIC,
+    LINEAR,
+    QUADRATIC,
+    points_for,
+)
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import SurfaceError, format_point
@@ -207,11 +214,13 @@ def _points_in_space(choice: Discretization, slave: Any, master: Any) -> int:
     points = choice.points
     allowed = [n for n in ALLOWED if n >= slave.facets.shape[1]]
     if points is None:
-        distorted = max(slave.distortion, master.distortion) > DISTORTED
         few, many = (LINEAR, FINE) if slave.degree == 1 else (QUADRATIC, FINE_QUADRATIC)
-        as_others = choice == PRESETS["other_codes"]
+        if choice == PRESETS["other_codes"]:
+            return few
+        distortion, warp = map(max, slave.distortion, master.distortion)
         aligned = slave is master  # sides of a fold have the same mesh, edges coincide
-        return many if (distorted or aligned) and not as_others else few
+        least = many if distortion > DISTORTED or aligned else few
+        return max(least, points_for(slave.degree, distortion, warp))
     if points not in allowed:
         raise ValueError(
             f"points={points}: expected one of {', '.join(map(str, allowed))}, the points of the "

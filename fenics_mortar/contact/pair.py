@@ -84,11 +84,11 @@ class Discretization:
         points: Gauss points per segment, with "elements" per slave facet; at least as many as a
             facet has nodes. ``None``: 5, with "elements" 5 per interval between two nodes. In
             space points per triangle of the common part of two facets, of a rule of 3, 6, 7, 12,
-            16, 25 or 36 points. ``None``: 7, on quadratic facets 12, which are exact for
-            parallelograms and straight-sided triangles; 16 or 25 on surfaces with other quads,
-            where the integrands are rational, and in self-contact, where edges of both sides of a
-            fold coincide. On other quads a uniform pressure passes to 2e-9 with 16 points if nodes
-            are moved by 20 %, and to rounding with 36. The pieces of quadratic facets have straight
+            16, 25, 36, 49 or 64 points. ``None``: 7, on quadratic facets 12, which are exact for
+            parallelograms and straight-sided triangles; at least 16 or 25 on surfaces with other
+            quads, where the integrands are rational, and in self-contact, where edges of both sides
+            of a fold coincide. Plane quads have as many as a uniform pressure needs to pass to
+            1e-11, if nodes are moved by at most 20 %. The pieces of quadratic facets have straight
             edges: edges that bend within the surface leave an error.
         slip: Measure of slip for friction, see ``slip``. "partners": motion of a node along the
             material points that it faced at the start of the step. "operators": changes of D and M,

@@ -423,13 +423,13 @@ class Solver:
         contacts = [c for c in e.contacts if isinstance(c, Contact)]
         try:
             for c in contacts:
-                c.soften(with_derivative=False)
+                c.omit_softening(always=True)
             report = then_solve(failed.report, self._newton(damped))
         except NotConvergedError as error:
             raise NotConvergedError(str(failed), error.report) from None
         finally:
             for c in contacts:
-                c.soften(with_derivative=True)
+                c.omit_softening(always=False)
         self._damps_first = damped
         return report
 

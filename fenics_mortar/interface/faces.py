@@ -145,16 +145,19 @@ class Faces(Surface):
         return np.asarray(self.shape_integrals.sum(axis=1))
 
     @cached_property
-    def distortion(self) -> float:
+    def distortion(self) -> tuple[float, float]:
         """Largest distance of the middles of a facet's diagonals over the root of its area [1].
 
-        Zero for parallelograms and triangles.
+        Also the largest one across the facet. Zero for parallelograms and triangles.
         """
         if CORNERS[self.facets.shape[1]] == 3 or not len(self.facets):
-            return 0.0
+            return 0.0, 0.0
         x = self.X[self.facets[:, :4]]
-        between = 0.5 * (x[:, 0] - x[:, 1] + x[:, 2] - x[:, 3])
-        return float((np.linalg.norm(between, axis=1) / self.facet_sizes).max())
+        between = 0.5 * (x[:, 0] - x[:, 1] + x[:, 2] - x[:, 3]) / self.facet_sizes[:, None]
+        n = np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
+        n /= np.linalg.norm(n, axis=1, keepdims=True)
+        across = np.abs(np.einsum("fi,fi->f", between, n))
+        return float(np.linalg.norm(between, axis=1).max()), float(across.max())
 
     def welded(self, welds: Indices) -> Faces:
         """The surface itself: nodes of ties are not joined in space (local)."""

@@ -43,6 +43,9 @@ DIRECT = {
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 50,
 }
+# After a failure: pivots of saddle points, as where friction holds a block of 27 nodes in a box,
+# may need far more than the estimate (MUMPS error -9).
+MORE_MEMORY = {"mat_mumps_icntl_14": 1000}
 # Elimination order in blocks: AMD of SuiteSparse, which newer PETSc lists under a separate name, or
 # PETSc's nested dissection: on grids its factors have 2 to 7 % more entries. Reports say so.
 ORDER = "amd" if compat.petsc_has("suitesparse", "amd") else "nd"

@@ -26,6 +26,7 @@ from fenics_mortar.la.options import (
     COMPLIANCE,
     COSTS,
     DIRECT,
+    MORE_MEMORY,
     ORDERED,
     SMALL,
     WITHOUT_PIVOTING,
@@ -360,7 +361,9 @@ class LinearSolver:
         self.forcing = 0.0
         is_new = self._reads_options
         solution, failure = self._attempt(matrix, rhs, transpose)
-        if failure and self._pivots:  # the elimination order may be unsuitable for new values
+        if failure and self._pivots:  # order or memory may be unsuitable for new values
+            if self._is_direct:
+                self._options = self._options | MORE_MEMORY
             self._reset()
             solution, failure = self._attempt(matrix, rhs, transpose)
         if not failure:

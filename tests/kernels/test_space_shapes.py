@@ -55,7 +55,7 @@ def test_pieces_fill_the_reference_facet(kind):
     )
 
 
-DEGREES = {3: 2, 6: 4, 7: 5, 12: 6, 16: 7, 25: 9, 36: 11}
+DEGREES = {3: 2, 6: 4, 7: 5, 12: 6, 16: 7, 25: 9, 36: 11, 49: 13, 64: 15}
 
 
 @pytest.mark.parametrize("points", ALLOWED)
@@ -69,7 +69,7 @@ def test_rules_are_exact_up_to_their_degree_and_symmetric(points):
         return abs(weights @ (bary[:, 0] ** i * bary[:, 1] ** j) - exact)
 
     assert max(error(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)) < 1e-14
-    assert max(error(i, degree + 1 - i) for i in range(degree + 2)) > 1e-9
+    assert max(error(i, degree + 1 - i) for i in range(degree + 2)) > 1e-12
     if points in COLLAPSED:
         return
     turned = np.roll(bary, 1, axis=1)

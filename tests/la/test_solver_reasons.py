@@ -3,13 +3,16 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
+import space_supported
 from scenes import linear_elastic, pressed_blocks
 
 import fenics_mortar as fm
 from fenics_mortar.la import solver
 from fenics_mortar.la.options import COSTS
 from fenics_mortar.utils import compat
+from meshes.mapped_boxes import Box, block
 
 pytestmark = pytest.mark.serial
 MESH = {"n_upper": 4, "n_lower": 5, "layers_upper": 2, "layers_lower": 2}
@@ -63,3 +66,14 @@ def test_earlier_factors_are_counted_anew_in_each_solve(monkeypatch):
         report = scene.problem.solve()
         phrase = f"of {report.num_iterations} solutions by gmres with earlier factors"
         assert phrase in report.solver
+
+
+def test_factors_get_more_memory_where_pivots_need_it():
+    """Friction holds a block between three planes; the estimate of MUMPS is too low for it."""
+    made = space_supported.scene(Box("block", block((2, 2, 2))), load=(0.05, 0.0, -0.3))
+    planes = {"bottom": ((0, 0, 0), (0, 0, 1)), "left": ((0, 0, 0), (1, 0, 0))}
+    planes["right"] = (1, 0, 0), (-1, 0, 0)
+    made.touch(*[(f"block/{side}", fm.Plane(*plane)) for side, plane in planes.items()], mu=0.8)
+    assert made.problem.solve().num_iterations <= 8
+    force = sum(contact.forces.sum(axis=0) for contact in made.problem.contacts)
+    assert np.abs(force - [-0.05, 0.0, 0.3]).max() < 1e-9

@@ -27,11 +27,14 @@ from scenes import (
 )
 from scipy.optimize import brentq
 
+import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.energies import lame
+from fenics_mortar.obstacles.rigid_motion import rotation_by
 from meshes import two_blocks
+from meshes.mapped_boxes import Box, mapped, mesh
 
 E, NU, STRETCH = 100.0, 0.3, 0.9
 RATIOS = [(4, 4), (5, 7), (3, 10), (1, 17)]
@@ -168,3 +171,33 @@ def test_pressure_under_a_plane_is_uniform(angle, integration, degree):
     problem.solve()
     z = problem.equations.contacts[0].pressure
     assert np.abs(z / pressure - 1).max() < EXACT
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("jiggle", [0.02, 0.1, 0.2])
+def test_a_uniform_pressure_passes_jiggled_hexahedra(jiggle, degree):
+    """In space, on a turned plane; facets are no parallelograms."""
+    turned = rotation_by(np.array([0.4, -0.7, 0.2]))
+
+    def box(counts, low, high, seed):
+        def position(*parameters):
+            x = (a + (b - a) * s for a, b, s in zip((0.0, 0.0, low), (1.0, 1.0, high), parameters))
+            return np.einsum("ij,j...->i...", turned, np.array(np.broadcast_arrays(*x)))
+
+        return mapped(counts, position, order=degree, jiggle=jiggle, seed=seed)
+
+    boxes = [Box("lower", box((3, 2, 1), 0.0, 0.7, 1)), Box("upper", box((2, 3, 1), 0.7, 1.5, 2))]
+    data = mesh(boxes, order=degree)
+    V = fm.vector_space(data.mesh, degree)
+    u, u_e = fem.Function(V), fem.Function(V)
+    strain = turned @ np.diag([NU, NU, -1.0]) @ turned.T / E
+    u_e.interpolate(lambda x: strain @ x)
+    psi = fm.energies.linear_elastic(u, *lame(E, NU))
+    residual = ufl.derivative(psi * ufl.dx(degree=2 * degree + 1), u, ufl.TestFunction(V))
+    bcs = [fm.dirichlet(V, data, side, u_e) for side in ("lower/bottom", "upper/top")]
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top")
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="jiggled_")
+    problem.solve()
+    # per deformed area
+    expected = 1.0 / (1.0 + NU / E) ** 2
+    assert problem.contacts[0].pressure == pytest.approx(expected, rel=2.0 * EXACT)

@@ -161,11 +161,15 @@ def prescribed(problem: Any) -> np.ndarray:
 
 
 def areas(problem: Given) -> np.ndarray:
-    """Integrals of the shape functions over the slave surface per thickness, shape (k,)."""
-    ends = problem.x[problem.slave[problem.facets]]
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    shares = [1 / 2, 1 / 2] if problem.facets.shape[1] == 2 else [1 / 6, 1 / 6, 2 / 3]
-    return np.bincount(problem.facets.ravel(), np.outer(length, shares).ravel())
+    """Integrals of the shape functions over the slave surface, in the plane per thickness, (k,)."""
+    (dim, count), x = (problem.x.shape[1], problem.facets.shape[1]), problem.x[problem.slave]
+    first, second, *others = x[problem.facets].transpose(1, 0, 2)
+    size = np.linalg.norm(second - first, axis=1)
+    shares = [1 / 6, 1 / 6, 2 / 3] if (dim, count) == (2, 3) else count * [1 / count]
+    if dim == 3:  # the area of a rectangle or a triangle
+        size = np.linalg.norm(np.cross(second - first, others[0] - first), axis=1)
+        size *= 1.0 if count == 4 else 0.5
+    return np.bincount(problem.facets.ravel(), np.outer(size, shares).ravel())
 
 
 def measure(name: str, pose: Pose, n: int, element: str, graded: bool, repeats: int) -> Row:

@@ -26,8 +26,14 @@ from scipy.sparse.linalg import splu
 
 from demos.studies.accuracy.peer import Answer, Given, Solve, areas, run
 
-# Corners of NGSolve's reference cells
-CORNERS = {3: [(1, 0), (0, 1), (0, 0)], 4: [(0, 0), (1, 0), (1, 1), (0, 1)]}
+# Corners of NGSolve's reference cells, by dimension and number of corners
+SQUARE = [(0, 0), (1, 0), (1, 1), (0, 1)]
+CORNERS = {
+    (2, 3): [(1, 0), (0, 1), (0, 0)],
+    (2, 4): SQUARE,
+    (3, 4): [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0)],
+    (3, 8): [(*corner, height) for height in (0, 1) for corner in SQUARE],
+}
 # Penalty times facet length over Young's modulus [1], order of the quadrature of the overlap
 PENALTY, ORDER = 20.0, 8
 
@@ -79,9 +85,9 @@ def energy_density(u: ng.CF, mu: float, lmbda: float, finite: bool) -> ng.CF:
     if not finite:
         strain = ng.Sym(ng.Grad(u))
         return mu * ng.InnerProduct(strain, strain) + lmbda / 2 * ng.Trace(strain) ** 2
-    F = ng.Id(2) + ng.Grad(u)
+    F = ng.Id(u.dim) + ng.Grad(u)
     log = ng.log(ng.Det(F))
-    return mu / 2 * (ng.InnerProduct(F, F) - 2) - mu * log + lmbda / 2 * log**2
+    return mu / 2 * (ng.InnerProduct(F, F) - u.dim) - mu * log + lmbda / 2 * log**2
 
 
 class Space:
@@ -97,8 +103,9 @@ class Space:
     """
 
     def __init__(self, problem: Given) -> None:
-        corners = 3 if problem.cells.shape[1] in (3, 6) else 4
-        order = 1 if corners == problem.cells.shape[1] else 2
+        self._dim, count = problem.x.shape[1], problem.cells.shape[1]
+        corners = {6: 3, 9: 4}.get(count, count)
+        order = 1 if corners == count else 2
         self.mesh = ng.Mesh(netgen_mesh(problem, corners))
         self.fes = ng.VectorH1(self.mesh, order=order)
         self.basis = basis_at_nodes(ng.H1(self.mesh, order=order), problem, corners)
@@ -111,29 +118,29 @@ class Space:
         if order == 2:
             self._curved = ng.GridFunction(self.fes)
             self.put(self._curved, problem.x)
-            self._curved.vec.FV().NumPy().reshape(2, -1)[:, : self.mesh.nv] = 0.0
+            self._curved.vec.FV().NumPy().reshape(self._dim, -1)[:, : self.mesh.nv] = 0.0
             self.mesh.SetDeformation(self._curved)
 
     def put(self, function: ng.GridFunction, values: np.ndarray) -> None:
-        """Set a function to nodal values, shape (n, 2)."""
+        """Set a function to nodal values, shape (n, d)."""
         function.vec.FV().NumPy()[:] = self._factors.solve(values).T.ravel()
 
     def nodal(self, function: ng.GridFunction) -> np.ndarray:
-        """Nodal values of a function, shape (n, 2)."""
-        return self.basis @ function.vec.FV().NumPy().reshape(2, -1).T
+        """Nodal values of a function, shape (n, d)."""
+        return self.basis @ function.vec.FV().NumPy().reshape(self._dim, -1).T
 
     def moments(self, forces: np.ndarray) -> np.ndarray:
-        """Work of nodal forces (n, 2) on NGSolve's basis functions, shape (2 n,)."""
+        """Work of nodal forces (n, d) on NGSolve's basis functions, shape (d n,)."""
         return (self.basis.T @ forces).T.ravel()
 
     def forces(self, moments: ng.BaseVector) -> np.ndarray:
-        """Nodal forces of such work, shape (n, 2)."""
-        return self._factors.solve(moments.FV().NumPy().reshape(2, -1).T, trans="T")
+        """Nodal forces of such work, shape (n, d)."""
+        return self._factors.solve(moments.FV().NumPy().reshape(self._dim, -1).T, trans="T")
 
     def contact(self, E: float) -> ng.ContactBoundary:
         """The contact with its energy."""
         contact = ng.ContactBoundary(*map(self.mesh.Boundaries, ("slave", "master")))
-        x, u = ng.CF((ng.x, ng.y)), self.fes.TrialFunction()
+        x, u = ng.CF((ng.x, ng.y, ng.z)[: self._dim]), self.fes.TrialFunction()
         overlap = (x + u - x.Other() - u.Other()) * contact.normal
         penalty = PENALTY * E / self.facet
         contact.AddEnergy(ng.IfPos(overlap, penalty / 2 * overlap**2, 0))
@@ -142,23 +149,25 @@ class Space:
 
 def netgen_mesh(problem: Given, corners: int) -> netgen.Mesh:
     """Mesh of straight cells with the two surfaces."""
-    mesh = netgen.Mesh(dim=2)
+    dim = problem.x.shape[1]
+    mesh = netgen.Mesh(dim=dim)
     used, number = np.unique(problem.cells[:, :corners]), np.zeros(len(problem.x), np.int32)
     number[used] = np.arange(used.size)
-    mesh.AddPoints(np.pad(problem.x[used], ((0, 0), (0, 1))))
+    mesh.AddPoints(np.pad(problem.x[used], ((0, 0), (0, 3 - dim))))
     for body, upper in (("lower", False), ("upper", True)):
-        region = mesh.AddRegion(body, dim=2)
-        mesh.AddElements(2, region, number[problem.cells_of(upper)[:, :corners]], base=0)
+        region = mesh.AddRegion(body, dim=dim)
+        mesh.AddElements(dim, region, number[problem.cells_of(upper)[:, :corners]], base=0)
     for surface, facets in (("slave", problem.slave[problem.facets]), ("master", problem.master)):
-        region = mesh.AddRegion(surface, dim=1)
-        mesh.AddElements(1, region, number[facets[:, :2]], base=0)
+        region = mesh.AddRegion(surface, dim=dim - 1)
+        shape = facets[:, :2] if dim == 2 else facets[:, ::-1]
+        mesh.AddElements(dim - 1, region, number[shape], base=0)
     return mesh
 
 
 def basis_at_nodes(scalar: ng.FESpace, problem: Given, corners: int) -> sp.csc_matrix:
     """Values of NGSolve's basis functions (columns) at our nodes (rows)."""
     cells = np.concatenate([problem.cells_of(False), problem.cells_of(True)])
-    places = np.array(CORNERS[corners], float)
+    places = np.array(CORNERS[problem.x.shape[1], corners], float)
     middles = (places + np.roll(places, -1, axis=0)) / 2
     places = np.vstack([places, middles, places.mean(axis=0)])[: cells.shape[1]]
     shape = scalar.GetFE(ng.ElementId(0))

@@ -4,6 +4,7 @@
     python3 -m demos.studies.space.chart                               ours
     python3 -m demos.studies.space.chart --peer getfem                 its direct solver
     kratos/bin/python -m demos.studies.space.chart --peer kratos       direct and AMGCL
+    ngsolve/bin/python -m demos.studies.space.chart --peer ngsolve     its direct solver
     python3 -m demos.studies.space.chart --redraw                      what was stored
 
 Writes to ``results/space``: a file of rows by code, and ``chart.png``. Seconds are those of the
@@ -41,15 +42,21 @@ KINDS = [
     Kind("quadratic hexahedra", "hexahedron", 2, (3, 4, 6, 8)),
     Kind("quadratic tetrahedra", "tetrahedron", 2, (3, 4, 6, 8)),
 ]
-# By code, its solvers and the finest mesh; n = 16 takes Kratos' factors more than ten minutes
-SOLVERS = {"kratos": {"auto": 12, "iterative": 16}, "getfem": {"auto": 16}, OURS: {"auto": 16}}
-NAMES = {"kratos": "Kratos", "getfem": "GetFEM"}
+# By code, its solvers and the finest mesh; n = 16 takes minutes with others
+SOLVERS = {
+    "kratos": {"auto": 12, "iterative": 16},
+    "getfem": {"auto": 16},
+    "ngsolve": {"auto": 16},
+    OURS: {"auto": 16},
+}
+NAMES = {"kratos": "Kratos", "getfem": "GetFEM", "ngsolve": "NGSolve"}
 COLOURS = dict(zip((kind.name for kind in KINDS), ("#56b4e9", "#0072b2", "#e69f00", "#d55e00")))
 STYLES = {
     OURS: ("o", "-"),
     "Kratos, factors": ("s", ":"),
     "Kratos, AMGCL": ("D", "-."),
     "GetFEM, factors": ("^", "--"),
+    "NGSolve, factors": ("v", (0, (1, 3))),
 }
 Row = dict[str, Any]
 
