@@ -19,7 +19,7 @@ from fenics_mortar.kernels.facets import tabulate_volumes
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices, Numbers
 from fenics_mortar.utils.errors import count_points
-from fenics_mortar.utils.ranks import any_over_ranks, on_any_rank
+from fenics_mortar.utils.ranks import any_over_ranks, on_any_rank, sum_over_ranks
 
 # Degree of Lagrange functions by the number of nodes of a cell.
 DEGREES = {3: 1, 4: 1, 6: 2, 9: 2, 10: 2, 8: 1, 27: 2}
@@ -175,6 +175,13 @@ class Cells:
         if not on_any_rank(self._comm, bool(marks.any())):
             return 0, "nowhere"
         return count_points(self._comm, self.X[self._nodes[marks]].mean(axis=1))
+
+    def mean_size(self) -> float:
+        """Mean length of the undeformed cells, equal on all ranks [length] (collective)."""
+        areas = np.abs(np.nan_to_num(self._undeformed_areas)).mean(axis=1)
+        sizes = areas ** (1.0 / self.X.shape[1])
+        total, count = sum_over_ranks(self._comm, [sizes.sum(), float(sizes.size)])
+        return float(total / count)
 
     def flat(self) -> tuple[int, str]:
         """Number of undeformed cells without area, and the position of one (collective)."""

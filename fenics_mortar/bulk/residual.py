@@ -270,6 +270,7 @@ class Bulk:
         residual: The form.
         data: Constants and functions of residual and tangent without the displacement.
         cells: The cells of this rank.
+        is_mixed: Whether there are unknowns other than the displacement.
         units: Amount of each owned unknown that is equivalent to a displacement of one, shape
             (num_owned,).
         to_force: Factor that turns the residual of each equation into a force, shape (num_owned,).
@@ -282,6 +283,7 @@ class Bulk:
         r: Residual without contact forces and boundary conditions, shape (N,) [stress length].
         num_patterns: Number of matrices created for ``K`` so far.
         is_linear: Whether the residual is recognized as linear in the displacement.
+        is_mixed: Whether there are unknowns other than the displacement.
         prescribed: Whether a local dof, ghosts included, has a prescribed value.
         history: Functions that accepted steps update.
         inertia: The ``Inertia`` of the bodies, ``None`` in statics.
@@ -334,7 +336,7 @@ class Bulk:
         self.cells = Cells(self.V)
         self.num_owned, self.first, self.num_dofs = space.num_owned, space.first, self.r.getSize()
         self.units, self.to_force = np.ones((2, self.num_owned))
-        self._is_mixed = space.is_mixed
+        self.is_mixed = space.is_mixed
         self.stiffness, self.diagonal = 0.0, np.zeros(self.num_owned)
 
     @cached_property
@@ -511,7 +513,7 @@ class Bulk:
             values: Values of the unknowns, owned ones first, shape (num_owned,) or longer.
         """
         sizes = np.abs(values[: self.num_owned])
-        if self._is_mixed:
+        if self.is_mixed:
             sizes /= self.units
         mine = float(sizes.max(initial=0.0))
         return mine if self.comm.size == 1 else float(self.comm.allreduce(mine, MPI.MAX))
@@ -527,16 +529,14 @@ class Bulk:
     def field_change(self, step: Array, force: float) -> float:
         """Largest change of a field but the displacement over its largest value [1] (collective).
 
-        A coupling with the displacement may be so weak that the field's equation has no part in
-        the residual. Changes by rounding do not count: of the terms of the equation, or of flows as
-        large, in the units of the user, as the forces.
+        Of a mixed function. A coupling with the displacement may be so weak that the field's
+        equation has no part in the residual. Changes by rounding do not count: of the terms of the
+        equation, or of flows as large, in the units of the user, as the forces.
 
         Args:
             step: Changes of the unknowns, owned ones first, shape (num_owned,) or longer.
             force: Reference force [stress length].
         """
-        if not self._is_mixed:
-            return 0.0
         mine, x, diagonal = [], self.values[: self.num_owned], np.abs(self.K.getDiagonal().array_r)
         rounded = 4.0 * EPSILON * np.sqrt(self.num_dofs) * (_row_sizes(self.K, x) + force)
         for dofs in self._fields:

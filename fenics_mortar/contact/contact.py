@@ -479,8 +479,9 @@ class Contact(Interface):
         Returns:
             These, or the first ones of the law, which are then those of the start of the step.
         """
-        law = self._law = self.pair.law
+        law = self.pair.law
         self.parameters = self._parameters.sample(law) if law.fields else {}
+        self._law = law  # not one whose parameters cannot be read
         if before is not None and not before.begins(law):
             return before
         first = first_instant(law, self.slave, 0.0 if before is None else before.time)

@@ -175,6 +175,8 @@ class ContactFields(InterfaceFields):
         Elastic bonds pull as they open. The gap is found to a per cent, if there is one maximum.
         """
         sizes = self.interface.slave.nodal_lengths
+        if not self.interface.pair.law.has_adhesion:
+            return 0.0 * sizes
         gap, largest = 0.0 * sizes, self.adhesion_at_gap(0.0 * sizes)
         for ratio in 2.0 ** np.arange(-40.0, 1.0):
             pull = self.adhesion_at_gap(ratio * sizes)

@@ -403,8 +403,9 @@ class ContactEquations:
         displacement = max(self.bulk.largest(self.bulk.values), moved)
         size = max(displacement, EQUATIONS.at_rest * self._shortest_facet, TINY)
         relative = max(self.bulk.largest(change), motion) / size
-        of_fields = self.bulk.field_change(change, self.residual.force)
-        return Step(max(relative, of_fields), fraction, note)
+        if self.bulk.is_mixed:
+            relative = max(relative, self.bulk.field_change(change, self.residual.force))
+        return Step(relative, fraction, note)
 
     # States
 

@@ -91,9 +91,6 @@ class _NamingCompiler(Compiler):
         _progress.begin(func)
         try:
             return super().compile_extra(func)
-        except BaseException:
-            _lock.release()
-            raise
         finally:
             _progress.end()
 
@@ -118,15 +115,15 @@ class _PartCompiler(_NamingCompiler):
 
 
 class _Lock:
-    """Lock on a file, which the process has from a look for machine code until it is saved."""
+    """Lock on a file, which a process has while it loads machine code, or compiles and saves it."""
 
     def __init__(self) -> None:
         self._file: int | None = None
 
     def take(self, path):
-        """Wait for other processes; a file system without locks lets all of them go on."""
-        self._file = os.open(path, os.O_WRONLY | os.O_CREAT, 0o666)
+        """Wait for other processes; without locks, or with those of another user, all go on."""
         with suppress(OSError):
+            self._file = os.open(path, os.O_WRONLY | os.O_CREAT, 0o666)
             fcntl.flock(self._file, fcntl.LOCK_EX)
 
     def release(self):
@@ -190,16 +187,7 @@ class _Cache(FunctionCache):
             self._impl.locator.ensure_cache_path()
             _lock.take(os.path.join(self.cache_path, f"{self._impl.filename_base}.lock"))
             found = super().load_overload(sig, target_context)
-            if found is not None:
-                _lock.release()
         return found
-
-    def save_overload(self, sig, data):
-        """Save the machine code, and let processes go on that wait for it."""
-        try:
-            super().save_overload(sig, data)
-        finally:
-            _lock.release()
 
 
 _options = {"error_model": "numpy", "no_cfunc_wrapper": True}
@@ -217,7 +205,14 @@ def kernel(function):
     _progress.defined[_package(function)] += 1
     compiled = _compiled(function)
     if compiled is not function:  # NUMBA_DISABLE_JIT
-        compiled._cache = _Cache(function)
+        compiled._cache, load_or_compile = _Cache(function), compiled.compile
+
+        def compile_alone(signature):
+            """Numba's ``compile``, after which processes go on that wait for the machine code."""
+            try:
+                return load_or_compile(signature)
+            finally:
+                _lock.release()
 
         @cache
         def part():  # of kernels that are compiled: not where they are loaded from the cache
@@ -227,6 +222,7 @@ def kernel(function):
             )
             return made
 
+        compiled.compile = compile_alone
         compiled.get_call_template = lambda args, kws: part().get_call_template(
             tuple(map(types.unliteral, args)), {k: types.unliteral(v) for k, v in kws.items()}
         )

@@ -30,6 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -388,7 +389,8 @@ class Dynamics:
         scheme: "conserving" (slave nodes without mass, no gain of energy in impacts, momentum and
             angular momentum exact), "massless" (without these corrections of the velocity) or
             "generalized_alpha" (all nodes have mass, and rates of prescribed motions are the
-            method's, as in other codes). Bodies with history: one of the last two.
+            method's, as in other codes, unless steps are adapted). Bodies with history: one of the
+            last two.
         rho_inf: Spectral radius at infinite frequency, from 0 (most dissipation) to 1 (none) [1].
             Default: 0.8 for "generalized_alpha", else 1.
         velocity: The ``Velocity`` in the residual, for damping.
@@ -477,12 +479,16 @@ class Dynamics:
             self._begin()
             return self._advance(dt, forces_of(self.problem))[0]
 
-    def _advance(self, dt: float, forces: Forces) -> tuple[NewtonReport, Forces, Work]:
+    def _advance(
+        self, dt: float, forces: Forces, *, adapts: bool = False
+    ) -> tuple[NewtonReport, Forces, Work]:
         """Advance by one step; see ``step``.
 
         Args:
             dt: The step [time].
             forces: Forces at its start.
+            adapts: Whether its size follows from the estimated error, which rates that alternate
+                would dominate at any size.
 
         Returns:
             The record of the iterations, forces at the end, and the work done.
@@ -499,7 +505,7 @@ class Dynamics:
         bulk, end = problem.equations.bulk, before.u.copy()
         compat.set_prescribed(end, bulk.bcs)
         known = np.zeros_like(bulk.prescribed)
-        if self.scheme != "generalized_alpha":
+        if self.scheme != "generalized_alpha" or adapts:
             known = bulk.prescribed & ~self._driven_dofs()
         lines = self._scheme.lines(before.u, rates, dt, known, end)
         inertia.factor, inertia.origin = lines[1]
@@ -607,7 +613,8 @@ class Dynamics:
         given = {"stop": stop, "options": options, "tolerance": tolerance}
         check_same_texts(self.problem.equations.comm, "run", given)
         self._begin()
-        return Motion(self, self._advance, options, tolerance).run(stop, set_loads, on_step)
+        advance = partial(self._advance, adapts=tolerance is not None)
+        return Motion(self, advance, options, tolerance).run(stop, set_loads, on_step)
 
     # Measures
 

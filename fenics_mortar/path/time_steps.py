@@ -125,7 +125,8 @@ class GeneralizedAlpha:
         which is of second order as well. With rho = 1 they would alternate permanently after a jump
         of the velocity or for inconsistent initial rates; with rho = 0 such errors vanish in three
         steps. If prescribed motions accelerate, energies balance up to terms of second order. The
-        scheme "generalized_alpha" marks none: other codes have the rates of the method itself.
+        scheme "generalized_alpha" marks none in steps of given size: other codes have the rates of
+        the method itself.
 
         Args:
             u: Displacement at the start of the step, shape (dofs,) [length].

@@ -114,10 +114,11 @@ class BodySettling:
             if number == 0:
                 self.touched = [contact.active.copy() for contact in bodies.contacts]
             moves = self._next_moves(*forces, min_drive, begun=number > 0)
-            for body, _ in moves:
-                if self._touches_others(body):
-                    found = self._beginning(body.label, forces[0], may_tip=number == 0)
-                    begins.setdefault(body.label, []).append(found)
+            touching = [body.label for body, _ in moves if self._touches_others(body)]
+            limits = self._limit_analysis(forces[0]) if touching else ()
+            for label in touching:
+                found = self._beginning(label, *limits, may_tip=number == 0)
+                begins.setdefault(label, []).append(found)
             creeping = creeping + 1 if self._creeps(moves) else 0
             if not moves or creeping > RIGID.max_creeping:
                 self._start = bodies.bulk.u.x.array.copy()
@@ -144,7 +145,9 @@ class BodySettling:
         bodies = self._bodies
         return any((bodies.at_body(c, body) & _touches(c)).any() for c in bodies.contacts)
 
-    def _beginning(self, label: int, bulk: Array, *, may_tip: bool) -> Callable[[], str]:
+    def _beginning(
+        self, label: int, loads: Array, touching: Touching, *, may_tip: bool
+    ) -> Callable[[], str]:
         """Function that tells how a body that touches others begins to tip over or to slide.
 
         A body tips over, or is pulled off, if limit analysis of the present state moves it at a
@@ -153,14 +156,14 @@ class BodySettling:
 
         Args:
             label: Of the body.
-            bulk: Forces of the bulk, the negative loads, shape (owned dofs,) [stress length].
+            loads: Resultants on all bodies, see ``_limit_analysis``.
+            touching: Touching nodes.
             may_tip: Whether to tell of tipping. A body that falls rolls until it lies on a side.
 
         Returns:
             Function without arguments; "" if the body does not move, or leaves all that it touches.
         """
         bodies, name = self._bodies, self._bodies.name_of(label)
-        loads, touching = self._limit_analysis(bulk)
         (body,) = (each for each in bodies.bodies if each.label == label)
         closes = np.hstack(
             [
@@ -175,11 +178,11 @@ class BodySettling:
             what = "tips over, which no friction can prevent"
             if np.abs(motion).max() <= RIGID.resisted:
                 free, _ = nearest_below(loads, -touching.opening, np.zeros(len(touching.opening)))
-                if free is None:
-                    return ""
-                motion = self._of_bodies(free)[label]
+                motion = motion if free is None else self._of_bodies(free)[label]
+                if free is None or np.abs(motion).max() <= RIGID.resisted * np.abs(free).max():
+                    return ""  # carried along by others
                 rubs = touching.slope.any() or touching.shear.any()
-                what = "its friction is too small to hold it" if rubs else "no friction holds it"
+                what = "friction is too small to hold it" if rubs else "no friction holds it"
                 what = f"slides, and {what}"
             elif not may_tip or (motion @ closes).max() < -RIGID.resisted:
                 return ""  # pulled off

@@ -241,8 +241,10 @@ class _Probe:
     def __init__(self, problem: Any, seed: int) -> None:
         self.problem, self.bulk, self.contacts = (problem, problem.bulk, problem.contacts)
         self.comm = problem.comm
+        self._of_pairs = ("n", "g", "D", "M") if self.contacts else ()
         rng = np.random.default_rng(seed)
-        length = min(float(c.slave.facet_sizes.min()) for c in self.contacts)
+        sizes = [float(contact.slave.facet_sizes.min()) for contact in self.contacts]
+        length = min(sizes) if sizes else self.bulk.cells.mean_size()
         size = self.bulk.num_owned
         everywhere = rng.uniform(-length, length, self.bulk.r.getSize())
         self.du: Array = self.bulk.units * everywhere[self.bulk.first : self.bulk.first + size]
@@ -284,7 +286,7 @@ class _Probe:
     def values(self, step: float) -> dict[str, Array]:
         """All functions at the step; owned entries of arrays [their units] (collective)."""
         self._move(step)
-        found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
+        found: dict[str, list[Array]] = {name: [] for name in self._of_pairs}
         force = self.bulk.r.array_r[: self.bulk.num_owned].copy()
         bulk, rows = self.bulk.to_force * (force + self._spread()), []
         for contact, z0, frame in zip(self.contacts, self.z0, self._frames, strict=True):
@@ -312,7 +314,7 @@ class _Probe:
         self._move(0.0)
         self.bulk.assemble_tangent()
         matrices = OperatorMatrices(self.bulk, self.contacts)
-        found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
+        found: dict[str, list[Array]] = {name: [] for name in self._of_pairs}
         for pair, (contact, z0) in enumerate(zip(self.contacts, self.z0, strict=True)):
             matrix, of_u = matrices.normals_derivative(pair), z0[:, : contact.slave.dim]
             by_motions = self._by_motions(contact)

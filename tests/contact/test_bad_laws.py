@@ -217,6 +217,15 @@ def test_negative_coefficients_are_refused_with_their_place():
         small_blocks(pair={"law": fm.Coulomb(lambda X: 0.4 - 0.5 * X[:, 0])})
 
 
+def test_a_law_whose_parameters_cannot_be_read_is_refused_each_time():
+    """Not with the parameters of the law before."""
+    problem = small_blocks(pair={"law": fm.Coulomb(0.4)}).problem
+    problem.contacts[0].pair.law = fm.Coulomb(lambda X: 0.4 - 0.5 * X[:, 0])
+    for _ in range(2):
+        with refused(ValueError, r"Coulomb\(function\): mu=-0.4 at a slave node"):
+            problem.certificate()
+
+
 @pytest.mark.serial
 @pytest.mark.parametrize(
     "kind, numbers, message",

@@ -116,6 +116,29 @@ def test_steps_follow_the_estimated_error():
     assert all(step.error <= 0.02 or step.error == 0.0 for step in record.steps)
 
 
+@pytest.mark.parametrize("rho", [0.8, 1.0])
+def test_smooth_prescribed_motions_take_few_steps(rho):
+    """Rates that alternate would cut the steps without end."""
+    data = read_mesh(lambda: build([Grid("block", block(2, 3, width=1.0, height=1.0))]))
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    energy = fm.energies.linear_elastic(u, *fm.energies.lame(E, 0.3)) * ufl.dx(degree=2)
+    top = fem.Constant(data.mesh, (0.0, 0.0))
+    problem = fm.ContactProblem(
+        ufl.derivative(energy, u, v), u,
+        [fm.ContactPair(data, "block/bottom", fm.Plane((0.0, -50.0), (0.0, 1.0)))],
+        bcs=[fm.dirichlet(V, data, "block/top", top)], petsc_options_prefix="smooth_",
+    )  # fmt: skip
+    motion = fm.Dynamics(problem, RHO, scheme="generalized_alpha", rho_inf=rho)
+
+    def set_loads(time):
+        top.value[1] = 0.1 * time**3
+
+    options = fm.SteppingOptions(step=0.05, smallest=0.01, largest=0.1)
+    record = motion.run(0.5, options, set_loads, tolerance=0.05)
+    assert len(record.steps) < 15
+
+
 def test_failed_step_is_reverted():
     made = dropped_block(3)
     motion = made.dynamics("conserving")

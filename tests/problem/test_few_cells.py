@@ -50,10 +50,11 @@ LOCAL = (
     ".adhesion_at", ".check_field", ".closing_gap", ".remember", ".local_by_shapes", ".set_shape",
 )  # fmt: skip
 # The error that nodes cannot be moved, a package that is not installed, and derivatives of the
-# memory of laws; other tests have them.
+# memory of laws; other tests have them. Laws without adhesion are not asked for it.
 ELSEWHERE = {
     "NodalPositions.set", "to_autograd", "LawParameter.memory", "Offset.memory",
     "Interference.memory", "ObstacleShape.memory", "ObstacleLoad.pairs", "ObstaclePlace.pairs",
+    "Coulomb.adhesion", "Frictionless.adhesion", "Tresca.adhesion",
 }  # fmt: skip
 # Called by the scene "written", but not listed by cProfile of Python 3.13; results are compared.
 UNLISTED = {"plot"}

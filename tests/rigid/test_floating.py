@@ -9,7 +9,7 @@ import pytest
 import supported
 from scenes import internal, neo_hookean, read, rectangles
 from scipy.optimize import minimize
-from small_scenes import pushed_block
+from small_scenes import pushed_block, small_blocks
 
 import ufl
 from dolfinx import fem
@@ -35,6 +35,32 @@ def test_springs_do_not_affect_a_body_free_to_slide(gap, algorithm):
     assert falling.equations.contacts[0].total_force == pytest.approx((0.0, 1.0), abs=1e-9)
     assert report.num_iterations <= 5
     assert any("spring" in note for note in report.notes)
+
+
+def test_a_body_that_others_carry_along_is_not_said_to_slide_in_a_direction_of_rounding():
+    data = small_blocks().data
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    dx = ufl.Measure("dx", domain=data.mesh, subdomain_data=data.cell_tags)
+    upper, lower = (dx(data.bodies[name]) for name in ("upper", "lower"))
+    weight = 0.1 * v[1] * (upper + lower) - 0.03 * v[0] * upper
+    floor = fm.Plane((0.0, 0.0), (0.0, 1.0))
+    pairs = [
+        fm.ContactPair(data, "upper/bottom", "lower/top", law=fm.Coulomb(0.9)),
+        fm.ContactPair(data, "lower/bottom", floor, law=fm.Coulomb(0.5)),
+    ]
+    residual = internal(u, neo_hookean(u, 100.0, 0.3)) + weight
+    problem = fm.ContactProblem(residual, u, pairs, petsc_options_prefix="carried_")
+    problem.solve()
+    floating, (bulk, _) = problem.equations.floating, problem.equations.evaluate_forces()
+    limits = floating.settling._limit_analysis(bulk)
+    told = {
+        floating.name_of(body.label): floating.settling._beginning(
+            body.label, *limits, may_tip=False
+        )()
+        for body in floating.bodies
+    }
+    assert told["body 'lower'"] == "" and "to move along (1, " in told["body 'upper'"]
 
 
 def test_motion_towards_a_body_is_not_slip():

@@ -28,7 +28,7 @@ from meshes.mapped_boxes import Box, block
 
 TILTED = Rotation.from_rotvec([0.4, -0.7, 0.5]).as_matrix()
 FREELY = r"body 'block' can {} freely: it is driven by loads"
-SLIDES = "^body 'block' slides, and its friction is too small to hold it: it begins to move along"
+SLIDES = "^body 'block' slides, and friction is too small to hold it: it begins to move along"
 
 # One block
 

@@ -87,6 +87,14 @@ def test_tangent_has_slopes_of_two(shared):
     assert min(slopes.values()) > 1.95, slopes
 
 
+def test_tangent_without_any_contact_has_slopes_of_two():
+    problem, hub = ring(neo_hookean, load=fm.SpreadLoad)
+    hub.push(x=20.0, moment=60.0)
+    problem.solve()
+    slopes = problem.check_tangent(print_table=False).slopes
+    assert set(slopes) == {"bulk", "whole"} and min(slopes.values()) > 1.95, slopes
+
+
 def test_solves_with_the_tangent_contain_the_load():
     """The derivative of the state by the moment of a grip, against a difference quotient."""
     problem, grip = blocks("upper/top", spread="upper/right", law=fm.Frictionless())

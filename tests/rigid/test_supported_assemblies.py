@@ -167,6 +167,7 @@ def test_block_on_a_steep_incline_is_said_to_slide(base):
         list(incline(0.8, 0.5, base).solve())
 
 
+@pytest.mark.once
 @BASES
 def test_path_of_an_incline_ends_at_the_angle_of_friction(base):
     """The block sticks up to the critical angle; the message states why the path ends."""

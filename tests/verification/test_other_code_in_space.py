@@ -108,7 +108,7 @@ def test_a_damped_block_is_pressed_in_and_shifted(basis):
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)
     rate, dx = fm.Velocity(u), ufl.dx(metadata={"quadrature_degree": 3})
-    stiffness = fem.Function(fem.FunctionSpace(data.mesh, ("DG", 0)))
+    stiffness = fem.Function(fm.scalar_space(data.mesh, 0, "DG"))
     for name, E in (("lower", 210.0), ("upper", 2100.0)):
         stiffness.x.array[data.cell_tags.find(data.body_tag(name))] = E
     mu, lmbda = fm.energies.lame(stiffness, 0.3)
