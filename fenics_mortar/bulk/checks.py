@@ -398,23 +398,27 @@ def refuse_history(bulk: Bulk, what: str) -> None:
 
 
 # Numbers of which one is a factor of the measures of bodies of revolution [1].
-PI: list[Any] = [2.0 * np.pi, np.pi]
+PI = [2.0 * np.pi, np.pi]
 # Types of expressions of UFL whose factors are those of their operands, or of the first one.
 PRODUCTS = ufl.classes.Product, ufl.classes.Inner, ufl.classes.Dot
 FIRST_OPERAND = ufl.classes.Division, ufl.classes.IndexSum, ufl.classes.CoefficientDerivative
 KINDS = {"cell": "cells", "exterior_facet": "boundaries", "interior_facet": "inner facets"}
 
 
-def remark_on_thickness(residual: Any, u: Any, space: DisplacementSpace) -> str:
+def remark_on_thickness(
+    residual: Any, u: Any, space: DisplacementSpace, surfaces: Sequence[Surface]
+) -> str:
     """Remark on integrals with another thickness than the interface; "" without (collective).
 
     Args:
         residual: UFL form.
         u: Displacement or mixed function.
         space: The displacement's space, with the thickness.
+        surfaces: The slaves, with the thickness at their nodes.
     """
     thickness = space.thickness
-    if thickness is None or not (space.is_axisymmetric or callable(thickness.constant)):
+    varies = thickness is not None and callable(thickness.constant)
+    if not (space.is_axisymmetric or varies):
         revolved = {part for integral in residual.integrals() for part in _revolved(integral, u)}
         if revolved:
             return (
@@ -422,21 +426,29 @@ def remark_on_thickness(residual: Any, u: Any, space: DisplacementSpace) -> str:
                 "revolution, but the interface has the same thickness everywhere: create the "
                 "problem with geometry='axisymmetric'; else contact forces and stiffness do not fit"
             )
-    if thickness is None or thickness.constant == 1.0:
-        return ""
-    factors, name = [thickness.constant], "thickness"
+    given = [s.thickness.constant for s in surfaces if s.thickness is not None]
+    factors, name = np.unique(np.concatenate([np.ones(0), *given])).tolist(), "thickness"
     if space.is_axisymmetric:
         factors, name = PI, "2 pi"
+    has_unit = 1.0 in factors
+    factors = [factor for factor in factors if factor != 1.0]
+    if thickness is None or not factors:
+        return ""
+    integrals = [(KINDS[i.integral_type()], i.integrand()) for i in residual.integrals()]
+    all_parts = [part for _, integrand in integrals for part in unique_pre_traversal(integrand)]
+    if has_unit and all(_near(all_parts, [factor]) for factor in factors):
+        return ""  # parts of the bodies have the thickness one
+    comm = space.V.mesh.comm
     missing = {
-        KINDS.get(integral.integral_type(), integral.integral_type())
-        for integral in residual.integrals()
-        if not _has_factor(integral.integrand(), u, factors, space.V.mesh.comm)
+        kind
+        for kind, integrand in integrals
+        if not _has_factor(integrand, u, factors, comm, varies=varies)
     }
     if not missing:
         return ""
-    given = "" if callable(factors[0]) else f" of {factors[0]:.4g}"
+    value = f" of {factors[0]:.4g}" if space.is_axisymmetric or len(factors) == 1 else ""
     return (
-        f"the {name}{given} does not occur in the integrals of the residual over "
+        f"the {name}{value} does not occur in the integrals of the residual over "
         f"{' and '.join(sorted(missing))}, but those over the interface are weighted by it: "
         "multiply the measures of the residual by it, too; else the bodies are too soft for the "
         "contact (unless a parameter of the residual includes it)"
@@ -476,18 +488,26 @@ def _is_radius(expression: Any) -> bool:
     return isinstance(vector, ufl.classes.SpatialCoordinate) and [*map(str, index)] == ["0"]
 
 
-def _has_factor(integrand: Any, u: Any, factors: list[Any], comm: MPI.Comm) -> bool:
-    """Whether a factor may occur in an integrand; always if it is a function of position."""
+def _has_factor(
+    integrand: Any, u: Any, factors: list[float], comm: MPI.Comm, *, varies: bool
+) -> bool:
+    """Whether a factor may occur in an integrand; always if it ``varies`` as a function there."""
     parts = list(unique_pre_traversal(integrand))
     functions = [part for part in parts if isinstance(part, ufl.Coefficient) and part is not u]
-    if callable(factors[0]):
-        return bool(functions) or any(isinstance(p, ufl.classes.SpatialCoordinate) for p in parts)
-    near = [
+    if _near(parts, factors):
+        return True
+    if varies and any(isinstance(part, ufl.classes.SpatialCoordinate) for part in parts):
+        return True
+    if varies or len(factors) > 1:  # a function may be the radius times 2 pi
+        return bool(functions)
+    return any(_may_equal(f, factors, comm) for f in functions)
+
+
+def _near(parts: list[Any], factors: list[float]) -> bool:
+    """Whether a number among parts of an integrand has the value of a factor."""
+    return any(
         abs(value - factor) <= ROUNDING * factor for value in _values(parts) for factor in factors
-    ]
-    if len(factors) > 1:  # a function may be the radius times 2 pi
-        return any(near) or bool(functions)
-    return any(near) or any(_may_equal(f, factors, comm) for f in functions)
+    )
 
 
 def _values(parts: list[Any]) -> Iterator[float]:

@@ -11,7 +11,7 @@ Checks before each solve: displacement, prescribed values, data of the forms, an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from functools import cached_property, partial
 from typing import Any
@@ -519,35 +519,9 @@ class Bulk:
         return mine if self.comm.size == 1 else float(self.comm.allreduce(mine, MPI.MAX))
 
     @cached_property
-    def _fields(self) -> list[Indices]:
-        """Owned dofs of the parts of a mixed function other than the displacement (collective)."""
-        whole, count = self.space.whole, self.space.whole.num_sub_spaces
-        others = [whole.sub(part) for part in range(count) if part != self.space.part]
-        dofs = [compat.collapsed(other)[1] for other in others]
-        return [some[some < self.num_owned] for some in dofs]
-
-    def field_change(self, step: Array, force: float) -> float:
-        """Largest change of a field but the displacement over its largest value [1] (collective).
-
-        Of a mixed function. A coupling with the displacement may be so weak that the field's
-        equation has no part in the residual. Changes by rounding do not count: of the terms of the
-        equation, or of flows as large, in the units of the user, as the forces.
-
-        Args:
-            step: Changes of the unknowns, owned ones first, shape (num_owned,) or longer.
-            force: Reference force [stress length].
-        """
-        mine, x, diagonal = [], self.values[: self.num_owned], np.abs(self.K.getDiagonal().array_r)
-        rounded = 4.0 * EPSILON * np.sqrt(self.num_dofs) * (_row_sizes(self.K, x) + force)
-        for dofs in self._fields:
-            has_own = diagonal[dofs] > 0.0
-            own = np.where(has_own, diagonal[dofs], 1.0)
-            noise = np.where(has_own, rounded[dofs] / own, np.inf)
-            of_field = np.abs(step[dofs]), np.abs(x[dofs]), noise
-            mine.append([values.max(initial=0.0) for values in of_field])
-        sizes = largest_over_ranks(self.comm, np.array(mine).reshape(-1, 3))
-        counts = (change / max(value, TINY) for change, value, noise in sizes if change > noise)
-        return max(counts, default=0.0)
+    def fields(self) -> Fields:
+        """The parts of a mixed function other than the displacement (collective)."""
+        return Fields(self)
 
     def by_input_node(self) -> tuple[Indices, Array]:
         """Identifiers (n, k) and values (n, dim) of all nodes, see ``mesh.space`` (collective)."""
@@ -590,6 +564,47 @@ class Bulk:
             f"{count} cells are inverted at nodes, one at {where}, though not where the form is "
             f"evaluated: {remedy}"
         )
+
+
+class Fields:
+    """The parts of a mixed function other than the displacement, and their changes.
+
+    A coupling with the displacement may be so weak that the equation of a field has no part in the
+    residual, whose rows are forces: the increments of each field have a test of their own.
+
+    Args:
+        bulk: The bulk of a mixed function.
+    """
+
+    def __init__(self, bulk: Bulk) -> None:
+        self._bulk, whole = bulk, bulk.space.whole
+        self._parts = [part for part in range(whole.num_sub_spaces) if part != bulk.space.part]
+        dofs = [compat.collapsed(whole.sub(part))[1] for part in self._parts]
+        self._dofs: list[Indices] = [some[some < bulk.num_owned] for some in dofs]
+
+    def change(self, step: Array, sources: Mapping[int, float]) -> float:
+        """Largest change of a field over its largest value [1] (collective).
+
+        Changes by rounding do not count: of the terms of the field's equation, or of sources.
+
+        Args:
+            step: Changes of the unknowns, owned ones first, shape (num_owned,) or longer.
+            sources: Rounding of sources that are not in the bulk, by field [flux length].
+        """
+        bulk, mine = self._bulk, []
+        step, x = (np.abs(values[: bulk.num_owned]) for values in (step, bulk.values))
+        terms = 4.0 * EPSILON * np.sqrt(bulk.num_dofs) * _row_sizes(bulk.K, x + step)
+        for part, dofs in zip(self._parts, self._dofs, strict=True):
+            of_field = np.zeros(bulk.num_owned)
+            of_field[dofs] = 1.0
+            own = _row_sizes(bulk.K, of_field)[dofs]
+            known = own > 0.0  # others, as pressures of incompressible bodies, are in the residual
+            noise = (terms[dofs] + sources.get(part, 0.0))[known] / own[known]
+            sizes = step[dofs][known], x[dofs], noise
+            mine.append([values.max(initial=0.0) for values in sizes])
+        of_all = largest_over_ranks(bulk.comm, np.array(mine).reshape(-1, 3))
+        counts = (change / max(value, TINY) for change, value, noise in of_all if change > noise)
+        return float(max(counts, default=0.0))
 
 
 def mark_prescribed(space: DisplacementSpace, u: Any, bcs: Sequence[Any]) -> Flags:

@@ -63,7 +63,7 @@ from fenics_mortar.contact.law import Row, VectorRow
 from fenics_mortar.contact.rows import row_by_displacements, row_by_motions
 from fenics_mortar.interface.mortar import Block, as_block, compressed
 from fenics_mortar.interface.traces import Trace, trace_of
-from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices
+from fenics_mortar.utils.arrays import EPSILON, TINY, Array, Flags, Indices
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
@@ -123,11 +123,15 @@ class FluxValues:
         self.conduction = self.at_nodes(self.q)
 
     def _of_law(self) -> tuple[ConductanceValue, tuple[Array, ...]]:
-        """Conductance, and power with its slope if ``heating`` is a function, else () (local)."""
-        law, closed = self._law, self.f.state.active
+        """Conductance, and power with its slope if ``heating`` is a function, else () (local).
+
+        An open node has the conductance of open contact, continued linearly to negative gaps.
+        """
+        law, closed, gap = self._law, self.f.state.active, self.f.mean_gap
         pressure = np.where(closed, np.maximum(self.f.z_n, 0.0), 0.0)
-        gap = np.where(closed, 0.0, np.maximum(self.f.mean_gap, 0.0))
-        h = law.evaluate(pressure, gap, finite=self._is_finite)
+        opened = np.where(closed, 0.0, np.maximum(gap, TINY))
+        h = law.evaluate(pressure, opened, finite=self._is_finite)
+        h = h._replace(h=h.h + h.by_gap * np.where(closed, 0.0, np.minimum(gap, 0.0)))
         if not callable(law.heating):
             return h, ()
         return h, law.power(np.where(self.on, pressure, 0.0), self.o.slave.X)
@@ -198,6 +202,12 @@ class FluxValues:
         rubs = np.where(closed & f.interface.follows_law, 1.0 / node.step, 0.0)
         row = Row(rubs * f.z_tau * f.slip, by_slip=rubs * f.z_tau, by_z_tau=rubs * f.slip)
         return f.at_gaps(row)
+
+    @property
+    def largest_source(self) -> float:
+        """Largest source of a node by friction with a slip of one [flux] (local)."""
+        by_slip = np.abs(np.zeros_like(self.weight) + self._heating.by_slip)
+        return float((self.weight * by_slip).max(initial=0.0))
 
     @property
     def friction(self) -> Array:
@@ -278,10 +288,10 @@ class FluxValues:
     def rows(self) -> tuple[VectorRow, VectorRow]:
         """Derivatives of weighted conductances at fixed weights, and of the source."""
         closed = self.f.state.active
-        pressed, apart = closed & (self.f.z_n > 0.0), ~closed & (self.f.mean_gap > 0.0)
+        pressed = closed & (self.f.z_n > 0.0)
         h = Row(
             np.zeros_like(self.weight),
-            np.where(apart, self.weight * self.h.by_gap, 0.0),
+            np.where(closed, 0.0, self.weight * self.h.by_gap),
             0.0,
             np.where(pressed, self.weight * self.h.by_pressure, 0.0),
         )
@@ -428,6 +438,15 @@ class Flux:
     def largest(self) -> float:
         """Largest magnitude of the field on both sides [field] (local, replicated)."""
         return max(float(np.abs(values).max(initial=0.0)) for values in self._values)
+
+    @property
+    def rounding(self) -> float:
+        """Rounding of the largest source of a node by friction [flux length] (collective).
+
+        Where nodes stick, all of it: slips are differences of positions.
+        """
+        now = self.at(self._contact.now)
+        return EPSILON * now.largest_source * float(np.abs(now.o.x).max(initial=0.0))
 
     @property
     def _mine(self) -> tuple[Indices, Indices]:

@@ -437,16 +437,24 @@ def bind(
 def _show_across_ties(contact: Contact, ties: Sequence[Tie]) -> None:
     """Show at slave nodes of ties without multiplier the fields of the node across (local).
 
-    Contact on both sides of the tie belongs to the multiplier of that node.
+    Contact on both sides of the tie belongs to the multiplier of that node. At a corner where ties
+    in several directions meet, the node across is the slave of another tie.
     """
-    slave, nodes = contact.slave, contact.slave.nodes
+    slave, nodes, carries = contact.slave, contact.slave.nodes, contact.may_carry
+    own = np.arange(slave.num_nodes)
+    shown = own.copy()
     for tie in ties:
-        alone = np.flatnonzero(~contact.may_carry & np.isin(nodes, tie.slave.nodes))
-        across = np.flatnonzero(contact.may_carry & np.isin(nodes, tie.master.nodes))
+        alone = np.flatnonzero(~carries & np.isin(nodes, tie.slave.nodes))
+        across = np.flatnonzero(np.isin(nodes, tie.master.nodes))
+        across = across[np.argsort(carries[across], kind="stable")]  # the last one remains
         ways = slave.X[alone, None] - slave.X[across] - tie.pair.translation
         i, j = np.nonzero((ways**2).sum(axis=2) <= (SAME_PLACE * slave.extent) ** 2)
-        pairs = zip(contact.substitutes, (alone[i], across[j]), strict=True)
-        contact.substitutes = tuple(np.concatenate(both) for both in pairs)
+        shown[alone[i]] = across[j]
+    for _ in ties:
+        shown = shown[shown]
+    alone = np.flatnonzero((shown != own) & carries[shown])
+    pairs = zip(contact.substitutes, (alone, shown[alone]), strict=True)
+    contact.substitutes = tuple(np.concatenate(both) for both in pairs)
 
 
 def close_gaps(ties: Sequence[Tie], space: DisplacementSpace) -> bool:

@@ -316,9 +316,8 @@ def describe_start(contact: Interface) -> str:
     return (
         f"'{contact.slave.name}' and '{contact.master.name}' overlap by up to {overlap[j]:.3g} at "
         f"{format_point(contact.operators.x[j])} before the first solve, treated as interference; "
-        "initial_gap=0 removes overlaps of the mesh"
-        + ", up to half a facet"
-        * (contact.pair.initial_gap is not None)
+        "if none is meant, move the bodies apart in the mesh (initial_gap=0 closes gaps and "
+        "overlaps of up to half a facet)"
     )
 
 

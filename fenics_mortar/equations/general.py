@@ -404,7 +404,12 @@ class ContactEquations:
         size = max(displacement, EQUATIONS.at_rest * self._shortest_facet, TINY)
         relative = max(self.bulk.largest(change), motion) / size
         if self.bulk.is_mixed:
-            relative = max(relative, self.bulk.field_change(change, self.residual.force))
+            contacts = [contact for contact in self.contacts if isinstance(contact, Contact)]
+            fluxes = [flux for contact in contacts for flux in contact.fluxes]
+            sources = dict.fromkeys((flux.law.field for flux in fluxes), 0.0)
+            for flux in fluxes:
+                sources[flux.law.field] = max(sources[flux.law.field], flux.rounding)
+            relative = max(relative, self.bulk.fields.change(change, sources))
         return Step(relative, fraction, note)
 
     # States

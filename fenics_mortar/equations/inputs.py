@@ -234,7 +234,8 @@ class Inputs:
             check_user_gradient(contact)
         if self._begins:
             bulk, self._begins = self._bulk, False
-            self._first.append(remark_on_thickness(bulk.residual, bulk.u, bulk.space))
+            slaves = [contact.slave for contact in self._contacts]
+            self._first.append(remark_on_thickness(bulk.residual, bulk.u, bulk.space, slaves))
         self._axis.check()
         self._motions.remember()
         remarks, self._first = self._first, []

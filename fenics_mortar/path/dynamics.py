@@ -46,6 +46,7 @@ from fenics_mortar.obstacles.rigid_motion import moments_of, turned
 from fenics_mortar.path.report import (
     MAX_SCALING,
     Energies,
+    EnergyErrors,
     Impulse,
     forces_of,
     internal_defect,
@@ -442,7 +443,7 @@ class Dynamics:
         self._energy = None if energy is None else compat.form(energy)
         equations.add_inertia(self._inertia)
         self.velocity = self._inertia.velocity
-        self._largest_speed = 0.0
+        self._largest_speed, self._errors = 0.0, EnergyErrors()
         self.scheme, self.rho_inf, conserves = scheme, self._scheme.rho, self._scheme.rho == 1.0
         self._corrections = (
             Corrections(problem, self._inertia, conserves=conserves)
@@ -464,7 +465,8 @@ class Dynamics:
         which then act suddenly. Loads that grow from zero: ``run``, whose ``set_loads`` follows.
 
         Returns:
-            The record of the Newton iterations.
+            The record of the Newton iterations. If errors of the steps have changed the energy, see
+            ``DynamicsReport.remark``, its first note says so and names a step that suffices.
 
         Raises:
             NotConvergedError: On all ranks, as ``ContactProblem.solve``; state, velocity and time
@@ -477,7 +479,12 @@ class Dynamics:
             check_step(dt, self.time)
         with restored_if_interrupted(self.problem.equations):
             self._begin()
-            return self._advance(dt, forces_of(self.problem))[0]
+            report, _, work = self._advance(dt, forces_of(self.problem))
+        kinetic = 0.5 * self._largest_speed**2
+        self._errors = self._errors.after(work, kinetic, self.energy_deficit)
+        remark = self._errors.remark(self.scheme, self.rho_inf, dt)
+        report.notes[:0] = filter(None, [remark])
+        return report
 
     def _advance(
         self, dt: float, forces: Forces, *, adapts: bool = False
@@ -532,6 +539,8 @@ class Dynamics:
         if corrections is not None:
             corrections.correct(work, dt, before.u, (forces, after), balance)
         inertia.set_rates(inertia.rates, u)
+        speeds = [inertia.product(v, v) for v in (rates.velocity, inertia.rates.velocity)]
+        self._largest_speed = max(self._largest_speed, float(np.sqrt(max(*speeds, 0.0))))
         return report, after, work
 
     def _begin(self) -> None:
@@ -637,10 +646,8 @@ class Dynamics:
             before: State at the start of the step.
             dt: The step [time].
         """
-        inertia, rates, earlier = self._inertia, self._inertia.rates, rates_of(before)
-        speeds = [inertia.product(v, v) for v in (rates.velocity, earlier.velocity)]
-        self._largest_speed = max(self._largest_speed, float(np.sqrt(max(*speeds, 0.0))))
-        change = rates.acceleration - earlier.acceleration
+        inertia = self._inertia
+        change = inertia.rates.acceleration - rates_of(before).acceleration
         size = float(np.sqrt(max(inertia.product(change, change), 0.0)))
         return dt * size / 12.0 / max(self._largest_speed, TINY)
 

@@ -417,6 +417,81 @@ class TimeStep:
     deficit: float = 0.0
 
 
+class EnergyErrors(NamedTuple):
+    """Energy that errors of the time steps added or took, of either sign (local).
+
+    Attributes:
+        kinetic: Largest kinetic energy [stress length^2].
+        deficit: Energy lost and not returned, zero unless the scheme is "conserving" [likewise].
+        contact: Energy that contact pressures added [likewise].
+        friction: Energy that friction added [likewise].
+        imbalance: Work of forces that are not in balance in the first step [likewise].
+    """
+
+    kinetic: float = 0.0
+    deficit: float = 0.0
+    contact: float = 0.0
+    friction: float = 0.0
+    imbalance: float = 0.0
+
+    def after(self, work: Work, kinetic: float, deficit: float) -> EnergyErrors:
+        """The errors after one more step.
+
+        Args:
+            work: Work done in the step.
+            kinetic: Largest kinetic energy so far [stress length^2].
+            deficit: Energy lost so far and not returned [likewise].
+        """
+        return EnergyErrors(
+            kinetic=kinetic,
+            deficit=deficit,
+            contact=self.contact - work.pressure,
+            friction=self.friction - work.shear,
+            imbalance=self.imbalance if self.kinetic else work.imbalance,
+        )
+
+    def remark(self, scheme: str, rho_inf: float, size: float) -> str:
+        """What the errors are and what would reduce them, apart from what is in use.
+
+        Args:
+            scheme: The time scheme; see ``Dynamics``.
+            rho_inf: Its spectral radius at infinite frequency [1].
+            size: Largest step, 0 if unknown [time].
+
+        Returns:
+            The remark; "" if the errors are small.
+        """
+        if not self.kinetic:
+            return ""
+        conserving = scheme == "conserving"
+        energies = [
+            ("the time steps", -self.deficit, CONSERVED),
+            ("contact pressures", 0.0 if conserving else self.contact, ADDED),
+            ("friction", max(self.friction, 0.0), ADDED),
+        ]
+        shares = [(who, energy / self.kinetic, limit) for who, energy, limit in energies]
+        found = [(who, share) for who, share, limit in shares if abs(share) > limit]
+        if not found:
+            return ""
+        messages = [
+            f"{who} {'added' if share > 0 else 'took'} {abs(share):.2g}" for who, share in found
+        ]
+        excess = max(abs(share) for _, share in found) / CONSERVED
+        if conserving and abs(self.imbalance) > 0.5 * abs(self.deficit) > 0.0:
+            advice = "a finer contact surface: its nodes were not in balance at the start"
+        elif scheme == "generalized_alpha":  # its surfaces have mass: smaller steps do not help
+            smaller = ", or a smaller rho_inf" * (rho_inf > 0.0)
+            advice = f"scheme='conserving' ('massless' of bodies with history){smaller}"
+        else:
+            steps = f"steps of {0.9 * size / excess**0.5:.2g}" if size else "smaller steps"
+            steps += f", for an error of {CONSERVED:g}, as it is of second order" * bool(size)
+            advice = steps if conserving else f"scheme='conserving', or {steps}"
+        return (
+            f"{' and '.join(messages)} of the largest kinetic energy, an error of the time steps: "
+            f"take {advice}"
+        )
+
+
 @dataclass
 class DynamicsReport(_OfSteps):
     """Record of a motion; prints as a Markdown table; all methods are local.
@@ -478,41 +553,16 @@ class DynamicsReport(_OfSteps):
 
     def _of_energy(self) -> str:
         """Remark on energy added or extracted by errors of the time steps; "" if small."""
-        kinetic = max(e.kinetic for e in (self.start, *(s.energies for s in self.steps)))
-        if not kinetic:
+        if not self.steps:
             return ""
-        conserving, friction = self.scheme == "conserving", -self.friction_work / kinetic
-        worst = max((-s.deficit for s in self.steps), key=abs, default=0.0) / kinetic
-        contact = 0.0 if conserving else self.contact_energy / kinetic
-        shares = [("the time steps", worst, CONSERVED), ("contact pressures", contact, ADDED)]
-        shares.append(("friction", max(friction, 0.0), ADDED))
-        found = [(who, share, limit) for who, share, limit in shares if abs(share) > limit]
-        if not found:
-            return ""
-        messages = [
-            f"{who} {'added' if share > 0 else 'took'} {abs(share):.2g}" for who, share, _ in found
-        ]
-        excess = max(abs(share) / CONSERVED for _, share, _ in found)
-        advice = self._advice(excess)
-        if conserving and abs(self.steps[0].work.imbalance) > 0.5 * abs(worst) * kinetic > 0.0:
-            advice = "a finer contact surface: its nodes were not in balance at the start"
-        return (
-            f"{' and '.join(messages)} of the largest kinetic energy, an error of the time steps: "
-            f"take {advice}"
+        errors = EnergyErrors(
+            kinetic=max(e.kinetic for e in (self.start, *(s.energies for s in self.steps))),
+            deficit=max((s.deficit for s in self.steps), key=abs),
+            contact=self.contact_energy,
+            friction=-self.friction_work,
+            imbalance=self.steps[0].work.imbalance,
         )
-
-    def _advice(self, excess: float) -> str:
-        """What reduces an error of the energy, which is ``excess`` times ``CONSERVED``.
-
-        With mass on the surfaces in contact, smaller steps do not reduce it.
-        """
-        if self.scheme == "generalized_alpha":
-            smaller = ", or a smaller rho_inf" * (self.rho_inf > 0.0)
-            return f"scheme='conserving' ('massless' of bodies with history){smaller}"
-        largest = max(step.size for step in self.steps)
-        steps = f"steps of {0.9 * largest / excess**0.5:.2g}" if largest else "smaller steps"
-        steps += f", for an error of {CONSERVED:g}, as it is of second order" * bool(largest)
-        return steps if self.scheme == "conserving" else f"scheme='conserving', or {steps}"
+        return errors.remark(self.scheme, self.rho_inf, max(s.size for s in self.steps))
 
     def table(self) -> str:
         """Markdown table, one row per step."""

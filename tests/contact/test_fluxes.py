@@ -47,6 +47,20 @@ def test_conductances_are_added():
 # Tangent
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("h", [2.0, MIXED[1], [np.inf, MIXED[1]]], ids=str)
+def test_tangent_just_before_closing_is_that_of_open_contact(h):
+    """Differences in which gaps close see neither the jump of a constant nor the kink of a gas."""
+    scene = stacked(overhang=0.3, alpha=0.0)
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[fm.Conductance(1, h)])
+    problem = scene.problem([pair])
+    scene.set(top=1e-8, hot=10.0)
+    problem.solve()
+    assert not problem.contacts[0].active.any()
+    check = problem.check_tangent(print_table=False)
+    assert check.remainders["whole"].max() < 1e-6 and check.slopes["whole"] > 1.95
+
+
 @pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("degrees", [(1, 1), (2, 1), (2, 2)])
@@ -488,22 +502,54 @@ def test_a_field_without_part_in_the_stress_leaves_its_accuracy():
     assert report.allowed < 1e-5 * report.force and report.certificate.balance < 1e-6
 
 
-@pytest.mark.parametrize("alpha", [1e-9, 1e-15])
-def test_a_field_of_little_part_in_the_stress_converges(alpha):
-    """Of nonlinear conduction: as residuals are measured as forces, that of T hardly counts."""
-    flows = []
-    for expansion in (alpha, 1e-3):
-        scene = stacked((5, 7), alpha=expansion)
-        more = 0.5 * scene.T**2 * ufl.inner(ufl.grad(scene.T), ufl.grad(scene.test))
-        scene.residual = scene.residual + more * scene.dx
-        heat = fm.Conductance(1, 2.0)
-        problem = scene.problem(
-            [fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[heat])]
-        )
-        scene.set(top=-0.02, hot=20.0)
-        problem.solve()
-        flows.append(problem.contacts[0].fluxes[0].into_master)
-    assert flows[0] == pytest.approx(flows[1], rel=1e-10)
+def solved_flow(expansion, conductivity=5.0, E=100.0):
+    """Heat flow over conductivity, of nonlinear conduction through a contact."""
+    scene = stacked((5, 7), alpha=expansion, conductivity=conductivity, E=E)
+    more = 0.1 * scene.T**2 * ufl.inner(ufl.grad(scene.T), ufl.grad(scene.test))
+    scene.residual = scene.residual + conductivity * more * scene.dx
+    heat = fm.Conductance(1, 0.4 * conductivity)
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[heat])
+    problem = scene.problem([pair])
+    scene.set(top=-0.02, hot=20.0)
+    problem.solve()
+    return problem.contacts[0].fluxes[0].into_master / conductivity
+
+
+@pytest.mark.parametrize(
+    "units", [(1e-9,), (1e-15,), (0.0, 1e-9, 1e9), (1e-15, 1e-8, 2e11)], ids=str
+)
+def test_a_field_of_little_part_in_the_stress_converges(units):
+    """As residuals are measured as forces, that of T hardly counts, whatever the units of flows."""
+    assert solved_flow(*units) == pytest.approx(solved_flow(1e-3), rel=1e-10)
+
+
+@pytest.mark.parametrize("E, conductivity", [(100.0, 5.0), (2e11, 1e-6)])
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+def test_temperatures_of_rounding_converge(algorithm, E, conductivity):
+    """Heat of friction at nodes that stick, and what remains of 300 K that are taken away."""
+    grids = [Grid("lower", block(5, 3, width=2.0, height=1.0))]
+    grids.append(Grid("upper", block(4, 3, width=1.0, height=1.0, corner=(0.4, 1.0))))
+    scene = heated(grids, E=E, conductivity=conductivity, alpha=0.1 / E)
+    scene.hold("bottom", "lower/bottom")
+    scene.hold("top", "upper/top")
+    scene.prescribe("cold", "lower/bottom", 1)
+    scene.prescribe("hot", "upper/top", 1)
+    heat = fm.Conductance(1, 0.7 * conductivity, heating="friction")
+    law = fm.Coulomb(0.5)
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", law=law, fluxes=[heat])
+    problem = scene.problem([pair], algorithm=algorithm)
+    steps = (
+        ((0.0, -0.02), 0.0),
+        ((0.001, -0.02), 0.0),
+        ((0.001, -0.02), 300.0),
+        ((0.001, -0.02), 0.0),
+    )
+    for number, (top, hot) in enumerate(steps, start=1):
+        problem.time = float(number)
+        scene.set(top=top, hot=hot)
+        assert problem.solve().num_iterations <= 6
+        largest = np.abs(scene.at(1)[0]).max()
+        assert largest == pytest.approx(hot, abs=1e-2 * hot + 1e-2)
 
 
 # Bad input

@@ -91,6 +91,7 @@ def test_overlaps_that_an_initial_gap_leaves_are_reported(initial_gap):
     )
     (note,) = (n for n in problem.solve().notes if "overlap by up to" in n)
     assert "up to 0.09 at" in note and "up to half a facet" in note
+    assert "move the bodies apart in the mesh" in note
 
 
 def test_a_deep_interference_is_named_as_such_with_its_cure():

@@ -88,6 +88,24 @@ def test_impacts_of_three_st_venant_kirchhoff_blocks_conserve_energy():
 
 
 @pytest.mark.serial
+def test_a_step_that_ends_above_the_energy_says_so_and_names_one_that_does_not():
+    """Two blocks in steps of 2.7 times that of a wave from end to end."""
+    dt, said = 8.0 / 3.0 / C, []
+    for _ in range(2):
+        motion, _ = between_planes(2, speed=0.1)
+        energy, errors, said = motion.energies().total, [], []
+        for _ in range(6):
+            note = "".join(motion.step(dt).notes[:1])
+            errors.append(abs(motion.energies().total / energy - 1.0))
+            said.append(note.startswith("the time steps added") and "take steps of" in note)
+            if said[-1]:
+                named = float(note.split("steps of ")[-1].split(",")[0])
+        assert said == [error > 1e-3 for error in errors]
+        dt = named
+    assert not any(said)
+
+
+@pytest.mark.serial
 def test_pressures_return_energy_by_the_motion_they_change():
     """A body that touches a plane and does not deform: its normal velocity may change."""
     motion, _ = between_planes(1, speed=0.1)

@@ -321,6 +321,12 @@ FACTORS = {
     "field": (lambda mesh, r: uniform(mesh, 28.0), 28.0, 0),
     "position": (lambda mesh, r: 1.0 + r, lambda X: 1.0 + X[:, 0], 0),
     "one": (lambda mesh, r: 1.0, 1.0, 0),
+    "a constant function": (lambda mesh, r: 28.0, lambda X: np.full(len(X), 28.0), 0),
+    "another constant function": (lambda mesh, r: 27.0, lambda X: np.full(len(X), 28.0), 1),
+    "a function of value one": (lambda mesh, r: 1.0, lambda X: np.ones(len(X)), 0),
+    "two values": (lambda mesh, r: 28.0, lambda X: np.where(X[:, 0] < 1.0, 28.0, 1.0), 0),
+    "two others": (lambda mesh, r: 27.0, lambda X: np.where(X[:, 0] < 1.0, 28.0, 1.0), 1),
+    "the same on the slave": (lambda mesh, r: r + 28.0, lambda X: 28.0 + 0.0 * X[:, 0], 0),
 }
 
 

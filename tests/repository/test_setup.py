@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Scripts, installation by pip, and text forbidden in files of the repository."""
 
+import itertools
 import os
 import re
 import shutil
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import pytest
@@ -37,6 +39,27 @@ def put_command(folder, name, body):
     script = folder / name
     script.write_text(f"#!/bin/sh\n{body}\n")
     script.chmod(0o755)
+
+
+def commands_of(workflow):
+    """Its commands as YAML reads them: blocks of lines, or one line, which ends at " #"."""
+    lines = workflow.read_text().splitlines()
+    for i, line in enumerate(lines):
+        key = re.match(r"([ -]*)run: *(.*)", line)
+        if key and key[2] == "|":
+            inside = itertools.takewhile(re.compile(" " + " " * len(key[1])).match, lines[i + 1 :])
+            yield textwrap.dedent("\n".join(inside))
+        elif key:
+            yield key[2].split(" #")[0]
+
+
+@pytest.mark.parametrize("name", ["release", "tests"])
+def test_commands_of_workflow_have_no_syntax_error(name):
+    commands = list(commands_of(ROOT / f".github/workflows/{name}.yml"))
+    assert len(commands) >= 4
+    for command in commands:
+        result = run("bash", "-n", "-c", command)
+        assert result.returncode == 0, f"{command}: {result.stderr}"
 
 
 @pytest.mark.parametrize("script", SCRIPTS)

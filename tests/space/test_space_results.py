@@ -6,8 +6,12 @@ import pytest
 from refusal import refused
 from space_pairs import ROLES, pressed, stack
 
+import ufl
+from dolfinx import fem
+
 import fenics_mortar as fm
 from fenics_mortar.utils.errors import NOT_IN_SPACE
+from meshes.mapped_boxes import Box, mapped, mesh
 
 COULOMB = fm.Coulomb(0.3)
 
@@ -41,6 +45,34 @@ def test_parts_of_the_multipliers_of_ties():
     parts = contact.pressure[:, None] * contact.normals + contact.shear
     assert np.abs(parts - contact.tractions).max() < 1e-12 * np.abs(parts).max()
     assert contact.pressure.mean() > 1.0 and not contact.slip.any()
+
+
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+def test_all_corners_of_a_cell_that_is_periodic_in_two_directions_show_one_pressure(cell):
+    """The last corner is slave of both ties, and the node across is slave of one of them."""
+
+    def rough(s, t, r):
+        waves = np.cos(2 * np.pi * (s - 0.05)) * np.cos(2 * np.pi * (t - 0.02))
+        return 2.0 * s, 2.0 * t, r * (1.0 + 0.03 * waves)
+
+    data = mesh([Box("cell", mapped((4, 4, 1), rough))], cell=cell)
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    energy = fm.energies.linear_elastic(fm.energies.strain(u), *fm.energies.lame(100.0, 0.3))
+    pairs = [
+        fm.ContactPair(data, "cell/top", fm.Plane((0.0, 0.0, 1.01), (0.0, 0.0, -1.0))),
+        fm.TiedPair(data, "cell/right", "cell/left", translation=(2.0, 0.0, 0.0)),
+        fm.TiedPair(data, "cell/back", "cell/front", translation=(0.0, 2.0, 0.0)),
+    ]
+    problem = fm.ContactProblem(
+        ufl.derivative(energy * ufl.dx(degree=3), u, v), u, pairs,
+        bcs=[fm.dirichlet(V, data, "cell/bottom", np.zeros(3))], petsc_options_prefix="cell_",
+    )  # fmt: skip
+    problem.solve()
+    contact = problem.contacts[0]
+    corners = (np.abs(contact.slave.X[:, :2] - 1.0) > 1.0 - 1e-9).all(axis=1)
+    assert corners.sum() == 4 and contact.pressure[corners].min() > 1.0
+    assert np.ptp(contact.pressure[corners]) == 0.0 == np.ptp(contact.gap[corners])
 
 
 def test_table_certificate_and_reactions_agree():

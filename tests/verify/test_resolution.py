@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import revolved
 from scenes import internal, linear_elastic, pressed_blocks, read, rectangles
 
 from dolfinx import fem
@@ -112,6 +113,32 @@ def test_region_continues_beyond_a_symmetry_plane():
     assert remarks(problem, UNRESOLVED) == []
     assert problem.equations.contacts[0].active.sum() == 2
     assert len(remarks(disk(20, plane, depth=0.01, half=True), UNRESOLVED)) == 1
+
+
+@pytest.mark.parametrize("tool", ["cone", "sphere"])
+@pytest.mark.parametrize(("radius", "count"), [(1.3, 2), (2.5, 3)])
+def test_two_nodes_of_a_radius_about_the_axis_are_too_few(tool, radius, count):
+    """Forces of Sneddon and Hertz: 20 % too large with two nodes, a few per cent with three."""
+    if tool == "cone":
+        obstacle, depth = fm.Plane((0.0, 0.0), (0.1, -1.0)), 0.05 * np.pi * radius
+    else:
+        obstacle, depth = fm.Circle((0.0, 50.0), 50.0), radius**2 / 50.0
+    obstacle.move(y=-depth)
+    block = mapped_grids.block(12, 12, width=12.0, height=12.0, corner=(0.0, -12.0))
+    data = read(mapped_grids.build, grids=[Grid("block", block)])
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [
+        fm.dirichlet(V, data, "block/bottom", (0.0, 0.0)),
+        fm.dirichlet(V, data, "block/left", 0.0, component=0),
+    ]
+    problem = fm.ContactProblem(
+        revolved.internal(u, revolved.linear_elastic(u, 100.0, 0.3)), u,
+        [fm.ContactPair(data, "block/top", obstacle, sliding="small")], bcs=bcs,
+        geometry="axisymmetric", petsc_options_prefix="resolution_",
+    )  # fmt: skip
+    assert len(remarks(problem, UNRESOLVED)) == int(count < 3)
+    assert problem.equations.contacts[0].active.sum() == count
 
 
 @pytest.mark.parametrize("slave", ["upper", "lower"])

@@ -140,8 +140,8 @@ REMEDIES = {
     ),
     "no_cycles": Remedy(
         "cycles of the active set are left",
-        "stiffness",
-        "1000000.0",
+        "weight_of_gap",
+        "10000.0",
         "plain",
         Method(
             "cycles not left",
@@ -151,8 +151,8 @@ REMEDIES = {
     ),
     "no_shortening": Remedy(
         "Newton steps that would invert cells are shortened",
-        "turn_all",
-        "45",
+        "ironing",
+        "10",
         "plain",
         Method("cells invert", adaptive=False, override=without((bulk, "MIN_FRACTION", 2.0))),
     ),

@@ -14,6 +14,8 @@ radius of less than half a facet, a point support. There the pressure is singula
 matter, on each mesh; ``corners`` judges its direction. A node that leaves its multiplier to a tie
 belongs to the region beside it; at the seam of a periodic cell it is an end of the slave, beyond
 which the region goes on across the seam. A symmetry plane is no end: the region continues beyond.
+On the axis of bodies of revolution three active nodes are needed over the radius: the force of a
+cone or sphere at a given approach is up to 20 % too large with two, and 3 % with three.
 In space a node at the rim has neighbours on one side only: regions most of whose nodes are at the
 rim, at a corner or at a sharp edge of the slave are left out, since their extent is that of the
 edge. A single node is not: a corner on a face, or two edges that cross, touch at a point, whose
@@ -282,7 +284,8 @@ def _on_curve(contact: Contact, facets: tuple[Array, Array], nodes: Indices) -> 
     if sharp[nodes].any() or _is_point_support(contact, nodes, own):
         return None
     copies = 2 if on_plane[nodes].any() else 1
-    count = copies * (int(contact.active[nodes].sum()) - 1) + 1
+    in_circle = slave.thickness is not None and slave.thickness.by_x != 0.0
+    count = (1 if in_circle else copies) * (int(contact.active[nodes].sum()) - 1) + 1
     width = copies * float(slave.nodal_lengths[nodes].sum())
     is_narrow = count < FEWEST_NODES or width < own
     beside = np.concatenate([slave.previous[nodes], slave.following[nodes]])
