@@ -369,7 +369,7 @@ class Solver:
                 failed.report.notes.append(f"{failed}: other bodies turn first, or none")
                 newton = partial(then_solve, failed.report, self._newton())
         floats = bool(e.floating.bodies) or e.motions.driven_obstacles.any()
-        if self._has_own_law or not floats:
+        if self._has_own_law or self._softening() or not floats:
             try:
                 return self._restart(start, failed)
             except NotConvergedError as error:
@@ -408,30 +408,41 @@ class Solver:
         a whole body is more compliant than its nodes, by which slow softening is told.
 
         Raises:
-            NotConvergedError: If this fails as well, steps were damped, nothing rubs, or the step
-                may be cut.
+            NotConvergedError: If this fails as well, steps were damped, nothing rubs or softens, or
+                only rubs and the step may be cut.
         """
         e = self._equations
         rubs = any(isinstance(c, Contact) and c.pair.law.has_friction for c in e.contacts)
         again = rubs and not (self._damps or self._may_cut)
-        if e.newton.damped or not (self._has_own_law or again):
+        others = [(not self._damps, True)] if self._has_own_law or again else []
+        # a bond about to break is left by full steps alone, and equilibrium found with derivatives
+        softens = [(False, True), (False, False)] if self._softening() else []
+        if e.newton.damped or not (others or softens):
             raise failed
-        e.restore(start)
-        damped = not self._damps
-        how = "damped" if damped else "full"
-        failed.report.notes.append(f"restarted with {how} steps: {failed}")
-        contacts = [c for c in e.contacts if isinstance(c, Contact)]
-        try:
-            for c in contacts:
-                c.omit_softening(always=True)
-            report = then_solve(failed.report, self._newton(damped))
-        except NotConvergedError as error:
-            raise NotConvergedError(str(failed), error.report) from None
-        finally:
-            for c in contacts:
-                c.omit_softening(always=False)
-        self._damps_first = damped
-        return report
+        last = failed
+        for damped, anew in dict.fromkeys([*softens, *others]):
+            how = f"{'restarted' if anew else 'continued'} with {'damped' if damped else 'full'}"
+            last.report.notes.append(f"{how} steps: {last}")
+            if anew:
+                e.restore(start)
+            try:
+                for c in self._softening():
+                    c.omit_softening(always=anew)
+                report = then_solve(last.report, self._newton(damped))
+            except NotConvergedError as error:
+                last = error
+                continue
+            finally:
+                for c in self._softening():
+                    c.omit_softening(always=False)
+            self._damps_first = damped
+            return report
+        raise NotConvergedError(str(failed), last.report) from None
+
+    def _softening(self) -> list[Contact]:
+        """Contacts with adhesion, which may decrease with the gap."""
+        contacts = [c for c in self._equations.contacts if isinstance(c, Contact)]
+        return [c for c in contacts if c.pair.law.has_adhesion]
 
     @property
     def _damps(self) -> bool:
@@ -454,9 +465,10 @@ class Solver:
         """Newton's method, by default as it converged last; to be called at a state."""
         e = self._equations
         options = e.newton
+        if damped is not None:
+            options = replace(options, max_iterations=2 * options.max_iterations)
         if (self._damps if damped is None else damped) and not options.damped:
-            most = options.max_iterations * (1 if damped is None else 2)
-            options = replace(options, line_search=True, max_iterations=most)
+            options = replace(options, line_search=True)
         return partial(solve, Damped(e, options) if options.damped else e, options)
 
     def _accept_moved(self) -> None:

@@ -194,8 +194,8 @@ class NewtonOptions:
     """Tolerances and limits of Newton's method, relative and independent of units; local.
 
     Attributes:
-        max_iterations: Largest number of linear systems, of each attempt; twice as many in a line
-            search that follows full steps without success, with friction.
+        max_iterations: Largest number of linear systems, of each attempt; twice as many in those
+            that follow without success, with friction, adhesion or a user's law.
         residual_tolerance: Residual over the largest force so far [1].
         increment_tolerance: Largest displacement increment over the largest displacement, and that
             of each other field of a mixed function over its largest value [1].

@@ -312,7 +312,7 @@ def controls_of(problem: ContactProblem, given: Any) -> list[Control]:
     """Controls; constants and functions are converted (local).
 
     Raises:
-        ValueError: If an object is not a control.
+        ValueError: If an object is not a control, or a pair reads a constant or function.
     """
     return [_control_of(problem, control) for control in as_list(given)]
 
@@ -390,11 +390,31 @@ def dot(problem: ContactProblem, control: Control, one: Array, other: Array) -> 
     return problem.equations.comm.allreduce(mine) if is_distributed else mine
 
 
+def _refuse_data_of_pairs(problem: ContactProblem, data: Any) -> None:
+    """Raise for a constant or function that a pair reads: its rows have no derivative by it.
+
+    Raises:
+        ValueError: If a pair reads it.
+    """
+    for contact in problem.equations.contacts:
+        pair: Any = contact.pair
+        read = [("jump", getattr(pair, "jump", None))]
+        read += [("temperature", heat.temperature) for heat in getattr(pair, "fluxes", ())]
+        read += getattr(getattr(pair, "law", None), "varying", {}).items()
+        for name, value in read:
+            if value is data:
+                raise ValueError(
+                    f"{data} is {name} of {pair!r}, by which a gradient has no derivative; "
+                    "parameters of laws are controls by sensitivity.LawParameter"
+                )
+
+
 def _control_of(problem: ContactProblem, control: Any) -> Control:
     bulk = problem.equations.bulk
     if control is bulk.u:
         raise ValueError("the displacement is an unknown: expected a control on which it depends")
     if isinstance(control, (fem.Constant, fem.Function)):
+        _refuse_data_of_pairs(problem, control)
         return _keep(bulk, control, lambda: FormControl(bulk, control))
     if not hasattr(control, "jvp") or not hasattr(control, "vjp"):
         raise ValueError(

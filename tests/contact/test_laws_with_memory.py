@@ -6,6 +6,7 @@ import pytest
 from law_scenes import HEIGHT, E, block_on_plane
 from refusal import refused
 from scenes import internal, linear_elastic, pressed_blocks
+from scipy.optimize import brentq
 
 import ufl
 from dolfinx import fem
@@ -239,6 +240,30 @@ def test_an_elastic_bond_carries_a_body_without_other_supports():
     assert problem.solve().certificate.violations() == []
     assert problem.contacts[0].pressure == pytest.approx(-2.0, rel=1e-9)
     assert problem.contacts[0].gap == pytest.approx(2e-3, rel=1e-9)
+
+
+class Fading(fm.Frictionless):
+    """Adhesion that decreases exponentially, by a user."""
+
+    def adhesion(self, gap):
+        return np.exp(-gap / REACH), -np.exp(-gap / REACH) / REACH
+
+
+REACH = 0.7 * HEIGHT / E  # the adhesion drops faster than the force of the block
+
+
+@pytest.mark.parametrize("load", [0.98, 1.001, 1.02])
+@pytest.mark.parametrize("law", [Cohesive(1.0, REACH), Fading()], ids=repr)
+def test_bonds_break_in_one_step_just_above_their_limit(law, load):
+    """Of the strength one; full steps alternate between closed gaps and a force beyond it."""
+    problem, push, _ = block_on_plane(law, size=0.5)
+    push.value[1] = load * HEIGHT / E
+    assert problem.solve().certificate.violations() == []
+    pull = load
+    if load > 1.0:
+        gap = brentq(lambda g: load - E / HEIGHT * g - np.exp(-g / REACH), REACH / 2, load)
+        pull = 0.0 if isinstance(law, Cohesive) else np.exp(-gap / REACH)
+    assert problem.contacts[0].pressure == pytest.approx(-pull, rel=1e-8, abs=1e-12)
 
 
 @pytest.mark.parametrize("new", ["wear", "cohesive", "mixed cohesive", "field"])

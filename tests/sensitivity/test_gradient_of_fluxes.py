@@ -3,13 +3,14 @@
 
 import numpy as np
 import pytest
-from heat_scenes import stacked
+from heat_scenes import heated, stacked
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import sensitivity
+from meshes.mapped_grids import Grid, block
 
 MIXED = [fm.PressureConductance(3.0, 5.0), fm.GapConductance(0.2, 0.1)]
 START = {"conductivity": 5.0, "scale": 1.3, "hot": 20.0, "top": -0.03}
@@ -60,6 +61,29 @@ def test_what_has_no_derivative_is_refused():
     _, problem, form = solved(START, heating="friction")
     with pytest.raises(fm.MortarError, match="heating='friction' has no derivatives"):
         fm.gradient(form, sensitivity.ConductanceScale(0, 1), problem)
+
+
+@pytest.mark.serial
+def test_constants_that_pairs_read_are_refused_also_where_the_objective_has_them():
+    """Their derivative would be that of the objective alone."""
+    scene = stacked((3, 3))
+    jump = fem.Constant(scene.data.mesh, (0.0, 0.01))
+    problem = scene.problem([fm.TiedPair(scene.data, "upper/bottom", "lower/top", jump=jump)])
+    problem.solve()
+    u, _ = ufl.split(scene.w)
+    with pytest.raises(ValueError, match="is jump of TiedPair"):
+        fm.gradient(ufl.dot(u, jump) * ufl.dx(degree=2), jump, problem)
+    scene = heated([Grid("body", block(3, 3, width=1.0, height=1.0))])
+    scene.prescribe("bottom", "body/bottom", 0, 1)
+    scene.prescribe("side", "body/left", 0, 0)
+    scene.prescribe("cold", "body/bottom", 1)
+    tool, hot = fm.Plane((0.0, 0.99), (0.0, -1.0)), fem.Constant(scene.data.mesh, 5.0)
+    heat = fm.Conductance(1, 2.0, temperature=hot)
+    problem = scene.problem([fm.ContactPair(scene.data, "body/top", tool, fluxes=[heat])])
+    problem.solve()
+    _, T = ufl.split(scene.w)
+    with pytest.raises(ValueError, match="is temperature of ContactPair"):
+        fm.gradient(hot * T * ufl.dx(degree=2), hot, problem)
 
 
 def with_large_conductance(h, resistance=1.0, degrees=(1, 1), **options):
